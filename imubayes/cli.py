@@ -1,0 +1,247 @@
+"""The command line: ``imubayes run | check | simulate | catalogue``.
+
+Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
+needs is imported when it runs, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from difflib import get_close_matches
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from imubayes.errors import ConvergenceError, InputError, TermError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from imubayes.sensors.catalogue import SensorClass
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Which terms of the generalized IMU model does this sensor need, and how sure is that?",
+)
+
+
+class Method(StrEnum):
+    """How the posterior is computed."""
+
+    exact = "exact"
+
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
+
+
+def main() -> None:
+    """Run the command line; the console script's entry point."""
+    try:
+        app()
+    except InputError as error:
+        _fail(str(error), 2)
+    except ConvergenceError as error:
+        _fail(f"{error}; this is a fault of imubayes, please report it with the study", 1)
+
+
+@app.callback(invoke_without_command=True)
+def _options(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
+) -> None:
+    if version:
+        from imubayes import __version__
+
+        typer.echo(f"imubayes {__version__}")
+        raise typer.Exit
+
+
+@app.command("run")
+def _run(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
+    ] = None,
+    method: Annotated[Method, typer.Option(help="How the posterior is computed.")] = Method.exact,
+) -> None:
+    """Decide which terms each sensor needs; write the report."""
+    from imubayes.config import read_study
+    from imubayes.reporting.document import write_results
+    from imubayes.reporting.tables import terminal_summary
+    from imubayes.study import run
+
+    folder = _usable(out or Path("reports") / study.stem)
+    result = run(read_study(study), progress=_progress())
+    files = write_results(result, folder)
+    _show(terminal_summary(result))
+    _written(folder, files)
+
+
+@app.command("check")
+def _check(study: StudyFile) -> None:
+    """Say what the runs can tell, before a fit."""
+    from imubayes.config import read_study
+    from imubayes.reporting.tables import terminal_check
+    from imubayes.study import check
+
+    for sensor in check(read_study(study)):
+        _show(terminal_check(sensor.id, sensor.observability, sensor.library))
+
+
+@app.command("simulate")
+def _simulate(
+    study: StudyFile,
+    out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
+) -> None:
+    """Write simulated runs, and a study of them, as files."""
+    from imubayes.config import read_study, record_study
+
+    folder = _usable(out)
+    with _complete(folder) as part:
+        files = record_study(read_study(study), part)
+    _written(folder, files)
+
+
+@app.command("catalogue")
+def _catalogue(
+    name: Annotated[
+        str | None, typer.Argument(metavar="CLASS", help="A class id.", show_default=False)
+    ] = None,
+    kind: Annotated[str | None, typer.Option(help="accelerometer or gyroscope.", show_default=False)] = None,
+) -> None:
+    """List the technologies and grades, or one's priors."""
+    from imubayes.sensors.catalogue import classes
+
+    known = classes(kind)
+    if name is None:
+        for one in dict.fromkeys(entry.kind for entry in known):
+            _show(_class_table(one, [entry for entry in known if entry.kind == one]))
+    for entry in [] if name is None else _named(name, known):
+        _show(_prior_table(entry))
+
+
+def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
+    found = [entry for entry in known if entry.id == name]
+    if not found:
+        ids = dict.fromkeys(entry.id for entry in known)
+        near = get_close_matches(name, ids, n=1)
+        hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(ids)}"
+        raise TermError(f"class '{name}' is not in the catalogue: {hint}")
+    return found
+
+
+def _fail(message: str, code: int) -> None:
+    _clear_progress()
+    typer.echo(f"imubayes: {' '.join(message.split())}", err=True)
+    sys.exit(code)
+
+
+def _progress() -> Callable[[str], None]:
+    """Say what goes on, on one line of stderr, if somebody watches."""
+    if not sys.stderr.isatty():
+        return lambda message: None
+    return lambda message: typer.echo(f"\r\x1b[2K{message}", nl=False, err=True)
+
+
+def _clear_progress() -> None:
+    if sys.stderr.isatty():
+        typer.echo("\r\x1b[2K", nl=False, err=True)
+
+
+def _show(renderable: object) -> None:
+    from rich.console import Console
+
+    _clear_progress()
+    Console(highlight=False).print(renderable)
+
+
+def _written(folder: Path, files: tuple[Path, ...]) -> None:
+    names = [file.name for file in files]
+    typer.echo(f"written: {', '.join([str(folder / names[0]), *names[1:]])}")
+
+
+def _usable(folder: Path) -> Path:
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file: expected a folder for --out, or a name that is free")
+    return folder
+
+
+@contextmanager
+def _complete(folder: Path) -> Iterator[Path]:
+    """Give a folder to write to, whose files move to `folder` together when the block succeeds."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}): choose another --out") from None
+    try:
+        yield part
+        folder.mkdir(exist_ok=True)
+        for file in part.iterdir():
+            file.replace(folder / file.name)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _class_table(kind: str, entries: Sequence[SensorClass]) -> Table:
+    table = _plain_table(kind, "technology", "grade", "such as")
+    for entry in entries:
+        table.add_row(entry.id, entry.technology, entry.grade, ", ".join(entry.examples[:3]))
+    return table
+
+
+def _prior_table(entry: SensorClass) -> Table:
+    """Prior sd of every term of the extended library, and the noise, in the units that people use."""
+    from imubayes.sensors.catalogue import prior_sd
+    from imubayes.sensors.terms import library
+
+    table = _plain_table("term", "symbol", "prior sd", "unit", "from")
+    table.title = f"{entry.id}, {entry.kind}: {entry.technology}, {entry.grade}"
+    for term in library(entry.kind, set="extended", temperature=1).terms:
+        sd, origin = prior_sd(entry, term)
+        table.add_row(term.name, term.symbol, *_printed(sd, term.unit, term.printed), origin)
+    for name, (si, printed) in _NOISE_UNITS[entry.kind].items():
+        low, typical, high = entry.noise[name]
+        size, unit = _printed(typical, si, printed)
+        spread = f"{_printed(low, si, printed)[0]} to {_printed(high, si, printed)[0]}"
+        table.add_row(name, "noise", size, unit, f"typical of {spread}")
+    return table
+
+
+_NOISE_UNITS = {
+    "accelerometer": {
+        "N": ("m/s^2/sqrt(Hz)", "ug/sqrt(Hz)"),
+        "B": ("m/s^2", "ug"),
+        "K": ("m/s^2/sqrt(s)", "ug/sqrt(s)"),
+    },
+    "gyroscope": {
+        "N": ("rad/s/sqrt(Hz)", "deg/sqrt(h)"),
+        "B": ("rad/s", "deg/h"),
+        "K": ("rad/s/sqrt(s)", "deg/h/sqrt(h)"),
+    },
+}
+
+
+def _printed(value: float, si: str, printed: str) -> tuple[str, str]:
+    from imubayes.units import factor
+
+    return f"{value / factor(printed, like=si):.3g}", printed
+
+
+def _plain_table(*headings: str) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, title_justify="left")
+    table.add_column(headings[0], no_wrap=True)
+    for heading in headings[1:]:
+        table.add_column(heading, justify="right" if heading == "prior sd" else "left")
+    return table

@@ -1,0 +1,118 @@
+"""A simulated study becomes files: its runs, the truth, and a study that reads them back."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from imubayes.campaign import SensorSpec, Study
+from imubayes.errors import StudyError
+from imubayes.rig.record import write_run
+from imubayes.study import simulate_sensor
+
+TRUTH = "truth.json"
+"""Coefficients of the simulated sensors, SI, by sensor and term."""
+
+
+def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
+    """Simulate every simulated run of a study, and write what a recorded study would have.
+
+    Parameters
+    ----------
+    study : with at least one simulated run.
+    folder : that exists; gets a CSV for each simulated run, ``truth.json``, and a study under the name of
+        the original one, in which these runs have a ``file`` in place of ``simulate``.
+
+    Returns
+    -------
+    the files that were written.
+
+    Raises
+    ------
+    StudyError : if no run is simulated, or the options of one make no run.
+    """
+    tables, truths, files = tomllib.loads(study.text), {}, []
+    several = len(study.sensors) > 1
+    for k, (sensor, table) in enumerate(zip(study.sensors, tables["sensor"], strict=True)):
+        runs, truth = simulate_sensor(sensor, study.seed, k)
+        if runs:
+            truths[sensor.id] = dict(truth)
+        prefix = f"{sensor.id}-" if several else ""
+        for run in runs:
+            files.append(_free(folder / f"{_file_name(prefix + run.name)}.csv", files))
+            write_run(run, files[-1], kind=sensor.kind)
+            _point(table, run.name, files[-1].name)
+        _anchor(table, sensor)
+    if not files:
+        raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
+    return (*files, *_written(folder, study, tables, truths))
+
+
+def _point(table: dict[str, Any], name: str, file: str) -> None:
+    """Let a run of the study's table read a file."""
+    run = next(run for run in table["run"] if run["name"] == name)
+    del run["simulate"]
+    run["file"] = file
+
+
+def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:
+    """Make the paths of recorded runs absolute, and drop the truth, which belongs to simulated ones."""
+    table.pop("truth", None)
+    for run, spec in zip(table["run"], sensor.runs, strict=True):
+        if spec.file is not None:
+            run["file"] = str(spec.file.resolve())
+
+
+def _written(folder: Path, study: Study, tables: dict[str, Any], truths: object) -> tuple[Path, Path]:
+    truth, toml = folder / TRUTH, folder / study.path.name
+    truth.write_text(json.dumps(truths, indent=1) + "\n", encoding="utf-8")
+    toml.write_text("\n".join(toml_lines(tables)).lstrip() + "\n", encoding="utf-8")
+    return truth, toml
+
+
+def _file_name(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"
+
+
+def _free(path: Path, taken: list[Path]) -> Path:
+    """Give a free name: two runs can share one once what file systems forbid is taken out."""
+    names = [path, *(path.with_stem(f"{path.stem}-{k}") for k in range(2, len(taken) + 2))]
+    return next(name for name in names if name not in taken)
+
+
+def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
+    r"""Write tables, arrays of tables, texts, numbers and lists as TOML.
+
+    Examples
+    --------
+    >>> list(toml_lines({"study": {"seed": 1}, "sensor": [{"id": "A"}]}))
+    ['\n[study]', 'seed = 1', '\n[[sensor]]', 'id = "A"']
+    """
+    deep = {key: value for key, value in table.items() if isinstance(value, dict) or _is_tables(value)}
+    for key, value in table.items():
+        if key not in deep:
+            yield f"{_toml_key(key)} = {_toml_value(value)}"
+    for key, value in deep.items():
+        inner = f"{path}.{_toml_key(key)}" if path else _toml_key(key)
+        for one in value if isinstance(value, list) else [value]:
+            yield f"\n[[{inner}]]" if isinstance(value, list) else f"\n[{inner}]"
+            yield from toml_lines(one, inner)
+
+
+def _is_tables(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
+
+
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else _toml_value(key)
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_toml_value(one) for one in value)}]"
+    # JSON writes texts, numbers and truth values as TOML does, but for the character DEL
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,162 @@
+"""One ``[[sensor.run]]`` table becomes a `RunSpec`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from imubayes import units
+from imubayes.config.shapes import (
+    SIMULATED,
+    ColumnTable,
+    Place,
+    RunTable,
+    SiteTable,
+    hint,
+    quantity,
+    shaped,
+    shown,
+)
+from imubayes.rig.columns import ColumnSpec, channel_unit
+from imubayes.rig.gravity import normal_gravity
+from imubayes.rig.runs import FREE_TUMBLE, OUTPUT_UNIT, RUN_CHANNELS, TRIAD, RunSpec
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import Kind
+
+DATA_VARIABLE = "IMUBAYES_DATA"
+"""Environment variable that names the folder of public data; a file may start with ``$IMUBAYES_DATA/``."""
+
+DATA_DEFAULT = Path("../shared/data")
+"""Folder of public data where the variable is not set, relative to the folder that holds ``studies/``."""
+
+
+def run_spec(raw: object, kind: Kind, folder: Path, place: Place) -> RunSpec:
+    """Check one run of a sensor.
+
+    Parameters
+    ----------
+    raw : the table.
+    kind : of the sensor.
+    folder : of the study's file.
+    place : of the table, for errors.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    run = shaped(RunTable, raw, place)
+    if (run.file is None) == (run.simulate is None):
+        raise place.error(
+            f"expected either file or simulate, came {'neither' if run.file is None else 'both'}"
+        )
+    if run.procedure == FREE_TUMBLE and kind != "accelerometer":
+        raise place.at("procedure").error(
+            "a free tumble calibrates an accelerometer: expected another procedure"
+        )
+    return RunSpec(
+        name=run.name,
+        procedure=run.procedure,
+        file=None if run.file is None else _located(run.file, folder),
+        shown=run.file or "",
+        columns=_columns(run, kind, place.at("columns")),
+        gravity=_local_gravity(run, place.at("gravity")),
+        noise=noise_rule(run.noise, kind, place.at("noise")),
+        simulate=None if run.simulate is None else _simulation(run, place),
+        origin=run.source,
+    )
+
+
+def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
+    """Read ``"estimate"``, ``"white"``, ``{ N = ..., B = ..., K = ... }`` or ``{ run = "static" }``.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    if raw is None or raw == "estimate":
+        return NoiseRule()
+    if raw == "white":
+        return NoiseRule("white")
+    if not isinstance(raw, dict) or not raw:
+        wanted = '"estimate", "white", { N = "...", B = "...", K = "..." } or { run = "..." }'
+        raise place.error(f"expected {wanted}, came {shown(raw)}")
+    if raw.keys() == {"run"}:
+        return NoiseRule("fixed", like=str(raw["run"]))
+    return NoiseRule("fixed", _noise(raw, OUTPUT_UNIT[kind], place))
+
+
+def _noise(raw: dict[str, Any], unit: str, place: Place) -> Noise:
+    likes = {"N": f"{unit}/sqrt(Hz)", "B": unit, "K": f"{unit}/sqrt(s)"}
+    for key in raw:
+        if key not in likes:
+            raise place.at(key).error(f"unknown key: {hint(key, [*likes, 'run'])}")
+    N, B, K = (quantity(raw[key], like, place.at(key)) if key in raw else 0.0 for key, like in likes.items())
+    if not N > 0.0 or min(B, K) < 0.0:
+        raise place.error("expected white noise N above zero, and neither B nor K below zero")
+    return Noise(N, B, K)
+
+
+def _located(file: str, folder: Path) -> Path:
+    """Path of a run's file: absolute, in the folder of public data, or relative to the study."""
+    variable, slash, rest = file.partition("/")
+    if variable == f"${DATA_VARIABLE}" and slash:
+        data = os.environ.get(DATA_VARIABLE)
+        return (Path(data) if data else (folder.resolve().parent / DATA_DEFAULT).resolve()) / rest
+    return folder / file
+
+
+def _columns(run: RunTable, kind: Kind, place: Place) -> dict[str, ColumnSpec]:
+    known = ["t", *TRIAD] if run.procedure == FREE_TUMBLE else list(RUN_CHANNELS)
+    if run.simulate is not None and run.columns:
+        raise place.error("a simulated run has no file whose columns could differ: leave it out")
+    columns = {}
+    for channel, raw in run.columns.items():
+        here = place.at(channel)
+        if channel not in known:
+            raise here.error(f"is not a channel of this run: {hint(channel, known)}")
+        table = shaped(ColumnTable, raw if isinstance(raw, dict) else {"column": raw}, here)
+        columns[channel] = _column(table, channel_unit(channel, OUTPUT_UNIT[kind]), here)
+    return columns
+
+
+def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
+    """Scale (SI per file unit) and offset (in file units) of a column, from quantities with units."""
+    if table.unit is None:
+        if table.scale or table.offset:
+            raise place.error('scale and offset need the unit of the file\'s numbers, such as unit = "count"')
+        return ColumnSpec(table.column)
+    with place.at("unit").blamed():
+        size = units.factor(table.unit, table.unit if table.scale else like)
+    scale = offset = None
+    if table.scale is not None:
+        scale = size * quantity(table.scale, f"{like}/({table.unit})", place.at("scale"))
+        if scale == 0.0:
+            raise place.at("scale").error("expected a scale that is not zero")
+    if table.offset is not None:
+        offset = quantity(table.offset, table.unit, place.at("offset")) / size
+    return ColumnSpec(table.column, table.unit, scale, offset)
+
+
+def _local_gravity(run: RunTable, place: Place) -> float | None:
+    if run.procedure != FREE_TUMBLE:
+        if run.gravity is not None:
+            raise place.error("only a free tumble needs it: leave it out, and give the inputs in the file")
+        return None
+    if run.gravity is None:
+        wanted = '"9.81 m/s^2" or { latitude = "45 deg", height = "100 m" }'
+        raise place.error(f"the key is missing: a free tumble needs {wanted}")
+    if isinstance(run.gravity, dict):
+        site = shaped(SiteTable, run.gravity, place)
+        return normal_gravity(site.latitude, site.height)
+    return quantity(run.gravity, "m/s^2", place, positive=True)
+
+
+def _simulation(run: RunTable, place: Place) -> dict[str, object]:
+    options = SIMULATED.get(run.procedure)
+    if options is None:
+        known = ", ".join(SIMULATED)
+        raise place.at("procedure").error(f"'{run.procedure}' cannot be simulated: expected one of {known}")
+    given = asdict(shaped(options, run.simulate, place.at("simulate")))
+    return {"profile": run.procedure, **{key: value for key, value in given.items() if value is not None}}

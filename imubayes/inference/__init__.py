@@ -1,0 +1,1 @@
+"""What the runs say: noise, whitening, the triangular factor, posterior moments, residual checks."""

@@ -1,0 +1,62 @@
+"""Overlapping Allan deviation of a record with gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+PER_DECADE = 5
+"""Averaging times a decade."""
+
+GAP = 1.5
+"""A step longer than so many intervals is a gap."""
+
+
+def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
+    """Overlapping Allan deviation, pooled over the parts between gaps.
+
+    Parameters
+    ----------
+    y : (n,) rate or acceleration, each an average over `interval`.
+    t : (n,) time, s.
+    interval : s.
+
+    Returns
+    -------
+    (tau, deviation) : arrays (k,), s and the unit of y; an averaging time is there if at least one part is
+        twice as long.
+
+    Notes
+    -----
+    ``sigma^2(tau) = <(ybar_{k+m} - ybar_k)^2> / 2`` over all k (IEEE 952 annex C; NIST SP 1065 eq. 11).
+
+    Examples
+    --------
+    >>> tau, deviation = allan_deviation(np.array([1.0, 2.0, 1.0, 2.0]), np.arange(4.0), 1.0)
+    >>> tau.tolist(), deviation.round(3).tolist()
+    ([1.0, 2.0], [0.707, 0.0])
+    """
+    ends = np.concatenate(([0], np.flatnonzero(np.diff(t) > GAP * interval) + 1, [len(t)]))
+    parts = [
+        np.concatenate(([0.0], np.cumsum(y[a:b] - y[a]))) for a, b in zip(ends[:-1], ends[1:], strict=True)
+    ]
+    longest = max(len(part) - 1 for part in parts) // 2
+    if longest < 1:
+        return np.empty(0), np.empty(0)
+    steps = np.unique(
+        np.logspace(0.0, np.log10(longest), int(PER_DECADE * np.log10(longest)) + 2).astype(int)
+    )
+    variance = np.array([_pooled(parts, int(m)) for m in steps])
+    return steps * interval, np.sqrt(variance)
+
+
+def _pooled(parts: list[FloatArray], m: int) -> float:
+    """Allan variance at m samples, over every part that is long enough."""
+    squares, count = 0.0, 0
+    for sums in parts:
+        if len(sums) > 2 * m:
+            steps = (sums[2 * m :] - 2.0 * sums[m:-m] + sums[: -2 * m]) / m
+            squares, count = squares + float(steps @ steps), count + len(steps)
+    return 0.5 * squares / count

@@ -1,0 +1,121 @@
+"""Priors on coefficients: the physical one of a class, and the g-family that others publish with."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from imubayes.sensors.catalogue import SensorClass, prior_sd
+from imubayes.sensors.terms import Library
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False, init=False)
+class ScalePrior:
+    """``theta_j ~ N(0, sd_j^2)``, in the coefficients' own units, independent of the noise scale.
+
+    Attributes
+    ----------
+    sd : (p,) one standard deviation a candidate, or a single one for all of them.
+    """
+
+    sd: FloatArray
+
+    def __init__(self, sd: ArrayLike) -> None:
+        values = np.atleast_1d(np.asarray(sd, dtype=float))
+        if not (np.all(np.isfinite(values)) and np.all(values > 0.0)):
+            raise ValueError(f"a prior sd must be positive and finite: got {values[~(values > 0.0)][:1]}")
+        object.__setattr__(self, "sd", values)
+
+    def wider(self, factor: float) -> ScalePrior:
+        """Return the prior with every sd times `factor`."""
+        return ScalePrior(self.sd * factor)
+
+
+@dataclass(frozen=True, slots=True)
+class GPrior:
+    """Zellner's prior, ``theta ~ N(0, g sigma^2 (X'X)^-1)`` with `g` fixed."""
+
+    g: float
+
+
+@dataclass(frozen=True, slots=True)
+class HyperG:
+    """Mixture of g-priors with ``p(g) = (a - 2)/2 (1 + g)^(-a/2)`` (Liang et al., JASA 2008)."""
+
+    a: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class ZellnerSiow:
+    """Mixture of g-priors with ``g ~ inverse-gamma(1/2, n scale^2 / 2)``: Cauchy coefficients."""
+
+    scale: float = 1.0
+
+
+GFamily = GPrior | HyperG | ZellnerSiow
+Prior = ScalePrior | GFamily
+
+
+def prior(sensor: SensorClass, lib: Library) -> ScalePrior:
+    """Physical prior of every term of a library, from a class of the catalogue.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.catalogue import sensor
+    >>> from imubayes.sensors.terms import library
+    >>> prior(sensor("mems_tactical", kind="accelerometer"), library("accelerometer")).sd[1]
+    np.float64(0.0003)
+    """
+    return ScalePrior(class_sd(sensor, lib))
+
+
+def class_sd(sensor: SensorClass, lib: Library) -> FloatArray:
+    """Prior sd (p,) of every term: the class's typical magnitude (see `catalogue.prior_sd`), SI."""
+    return np.array([prior_sd(sensor, term)[0] for term in lib.terms])
+
+
+def weak_sd(reach: FloatArray, swing: float) -> FloatArray:
+    """Prior sd (p,) for a sensor without a class, from the data's ranges, SI.
+
+    Each term alone may move the output by its whole range.
+
+    Parameters
+    ----------
+    reach : (p,) largest size of each term's column; a column of zeros gets a sd that nothing will test.
+    swing : largest size of output minus input.
+    """
+    return (swing or 1.0) / np.where(reach > 0.0, reach, 1.0)
+
+
+LOG_G = np.arange(-25.0, 60.0, 0.25)
+"""Nodes of ln g: the trapezoid rule is exact to 1e-9 there, because the integrands are smooth and decay."""
+
+
+def g_nodes(prior: GFamily, n: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes of g and the logarithms of their prior weights.
+
+    Parameters
+    ----------
+    prior : of the g-family.
+    n : number of rows that the Zellner-Siow scale refers to.
+
+    Examples
+    --------
+    >>> g, log_weight = g_nodes(HyperG(3.0), 50)
+    >>> bool(abs(np.exp(log_weight).sum() - 1.0) < 1e-9)
+    True
+    """
+    if isinstance(prior, GPrior):
+        return np.array([prior.g]), np.zeros(1)
+    g, step = np.exp(LOG_G), LOG_G[1] - LOG_G[0]
+    if isinstance(prior, HyperG):
+        density = math.log(prior.a / 2.0 - 1.0) - prior.a / 2.0 * np.log1p(g)
+    else:
+        beta = n * prior.scale**2 / 2.0
+        density = 0.5 * math.log(beta / math.pi) - 1.5 * LOG_G - beta / g
+    return g, density + LOG_G + math.log(step)

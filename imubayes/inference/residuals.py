@@ -1,0 +1,175 @@
+"""Does the model explain the data to the noise floor? Tests on the whitened residuals of each run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.allan import allan_deviation
+from imubayes.inference.reml import block_edges
+from imubayes.inference.summary import RunSummary, deviation, library_rows
+from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.rig.inputs import Run
+from imubayes.sensors.noise import allan_variance
+from imubayes.sensors.terms import Library
+
+FloatArray = NDArray[np.float64]
+
+LAGS = 20
+"""Lags of the Ljung-Box test and of the autocorrelation that is shown."""
+
+SHOWN = 400
+"""Blocks that residuals are averaged to for the figures and the test for outliers."""
+
+SUSPECT = 0.01
+"""Probability below which chance does not explain a test."""
+
+OFF = 0.15
+"""Relative error of the noise level that is tolerated: four standard errors at 400 blocks."""
+
+CHUNK = 200_000
+"""Rows whose columns are held at a time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResidualCheck:
+    """Residuals of one run under the full library, whitened by its noise model.
+
+    Attributes
+    ----------
+    run : name of the run.
+    scale : rms of the whitened residuals, averaged over blocks; 1 at the noise floor.
+    whiteness_p : p-value of the Ljung-Box test on the blocks: does something vary from dwell to dwell that
+        neither the library nor the noise contains?
+    normality_p : p-value of the Jarque-Bera test on the blocks.
+    sample_scale, sample_whiteness_p : the same on samples, where a sensor's own filter shows.
+    lags : (m,) lags in blocks of `autocorrelation`.
+    autocorrelation : (m,) of the blocks.
+    tau, deviation, expected : (k,) averaging times in s, Allan deviation of the raw residuals, and that of
+        the fitted noise, in SI.
+    t, shown : (q,) time in s and whitened residual, averaged over blocks to at most a few hundred points
+        and scaled so that each has unit variance if the noise is white.
+    inputs : (q,) block means of each excited channel, by channel name.
+    outliers : (start in s, stop in s, size in sd) of blocks beyond what chance allows, worst first.
+    fits : verdict on the run: white and of the right size.
+    """
+
+    run: str
+    scale: float
+    whiteness_p: float
+    normality_p: float
+    sample_scale: float
+    sample_whiteness_p: float
+    lags: NDArray[np.int64]
+    autocorrelation: FloatArray
+    tau: FloatArray
+    deviation: FloatArray
+    expected: FloatArray
+    t: FloatArray
+    shown: FloatArray
+    inputs: dict[str, FloatArray]
+    outliers: tuple[tuple[float, float, float], ...]
+    fits: bool
+
+
+def check_residuals(run: Run, lib: Library, theta: FloatArray, summary: RunSummary) -> ResidualCheck:
+    """Test the residuals of a run under the coefficients `theta` (p,) of the full library.
+
+    Parameters
+    ----------
+    run : with known inputs.
+    lib : the library, in the order of `theta`.
+    theta : coefficients, SI.
+    summary : of the same run, for its noise.
+    """
+    n = len(run.inputs)
+    raw = deviation(run, lib)
+    for a in range(0, n, CHUNK):
+        raw[a : a + CHUNK] -= library_rows(run, lib, a, min(a + CHUNK, n)) @ theta
+    rows = Rows(run.inputs.t, np.full(n, run.inputs.interval))
+    return judge(raw, rows, summary, run.inputs.channels)
+
+
+def judge(
+    raw: FloatArray, rows: Rows, summary: RunSummary, channels: Mapping[str, FloatArray]
+) -> ResidualCheck:
+    """Test raw residuals (n,) of rows against the noise of a run.
+
+    Parameters
+    ----------
+    raw : residuals, SI.
+    rows : when they were taken.
+    summary : of the run.
+    channels : what the inputs were, for the figures.
+    """
+    white = whiten(whitener(summary.noise, rows), raw[:, None].copy())[:, 0]
+    edges = block_edges(rows.t, summary.interval, SHOWN)
+    counts = np.diff(np.append(edges, len(white)))
+    shown = np.add.reduceat(white, edges) / np.sqrt(counts)
+    scale = _rms(shown)
+    lags, correlation = _autocorrelation(shown)
+    whiteness = _ljung_box(shown)
+    t = np.add.reduceat(rows.t, edges) / counts
+    outliers = _outliers(t, shown / (scale or 1.0), counts * summary.interval)
+    tau, measured = allan_deviation(raw, rows.t, summary.interval)
+    return ResidualCheck(
+        run=summary.name,
+        scale=scale,
+        whiteness_p=whiteness,
+        normality_p=_jarque_bera(shown),
+        sample_scale=_rms(white),
+        sample_whiteness_p=_ljung_box(white),
+        lags=lags,
+        autocorrelation=correlation,
+        tau=tau,
+        deviation=measured,
+        expected=np.sqrt(allan_variance(summary.noise, tau)),
+        t=t,
+        shown=shown,
+        inputs={name: np.add.reduceat(values, edges) / counts for name, values in channels.items()},
+        outliers=outliers,
+        fits=whiteness >= SUSPECT and abs(scale - 1.0) < OFF and not outliers,
+    )
+
+
+def _rms(values: FloatArray) -> float:
+    return math.sqrt(float(values @ values) / len(values))
+
+
+def _autocorrelation(white: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    lags = np.arange(1, min(LAGS, len(white) - 1) + 1)
+    centred = white - white.mean()
+    power = float(centred @ centred) or 1.0
+    return lags, np.array([float(centred[k:] @ centred[:-k]) for k in lags]) / power
+
+
+def _ljung_box(white: FloatArray) -> float:
+    """p-value that the autocorrelations of the first lags are chance."""
+    from scipy.stats import chi2
+
+    n = len(white)
+    lags, r = _autocorrelation(white)
+    lags, r = lags[: max(1, n // 5)], r[: max(1, n // 5)]
+    return float(chi2.sf(n * (n + 2.0) * np.sum(r**2 / (n - lags)), len(lags)))
+
+
+def _jarque_bera(white: FloatArray) -> float:
+    """p-value that skewness and kurtosis are those of a normal sample."""
+    from scipy.stats import chi2
+
+    u = (white - white.mean()) / (white.std() or 1.0)
+    skew, excess = float(np.mean(u**3)), float(np.mean(u**4)) - 3.0
+    return float(chi2.sf(len(u) / 6.0 * (skew**2 + excess**2 / 4.0), 2))
+
+
+def _outliers(t: FloatArray, z: FloatArray, length: FloatArray) -> tuple[tuple[float, float, float], ...]:
+    """Blocks farther out than chance allows among so many, worst first: (start, stop, sds)."""
+    from scipy.stats import norm
+
+    beyond = np.flatnonzero(np.abs(z) > norm.isf(0.5 * SUSPECT / len(z)))
+    worst = beyond[np.argsort(-np.abs(z[beyond]))]
+    return tuple((float(t[i] - length[i] / 2.0), float(t[i] + length[i] / 2.0), float(z[i])) for i in worst)

@@ -1,0 +1,72 @@
+"""Stills of a hand tumble: found where the output hardly moves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import UnobservableError
+from imubayes.rig.inputs import TriadRun
+
+FloatArray = NDArray[np.float64]
+
+WINDOW = 1.0
+"""s: length of the window whose variance tells rest from motion."""
+
+FEWEST_IN_WINDOW = 8
+"""Samples that a window holds at least, at low rates."""
+
+SHORTEST = 1.0
+"""s: a still that is shorter, once its ends are trimmed, is left out."""
+
+BINS = 256
+"""Bins of the histogram that the threshold is taken from."""
+
+
+def find_stills(run: TriadRun) -> tuple[tuple[int, int], ...]:
+    """(start, stop) sample indices of each still.
+
+    The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
+    motion, so its logarithm has two humps; the threshold is where Otsu's criterion parts them, and the ends
+    of each still are trimmed by half a window, so that the result hardly depends on it.
+
+    Raises
+    ------
+    UnobservableError : if the record has no rest, or nothing but rest.
+    """
+    width = max(FEWEST_IN_WINDOW, round(WINDOW / run.interval))
+    if len(run.t) < 3 * width:
+        raise UnobservableError(
+            f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
+        )
+    spread = np.log(np.maximum(_rolling_variance(run.output, width), np.finfo(float).tiny))
+    quiet = spread < _threshold(spread)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
+    # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
+    found = [(int(a + width // 2), int(b + width // 2)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    stills = tuple((a, b) for a, b in found if (b - a) * run.interval >= SHORTEST)
+    if not stills:
+        raise UnobservableError(
+            f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
+        )
+    return stills
+
+
+def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
+    """Summed variance of the columns over each window: (n - width + 1,)."""
+    centred = values - values.mean(axis=0)
+    first = np.cumsum(np.vstack((np.zeros(values.shape[1]), centred)), axis=0)
+    second = np.cumsum(np.vstack((np.zeros(values.shape[1]), centred**2)), axis=0)
+    mean = (first[width:] - first[:-width]) / width
+    return np.maximum((second[width:] - second[:-width]) / width - mean**2, 0.0).sum(axis=1)
+
+
+def _threshold(values: FloatArray) -> float:
+    """Otsu's threshold: the cut with the largest variance between the two sides."""
+    counts, edges = np.histogram(values, bins=BINS)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    below, total = np.cumsum(counts)[:-1], counts.sum()
+    first = np.cumsum(counts * middles)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        between = (first[-1] * below / total - first[:-1]) ** 2 / (below * (total - below))
+    return float(edges[1 + int(np.nanargmax(between))])

@@ -1,0 +1,154 @@
+"""Whitening of correlated rows in O(n), with any time stamps.
+
+The covariance of white noise, Gauss-Markov processes and a random walk, each averaged over the duration of a
+row, is semiseparable: for i before j, ``Cov = sum_m U_jm V_im exp(-c_m (t_j - t_i))``. celerite2 factors such
+a matrix as ``L D L'`` with unit lower L, and solves with L column by column.
+
+For a process of variance s^2 and time constant tau, averaged over T (x = T/tau), rows do not overlap:
+``Var = 2 s^2 (x - 1 + exp(-x)) / x^2`` and ``Cov = s^2 exp(-dt/tau) (2 sinh(x/2)/x)^2`` at the distance dt of the
+centres. A random walk that starts at t0 has ``Cov = K^2 (t_i - t0)`` and ``Var = K^2 (start_i - t0 + T/3)``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from celerite2 import driver
+from numpy.typing import NDArray
+
+from imubayes.sensors.noise import Noise, flicker
+
+FloatArray = NDArray[np.float64]
+
+FASTEST = 20.0
+"""Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """When the rows were taken.
+
+    Attributes
+    ----------
+    t : (n,) centres, s, increasing.
+    duration : (n,) averaging times, s.
+    axes : (n, a) weights of a alike and independent components in each row; None for a single component.
+    """
+
+    t: FloatArray
+    duration: FloatArray
+    axes: FloatArray | None = None
+
+    @property
+    def span(self) -> float:
+        """Time from the start of the first row to the end of the last, s."""
+        return float(self.t[-1] - self.t[0] + 0.5 * (self.duration[-1] + self.duration[0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Processes:
+    """First-order processes that stand for bias instability: (m,) variances (u^2) per unit B^2, and time constants (s)."""
+
+    variance: FloatArray
+    tau: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whitener:
+    """Factor L D L' of a semiseparable covariance."""
+
+    t: FloatArray
+    c: FloatArray
+    U: FloatArray
+    W: FloatArray
+    d: FloatArray
+
+    @property
+    def log_det(self) -> float:
+        """Log determinant of the covariance."""
+        return float(np.sum(np.log(self.d)))
+
+
+def processes(rows: Rows, shortest: float = 0.0) -> Processes:
+    """Return the processes that make flicker noise of unit B over the averaging times of `rows`.
+
+    Parameters
+    ----------
+    rows : when they were taken.
+    shortest : averaging time, s, below which white noise hides the flicker; at least a row's own.
+    """
+    least = float(rows.duration.min())
+    variance, tau = flicker(1.0, min(max(shortest, least), rows.span), rows.span)
+    slow = tau * FASTEST > float(rows.duration.max())
+    return Processes(variance[slow], tau[slow])
+
+
+def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whitener:
+    """Factor the covariance of the noise in `rows`.
+
+    Parameters
+    ----------
+    noise : N, B, K, SI; at least one of them positive.
+    rows : when the rows were taken.
+    parts : the processes that stand for B; by default those that matter beside the white noise.
+    """
+    if parts is None:
+        parts = (
+            processes(rows, 0.1 * (noise.N / noise.B) ** 2)
+            if noise.B > 0.0
+            else Processes(np.empty(0), np.empty(0))
+        )
+    x = rows.duration[:, None] / parts.tau
+    start = rows.t[0] - 0.5 * rows.duration[0]
+    walk = noise.K**2 > 0.0
+    width = len(parts.tau) + walk
+    U, V = np.ones((len(rows.t), width)), np.empty((len(rows.t), width))
+    U[:, : len(parts.tau)] = _averaging(x)
+    V[:, : len(parts.tau)] = U[:, : len(parts.tau)] * (noise.B**2 * parts.variance)
+    a = noise.N**2 / rows.duration + (noise.B**2 * parts.variance * _own(x)).sum(axis=1)
+    if walk:
+        V[:, -1] = noise.K**2 * (rows.t - start)
+        a = a + noise.K**2 * (rows.t - start - rows.duration / 6.0)
+    c = np.concatenate((1.0 / parts.tau, np.zeros(int(walk))))
+    return _factor(rows, c, a, U, V)
+
+
+def whiten(w: Whitener, rows: FloatArray) -> FloatArray:
+    """Whiten (n, k) row-major rows in place, and return them."""
+    if w.U.shape[1]:
+        driver.solve_lower(w.t, w.c, w.U, w.W, rows, rows)
+    rows /= np.sqrt(w.d)[:, None]
+    return rows
+
+
+def _averaging(x: FloatArray) -> FloatArray:
+    return np.sinh(0.5 * x) / (0.5 * x)
+
+
+def _own(x: FloatArray) -> FloatArray:
+    """Variance of the average of a unit process over x time constants: 2 (x - 1 + exp(-x)) / x^2, by series if small."""
+    small = 1.0 - x / 3.0 + x * x / 12.0 - x**3 / 60.0
+    return np.where(x < 1e-3, small, 2.0 * (x + np.expm1(-x)) / np.maximum(x, 1e-3) ** 2)
+
+
+def _factor(rows: Rows, c: FloatArray, a: FloatArray, U: FloatArray, V: FloatArray) -> Whitener:
+    if rows.axes is not None:
+        width = rows.axes.shape[1]
+        a = a * np.sum(rows.axes**2, axis=1)
+        U, V = _each_axis(U, rows.axes), _each_axis(V, rows.axes)
+        c = np.repeat(c, width)
+    t = rows.t - rows.t[0]
+    if U.shape[1]:
+        a, V = driver.factor(t, c, a, U, V, a, V)
+    return Whitener(t, c, U, V, a)
+
+
+def _each_axis(U: FloatArray, axes: FloatArray) -> FloatArray:
+    return np.ascontiguousarray((U[:, :, None] * axes[:, None, :]).reshape(len(U), -1))
+
+
+def white(noise: Noise, interval: float) -> float:
+    """Return the standard deviation of the white part of a sample of length `interval`, SI."""
+    return noise.N / math.sqrt(interval)

@@ -1,0 +1,1 @@
+"""What a test can tell, before and after it is run."""

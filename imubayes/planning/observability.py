@@ -1,0 +1,248 @@
+"""What a test can tell: combinations of terms that the factor does not see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.factor import Factor, invert_triangular
+from imubayes.rig.inputs import Facts
+
+FloatArray = NDArray[np.float64]
+
+
+VISIBLE = 3.0
+"""Effect, in noise sd over the whole test, from which a column counts as visible by itself."""
+
+UNSEEN = 1.0
+"""Effect of a prior-sized combination, in noise sd, below which the data say less of it than the prior."""
+
+SHARE = 0.1
+"""Smallest share of the largest contribution to a cancellation that makes a term part of it."""
+
+ROUNDING = 1e-5
+"""Residual of a cancellation, relative to the columns, below which it is exact for the digits of a rig's inputs."""
+
+TAKES_PART = 1e-3
+"""Smallest entry, in units of the columns' norms, that makes a term part of an exact cancellation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Confounded:
+    """Terms that this test sees only in combination.
+
+    Attributes
+    ----------
+    terms : names, in the order of the model equation.
+    direction : change of each term's coefficient (SI) along the combination, largest effect scaled to 1.
+    seen : posterior sd over prior sd along the direction under the full library; 1 is not seen at all.
+    exact : whether the columns cancel to rounding, and not merely below the noise.
+    reason : in words, such as "|f| = g in every row"; empty where none is known.
+    remedy : the cheapest run that separates them, in words.
+    """
+
+    terms: tuple[str, ...]
+    direction: tuple[float, ...]
+    seen: float
+    exact: bool
+    reason: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observability:
+    """What a test can tell of each term of the library.
+
+    Attributes
+    ----------
+    names : terms of the library, p of them.
+    tested : (p,) bool, whether the column was excited at all.
+    ratio : (p,) posterior sd over prior sd under the full library.
+    alone : (p,) the same if every other term were known.
+    vif : (p,) variance inflation by the other terms, (sd / sd alone)^2; inf where it is not defined.
+    groups : combinations that are not seen.
+    """
+
+    names: tuple[str, ...]
+    tested: NDArray[np.bool_]
+    ratio: FloatArray
+    alone: FloatArray
+    vif: FloatArray
+    groups: tuple[Confounded, ...]
+
+    def partners(self, name: str) -> tuple[str, ...]:
+        """Terms that `name` is confounded with, in the order of the model equation."""
+        together = {other for group in self.groups if name in group.terms for other in group.terms}
+        return tuple(other for other in self.names if other in together and other != name)
+
+
+def observe(factor: Factor, sd: FloatArray, facts: Facts, *, scale: float = 1.0) -> Observability:
+    """What a test can tell of each term.
+
+    Columns are scaled to the effect of a prior-sized coefficient in noise units, so a singular value d is
+    what the test says of a combination against what the prior says: sd over prior sd is ``1/sqrt(1 + d^2)``.
+    Exact cancellations are always reported; others if d < 1 and at least two terms would be visible alone.
+
+    Parameters
+    ----------
+    factor : of the whitened rows; its response is not used.
+    sd : (p,) prior sd of each term, SI.
+    facts : what the inputs have in common, for the words.
+    scale : noise scale of the whitened rows.
+
+    Examples
+    --------
+    >>> R = np.array([[9.0, 9.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> seen = observe(Factor(("b0", "b0p"), R, 10), np.ones(2), Facts("gyroscope", False, True))
+    >>> seen.partners("b0"), seen.groups[0].reason
+    (('b0p',), 'w_i never changes sign')
+    """
+    A = factor.R[:-1, :-1] * (sd / scale)
+    size = np.linalg.norm(A, axis=0)
+    tested = size > 0.0
+    T = np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r")
+    ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
+    groups = tuple(
+        _group(factor.names, v, part, sd, facts, seen=1.0 / float(np.sqrt(1.0 + np.linalg.norm(A @ v) ** 2)))
+        for v, part in (*_exact(A, size), *_below_noise(A, size))
+    )
+    return Observability(
+        factor.names, tested, ratio, 1.0 / np.sqrt(1.0 + size**2), _inflation(A, size, tested), groups
+    )
+
+
+def _exact(A: FloatArray, size: FloatArray) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
+    """Combinations that cancel to rounding, in units of the prior, and which terms take part."""
+    where = np.flatnonzero(size > 0.0)
+    _, d, Vt = _all_singular(A[:, where] / size[where])
+    for row in _sparse(Vt[d <= ROUNDING * d[:1]]):
+        v = _embed(row / size[where], where, len(size))
+        yield v / np.linalg.norm(v), _embed(np.abs(row) > TAKES_PART, where, len(size))
+
+
+def _below_noise(A: FloatArray, size: FloatArray) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
+    """Combinations, not exact ones, of which the data say less than the prior though their terms are visible."""
+    where = np.flatnonzero(size > 0.0)
+    _, d, Vt = _all_singular(A[:, where])
+    for row in _sparse(Vt[(d > ROUNDING * d[:1]) & (d < UNSEEN)]):
+        v = _embed(row / np.linalg.norm(row), where, len(size))
+        effect = np.abs(v) * size
+        part = (effect >= SHARE * effect.max()) & (effect >= VISIBLE * np.abs(v).max())
+        if np.sum(part) >= 2:
+            yield v, part
+
+
+def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """SVD with as many singular values as columns: zeros where there are fewer rows."""
+    U, d, Vt = np.linalg.svd(A)
+    return U, np.concatenate((d, np.zeros(A.shape[1] - len(d)))), Vt
+
+
+def _sparse(basis: FloatArray) -> FloatArray:
+    """Basis of the same span, by elimination: each vector has a pivot term of its own.
+
+    Singular vectors of one singular value mix what has nothing to do with each other.
+    """
+    basis = basis.copy()
+    for k in range(len(basis)):
+        row, column = np.unravel_index(np.argmax(np.abs(basis[k:])), basis[k:].shape)
+        basis[[k, k + row]] = basis[[k + row, k]]
+        basis[k] /= basis[k, column]
+        others = np.arange(len(basis)) != k
+        basis[others] -= np.outer(basis[others, column], basis[k])
+    return basis
+
+
+def _embed(values: NDArray, where: NDArray[np.intp], length: int) -> NDArray:
+    out = np.zeros(length, dtype=values.dtype)
+    out[where] = values
+    return out
+
+
+def _group(
+    names: tuple[str, ...],
+    v: FloatArray,
+    part: NDArray[np.bool_],
+    sd: FloatArray,
+    facts: Facts,
+    *,
+    seen: float,
+) -> Confounded:
+    terms = tuple(name for name, inside in zip(names, part, strict=True) if inside)
+    reason, remedy = _words(frozenset(name.rpartition(".")[2] for name in terms), facts)
+    return Confounded(terms, tuple((v * sd)[part].tolist()), seen, 1.0 - seen < ROUNDING, reason, remedy)
+
+
+def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> FloatArray:
+    """Variance inflation factors without a prior; inf for a term of an exact cancellation, NaN if untested."""
+    out = np.full(len(size), np.nan)
+    where = np.flatnonzero(tested)
+    if len(where):
+        _, d, Vt = _all_singular(A[:, where] / size[where])
+        lost = d <= ROUNDING * d[0]
+        out[where] = ((Vt[~lost] / d[~lost, None]) ** 2).sum(axis=0)
+        out[where[(Vt[lost] ** 2).sum(axis=0) > ROUNDING]] = np.inf
+    return out
+
+
+def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
+    """Reason and remedy of a cancellation."""
+    if facts.reference_free:
+        return "only |f| = g is known of each still", "a tumble with known directions would separate them"
+    for applies, reason, remedy in _REASONS:
+        if applies(terms, facts):
+            own = "f_i" if facts.kind == "accelerometer" else "w_i"
+            return reason.format(own=own), remedy[facts.kind]
+    return "", f"a run in which the input of {' or '.join(sorted(terms)[:2])} changes by itself"
+
+
+_MORE_LEVELS = {
+    "accelerometer": "a centrifuge run at several levels with the input axis both ways would separate them",
+    "gyroscope": "rate steps over more of the range in both directions would separate them",
+}
+_FORCE = {
+    "accelerometer": "a centrifuge run would separate them",
+    "gyroscope": "a run at more than 1 g (centrifuge) would separate them",
+}
+_BOTH_WAYS = {
+    "accelerometer": "a run with the input axis turned over would separate them",
+    "gyroscope": "a run with the rotation reversed would separate them",
+}
+_ODD, _EVEN = frozenset({"b1", "b3", "b0p", "b2p", "b4p"}), frozenset({"b0", "b2", "b4", "b1p", "b3p"})
+
+_REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
+    (
+        lambda terms, facts: facts.constant_force and {"b0", "b2", "c_jj", "c_kk"} <= terms,
+        "|f| = g in every row",
+        _FORCE,
+    ),
+    (
+        lambda terms, facts: facts.constant_force and {"b0", "S_ii", "S_jj", "S_kk"} <= terms,
+        "|f| = g in every row",
+        _FORCE,
+    ),
+    (
+        lambda terms, facts: facts.one_sided and any(f"{name}p" in terms for name in terms),
+        "{own} never changes sign",
+        _BOTH_WAYS,
+    ),
+    (
+        lambda terms, facts: terms <= _ODD,
+        "odd functions of {own} look alike over the levels tested",
+        _MORE_LEVELS,
+    ),
+    (
+        lambda terms, facts: terms <= _EVEN,
+        "even functions of {own} look alike over the levels tested",
+        _MORE_LEVELS,
+    ),
+    (
+        lambda terms, facts: facts.constant_force and facts.kind == "accelerometer" and "b0" in terms,
+        "|f| = g in every row",
+        _FORCE,
+    ),
+)
+"""(when, reason, remedy by kind) of the cancellations that have a name; the first that applies is told."""

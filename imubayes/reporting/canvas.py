@@ -1,0 +1,216 @@
+"""A figure as small inline SVG: the only module that knows matplotlib.
+
+Text stays text, the page's own font is used, nothing is rasterised, and the same data give the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from numpy.typing import NDArray
+
+__all__ = [
+    "Axes",
+    "Margins",
+    "Panel",
+    "areas",
+    "dots",
+    "draw",
+    "few_ticks",
+    "no_ticks",
+    "plain_logs",
+    "sticks",
+]
+
+FloatArray = NDArray[np.float64]
+
+INK = "#20242a"
+GREY = "#7d838c"
+PALE = "#d5d9df"
+ACCENT = "#0072B2"
+WARNING = "#D55E00"
+VERDICT_COLOURS = {
+    "needed": ACCENT,
+    "not needed": GREY,
+    "undecided": "#E69F00",
+    "inseparable": "#CC79A7",
+    "unresolved": "#CC79A7",
+    "untested": GREY,
+}
+"""Okabe and Ito's colours, which people with any colour vision tell apart; a shape goes with each."""
+
+WIDTH = 350
+"""px: panels flow beside each other on a desk, and one fits the width of a telephone."""
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "imubayes",
+    "path.simplify": False,
+    "text.parse_math": False,
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 11,
+    "axes.labelsize": 11,
+    "xtick.labelsize": 11,
+    "ytick.labelsize": 11,
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.facecolor": "none",
+    "axes.unicode_minus": True,
+    "axes.formatter.limits": (-3, 5),
+    "axes.formatter.useoffset": False,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.major.size": 3,
+    "ytick.major.size": 3,
+    "lines.linewidth": 1.5,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A drawn figure.
+
+    Attributes
+    ----------
+    title : the finding.
+    svg : inline SVG, safe as it is.
+    """
+
+    title: str
+    svg: str
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """Space around the axes in px, for tick labels and axis titles."""
+
+    left: int = 46
+    right: int = 10
+    top: int = 6
+    bottom: int = 38
+
+
+def draw(
+    paint: Callable[[Axes], None],
+    *,
+    title: str,
+    alt: str,
+    key: str,
+    height: int = 180,
+    margins: Margins | None = None,
+) -> Panel:
+    """Draw one panel.
+
+    Parameters
+    ----------
+    paint : draws on the axes it is given.
+    title : the finding, for the heading above the panel.
+    alt : what the panel shows, for people who cannot see it. It may hold names from files: it is escaped.
+    key : identifier of ASCII letters and digits, unique in the page; keeps the panels' inner ids apart.
+    height : px.
+    margins : px.
+    """
+    space = margins or Margins()
+    across, up = WIDTH - space.left - space.right, height - space.top - space.bottom
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(WIDTH / 72.0, height / 72.0), dpi=72)
+        axes = figure.add_axes((space.left / WIDTH, space.bottom / height, across / WIDTH, up / height))
+        paint(axes)
+        buffer = io.StringIO()
+        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
+    return Panel(title, _inline(buffer.getvalue(), key, alt, height))
+
+
+def dots(axes: Axes, x: FloatArray, y: FloatArray, color: str = GREY, size: float = 2.4) -> None:
+    """Draw points as one path of round caps: a third of the bytes of markers."""
+    axes.plot(_broken(x, x), _broken(y, y), color=color, linewidth=size, solid_capstyle="round")
+
+
+def sticks(
+    axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, color: str = GREY, size: float = 1.5
+) -> None:
+    """Draw vertical sticks as one path."""
+    axes.plot(_broken(x, x), _broken(low, high), color=color, linewidth=size, solid_capstyle="butt")
+
+
+def areas(axes: Axes, boxes: list[tuple[float, float, float, float]], color: str) -> None:
+    """Fill boxes (left, right, bottom, top) as one path."""
+    corners = np.array([[(l, b), (r, b), (r, t), (l, t), (np.nan, np.nan)] for l, r, b, t in boxes])  # noqa: E741
+    if len(corners):
+        axes.fill(*corners.reshape(-1, 2).T, color=color, linewidth=0.0)
+
+
+def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> None:
+    """Keep at most `x` and `y` intervals between ticks; whole numbers only along an axis that counts."""
+    axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts))
+    axes.yaxis.set_major_locator(MaxNLocator(y))
+
+
+def plain_logs(axes: Axes) -> None:
+    """Label log axes with plain numbers: at 1, 10, 100 over many decades, at 1, 2, 5 over few."""
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        steps = (
+            (1.0,) if high > 300.0 * low else (1.0, 3.0) if high > 10.0 * low else (1.0, 2.0, 3.0, 5.0, 7.0)
+        )
+        axis.set_major_locator(LogLocator(subs=steps, numticks=12))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_locator(NullLocator())
+
+
+def no_ticks(axes: Axes, which: str = "y") -> None:
+    """Remove the ticks of an axis that has no scale to read."""
+    axis = axes.yaxis if which == "y" else axes.xaxis
+    axis.set_major_locator(NullLocator())
+    axis.set_minor_locator(NullLocator())
+
+
+def _broken(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.column_stack([first, second, np.full(len(first), np.nan)]).ravel()
+
+
+def _inline(svg: str, key: str, alt: str, height: int) -> str:
+    """Strip what a page does not need, and make the ids unique in it."""
+    body = svg[svg.index(">", svg.index("<svg")) + 1 :]
+    for pattern, replacement in _STRIPPED:
+        body = pattern.sub(replacement, body)
+    used = set(_REFERENCE.findall(body))
+    body = _ID.sub(lambda found: f' id="{key}{found[1]}"' if found[1] in used else "", body)
+    body = body.replace('href="#', f'href="#{key}').replace("url(#", f"url(#{key}")
+    body = _LONG_NUMBER.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), body)
+    body = _EMPTY_GROUP.sub(r"\1", body)
+    size = f'viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}"'
+    return f'<svg {size} role="img" aria-label="{escape(alt)}">{body}'
+
+
+_STRIPPED = (
+    (re.compile(r"<metadata>.*?</metadata>", re.S), ""),
+    (re.compile(r"<defs>\s*<style.*?</style>\s*</defs>", re.S), ""),
+    (re.compile(r"<!--.*?-->", re.S), ""),
+    (re.compile(r"\s*font-family: [^;\"]*;?"), ""),
+    (re.compile(r"font-size: 11px; ?"), ""),
+    (re.compile(r' transform="rotate\(-0 [^)]*\)"'), ""),
+    (re.compile(r"xlink:href"), "href"),
+    (re.compile(r"; (?=[a-z-]+:)"), ";"),
+    (re.compile(r"\s*\n\s*(?=[LMCQz\"])"), ""),
+    (re.compile(r">\s+<"), "><"),
+)
+_REFERENCE = re.compile(r"(?:href=\"#|url\(#)([\w.-]+)")
+_ID = re.compile(r' id="([\w.-]+)"')
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_EMPTY_GROUP = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>|[^<])*)</g>")

@@ -1,0 +1,103 @@
+"""The report: one HTML file that opens offline, and all results written at once or not at all."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imubayes.errors import InputError
+from imubayes.reporting.posterior import write_posterior
+from imubayes.reporting.results import command, result_json, versions
+from imubayes.reporting.rounding import pretty, superscript
+from imubayes.reporting.rows import MARKS, shortened
+from imubayes.reporting.views import overview, run_groups, sensor_views, sources
+from imubayes.reporting.words import probability
+
+if TYPE_CHECKING:
+    from imubayes.campaign import StudyResult
+
+
+def write_results(result: StudyResult, out: Path) -> tuple[Path, ...]:
+    """Write ``report.html``, ``result.json`` and ``posterior.nc``.
+
+    They are written beside `out` first and moved when all are complete, so nothing half-written is ever
+    seen; earlier results in `out` are replaced, other files there are left alone.
+
+    Parameters
+    ----------
+    out : folder, created with its parents.
+
+    Returns
+    -------
+    paths of the files.
+
+    Raises
+    ------
+    InputError : if the folder cannot be written.
+    """
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as folder:
+            parts = _parts(result, Path(folder))
+            out.mkdir(exist_ok=True)
+            return tuple(part.replace(out / part.name) for part in parts)
+    except OSError as problem:
+        raise InputError(
+            f"{out}: the results cannot be written there ({problem.strerror or problem}): "
+            "expected a folder that can be written; choose another with --out"
+        ) from None
+
+
+def _parts(result: StudyResult, folder: Path) -> tuple[Path, ...]:
+    """Write every file into a folder of its own; only then is the first one moved."""
+    report, values, draws = folder / "report.html", folder / "result.json", folder / "posterior.nc"
+    report.write_text(report_html(result), encoding="utf-8")
+    values.write_text(result_json(result), encoding="utf-8")
+    write_posterior(result, draws)
+    return report, values, draws
+
+
+def report_html(result: StudyResult) -> str:
+    """Text of the report; names that come from files are escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("imubayes", "reporting"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "pretty": pretty,
+        "raised": superscript,
+        "minus": lambda text: str(text).replace("-", "−"),
+        "chance": probability,
+        "short": shortened,
+        "amount": _amount,
+        "plain": lambda value: f"{value:.7g}",
+    }
+    return environment.get_template("report.html.j2").render(
+        study=result.study,
+        views=sensor_views(result),
+        marks={verdict: mark[0] for verdict, mark in MARKS.items()},
+        run_groups=run_groups(result),
+        sources=sources(result),
+        versions=versions(),
+        command=command(result.study),
+        overview=overview(result) if len(result.sensors) > 1 else (),
+    )
+
+
+def _amount(value: float) -> str:
+    """Seconds as people say them.
+
+    Examples
+    --------
+    >>> _amount(0.01), _amount(48.0), _amount(5400.0), _amount(200000.0)
+    ('0.01 s', '48 s', '90 min', '55.6 h')
+    """
+    if value < 600.0:
+        return f"{value:.4g} s"
+    return f"{value / 60.0:.3g} min" if value < 36000.0 else f"{value / 3600.0:.3g} h"

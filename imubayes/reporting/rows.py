@@ -1,0 +1,238 @@
+"""One printed row a term, a run, a noise: what the terminal and the report both show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imubayes.reporting.rounding import (
+    CHANNEL_UNIT,
+    NOISE_SI,
+    NOISE_UNITS,
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    Measured,
+    below,
+    measured,
+    per_unit,
+)
+from imubayes.sensors.noise import allan_variance
+from imubayes.sensors.terms import CHANNEL_UNITS, Kind
+from imubayes.units import factor, offset
+
+if TYPE_CHECKING:
+    from imubayes.campaign import SensorResult
+    from imubayes.inference.summary import RunSummary
+    from imubayes.planning.observability import Confounded
+    from imubayes.selection.decision import Selection
+    from imubayes.selection.verdicts import TermVerdict
+
+VERDICTS = ("needed", "not needed", "undecided", "inseparable", "unresolved", "untested")
+MARKS = {
+    "needed": ("●", "*", "bold green"),
+    "not needed": ("○", "o", "dim"),
+    "undecided": ("◐", "~", "yellow"),
+    "inseparable": ("▲", "!", "bold magenta"),
+    "unresolved": ("△", "?", "magenta"),
+    "untested": ("×", "-", "dim magenta"),
+}
+"""Shape, shape where there is only ASCII, and colour of each verdict."""
+
+ENDS = 1.6448536269514722
+"""Half width in sd of the interval that holds 90 % of a normal distribution."""
+
+VAGUE = 0.7
+"""sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class TermRow:
+    """A term as it is printed.
+
+    Attributes
+    ----------
+    verdict : the verdict that the row prints.
+    size : value and sd, or the limit, in printed units; None where there is nothing but the prior.
+    kind : ``value``, ``limit``, ``shared`` (only with partners) or ``none``.
+    effect : largest effect over the test, in ug or deg/h; None where the term has no value of its own.
+    partners : labels of the confounded terms.
+    """
+
+    verdict: TermVerdict
+    size: Measured | None
+    kind: str
+    effect: Measured | None
+    partners: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """Value column in ASCII: ``41.8 +- 0.6 ug/g^2``, ``below 0.3 ug/g^3``, ``with K2, Koo``."""
+        if self.kind == "shared":
+            return "with " + shortened(self.partners, 3)
+        if self.size is None:
+            return "not excited" if self.verdict.verdict == "untested" else "as the prior"
+        return f"below {self.size}" if self.kind == "limit" else str(self.size)
+
+
+def term_rows(sensor: SensorResult) -> tuple[TermRow, ...]:
+    """Rows of the term table, in the order of the model equation."""
+    labels = {term.name: label(term) for term in sensor.selection.terms}
+    return tuple(_term_row(term, sensor.kind, labels) for term in sensor.selection.terms)
+
+
+def _term_row(term: TermVerdict, kind: Kind, labels: dict[str, str]) -> TermRow:
+    shows = _SHOWS.get(term.verdict, "value")
+    unit = per_unit(term.printed, term.unit)
+    size = None
+    if shows == "value":
+        size = measured(term.mean / unit, term.sd / unit, term.printed)
+    elif shows == "limit":
+        size = below(term.limit95 / unit, term.printed)
+    effect = _effect(term.effect, kind) if shows == "value" else None
+    return TermRow(term, size, shows, effect, tuple(labels.get(name, name) for name in term.confounded_with))
+
+
+_SHOWS = {"not needed": "limit", "inseparable": "shared", "unresolved": "none", "untested": "none"}
+
+
+def _effect(effect: float, kind: Kind) -> Measured:
+    return measured(abs(effect) / per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind]), 0.0, OUTPUT_UNIT[kind])
+
+
+def own_names(selection: Selection) -> dict[str, str]:
+    """Name of each of the component's own terms, by the name of its column in the summary."""
+    return {column: term.name for column, term in zip(selection.columns, selection.terms, strict=True)}
+
+
+def own_groups(selection: Selection) -> tuple[Confounded, ...]:
+    """Pick the groups that hold a term of this component (a triad has more), by the terms' names."""
+    names = own_names(selection)
+    return tuple(
+        replace(group, terms=tuple(names.get(column, column) for column in group.terms))
+        for group in selection.observability.groups
+        if any(column in names for column in group.terms)
+    )
+
+
+def candidates(selection: Selection) -> tuple[str, ...]:
+    """Terms that the enumeration let in or out."""
+    names = own_names(selection)
+    return tuple(names.get(column, column) for column in selection.models.candidates.names)
+
+
+def best_models(selection: Selection) -> tuple[tuple[tuple[str, ...], float], ...]:
+    """Most probable models, best first: (names of the terms, probability)."""
+    names = own_names(selection)
+    return tuple((tuple(names.get(c, c) for c in model), p) for model, p in selection.models.best)
+
+
+def label(term: TermVerdict) -> str:
+    """Name people say: the IEEE symbol, or the slides' name where no standard has one."""
+    return term.name if term.symbol == "-" else term.symbol
+
+
+def shortened(names: tuple[str, ...], most: int) -> str:
+    """Join names with commas; beyond `most` they are counted.
+
+    Examples
+    --------
+    >>> shortened(("K0", "K2", "Kpp", "Koo"), 2)
+    'K0, K2 +2'
+    """
+    rest = f" +{len(names) - most}" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseRow:
+    """Noise of one run in data-sheet units.
+
+    Attributes
+    ----------
+    run, origin : name of the run, and how its noise is known.
+    cells : N, B, K; a value with its sd, or a limit.
+    is_limit : whether each cell is an upper limit (the data do not show this process).
+    expected : range of the class that holds 90 %, as (low, high) text; empty without a class.
+    """
+
+    run: str
+    origin: str
+    cells: tuple[Measured, Measured, Measured]
+    is_limit: tuple[bool, bool, bool]
+    expected: tuple[tuple[str, str], ...]
+
+    def texts(self) -> tuple[str, ...]:
+        """Cells in ASCII: ``N 59.0 +- 1.2 ug/sqrt(Hz)``, ``K below 0.5 ug/sqrt(s)``."""
+        pairs = zip("NBK", self.cells, self.is_limit, strict=True)
+        return tuple(f"{name} below {cell}" if limit else f"{name} {cell}" for name, cell, limit in pairs)
+
+
+def noise_row(run: RunSummary, kind: Kind) -> NoiseRow:
+    """Noise of a run as its row in the noise table."""
+    values = (run.noise.N, run.noise.B, run.noise.K)
+    scales = [per_unit(unit, si) for unit, si in zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True)]
+    vague = tuple(sd > VAGUE for sd in run.noise_sd)
+    cells = tuple(
+        _noise_cell(value / scale, sd, unit)
+        for value, scale, sd, unit in zip(values, scales, run.noise_sd, NOISE_UNITS[kind], strict=True)
+    )
+    expected = tuple(
+        (
+            str(measured(median / scale * math.exp(-ENDS * sd), 0.0)),
+            str(measured(median / scale * math.exp(ENDS * sd), 0.0)),
+        )
+        for (median, sd), scale in zip(run.noise_prior, scales, strict=False)
+    )
+    return NoiseRow(
+        run.name, run.noise_origin, (cells[0], cells[1], cells[2]), (vague[0], vague[1], vague[2]), expected
+    )
+
+
+def _noise_cell(value: float, sd: float, unit: str) -> Measured:
+    """Print a log-normal estimate: with its sd, or as a limit where a factor of two is within one sd."""
+    return below(value * math.exp(ENDS * sd), unit) if sd > VAGUE else measured(value, value * sd, unit)
+
+
+def noise_floor(sensor: SensorResult) -> Measured:
+    """Lowest Allan deviation that the noise of any run allows within its duration, in ug or deg/h."""
+    lowest = min(_floor_of(run) for run in sensor.runs)
+    return measured(
+        lowest / per_unit(OUTPUT_UNIT[sensor.kind], OUTPUT_SI[sensor.kind]), 0.0, OUTPUT_UNIT[sensor.kind]
+    )
+
+
+def _floor_of(run: RunSummary) -> float:
+    tau = np.geomspace(max(run.interval, 1e-9), max(run.duration, 2.0 * run.interval, 2e-9), 50)
+    return float(np.sqrt(allan_variance(run.noise, tau).min()))
+
+
+def range_texts(run: RunSummary, kind: Kind) -> tuple[tuple[str, str, str, str], ...]:
+    """Ranges of a run as (channel, smallest, largest, unit) in units that people use."""
+    return tuple(_range_text(channel, ends, kind) for channel, ends in run.ranges.items())
+
+
+def _range_text(channel: str, ends: tuple[float, float], kind: Kind) -> tuple[str, str, str, str]:
+    unit, si = channel_unit(channel, kind)
+    scale, zero = factor(unit, like=si), offset(unit, si)
+    low, high = ((end - zero) / scale for end in ends)
+    half = max(abs(low), abs(high), 1e-12) / 2.0
+    return channel, measured(low, half).value, measured(high, half).value, unit
+
+
+def channel_unit(channel: str, kind: Kind) -> tuple[str, str]:
+    """Name the printed unit and the SI unit of an input channel or of an output (``output``, ``ax``)."""
+    quantity = channel.partition("_")[0]
+    if quantity not in CHANNEL_UNIT:
+        quantity = "f" if kind == "accelerometer" else "w"
+    return CHANNEL_UNIT[quantity], CHANNEL_UNITS[quantity]
+
+
+def fit_scale(sensor: SensorResult) -> float:
+    """Residual over noise of all runs together: rms of the whitened residuals, weighted by samples."""
+    samples = {run.name: run.samples for run in sensor.runs}
+    weights = np.array([samples.get(check.run, 1) for check in sensor.checks], dtype=float)
+    scales = np.array([check.scale for check in sensor.checks])
+    return float(np.sqrt(np.sum(weights * scales**2) / np.sum(weights))) if len(scales) else math.nan

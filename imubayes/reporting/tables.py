@@ -1,0 +1,194 @@
+"""The results in a terminal: the verdict table, and what a test can tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from imubayes.reporting.rows import MARKS, TermRow, noise_row, own_groups, shortened, term_rows
+from imubayes.reporting.words import confounded_sentences, fit_sentence, listed, models_text
+
+if TYPE_CHECKING:
+    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.planning.observability import Observability
+    from imubayes.sensors.terms import Library
+
+MOST_RUNS = 6
+"""Noise lines before the rest is left to the report."""
+
+
+MOST_PARTNERS = 3
+"""Confounded terms that a row names."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Verdict:
+    """A verdict as shape, word and colour; ASCII where the terminal has no more."""
+
+    word: str
+    suffix: str = ""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text]:
+        shape, plain, style = MARKS.get(self.word, ("·", ".", ""))
+        yield Text(f"{plain if options.ascii_only else shape} {self.word}{self.suffix}", style=style)
+
+
+def terminal_summary(result: StudyResult) -> Group:
+    """Verdict table of each sensor, with its groups, its noise and its fit, for a rich console.
+
+    It fits 80 columns; without a terminal it is plain text.
+    """
+    return Group(*(part for sensor in result.sensors for part in _sensor(sensor)))
+
+
+def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
+    yield Text(_clean(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
+    yield _indented(_data_line(sensor), "dim")
+    yield _term_table(sensor)
+    groups = own_groups(sensor.selection)
+    yield from map(_indented, confounded_sentences(groups, sensor.selection.terms, numbered=True))
+    for run in sensor.runs[:MOST_RUNS]:
+        row = noise_row(run, sensor.kind)
+        yield _indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
+    if len(sensor.runs) > MOST_RUNS:
+        yield _indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
+    yield _indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
+    yield Text()
+
+
+def _data_line(sensor: SensorResult) -> str:
+    runs = f"{len(sensor.runs)} run{'s' if len(sensor.runs) != 1 else ''}"
+    models = models_text(sensor.selection.models.n_models)
+    return f"{sensor.samples:,} samples in {runs}; exact, {models} models, {sensor.seconds:.1f} s"
+
+
+def _term_table(sensor: SensorResult) -> Table:
+    table = _table()
+    table.add_column("term")
+    table.add_column("symbol")
+    table.add_column("value +- sd", no_wrap=True)
+    table.add_column("inclusion", justify="right")
+    table.add_column("verdict")
+    rows = term_rows(sensor)
+    width = max((len(row.size.value) for row in rows if row.size and row.kind == "value"), default=0)
+    for row in rows:
+        verdict = row.verdict
+        table.add_row(
+            Text(verdict.name),
+            Text(verdict.symbol),
+            _value(row, width),
+            Text(f"{verdict.inclusion:.3f}"),
+            _Verdict(verdict.verdict, _group_numbers(sensor, verdict.name)),
+        )
+    return table
+
+
+def _value(row: TermRow, width: int) -> Text:
+    """Value column; values end at the same place, so that their ``+-`` stand below each other."""
+    if row.kind != "value" or row.size is None:
+        return Text(row.text, style="dim")
+    return Text(row.text.rjust(len(row.text) + width - len(row.size.value)))
+
+
+def _group_numbers(sensor: SensorResult, name: str) -> str:
+    numbers = [str(n) for n, group in enumerate(own_groups(sensor.selection), 1) if name in group.terms]
+    return f" [{','.join(numbers)}]" if numbers else ""
+
+
+def terminal_check(sensor_id: str, observability: Observability, lib: Library) -> Group:
+    """Say what the test can tell of each term before anything is fitted, for a rich console.
+
+    Parameters
+    ----------
+    sensor_id : its last part names the component where `observability` is a triad's (``ax.b0``, ...).
+    observability : of the terms of `lib`, or of all terms of a triad.
+    lib : the component's library.
+    """
+    table = _table()
+    table.add_column("term")
+    table.add_column("symbol")
+    table.add_column("excited")
+    for title in ("sd / prior sd", "if alone", "inflation"):
+        table.add_column(title, justify="right")
+    table.add_column("confounded with")
+    columns = _columns(sensor_id, observability, lib)
+    for term, (column, j) in zip(lib.terms, columns.items(), strict=True):
+        partners = tuple(_local(name, columns, lib) for name in observability.partners(column))
+        table.add_row(
+            Text(term.name),
+            Text(term.symbol),
+            Text(
+                "yes" if observability.tested[j] else "no",
+                style="" if observability.tested[j] else "bold magenta",
+            ),
+            Text(_ratio(observability.ratio[j])),
+            Text(_ratio(observability.alone[j])),
+            Text(_inflation(float(observability.vif[j]))),
+            Text(shortened(partners, MOST_PARTNERS)),
+        )
+    return Group(
+        Text(
+            _clean(f"{sensor_id}  {lib.kind}: what this test can tell of {len(lib.terms)} terms"),
+            style="bold",
+        ),
+        table,
+        *(_indented(sentence) for sentence in _check_words(observability, columns, lib)),
+        Text(),
+    )
+
+
+def _columns(sensor_id: str, observability: Observability, lib: Library) -> dict[str, int]:
+    """Columns of the component's own terms and their places, in the order of its library."""
+    component = sensor_id.rpartition(".")[2]
+    place = {name: j for j, name in enumerate(observability.names)}
+    names = [own if (own := f"{component}.{name}") in place else name for name in lib.names]
+    return {name: place[name] for name in names}
+
+
+def _local(name: str, columns: dict[str, int], lib: Library) -> str:
+    """Name of a term as its own component says it."""
+    return dict(zip(columns, lib.names, strict=True)).get(name, name)
+
+
+def _check_words(observability: Observability, columns: dict[str, int], lib: Library) -> Iterator[str]:
+    untested = [_local(name, columns, lib) for name, j in columns.items() if not observability.tested[j]]
+    groups = [
+        replace(group, terms=tuple(_local(name, columns, lib) for name in group.terms))
+        for group in observability.groups
+        if not columns.keys().isdisjoint(group.terms)
+    ]
+    if untested:
+        yield f"No run excites {listed(untested)}."
+    yield from confounded_sentences(groups, ())
+    if not untested and not groups:
+        yield "Every term is excited and separable."
+
+
+def _ratio(ratio: float) -> str:
+    return "-" if not math.isfinite(ratio) else f"{ratio:.3f}" if ratio >= 0.0005 else "<0.001"
+
+
+def _inflation(vif: float) -> str:
+    if not math.isfinite(vif):
+        return "-"
+    return f"{vif:.1f}" if vif < 1000.0 else f"{vif:.0e}".replace("e+0", "e").replace("e+", "e")
+
+
+def _table() -> Table:
+    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 1), header_style="dim", show_edge=False)
+
+
+def _indented(text: str, style: str = "") -> Padding:
+    return Padding(Text(_clean(text), style=style), (0, 0, 0, 1))
+
+
+def _clean(text: str) -> str:
+    """Names come from files: what is not printable does not reach the terminal."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -1,0 +1,209 @@
+"""What the report's template shows, ready to print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+from imubayes.reporting import figures, fit_figures
+from imubayes.reporting.rounding import NOISE_UNITS, Measured
+from imubayes.reporting.rows import (
+    NoiseRow,
+    TermRow,
+    noise_floor,
+    noise_row,
+    own_groups,
+    range_texts,
+    term_rows,
+)
+from imubayes.reporting.words import answer, confounded_sentences, fit_sentence, listed, models_text
+
+if TYPE_CHECKING:
+    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.inference.residuals import ResidualCheck
+    from imubayes.inference.summary import RunSummary
+    from imubayes.reporting.canvas import Panel
+    from imubayes.sensors.terms import Kind
+
+MOST_CURVE_POINTS = 9000
+"""Points over all curves of a report, so that it stays below 2 MB."""
+
+MOST_RUNS, MOST_RUNS_OF_MANY = 8, 3
+"""Runs whose residuals are drawn: of one or two components, and of each of more."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunView:
+    """Residual figures of one run."""
+
+    name: str
+    panels: tuple[Panel, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FitView:
+    """What the residuals say of one component.
+
+    Attributes
+    ----------
+    sentence : the verdict in words.
+    runs, inputs : figures; none where another component has the same residuals.
+    twin : (anchor, id) of that component: the rows of a reference-free tumble belong to all three.
+    """
+
+    sentence: str
+    runs: tuple[RunView, ...]
+    inputs: tuple[Panel, ...]
+    twin: tuple[str, str] | None
+
+
+@dataclass(frozen=True, slots=True)
+class SensorView:
+    """What the report shows of one component.
+
+    Attributes
+    ----------
+    anchor : id of its section.
+    sensor : the component.
+    answer : first paragraph, by sentence.
+    groups : rows of the term table by part of the model equation.
+    digits : decimals of the longest value and of the longest sd, which align the columns.
+    floor : noise floor beside which effects stand.
+    confounded : each group of confounded terms, in words.
+    reasons : (verdict, reason, names) of the terms without a yes or a no.
+    fit, choice, posterior, correlations : figures and words.
+    models : how many were weighed.
+    noise, noise_units : rows of the noise table.
+    """
+
+    anchor: str
+    sensor: SensorResult
+    answer: tuple[str, ...]
+    groups: tuple[tuple[str, tuple[TermRow, ...]], ...]
+    digits: tuple[int, int]
+    floor: Measured
+    confounded: tuple[str, ...]
+    reasons: tuple[tuple[str, str, tuple[str, ...]], ...]
+    fit: FitView
+    choice: tuple[Panel, ...]
+    models: str
+    posterior: tuple[Panel, ...]
+    correlations: Panel | None
+    noise: tuple[NoiseRow, ...]
+    noise_units: tuple[str, str, str]
+
+
+def sensor_views(result: StudyResult) -> tuple[SensorView, ...]:
+    """Prepare every component for the template."""
+    first: dict[tuple[int, ...], tuple[str, str]] = {}
+    views = []
+    for number, sensor in enumerate(result.sensors, 1):
+        anchor = f"s{number}"
+        earliest = first.setdefault(tuple(map(id, sensor.checks)), (anchor, sensor.id))
+        twin = None if earliest[0] == anchor or not sensor.checks else earliest
+        views.append(_view(sensor, anchor, _fit_view(sensor, anchor, twin, len(result.sensors))))
+    return tuple(views)
+
+
+def _view(sensor: SensorResult, key: str, fit: FitView) -> SensorView:
+    rows, selection = term_rows(sensor), sensor.selection
+    sizes = [row.size for row in rows if row.size]
+    return SensorView(
+        anchor=key,
+        sensor=sensor,
+        answer=answer(sensor),
+        groups=tuple((name, tuple(part)) for name, part in groupby(rows, key=lambda row: row.verdict.group)),
+        digits=(_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes])),
+        floor=noise_floor(sensor),
+        confounded=confounded_sentences(own_groups(selection), selection.terms),
+        reasons=tuple(_reasons(sensor)),
+        fit=fit,
+        choice=_choice(sensor, key),
+        models=models_text(selection.models.n_models),
+        posterior=tuple(figures.posteriors(sensor, key)),
+        correlations=figures.correlations(sensor, f"{key}d"),
+        noise=tuple(noise_row(run, sensor.kind) for run in sensor.runs),
+        noise_units=NOISE_UNITS[sensor.kind],
+    )
+
+
+def _decimals(texts: list[str]) -> int:
+    return max((len(text.partition(".")[2]) for text in texts), default=0)
+
+
+def _reasons(sensor: SensorResult) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    # the groups say it better for what is inseparable
+    for verdict in ("undecided", "unresolved", "untested"):
+        having = [term for term in sensor.selection.terms if term.verdict == verdict]
+        for reason in dict.fromkeys(term.reason for term in having):
+            yield verdict, reason, tuple(term.name for term in having if term.reason == reason)
+
+
+def _choice(sensor: SensorResult, key: str) -> tuple[Panel, ...]:
+    return (
+        figures.inclusion(sensor, f"{key}a"),
+        figures.best_models(sensor, f"{key}b"),
+        figures.model_size(sensor, f"{key}c"),
+    )
+
+
+def _fit_view(sensor: SensorResult, key: str, twin: tuple[str, str] | None, sensors: int) -> FitView:
+    if twin:
+        return FitView(fit_sentence(sensor), (), (), twin)
+    most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
+    inputs = {channel for check in sensor.checks for channel in check.inputs}
+    curves = sensors * (min(len(sensor.checks), most_runs) + len(inputs))
+    points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(curves, 1)))
+    runs = tuple(
+        RunView(check.run, tuple(_run_panels(check, sensor.kind, f"{key}r{n}", points)))
+        for n, check in enumerate(fit_figures.shown_runs(sensor, most_runs))
+    )
+    return FitView(fit_sentence(sensor), runs, tuple(fit_figures.against_inputs(sensor, key, points)), None)
+
+
+def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iterator[Panel]:
+    yield fit_figures.over_time(check, f"{key}t", points)
+    yield fit_figures.autocorrelation(check, f"{key}c")
+    deviation = fit_figures.allan(check, kind, f"{key}a")
+    if deviation:
+        yield deviation
+
+
+def overview(result: StudyResult) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Verdicts of the components by term; empty where a component has no such term."""
+    names = dict.fromkeys(term.name for sensor in result.sensors for term in sensor.selection.terms)
+    verdicts = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in result.sensors]
+    return tuple((name, tuple(column.get(name, "") for column in verdicts)) for name in names)
+
+
+@dataclass(frozen=True, slots=True)
+class RunGroup:
+    """Runs with their printed ranges, and the components that share them."""
+
+    title: str
+    runs: tuple[tuple[RunSummary, tuple[tuple[str, str, str, str], ...]], ...]
+
+
+def run_groups(result: StudyResult) -> tuple[RunGroup, ...]:
+    """Gather the runs of every component, once where components share them."""
+    sharing: dict[tuple[int, ...], list[SensorResult]] = {}
+    for sensor in result.sensors:
+        sharing.setdefault(tuple(map(id, sensor.runs)), []).append(sensor)
+    return tuple(
+        RunGroup(
+            listed([sensor.id for sensor in sensors]),
+            tuple((run, range_texts(run, sensors[0].kind)) for run in sensors[0].runs),
+        )
+        for sensors in sharing.values()
+    )
+
+
+def sources(result: StudyResult) -> tuple[dict[str, Any], ...]:
+    """Each file once, with the columns that all components take from it."""
+    files: dict[tuple[str, str], dict[str, Any]] = {}
+    for source in (run.source for sensor in result.sensors for run in sensor.runs):
+        entry = {"file": source.file, "sha256": source.sha256, "columns": {}}
+        files.setdefault((source.file, source.sha256), entry)["columns"] |= dict.fromkeys(source.columns)
+    return tuple(files.values())

@@ -1,0 +1,195 @@
+"""The answer in words, made from the numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from imubayes.inference.residuals import OFF, SUSPECT
+from imubayes.reporting.rows import fit_scale, label, own_groups
+
+if TYPE_CHECKING:
+    from imubayes.campaign import SensorResult
+    from imubayes.inference.residuals import ResidualCheck
+    from imubayes.planning.observability import Confounded
+    from imubayes.selection.verdicts import TermVerdict
+
+MOST_NAMES = 6
+"""Names that a sentence holds."""
+
+
+def answer(sensor: SensorResult) -> tuple[str, ...]:
+    """First paragraph of the report by sentence: needed, not told and why, does the model fit."""
+    sentences = (_opening(sensor), *_rest(sensor), *_cannot_tell(sensor), fit_sentence(sensor))
+    return tuple(sentence for sentence in sentences if sentence)
+
+
+def _opening(sensor: SensorResult) -> str:
+    needed = _named(sensor, "needed")
+    kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
+    count = f"{len(needed)} of {len(sensor.selection.terms)} terms {_are(needed)} needed"
+    return f"{sensor.id} ({kind}): {count}" + (f": {listed(needed)}." if needed else ".")
+
+
+def _rest(sensor: SensorResult) -> Iterable[str]:
+    unneeded, undecided = _named(sensor, "not needed"), _named(sensor, "undecided")
+    if unneeded:
+        limit = "with its limit" if len(unneeded) == 1 else "each with its limit"
+        yield f"{len(unneeded)} {_are(unneeded)} not needed, {limit} in the table."
+    if undecided:
+        count = f"{len(undecided)} {_are(undecided)} undecided"
+        yield f"{count} ({_some(undecided)}): the test leans one way only."
+
+
+def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
+    inseparable = _named(sensor, "inseparable")
+    if inseparable:
+        count = f"{len(inseparable)} {_are(inseparable)} inseparable in this test"
+        groups = [group for group in own_groups(sensor.selection) if set(inseparable) & set(group.terms)]
+        if len(groups) == 1:
+            yield f"{count}: {confounded_sentences(groups, sensor.selection.terms)[0]}"
+        else:
+            causes = dict.fromkeys(_cause(group) for group in groups)
+            yield " ".join((f"{count} ({_some(inseparable)}).", *(f"They {cause}" for cause in causes)))
+    unresolved, untested = _named(sensor, "unresolved"), _named(sensor, "untested")
+    if unresolved:
+        yield (
+            f"{len(unresolved)} {_are(unresolved)} unresolved ({_some(unresolved)}): the noise hides "
+            "anything that the prior allows; measure longer or drive harder."
+        )
+    if untested:
+        count = f"{len(untested)} {_are(untested)} untested"
+        yield f"{count} ({_some(untested)}): no run excites {_them(untested)}."
+
+
+def confounded_sentences(
+    groups: Sequence[Confounded], terms: Iterable[TermVerdict], *, numbered: bool = False
+) -> tuple[str, ...]:
+    """Say which terms each group holds, why, and what would tell them apart: a sentence a cause.
+
+    Parameters
+    ----------
+    groups : by the terms' names.
+    terms : where their symbols are known.
+    numbered : whether each group has its number, from ``[1]``.
+    """
+    symbols = {term.name: label(term) for term in terms}
+    causes: dict[str, list[str]] = {}
+    for number, group in enumerate(groups, 1):
+        named = [_both(name, symbols.get(name, name)) for name in group.terms]
+        members = listed(named if len(named) <= MOST_NAMES else group.terms)
+        causes.setdefault(_cause(group), []).append(f"[{number}] {members}" if numbered else members)
+    return tuple(
+        f"{'; '.join(members)}{' each ' if len(members) > 1 else ' '}{cause}"
+        for cause, members in causes.items()
+    )
+
+
+def _cause(group: Confounded) -> str:
+    how = "appear only in one combination" if group.exact else "cannot be told apart above the noise"
+    why = f": {group.reason}" if group.reason else ""
+    remedy = f" What would tell: {_sentence(group.remedy)}" if group.remedy else ""
+    return f"{how}{why}.{remedy}"
+
+
+def fit_sentence(sensor: SensorResult) -> str:
+    """Say whether the model explains the data, and name the runs that it does not."""
+    if not sensor.checks:
+        return ""
+    misfits = [check for check in sensor.checks if not check.fits]
+    if not misfits:
+        return (
+            f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
+            f"white at {1.0 - SUSPECT:.0%})."
+        )
+    named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
+    runs = "run" if len(misfits) == 1 else "runs"
+    return f"The model does not explain {runs} {named}: {_consequence(misfits)}"
+
+
+def _consequence(misfits: list[ResidualCheck]) -> str:
+    if any(check.whiteness_p < SUSPECT or check.scale > 1.0 + OFF for check in misfits):
+        return (
+            "either the library misses something there or the noise model is wrong; until that is settled "
+            "the error bars are too small. The residuals show where."
+        )
+    if any(check.scale < 1.0 - OFF for check in misfits):
+        return "the noise is weaker than its model there, so the error bars are wider than they need be."
+    return "chance makes no such blocks; look at what happened then."
+
+
+def check_words(check: ResidualCheck) -> str:
+    """Residual over noise, whiteness and outliers of one run, in words."""
+    p = probability(check.whiteness_p)
+    p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
+    white = "not white" if check.whiteness_p < SUSPECT else "white"
+    return f"residual over noise {check.scale:.2f}, {white}, p {p}{_outstanding(check)}"
+
+
+def _outstanding(check: ResidualCheck) -> str:
+    if not check.outliers:
+        return ""
+    blocks = "1 block stands" if len(check.outliers) == 1 else f"{len(check.outliers)} blocks stand"
+    return f", {blocks} out by up to {max(abs(size) for _, _, size in check.outliers):.0f} sd"
+
+
+def probability(p: float) -> str:
+    """p-value to two digits, never as a bare zero.
+
+    Examples
+    --------
+    >>> probability(0.3123), probability(2e-9), probability(float("nan"))
+    ('0.31', '<0.001', 'not tested')
+    """
+    if math.isnan(p):
+        return "not tested"
+    return "<0.001" if p < 1e-3 else f"{p:.2g}" if p < 0.01 else f"{p:.2f}"
+
+
+def models_text(count: int) -> str:
+    """Write the number of models, as a power of two where it is one.
+
+    Examples
+    --------
+    >>> models_text(32768), models_text(100)
+    ('2^15', '100')
+    """
+    return f"2^{count.bit_length() - 1}" if count > 1 and count & (count - 1) == 0 else f"{count:,}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Join names as a sentence does.
+
+    Examples
+    --------
+    >>> listed(["b0", "b2", "c_jj"])
+    'b0, b2 and c_jj'
+    """
+    *head, last = tuple(names)
+    return f"{', '.join(head)} and {last}" if head else last
+
+
+def _some(names: list[str]) -> str:
+    """Name a few terms; many are left to the table."""
+    return listed(names) if len(names) <= MOST_NAMES else f"{', '.join(names[:MOST_NAMES])} and others"
+
+
+def _named(sensor: SensorResult, verdict: str) -> list[str]:
+    return [term.name for term in sensor.selection.terms if term.verdict == verdict]
+
+
+def _are(names: Collection[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _them(names: Collection[str]) -> str:
+    return "it" if len(names) == 1 else "them"
+
+
+def _both(name: str, symbol: str) -> str:
+    return name if symbol == name else f"{name} ({symbol})"
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith((".", "!", "?")) else f"{text}."

@@ -1,0 +1,1 @@
+"""How it is tested: inputs, procedures, recorded runs and simulated ones."""

@@ -1,0 +1,137 @@
+"""Checks of a recorded run: what stops it, and what the report must mention."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import DataError
+from imubayes.rig.columns import Column
+from imubayes.rig.formats import Table
+
+FloatArray = NDArray[np.float64]
+
+LARGEST = 1e100
+"""In the file's own unit: beyond it a number is a placeholder, and its square leaves double precision."""
+
+GAP = 1.5
+"""A step of more than this many median steps is a gap: at least one sample is missing."""
+
+RAIL = 3
+"""Samples in a row at the smallest or largest value that count as saturation."""
+
+LEVELS = 32
+"""With fewer distinct values than this the output is coarse, and rests at its extremes when all is well."""
+
+JUMP = 0.2
+"""Relative change of the sampling interval, over a block of `BLOCK` steps, that is worth a note."""
+BLOCK = 64
+
+
+def check_values(table: Table, column: Column) -> None:
+    """Refuse a column with an entry that is not a finite number below `LARGEST`.
+
+    Raises
+    ------
+    DataError : naming the first such entry.
+    """
+    raw = column.raw
+    if raw.dtype.kind in "iu":
+        return
+    bad = ~(np.abs(raw) <= LARGEST)  # true for NaN too
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise DataError(
+            f"{table.file}, {table.place(row)}: column '{column.address}' holds {float(raw[row]):g}: "
+            f"expected a finite number below {LARGEST:g}; correct the entry or leave the row out"
+        )
+
+
+def check_time(table: Table, column: Column, t: FloatArray) -> None:
+    """Refuse a time that does not increase from row to row.
+
+    Raises
+    ------
+    DataError : naming the first row that is not later than the one before, or that there are too few rows.
+    """
+    if len(t) < 2:
+        raise DataError(
+            f"{table.file}: has only {len(t)} row of numbers: expected a run of at least 2 samples"
+        )
+    late = np.diff(t) > 0.0
+    if not late.all():
+        row = int(np.argmin(late)) + 1
+        before, now = float(column.raw[row - 1]), float(column.raw[row])
+        what = "stands still" if now == before else "goes back"
+        raise DataError(
+            f"{table.file}, {table.place(row)}: time {what}, "
+            f"'{column.address}' is {now:.15g} after {before:.15g}; "
+            "expected strictly increasing times; sort the rows, and keep one of those with equal times"
+        )
+
+
+def check_output(table: Table, column: Column) -> None:
+    """Refuse an output that never changes.
+
+    Raises
+    ------
+    DataError : if all samples are equal.
+    """
+    if np.all(column.raw == column.raw[0]):
+        raise DataError(
+            f"{table.file}: column '{column.address}' is {float(column.raw[0]):g} in every row: "
+            "expected a live output; check the wiring, or name another column in the study"
+        )
+
+
+def gaps(t: FloatArray) -> str:
+    """Say how many gaps the time has, and how long the longest is; empty without gaps."""
+    step = np.diff(t)
+    long = step > GAP * np.median(step)
+    count = int(np.count_nonzero(long))
+    if count == 0:
+        return ""
+    worst = int(np.argmax(step))
+    plural = "s" if count > 1 else ""
+    return f"{count} gap{plural} in time, the longest {step[worst]:.4g} s at t = {t[worst]:.6g} s"
+
+
+def interval_jump(t: FloatArray) -> str:
+    """Say where the sampling interval changes for longer than a gap; empty if it does not."""
+    step = np.diff(t)
+    blocks = len(step) // BLOCK
+    if blocks < 2:
+        return ""
+    medians = np.median(step[: blocks * BLOCK].reshape(blocks, BLOCK), axis=1)
+    usual = float(np.median(step))
+    away = np.abs(medians - usual) > JUMP * usual
+    if not away.any():
+        return ""
+    first = int(np.argmax(away))
+    return (
+        f"the sampling interval is {medians[first]:.4g} s around t = {t[first * BLOCK]:.6g} s "
+        f"where it is {usual:.4g} s over most of the run"
+    )
+
+
+def saturation(name: str, output: FloatArray) -> str:
+    """Say which share of an output sits at its smallest or largest value; empty if it does not.
+
+    Examples
+    --------
+    >>> saturation("output", np.minimum(np.arange(100.0), 90.0))
+    'output rests at its smallest or largest value (3 samples or more) 10 % of the time: it may be saturated'
+    """
+    share = (_railed(output, output.max()) + _railed(output, output.min())) / len(output)
+    if share == 0.0 or len(np.unique(output)) < LEVELS:
+        return ""
+    where = f"{name} rests at its smallest or largest value ({RAIL} samples or more)"
+    return f"{where} {100.0 * share:.2g} % of the time: it may be saturated"
+
+
+def _railed(output: FloatArray, rail: float) -> int:
+    """Count samples in runs of `RAIL` or more at one value."""
+    at = np.concatenate(([False], output == rail, [False])).astype(np.int8)
+    edges = np.diff(at)
+    lengths = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+    return int(lengths[lengths >= RAIL].sum())

@@ -1,0 +1,124 @@
+"""Columns of a file as channels of a run: which one, in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes import units
+from imubayes.errors import DataError, UnitError
+from imubayes.rig.formats import Table, bare, bracketed
+from imubayes.sensors.terms import CHANNEL_UNITS
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnSpec:
+    """Where the study finds a channel, if not under the channel's own name and unit.
+
+    Attributes
+    ----------
+    column : name in the file (``adc``, ``raw[:,0,3]``), or number from 0; None for the channel's name.
+    unit : unit of the file's numbers; None for the one in the file's header.
+    scale : SI per file unit; None for the factor of the unit.
+    offset : in file units, subtracted before scaling; None for 0.
+    """
+
+    column: str | int | None = None
+    unit: str | None = None
+    scale: float | None = None
+    offset: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Column:
+    """A column of a file as a channel of a run.
+
+    Attributes
+    ----------
+    channel : ``t``, ``output``, ``f_i``, ...
+    address : name in the file, or number, for messages.
+    unit : of the file's numbers.
+    raw : (n,) the file's numbers, in the file's own type.
+    scale, offset, zero : SI value of a number x is ``(x - offset) * scale + zero``.
+    """
+
+    channel: str
+    address: str
+    unit: str
+    raw: NDArray[np.generic]
+    scale: float
+    offset: float
+    zero: float
+
+    def si(self) -> FloatArray:
+        """Return the column in SI, a fresh array."""
+        return (self.raw.astype(np.float64) - self.offset) * self.scale + self.zero
+
+
+def channel_unit(channel: str, output_unit: str) -> str:
+    """SI unit of a channel.
+
+    Examples
+    --------
+    >>> channel_unit("dw_k", "m/s^2")
+    'rad/s^2'
+    """
+    if channel == "t":
+        return "s"
+    return CHANNEL_UNITS.get(channel.partition("_")[0], output_unit)
+
+
+def resolve(
+    table: Table,
+    specs: Mapping[str, ColumnSpec],
+    *,
+    required: tuple[str, ...],
+    optional: tuple[str, ...],
+    output_unit: str,
+) -> dict[str, Column]:
+    """Find the channels of a run in a file.
+
+    Parameters
+    ----------
+    table : the file.
+    specs : what the study says, by channel; other channels are found under their own name.
+    required, optional : channels to look for; an optional one that is in neither is left out.
+    output_unit : SI unit of the sensor's outputs.
+
+    Raises
+    ------
+    DataError : for a channel that is required or listed and not there, that is there twice, or has no unit
+        that measures what the channel holds.
+    """
+    found = {}
+    for channel in (*required, *optional):
+        if channel in specs or channel in required or _has(table, channel):
+            spec = specs.get(channel, ColumnSpec())
+            found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
+    return found
+
+
+def _has(table: Table, channel: str) -> bool:
+    return any(bare(name) == channel for name in table.columns)
+
+
+def _column(table: Table, channel: str, spec: ColumnSpec, like: str) -> Column:
+    address, raw = table.locate(channel if spec.column is None else spec.column, channel)
+    unit = spec.unit or bracketed(address)
+    if unit is None:
+        raise DataError(
+            f"{table.file}: column '{address}' has no unit: write it in the header, "
+            f"'{bare(address)} [{like}]', "
+            f'or in the study, {channel} = {{ column = "{address}", unit = "{like}" }}'
+        )
+    try:
+        scale = units.factor(unit, like) if spec.scale is None else spec.scale
+    except UnitError as error:
+        raise DataError(f"{table.file}: column '{address}', channel {channel}: {error}") from None
+    zero = units.offset(unit, like) if spec.scale is None else 0.0
+    return Column(channel, address, unit, raw, scale, spec.offset or 0.0, zero)

@@ -1,0 +1,235 @@
+"""Files that hold runs: one function and one line of `FORMATS` for each format.
+
+A reader gives the file's numeric columns as they are; what they mean is said elsewhere. Nothing here
+executes what a file contains: pickled objects are refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import DataError
+from imubayes.rig.containers import read_hdf5, read_matlab, read_numpy
+from imubayes.rig.texts import Text, from_arrow, line_of, read_delimited, read_spaced, said
+
+Array = NDArray[np.generic]
+
+_INDEXED = re.compile(r"(.+)\[:,\s*(\d+(?:\s*,\s*\d+)*)\]$")
+_BRACKETED = re.compile(r"^(.*?)\s*(?:\[([^\]:]*)\]|\(([^)]*)\))\s*$")
+
+
+def bare(name: str) -> str:
+    """Name of a column without its unit.
+
+    Examples
+    --------
+    >>> bare("f_i [g]"), bare("raw[:,0]")
+    ('f_i', 'raw[:,0]')
+    """
+    match = _BRACKETED.match(name)
+    return (match[1] if match else name).strip()
+
+
+def bracketed(name: str) -> str | None:
+    """Read the unit in a column's name, in brackets or parentheses; None without one.
+
+    Examples
+    --------
+    >>> bracketed("f_i [g]"), bracketed("Time (s)"), bracketed("f_i")
+    ('g', 's', None)
+    """
+    match = _BRACKETED.match(name)
+    return (match[2] or match[3] or "").strip() or None if match else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Columns of a file.
+
+    Attributes
+    ----------
+    file : as the study gives it, for messages.
+    columns : names as in the file, unit included; numbers counted from 0 where the file has none.
+    arrays : one for each name, (n,) or with more axes, in the file's own type; text is an array of str.
+    ordered : whether columns can be addressed by number.
+    text : the path of a text file, to name lines; None for a binary file.
+    header : whether the first line of a text names the columns.
+    """
+
+    file: str
+    columns: tuple[str, ...]
+    arrays: tuple[Array, ...]
+    ordered: bool
+    text: Path | None = None
+    header: bool = True
+
+    def place(self, row: int) -> str:
+        """Name the place of a row (counted from 0) as a person finds it."""
+        if self.text is None:
+            return f"row {row} counted from 0"
+        return f"line {line_of(self.text, row, header=self.header)}"
+
+    def locate(self, wanted: str | int, channel: str) -> tuple[str, Array]:
+        """Find a column by name, by name without unit, by number, or by index into a matrix.
+
+        Parameters
+        ----------
+        wanted : ``f_i [g]``, ``f_i``, ``3``, ``raw[:,0,3]``.
+        channel : what it is wanted for, for messages.
+
+        Returns
+        -------
+        (name, values) : the name in the file and an (n,) array of numbers.
+
+        Raises
+        ------
+        DataError : if it is not there, is there twice, or does not hold numbers.
+        """
+        index, rest = self._index(wanted, channel)
+        name = self.columns[index] if not rest else str(wanted)
+        values = self.arrays[index]
+        if rest:
+            values = _entry(self.file, values, rest, name)
+        return name, self._numeric(name, values)
+
+    def _index(self, wanted: str | int, channel: str) -> tuple[int, tuple[int, ...]]:
+        if isinstance(wanted, int):
+            return self._numbered(wanted, channel), ()
+        hits = [i for i, name in enumerate(self.columns) if name == wanted]
+        hits = hits or [i for i, name in enumerate(self.columns) if bare(name) == wanted]
+        if len(hits) > 1:
+            both = " and ".join(f"'{self.columns[i]}'" for i in hits)
+            raise DataError(
+                f"{self.file}: two columns for channel {channel}, {both}: say in the study which one it is"
+            )
+        if hits:
+            return hits[0], ()
+        match = _INDEXED.match(wanted)
+        if match and match[1] in self.columns:
+            return self.columns.index(match[1]), tuple(int(part) for part in match[2].split(","))
+        raise DataError(
+            f"{self.file}: there is no column '{wanted}' for channel {channel}: "
+            f"the file has {self._names()}; rename it, or say in the study which column it is"
+        )
+
+    def _numbered(self, wanted: int, channel: str) -> int:
+        if not self.ordered:
+            raise DataError(
+                f"{self.file}: column {wanted} for channel {channel} is given by number, "
+                f"but arrays of this format have no order: expected a name out of {self._names()}"
+            )
+        if not 0 <= wanted < len(self.columns):
+            raise DataError(
+                f"{self.file}: there is no column {wanted} for channel {channel}: "
+                f"the file has {len(self.columns)} columns, numbered from 0"
+            )
+        return wanted
+
+    def _names(self) -> str:
+        shown = [_labelled(name, array) for name, array in zip(self.columns, self.arrays, strict=True)]
+        return ", ".join(shown[:24]) + (", ..." if len(shown) > 24 else "")
+
+    def _numeric(self, name: str, values: Array) -> Array:
+        if values.ndim != 1:
+            shape = ",".join(["0"] * (values.ndim - 1))
+            raise DataError(
+                f"{self.file}: '{name}' has {values.ndim} axes: "
+                f"expected one column of it, such as '{name}[:,{shape}]'"
+            )
+        if values.dtype.kind == "b":
+            raise DataError(f"{self.file}: column '{name}' holds true and false where numbers were expected")
+        if values.dtype.kind not in "iuf":
+            return self._parsed(name, values)
+        return values
+
+    def _parsed(self, name: str, values: Array) -> Array:
+        """Numbers of a column that came as text: all of them, or the place of the first that is none."""
+        numbers = np.empty(len(values))
+        for row, value in enumerate(values.tolist()):
+            try:
+                numbers[row] = float(value)
+            except (TypeError, ValueError):
+                raise DataError(
+                    f"{self.file}, {self.place(row)}: column '{name}' holds {str(value)[:40]!r} "
+                    "where a number was expected: correct the entry, or name another column in the study"
+                ) from None
+        return numbers
+
+
+def read_table(path: Path, shown: str = "") -> Table:
+    """Read the columns of a file.
+
+    Parameters
+    ----------
+    path : CSV (comma, semicolon or tab), whitespace text, Parquet, HDF5, MATLAB (any version, or text), NumPy
+        archive; the suffix says which.
+    shown : name for messages; empty for the path.
+
+    Raises
+    ------
+    DataError : if the suffix is not known, or the file is empty, is not of its format, or has no rows.
+    """
+    shown = shown or str(path)
+    reader = FORMATS.get(path.suffix.lower())
+    if reader is None:
+        raise DataError(f"{shown}: format '{path.suffix}' is not known: expected one of {', '.join(FORMATS)}")
+    try:
+        if path.stat().st_size == 0:
+            raise DataError(f"{shown}: the file is empty: expected a run with named columns")
+        read = reader(path, shown)
+    except OSError as error:
+        raise DataError(
+            f"{shown}: cannot be read ({error.strerror or said(error)}): check the file"
+        ) from None
+    if isinstance(read, Text):
+        text = path if read.lines else None
+        return Table(shown, read.columns, read.arrays, ordered=True, text=text, header=read.header)
+    if not read:
+        raise DataError(f"{shown}: holds no array of numbers: expected one for each column, or a matrix")
+    return Table(shown, tuple(read), tuple(read.values()), ordered=False)
+
+
+def _entry(file: str, values: Array, rest: tuple[int, ...], name: str) -> Array:
+    wanted, there = len(rest) + 1, values.ndim
+    if wanted != there or any(k >= n for k, n in zip(rest, values.shape[1:], strict=False)):
+        shape = " x ".join(str(n) for n in values.shape)
+        raise DataError(f"{file}: there is no column '{name}': the array is {shape}, numbered from 0")
+    return values[(slice(None), *rest)]
+
+
+def _labelled(name: str, array: Array) -> str:
+    if array.ndim < 2:
+        return name
+    return f"{name}[:,{','.join(f'0..{n - 1}' for n in array.shape[1:])}]"
+
+
+def _read_parquet(path: Path, shown: str) -> Text:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return from_arrow(pq.read_table(path), shown, lines=False)
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+        raise DataError(f"{shown}: is not a Parquet file that can be read: {said(error)}") from None
+
+
+Reader = Callable[[Path, str], "Text | Mapping[str, Array]"]
+
+FORMATS: dict[str, Reader] = {
+    ".csv": read_delimited,
+    ".tsv": read_delimited,
+    ".txt": read_spaced,
+    ".dat": read_spaced,
+    ".parquet": _read_parquet,
+    ".h5": read_hdf5,
+    ".hdf5": read_hdf5,
+    ".mat": read_matlab,
+    ".npz": read_numpy,
+}
+"""Suffix -> reader."""

@@ -1,0 +1,134 @@
+"""What the rig applied, and what the sensor said: the values that leave this package."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+CONSTANT = 1e-6
+"""Relative spread of |f| below which it is the same in every row."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inputs:
+    """Known inputs of a run, in SI.
+
+    Attributes
+    ----------
+    t : (n,) time in s, strictly increasing.
+    channels : (n,) arrays by channel name (``f_i`` ... ``dw_k``, ``T``, ``dT``); an absent channel was not
+        excited and counts as zero.
+    interval : averaging time of one sample, s.
+    """
+
+    t: FloatArray
+    channels: Mapping[str, FloatArray]
+    interval: float
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a run came from, for the report.
+
+    Attributes
+    ----------
+    file : path as the study gives it, or ``simulated``.
+    sha256 : of the file's bytes; empty when simulated.
+    columns : (column of the file, channel, unit) of each column that was used.
+    notes : what the checks found that does not stop the run (gaps, saturation, assumed zeros).
+    """
+
+    file: str = "simulated"
+    sha256: str = ""
+    columns: tuple[tuple[str, str, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """One recorded or simulated run of one component with known inputs.
+
+    Attributes
+    ----------
+    name : as in the study, unique within the sensor.
+    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
+    inputs : what was applied.
+    output : (n,) what the component said, SI (m/s^2 or rad/s).
+    source : where it came from.
+    """
+
+    name: str
+    procedure: str
+    inputs: Inputs
+    output: FloatArray
+    source: Source = field(default_factory=Source)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TriadRun:
+    """A reference-free run of a triad: only |f| = g is known, while it is at rest.
+
+    Attributes
+    ----------
+    name : as in the study.
+    procedure : ``free-tumble``.
+    t : (n,) s.
+    output : (n, 3) the three components along the case axes x, y, z, m/s^2.
+    gravity : local gravity, m/s^2.
+    interval : averaging time of one sample, s.
+    source : where it came from.
+    """
+
+    name: str
+    procedure: str
+    t: FloatArray
+    output: FloatArray
+    gravity: float
+    interval: float
+    source: Source = field(default_factory=Source)
+
+
+def sampling_interval(t: FloatArray) -> float:
+    """Averaging time of one sample: the median step, so that gaps between dwells do not count."""
+    return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the inputs of all runs have in common.
+
+    Attributes
+    ----------
+    kind : accelerometer or gyroscope.
+    constant_force : |f| is the same in every row (a test at 1 g).
+    one_sided : the own input never changes sign.
+    reference_free : only |f| = g is known, and no direction.
+    """
+
+    kind: str
+    constant_force: bool
+    one_sided: bool
+    reference_free: bool = False
+
+
+UNKNOWN = Facts("accelerometer", constant_force=False, one_sided=False)
+"""Of inputs that nothing is known of."""
+
+
+def facts_of(channels: Sequence[Mapping[str, FloatArray]], kind: str) -> Facts:
+    """Return the facts of the inputs of several runs, given as SI channels by name."""
+    own = "f_i" if kind == "accelerometer" else "w_i"
+    inputs = [c[own] for c in channels if own in c]
+    sides = {side for values in inputs for side in (values.min(), values.max()) if side != 0.0}
+    one_sided = bool(sides) and (all(s > 0.0 for s in sides) or all(s < 0.0 for s in sides))
+    force = [np.sqrt(sum(c[f"f_{axis}"] ** 2 for axis in "ijk" if f"f_{axis}" in c)) for c in channels]
+    low, high = min(float(np.min(f)) for f in force), max(float(np.max(f)) for f in force)
+    return Facts(kind, low > 0.0 and high - low <= CONSTANT * high, one_sided)

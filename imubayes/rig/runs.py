@@ -1,0 +1,246 @@
+"""A run: what the study says of it, and the file that it becomes when it is read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from stat import S_ISDIR
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import DataError, InputError, StudyError
+from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump, saturation
+from imubayes.rig.columns import Column, ColumnSpec, resolve
+from imubayes.rig.formats import Table, read_table
+from imubayes.rig.inputs import Inputs, Run, Source, TriadRun, sampling_interval
+from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.simulate import simulate
+from imubayes.sensors.catalogue import SensorClass, draw_unit
+from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.terms import Kind, Library
+
+FloatArray = NDArray[np.float64]
+
+Procedure = Literal[
+    "tumble", "centrifuge", "rate-table", "oscillation", "thermal", "static", "free-tumble", "other"
+]
+"""What a study can call a run."""
+
+FREE_TUMBLE: Procedure = "free-tumble"
+OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
+TRIAD = ("ax", "ay", "az")
+"""Outputs of a reference-free run, along the case axes."""
+
+_INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T")
+RUN_CHANNELS = ("t", "output", *_INPUTS)
+"""Columns of a run with known inputs."""
+
+PROFILES = {"static": static, "tumble": tumble, "rate-table": rate_table, "centrifuge": centrifuge}
+"""Procedures that can be simulated, by the function that plans them."""
+
+_LATE_EPOCH = 1e6
+"""s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """A run before it is read.
+
+    Attributes
+    ----------
+    name : as in the study, unique within the sensor.
+    procedure : a `Procedure`.
+    file : the recorded file; None for a simulated run.
+    shown : the file as the study gives it, for messages and the report.
+    columns : where the file's own names or units differ, by channel.
+    gravity : local gravity, m/s^2; needed by ``free-tumble`` only.
+    noise : how the noise of the run is to be known.
+    simulate : for a simulated run, ``profile`` (a key of `PROFILES`) and the arguments of its function by
+        name, in SI.
+    origin : where a public file comes from, for the message when it is not there.
+    """
+
+    name: str
+    procedure: Procedure
+    file: Path | None = None
+    shown: str = ""
+    columns: Mapping[str, ColumnSpec] = field(default_factory=dict)
+    gravity: float | None = None
+    noise: NoiseRule = field(default_factory=NoiseRule)
+    simulate: Mapping[str, object] | None = None
+    origin: str = ""
+
+
+def read_run(spec: RunSpec, kind: Kind) -> Run | TriadRun:
+    """Read and check the file of a run.
+
+    Parameters
+    ----------
+    spec : of the run, with a file.
+    kind : of the sensor; it says what unit the output has.
+
+    Returns
+    -------
+    a `TriadRun` for the procedure ``free-tumble``, else a `Run`. The channel ``dT`` is the derivative of
+    the recorded temperature (central differences), where there is one. Input channels that the file does
+    not have are absent (zero), and the source's notes say so.
+
+    Raises
+    ------
+    DataError : if the file cannot be read, lacks a column or a unit, or holds what no run can hold. The
+        message names the file and the line or the column, what was expected and what to do.
+    """
+    if spec.file is None:
+        raise DataError(f"run '{spec.name}' is simulated: it has no file to read")
+    shown = spec.shown or str(spec.file)
+    table = read_table(_existing(spec.file, shown, spec.origin), shown)
+    if spec.procedure == FREE_TUMBLE:
+        return _triad_run(spec, table, _sha256(spec.file))
+    return _run(spec, kind, table, _sha256(spec.file))
+
+
+def plan_run(spec: RunSpec) -> Plan:
+    """Plan of a simulated run, under the run's own name.
+
+    Raises
+    ------
+    StudyError : if the run is not simulated, or its options make no run; names the run.
+    """
+    if spec.simulate is None:
+        raise StudyError(f"run '{spec.name}' is recorded: it has no profile to simulate")
+    options = {key: value for key, value in spec.simulate.items() if key != "profile"}
+    try:
+        plan = PROFILES[str(spec.simulate["profile"])](**options)
+    except InputError as error:
+        raise StudyError(f"run '{spec.name}': {error}") from None
+    return replace(plan, name=spec.name)
+
+
+def simulate_runs(
+    specs: Iterable[RunSpec],
+    sensor_class: SensorClass,
+    lib: Library,
+    *,
+    truth: Mapping[str, float],
+    rng: np.random.Generator,
+) -> tuple[tuple[Run, ...], Mapping[str, float]]:
+    """Simulate the runs of one sensor.
+
+    Parameters
+    ----------
+    specs : runs with ``simulate``.
+    sensor_class : gives the noise, and the coefficients where `truth` is empty.
+    lib : terms of a unit drawn from the class.
+    truth : coefficients in SI by name; empty draws a unit from the class over `lib`.
+    rng : the source of randomness.
+
+    Returns
+    -------
+    (runs, truth) : with the coefficients that were used.
+
+    Raises
+    ------
+    StudyError : if the options of a run make no run.
+    """
+    plans = [plan_run(spec) for spec in specs]
+    unit = truth or draw_unit(sensor_class, lib, rng)
+    return simulate(sensor_class, plans, seed=rng, truth=unit), unit
+
+
+def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
+    columns = resolve(
+        table, spec.columns, required=("t", "output"), optional=_INPUTS, output_unit=OUTPUT_UNIT[kind]
+    )
+    t, epoch = _time(table, columns["t"])
+    values = {name: _values(table, columns[name], len(t)) for name in columns if name != "t"}
+    output = values.pop("output")
+    check_output(table, columns["output"])
+    notes = (*epoch, *_notes(t, {"output": output}), *_assumed(kind, values))
+    if "T" in values:
+        values["dT"] = np.gradient(values["T"], t)
+        notes = (*notes, "dT/dt is the derivative of the recorded temperature")
+    inputs = Inputs(t, {name: _frozen(column) for name, column in values.items()}, sampling_interval(t))
+    return Run(spec.name, spec.procedure, inputs, _frozen(output), _source(table, sha256, columns, notes))
+
+
+def _triad_run(spec: RunSpec, table: Table, sha256: str) -> TriadRun:
+    if spec.gravity is None:
+        raise DataError(
+            f"run '{spec.name}': a free tumble needs gravity, for example gravity = \"9.81 m/s^2\""
+        )
+    columns = resolve(table, spec.columns, required=("t", *TRIAD), optional=(), output_unit="m/s^2")
+    t, epoch = _time(table, columns["t"])
+    outputs = {name: _values(table, columns[name], len(t)) for name in TRIAD}
+    for name in TRIAD:
+        check_output(table, columns[name])
+    source = _source(table, sha256, columns, (*epoch, *_notes(t, outputs)))
+    output = _frozen(np.column_stack([outputs[name] for name in TRIAD]))
+    return TriadRun(spec.name, spec.procedure, t, output, spec.gravity, sampling_interval(t), source)
+
+
+def _time(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
+    """Time in s; a clock that counts from an epoch is referred to its first reading before it is scaled."""
+    check_values(table, column)
+    t, notes = column.si(), ()
+    if abs(t[0]) > _LATE_EPOCH:
+        clock = column.raw.astype(np.int64 if column.raw.dtype.kind in "iu" else np.float64)
+        t = (clock - clock[0]).astype(np.float64) * column.scale
+        notes = ("time is counted from the first sample",)
+    check_time(table, column, t)
+    return _frozen(t), notes
+
+
+def _values(table: Table, column: Column, n: int) -> FloatArray:
+    if len(column.raw) != n:
+        raise DataError(
+            f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has {n}: "
+            "expected columns of equal length"
+        )
+    check_values(table, column)
+    return column.si()
+
+
+def _notes(t: FloatArray, outputs: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    found = [gaps(t), interval_jump(t), *(saturation(name, output) for name, output in outputs.items())]
+    return tuple(note for note in found if note)
+
+
+def _assumed(kind: Kind, channels: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """Say which inputs are taken as zero because the file does not have them."""
+    families = ("f", "w", "dw") if kind == "accelerometer" else ("w", "f", "dw")
+    absent = [
+        f"{family}_{axis}" for family in families for axis in "ijk" if f"{family}_{axis}" not in channels
+    ]
+    return (f"not in the file, taken as zero: {', '.join(absent)}",) if absent else ()
+
+
+def _source(table: Table, sha256: str, columns: Mapping[str, Column], notes: tuple[str, ...]) -> Source:
+    used = tuple((column.address, channel, column.unit) for channel, column in columns.items())
+    return Source(table.file, sha256, used, notes)
+
+
+def _existing(path: Path, shown: str, origin: str) -> Path:
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        public = f"; the data are public ({origin}): download them, and name their folder in IMUBAYES_DATA"
+        hint = public if origin else "; check the key file of the run"
+        raise DataError(f"{shown}: there is no such file (looked for {path}){hint}") from None
+    if S_ISDIR(mode):
+        raise DataError(f"{shown}: is a directory where a file with a run was expected")
+    return path
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _frozen(values: FloatArray) -> FloatArray:
+    values.setflags(write=False)
+    return values

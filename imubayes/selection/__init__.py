@@ -1,0 +1,1 @@
+"""Which terms are there: the evidence of every submodel, and one verdict per term."""

@@ -1,0 +1,235 @@
+"""One verdict per term, from the evidence of every submodel and from what the test can tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import TermError
+from imubayes.factor import reorder
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.summary import Summary
+from imubayes.planning.observability import Observability, observe
+from imubayes.selection.enumerate import Models, components_given, enumerate_models, inclusion_given
+from imubayes.selection.mixture import Components, limit, probability_within, quantiles
+from imubayes.selection.verdicts import TENTH, Evidence, TermVerdict, decide, untested
+from imubayes.sensors.terms import Library, Term
+
+FloatArray = NDArray[np.float64]
+
+WIDTHS = (1.0 / 3.0, 1.0, 3.0)
+"""Factors on every prior sd that a verdict is checked at."""
+
+NOMINAL = WIDTHS.index(1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """The decision on one component.
+
+    Attributes
+    ----------
+    terms : a verdict for every term of the library, in the order of the model equation.
+    columns : name of each term's column in the summary: its own, or ``<component>.<term>`` for a triad.
+    model : names of the terms with inclusion of one half or more (median probability model).
+    log_evidence : of the data, averaged over all models.
+    models : the enumeration at the nominal prior width, over the terms that the test excites.
+    by_width : (prior width factor, inclusion of the candidates) for 1/3, 1, 3.
+    observability : what the test can tell.
+    """
+
+    terms: tuple[TermVerdict, ...]
+    columns: tuple[str, ...]
+    model: tuple[str, ...]
+    log_evidence: float
+    models: Models
+    by_width: tuple[tuple[float, FloatArray], ...]
+    observability: Observability
+
+    def table(self) -> str:
+        """Verdicts as plain text, in SI units."""
+        rows = [f"{'term':8} {'symbol':8} {'mean':>12} {'sd':>9} {'inclusion':>9}  verdict"]
+        rows += [
+            f"{t.name:8} {t.symbol:8} {t.mean:12.5g} {t.sd:9.2g} {t.inclusion:9.3f}  {t.verdict}"
+            for t in self.terms
+        ]
+        return "\n".join(rows)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Widths:
+    """Enumerations at every prior width, and what they say given that some terms are in the model."""
+
+    models: tuple[Models, ...]
+    cache: dict[tuple[str, ...], tuple[tuple[FloatArray, ...], tuple[Components, ...]]]
+
+    def given(self, partners: tuple[str, ...]) -> tuple[tuple[FloatArray, ...], tuple[Components, ...]]:
+        """Inclusions and mixtures, by width, over the models that contain `partners`."""
+        if partners not in self.cache:
+            inclusions = tuple(inclusion_given(m, partners) for m in self.models)
+            parts = tuple(components_given(m, partners) if partners else m.components for m in self.models)
+            self.cache[partners] = (inclusions, parts)
+        return self.cache[partners]
+
+
+def select(
+    summary: Summary,
+    prior: ScalePrior,
+    lib: Library | None = None,
+    *,
+    component: str = "",
+    reach: Mapping[str, float] | None = None,
+) -> Selection:
+    """Decide which terms of a component the data need.
+
+    Parameters
+    ----------
+    summary : the runs' factor.
+    prior : physical prior of every term of the summary, in its order.
+    lib : the component's library; by default the one that `summary` was made with.
+    component : name of a triad's component. Its terms are ``<component>.<term>`` in the summary, and the
+        other components' terms stay in every model, under their priors.
+    reach : largest size of each term's column over the runs, SI, by name in the summary.
+
+    Raises
+    ------
+    TermError : if more than 26 terms of the component are excited, or there is no library.
+    """
+    lib = lib or summary.library
+    if lib is None:
+        raise TermError(
+            "a summary of plain arrays has no library: give the library whose terms its columns are"
+        )
+    sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
+    seen = observe(summary.factor, prior.sd, summary.facts)
+    excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
+    prefix = f"{component}." if component else ""
+    own = {f"{prefix}{term.name}": term for term in lib.terms}
+    part = Summary(reorder(summary.factor, excited))
+    scale = ScalePrior([sd[name] for name in excited])
+    always = tuple(name for name in excited if name not in own)
+    widths = _Widths(tuple(enumerate_models(part, scale.wider(w), always=always) for w in WIDTHS), {})
+    models = widths.models[NOMINAL]
+    full = components_given(models, models.candidates.names)
+    largest = reach or summary.reach
+    verdicts = tuple(
+        _tested(name, term, widths, seen, full, largest.get(name, 0.0))
+        if name in models.candidates.names
+        else _untested(term, sd[name], models)
+        for name, term in own.items()
+    )
+    return Selection(
+        terms=verdicts,
+        columns=tuple(own),
+        model=tuple(v.name for v in verdicts if v.inclusion >= 0.5 and v.verdict != "untested"),
+        log_evidence=models.log_evidence,
+        models=models,
+        by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
+        observability=seen,
+    )
+
+
+def _tested(
+    name: str, term: Term, widths: _Widths, seen: Observability, full: Components, reach: float
+) -> TermVerdict:
+    c = widths.models[NOMINAL].candidates
+    j, column = c.names.index(name), c.columns.index(name)
+    partners = tuple(n for n in seen.partners(name) if n in c.names)
+    alone = [float(inclusion[j]) for inclusion in widths.given(())[0]]
+    inclusions, mixtures = widths.given(partners)
+    together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
+    parts = mixtures[NOMINAL]
+    mean, sd = (float(moment[column]) for moment in parts.moments())
+    prior_sd = float(c.sd[column])
+    everyone = tuple(_local(n, name) for n in seen.partners(name))
+    evidence = Evidence(
+        inclusion=alone[NOMINAL],
+        range=(min(together), max(together)),
+        small=min(
+            probability_within(m, column, TENTH * prior_sd) for m in (mixtures if partners else (parts,))
+        ),
+        ratio=float(seen.ratio[seen.names.index(name)]),
+        pull=abs(mean) / sd if sd > 0.0 else 0.0,
+        partners=everyone,
+        remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
+    )
+    verdict, reason = decide(evidence)
+    full_mean, full_sd = (float(moment[column]) for moment in full.moments())
+    q05, q95 = quantiles(parts, column, (0.05, 0.95))
+    return TermVerdict(
+        name=term.name,
+        symbol=term.symbol,
+        unit=term.unit,
+        printed=term.printed,
+        group=term.group,
+        mean=mean,
+        sd=sd,
+        q05=q05,
+        q95=q95,
+        full_mean=full_mean,
+        full_sd=full_sd,
+        prior_sd=prior_sd,
+        inclusion=alone[NOMINAL],
+        inclusion_range=(min(alone), max(alone)),
+        limit95=_first_finite(limit(parts, column), limit(full, column)),
+        effect=abs(mean) * reach,
+        verdict=verdict,
+        reason=reason,
+        confounded_with=everyone,
+    )
+
+
+def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
+    """What the prior says of a term that the test never excited."""
+    inclusion = _prior_inclusion(models)
+    alone = Components(
+        weight=np.array([inclusion, 1.0 - inclusion]),
+        mask=np.array([1, 0]),
+        scale=np.ones(2),
+        mean=np.zeros((2, 1)),
+        sd=np.array([[prior_sd], [0.0]]),
+    )
+    verdict, reason = untested(term)
+    q05, q95 = quantiles(alone, 0, (0.05, 0.95))
+    return TermVerdict(
+        name=term.name,
+        symbol=term.symbol,
+        unit=term.unit,
+        printed=term.printed,
+        group=term.group,
+        mean=0.0,
+        sd=prior_sd * math.sqrt(inclusion),
+        q05=q05,
+        q95=q95,
+        full_mean=0.0,
+        full_sd=prior_sd,
+        prior_sd=prior_sd,
+        inclusion=inclusion,
+        inclusion_range=(inclusion, inclusion),
+        limit95=limit(alone, 0),
+        effect=0.0,
+        verdict=verdict,
+        reason=reason,
+        confounded_with=(),
+    )
+
+
+def _first_finite(*values: float) -> float:
+    return next(value for value in values if math.isfinite(value))
+
+
+def _prior_inclusion(models: Models) -> float:
+    """Inclusion of one more term, under the beta-binomial prior, given how many the data ask for: E[(k + 1)/(p + 2)]."""
+    weight = np.exp(models.by_size - models.by_size.max())
+    k = np.arange(len(weight))
+    return float(np.sum(weight * (k + 1.0)) / np.sum(weight) / (len(weight) + 1.0))
+
+
+def _local(name: str, beside: str) -> str:
+    """Name of a term as its own component writes it: ``ax.b2`` beside ``ax.b0`` is ``b2``."""
+    component = beside.rpartition(".")[0]
+    return name.removeprefix(f"{component}.") if component else name

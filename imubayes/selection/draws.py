@@ -1,0 +1,37 @@
+"""Exact draws of a component's coefficients, from the posterior and from the prior."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.selection.decision import Selection
+from imubayes.selection.mixture import draw
+
+FloatArray = NDArray[np.float64]
+
+
+def posterior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:
+    """Independent draws (size, p) in the order of the verdicts; a term that a draw's model lacks is zero.
+
+    Terms that the test never excited are drawn from their prior, with the inclusion that the others suggest.
+    """
+    models = selection.models
+    drawn = draw(models.candidates, models.components, size, rng)
+    columns = {name: drawn[:, j] for j, name in enumerate(models.candidates.columns)}
+    out = np.empty((size, len(selection.terms)))
+    for j, (term, name) in enumerate(zip(selection.terms, selection.columns, strict=True)):
+        out[:, j] = columns[name] if name in columns else _sparse(term.inclusion, term.prior_sd, size, rng)
+    return out
+
+
+def prior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:
+    """Draws (size, p) of the prior: the share of terms in the model is uniform, coefficients are normal."""
+    share = rng.random(size)
+    inside = rng.random((size, len(selection.terms))) < share[:, None]
+    sd = np.array([term.prior_sd for term in selection.terms])
+    return np.where(inside, rng.standard_normal(inside.shape) * sd, 0.0)
+
+
+def _sparse(inclusion: float, sd: float, size: int, rng: np.random.Generator) -> FloatArray:
+    return np.where(rng.random(size) < inclusion, sd * rng.standard_normal(size), 0.0)

@@ -1,0 +1,98 @@
+"""Coefficients of chosen submodels, and the g-family's integrals, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def submodel(R, mask):
+    """Triangular factor of the columns in `mask`.
+
+    Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
+    holds the k column numbers. Householder reflections on the selected columns of R.
+    """
+    p = R.shape[0] - 1
+    columns = np.array([j for j in range(p) if (mask >> j) & 1], dtype=np.int64)
+    k = len(columns)
+    A = np.empty((p + 1, k + 1))
+    for c in range(k):
+        A[:, c] = R[:, columns[c]]
+    A[:, k] = R[:, p]
+    for c in range(k):
+        last = columns[c] + 1  # below its own row, a column of R is zero
+        norm = np.sqrt(np.sum(A[c:last, c] ** 2))
+        if norm == 0.0:
+            continue
+        v = A[c:last, c].copy()
+        v[0] += norm if v[0] >= 0.0 else -norm
+        scale = 2.0 / np.sum(v * v)
+        for d in range(c, k + 1):
+            A[c:last, d] -= scale * np.sum(v * A[c:last, d]) * v
+    T = np.zeros((k + 1, k + 1))
+    for i in range(k):
+        T[i, i:] = A[i, i:]
+    T[k, k] = np.sqrt(np.sum(A[k:, k] ** 2))
+    return T, columns
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solutions(R, masks):
+    """Least-squares coefficients and unscaled variances of each submodel; zero where a column is out.
+
+    Returns two arrays (m, p): ``T^-1 z`` and the diagonal of ``(T'T)^-1``.
+    """
+    p = R.shape[0] - 1
+    mean, variance = np.zeros((len(masks), p)), np.zeros((len(masks), p))
+    for m in range(len(masks)):
+        T, columns = submodel(R, masks[m])
+        k = len(columns)
+        inverse = np.zeros((k, k))
+        for c in range(k):
+            inverse[c, c] = 1.0 / T[c, c]
+            for r in range(c - 1, -1, -1):
+                inverse[r, c] = -np.sum(T[r, r + 1 : c + 1] * inverse[r + 1 : c + 1, c]) / T[r, r]
+        for r in range(k):
+            mean[m, columns[r]] = np.sum(inverse[r, r:] * T[r:k, k])
+            variance[m, columns[r]] = np.sum(inverse[r, r:] ** 2)
+    return mean, variance
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def g_integrals(unexplained, size, dof, g, log_weight):
+    """Integrals over g of each model's Bayes factor against the null.
+
+    ``log BF = (dof - k)/2 log(1 + g) - dof/2 log(1 + g u)``, u = 1 - R^2.
+
+    Parameters
+    ----------
+    unexplained, size : arrays (m,), u and k of each model.
+    dof : rows minus forced columns.
+    g, log_weight : arrays (q,), nodes and prior weights.
+
+    Returns
+    -------
+    array (m, 5) : log BF; posterior means of ``s = g/(1+g)``, ``s^2``, ``s r`` and ``r = (1 + g u)/(1 + g)``.
+    """
+    out = np.zeros((len(size), 5))
+    log_g1, terms = np.log1p(g), np.zeros(len(g))
+    for m in range(len(size)):
+        u = unexplained[m]
+        for q in range(len(g)):
+            terms[q] = 0.5 * (dof - size[m]) * log_g1[q] - 0.5 * dof * np.log1p(g[q] * u) + log_weight[q]
+        peak = terms.max()
+        total = 0.0
+        for q in range(len(g)):
+            w, s, r = np.exp(terms[q] - peak), g[q] / (1.0 + g[q]), (1.0 + g[q] * u) / (1.0 + g[q])
+            total += w
+            out[m, 1] += w * s
+            out[m, 2] += w * s * s
+            out[m, 3] += w * s * r
+            out[m, 4] += w * r
+        out[m, 0] = peak + np.log(total)
+        out[m, 1:] /= total
+    return out

@@ -1,0 +1,140 @@
+"""The rule that turns the evidence on one term into one verdict, and the words that go with it.
+
+Three answers are never mixed up: needed, not needed, and "this test cannot tell". Which of them holds depends
+on the prior's width only where the test leaves it to the prior, and there the verdict says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from imubayes.sensors.terms import Term
+
+NEEDED, NOT_NEEDED = 0.95, 0.05
+"""Inclusion from which a term is needed, and up to which it is not."""
+
+TENTH = 0.1
+"""Share of the class's typical size below which a coefficient does not matter."""
+
+SURE = 0.95
+"""Posterior probability of being that small from which the term is not needed."""
+
+UNRESOLVED = 0.9
+"""Posterior sd over prior sd above which a test has not resolved a term."""
+
+
+@dataclass(frozen=True, slots=True)
+class TermVerdict:
+    """What the data say of one term; coefficients in the term's SI unit.
+
+    Attributes
+    ----------
+    name, symbol, unit, printed, group : of the term.
+    mean, sd, q05, q95 : model-averaged; for a term with confounded partners, over the models that
+        contain these partners, so that what only the prior tells apart widens the error bar.
+    full_mean, full_sd : under the full library.
+    prior_sd : sd of the physical prior.
+    inclusion : posterior probability that the term is in the model.
+    inclusion_range : its range over prior widths x 1/3, 1, 3.
+    limit95 : |theta| stays below this with 95 %, over the models that contain the term.
+    effect : largest effect over the test at `mean`, m/s^2 or rad/s.
+    verdict : needed | not needed | undecided | inseparable | unresolved | untested.
+    reason : in words, made from the numbers.
+    confounded_with : names.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    printed: str
+    group: str
+    mean: float
+    sd: float
+    q05: float
+    q95: float
+    full_mean: float
+    full_sd: float
+    prior_sd: float
+    inclusion: float
+    inclusion_range: tuple[float, float]
+    limit95: float
+    effect: float
+    verdict: str
+    reason: str
+    confounded_with: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the rule looks at.
+
+    Attributes
+    ----------
+    inclusion : at the nominal prior.
+    range : smallest and largest inclusion over the prior widths; for a term with partners also over the
+        models that contain the partners, where parsimony does not decide in its place.
+    small : smallest probability, over the prior widths, that the coefficient is below a tenth of the
+        class's typical size.
+    ratio : posterior sd over prior sd under the full library.
+    pull : |mean| / sd of the coefficient.
+    partners : terms that it is confounded with.
+    remedy : which run would separate them.
+    """
+
+    inclusion: float
+    range: tuple[float, float]
+    small: float
+    ratio: float
+    pull: float
+    partners: tuple[str, ...]
+    remedy: str
+
+
+def decide(e: Evidence) -> tuple[str, str]:
+    """Verdict and reason for a term that the test excites.
+
+    Examples
+    --------
+    >>> decide(Evidence(1.0, (1.0, 1.0), 0.0, 0.01, 250.0, (), ""))
+    ('needed', 'inclusion 1.000, 250 sd from zero')
+    >>> decide(Evidence(0.7, (0.4, 0.8), 0.0, 0.95, 1.2, (), ""))[0]
+    'unresolved'
+    """
+    low, high = e.range if e.partners else (e.inclusion, e.inclusion)
+    if low >= NEEDED:
+        return "needed", f"inclusion {e.inclusion:.3f}, {e.pull:.0f} sd from zero"
+    if e.partners:
+        return _confounded(e, high)
+    if e.ratio > UNRESOLVED:
+        return "unresolved", f"posterior sd is {e.ratio:.2f} of the prior's: measure longer, or drive harder"
+    return _small(e, high) or ("undecided", _leaning(e))
+
+
+def untested(term: Term) -> tuple[str, str]:
+    """Verdict and reason for a term whose column was zero throughout."""
+    inputs = " ".join(f.channel for f in term.factors)
+    return "untested", f"its input ({inputs}) was zero in every run"
+
+
+def _confounded(e: Evidence, high: float) -> tuple[str, str]:
+    others = _listed(e.partners)
+    if e.ratio <= UNRESOLVED and (small := _small(e, high)):
+        return small
+    return "inseparable", f"only the prior tells it from {others}; {e.remedy}"
+
+
+def _small(e: Evidence, high: float) -> tuple[str, str] | None:
+    if high <= NOT_NEEDED:
+        return "not needed", f"inclusion {e.inclusion:.3f}"
+    if e.small >= SURE:
+        return "not needed", f"below a tenth of the class's typical size with {100 * e.small:.0f} %"
+    return None
+
+
+def _leaning(e: Evidence) -> str:
+    way = "towards it" if e.inclusion >= 0.5 else "against it"
+    return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

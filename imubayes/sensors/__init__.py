@@ -1,0 +1,1 @@
+"""What is tested: the model's terms, the catalogue of technologies and grades, noise processes."""

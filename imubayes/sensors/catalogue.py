@@ -1,0 +1,294 @@
+"""Technologies and grades: how large each coefficient and each noise process is in a class of sensors.
+
+The figures are in ``grades.toml`` beside this module, ``[low, typical, high, unit]``, with their sources.
+From them come the physical priors: a coefficient is ``N(0, sd^2)`` with the sd of its class, whatever the
+noise of the test is.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from imubayes import units
+from imubayes.errors import TermError
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import Kind, Library, Term
+
+Range = tuple[float, float, float]
+"""Low, typical and high over the members of a class, SI."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorClass:
+    """A technology at a grade.
+
+    Attributes
+    ----------
+    id : name in the catalogue, unique within a kind.
+    kind : accelerometer or gyroscope.
+    technology, grade : in words.
+    examples : products of the class.
+    full_scale : typical largest input, m/s^2 or rad/s.
+    bandwidth : typical, Hz.
+    coefficients : size of each coefficient by the catalogue's key (``K2``, ``mis``, ``g1``), SI.
+    noise : size of ``N``, ``B``, ``K``, SI (see `imubayes.sensors.noise.Noise`).
+    temperature : (lowest, highest) of operation, K.
+    source : where the figures come from, in words.
+    """
+
+    id: str
+    kind: Kind
+    technology: str
+    grade: str
+    examples: tuple[str, ...]
+    full_scale: float
+    bandwidth: float
+    coefficients: Mapping[str, Range]
+    noise: Mapping[str, Range]
+    temperature: tuple[float, float]
+    source: str
+
+
+def sensor(id: str, *, kind: str) -> SensorClass:
+    """Class of the catalogue by its id; some ids exist for both kinds.
+
+    Raises
+    ------
+    TermError : if there is no such class, naming those that are spelled alike or the other kind.
+
+    Examples
+    --------
+    >>> sensor("quartz_flexure_servo", kind="accelerometer").grade
+    'navigation'
+    """
+    known = {entry.id: entry for entry in classes(kind)}
+    if id in known:
+        return known[id]
+    elsewhere = [entry.kind for entry in classes() if entry.id == id]
+    if elsewhere:
+        raise TermError(f"class '{id}' is of kind {elsewhere[0]}, not {kind}: known are {', '.join(known)}")
+    near = get_close_matches(id, known)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
+    raise TermError(f"class '{id}' is not in the catalogue of kind {kind}: {hint}")
+
+
+def classes(kind: str | None = None) -> tuple[SensorClass, ...]:
+    """Classes of one kind, or of both, in the catalogue's order.
+
+    Raises
+    ------
+    TermError : if the kind is neither accelerometer nor gyroscope.
+
+    Examples
+    --------
+    >>> len(classes("accelerometer")), len(classes("gyroscope"))
+    (6, 11)
+    """
+    if kind not in (None, "accelerometer", "gyroscope"):
+        raise TermError(f"kind '{kind}' is not known: expected accelerometer or gyroscope")
+    return tuple(entry for entry in _catalogue() if kind in (None, entry.kind))
+
+
+def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
+    """Sd of the zero-mean prior of one coefficient, SI, and where it comes from, in words.
+
+    The sd is the class's typical size (a tenth of the highest where the typical one is zero), halved where
+    the catalogue holds IEEE 1293's full difference. A lever arm drives the same regressors as the spin and
+    angular-acceleration terms, so the two add in squares. Four rules are assumptions (orders of magnitude),
+    and their texts say so:
+
+    - a power beyond the catalogue's highest has a third of that one's effect at full scale;
+    - a gyroscope's Koq-like ``b2p`` is half of its quadratic nonlinearity;
+    - each power of T - T0 beyond the first divides by half the temperature range, and a term without a
+      temperature coefficient of its own varies by 1e-3 per kelvin;
+    - a bias by dT/dt that the catalogue does not give is the temperature coefficient times 60 s.
+
+    Raises
+    ------
+    TermError : if the class's kind has no such term.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> tactical = sensor("mems_tactical", kind="accelerometer")
+    >>> sd, origin = prior_sd(tactical, library("accelerometer").terms[4])
+    >>> f"{sd:.4e} m/s^2, {origin}"
+    '2.4517e-05 m/s^2, half of the typical K0p'
+    """
+    base, _, heat = term.name.partition("*")
+    if heat == "dT":
+        return _drift_sd(sensor_class)
+    sd, origin = _isothermal_sd(sensor_class, base)
+    return _heated_sd(sensor_class, base, int(heat[1:] or 1), sd) if heat else (sd, origin)
+
+
+def noise_prior(
+    sensor_class: SensorClass,
+) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    """Log-normal priors of N, B and K: (median in SI, sd of the logarithm) of each.
+
+    The median is the class's typical value, and its low and high are the 5 % and 95 % points.
+
+    Examples
+    --------
+    >>> white, floor, walk = noise_prior(sensor("mems_industrial", kind="accelerometer"))
+    >>> round(white[0] / 9.80665e-6, 6), round(white[1], 4)
+    (60.0, 0.6999)
+    """
+    white, floor, walk = (_log_normal(sensor_class.noise[name]) for name in ("N", "B", "K"))
+    return white, floor, walk
+
+
+def typical_noise(sensor_class: SensorClass) -> Noise:
+    """Typical noise of a class, SI."""
+    N, B, K = (sensor_class.noise[name][1] for name in ("N", "B", "K"))
+    return Noise(N, B, K)
+
+
+def draw_unit(sensor_class: SensorClass, lib: Library, rng: np.random.Generator) -> dict[str, float]:
+    """One sensor of the class at random: every coefficient of `lib` from its prior, SI, by name.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("gyroscope", powers=1, asymmetry=-1)
+    >>> unit = draw_unit(sensor("mems_consumer", kind="gyroscope"), lib, np.random.default_rng(1))
+    >>> list(unit) == list(lib.names)
+    True
+    """
+    return {term.name: rng.normal(0.0, prior_sd(sensor_class, term)[0]) for term in lib.terms}
+
+
+@cache
+def _catalogue() -> tuple[SensorClass, ...]:
+    tables = tomllib.loads(files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8"))
+    kinds: tuple[Kind, ...] = ("accelerometer", "gyroscope")
+    return tuple(_entry(id, kind, table) for kind in kinds for id, table in tables[kind].items())
+
+
+def _entry(id: str, kind: Kind, table: Mapping[str, Any]) -> SensorClass:
+    lowest, highest, scale = table["temperature"]
+    return SensorClass(
+        id=id,
+        kind=kind,
+        technology=table["technology"],
+        grade=table["grade"],
+        examples=tuple(table["examples"]),
+        full_scale=_range(table["full_scale"])[1],
+        bandwidth=_range(table["bandwidth"])[1],
+        coefficients={key: _range(figure) for key, figure in table["coefficients"].items()},
+        noise={key: _range(figure) for key, figure in table["noise"].items()},
+        temperature=(
+            units.quantity(f"{lowest} {scale}", like="K"),
+            units.quantity(f"{highest} {scale}", like="K"),
+        ),
+        source="; ".join(f"{sort.replace('_', ' ')}: {text}" for sort, text in table["source"].items()),
+    )
+
+
+def _range(figure: list[Any]) -> Range:
+    *values, unit = figure
+    scale = units.factor(unit, like=unit)
+    low, typical, high = (value * scale for value in values)
+    return low, typical, high
+
+
+_NORMAL_95 = 1.6448536269514722
+"""95 % point of the standard normal distribution."""
+
+
+def _log_normal(values: Range) -> tuple[float, float]:
+    low, typical, high = values
+    return typical, math.log(high / low) / (2.0 * _NORMAL_95)
+
+
+_SHARES: dict[str, dict[str, dict[str, float]]] = {
+    # catalogue's figures (and their shares, added in squares) behind each coefficient
+    "accelerometer": {
+        "b0": {"K0": 1.0}, "b1": {"s": 1.0}, "b2": {"K2": 1.0}, "b3": {"K3": 1.0},
+        "b0p": {"K0p": 0.5}, "b1p": {"K1p": 0.5}, "b2p": {"Koq": 1.0},
+        "m_j": {"mis": 1.0}, "m_k": {"mis": 1.0},
+        "c_ij": {"Kx": 1.0}, "c_ik": {"Kx": 1.0}, "c_jk": {"Kx": 1.0},
+        "c_jj": {"Kxx": 1.0}, "c_kk": {"Kxx": 1.0},
+        "S_ij": {"Kspin": 1.0, "lever": 1.0}, "S_ik": {"lever": 1.0}, "S_jk": {"Kspin": 1.0},
+        "S_ii": {"Kspin": 1.0}, "S_jj": {"lever": 1.0}, "S_kk": {"lever": 1.0},
+        "s_i": {"Kaa": 1.0}, "s_j": {"lever": 1.0}, "s_k": {"Kaa": 1.0, "lever": 1.0},
+    },
+    "gyroscope": {
+        "b0": {"b0": 1.0}, "b1": {"s": 1.0}, "b2": {"nl2": 1.0}, "b3": {"nl3": 1.0},
+        "b0p": {"b0p": 1.0}, "b1p": {"sasym": 0.5}, "b2p": {"nl2": 0.5},
+        "m_j": {"mis": 1.0}, "m_k": {"mis": 1.0},
+        **{f"c_{pair}": {"crate": 1.0} for pair in ("ij", "ik", "jj", "jk", "kk")},
+        **{f"g_{axis}": {"g1": 1.0} for axis in "ijk"},
+        **{f"S_{pair}": {"g2": 1.0} for pair in ("ij", "ik", "jk", "ii", "jj", "kk")},
+        **{f"s_{axis}": {"aa": 1.0} for axis in "ijk"},
+    },
+}  # fmt: skip
+
+_ASSUMED = {("gyroscope", "b2p")}
+"""Coefficients whose share above is an order of magnitude of our own."""
+
+_HIGHEST = {"": 3, "p": 2}
+"""Highest power of the own input in the catalogue, without and with the sign."""
+
+_DRIFT_TIME = 60.0
+"""s; a dT/dt coefficient over the temperature coefficient where none is given (order of magnitude)."""
+
+_HEAT_SENSITIVITY = 1e-3
+"""1/K; relative change of a coefficient by temperature where none is given (order of magnitude)."""
+
+
+def _isothermal_sd(entry: SensorClass, name: str) -> tuple[float, str]:
+    shares = _SHARES[entry.kind].get(name)
+    if shares is None:
+        return _beyond_sd(entry, name)
+    sizes = [(share, *_size(entry, key)) for key, share in shares.items()]
+    sd = math.hypot(*(share * size for share, size, _ in sizes))
+    origin = " and ".join(("half of " if share == 0.5 else "") + text for share, _, text in sizes)
+    return sd, f"assumed: {origin}" if (entry.kind, name) in _ASSUMED else origin
+
+
+def _size(entry: SensorClass, key: str) -> tuple[float, str]:
+    _, typical, high = entry.coefficients[key]
+    return (
+        (typical, f"the typical {key}") if typical > 0.0 else (high / 10.0, f"a tenth of the highest {key}")
+    )
+
+
+def _beyond_sd(entry: SensorClass, name: str) -> tuple[float, str]:
+    """Sd of a power that the catalogue does not hold: a third of the highest one's effect at full scale."""
+    power, family = name[1:].removesuffix("p"), "p" if name.endswith("p") else ""
+    if name[0] != "b" or not power.isdigit():
+        raise TermError(f"kind {entry.kind} has no term '{name}': the catalogue cannot say how large it is")
+    known = _HIGHEST[family]
+    sd, _ = _isothermal_sd(entry, f"b{known}{family}")
+    return sd / 3.0 * entry.full_scale ** (
+        known - int(power)
+    ), f"assumed: a third of the effect of b{known}{family} at full scale"
+
+
+def _heated_sd(entry: SensorClass, base: str, power: int, sd: float) -> tuple[float, str]:
+    if base not in ("b0", "b1"):
+        return sd * _HEAT_SENSITIVITY**power, f"assumed: 1e-3 per kelvin of {base}"
+    size, origin = _size(entry, f"T{base[1:]}")
+    if power == 1:
+        return size, origin
+    lowest, highest = entry.temperature
+    half = (highest - lowest) / 2.0
+    return size / half ** (power - 1), f"assumed: {origin} over half the temperature range"
+
+
+def _drift_sd(entry: SensorClass) -> tuple[float, str]:
+    if "Tdot" in entry.coefficients:
+        return _size(entry, "Tdot")
+    size, origin = _size(entry, "T0")
+    return size * _DRIFT_TIME, f"assumed: {origin} times 60 s"

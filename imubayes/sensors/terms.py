@@ -1,0 +1,354 @@
+"""The generalized component model, term by term.
+
+Output minus input of one component is linear in its coefficients::
+
+    y = sum_k theta_k phi_k(f, w, dw/dt, T)
+
+Each regressor ``phi`` is a product of powers of input channels, with a sign where the term is an
+asymmetry, so a term is data: a name, its factors, its unit. Axes are (i, j, k) = (input, pendulous or
+spin, output), right-handed. Coefficients are *errors*: ``b1`` is the scale-factor error, and the
+``cos(alpha)`` of the direction vector is part of it (only their sum is estimable).
+
+Source: Olson, Bingham, Walker, "A Generalized IMU Modeling Framework for Varying Inertial Sensing
+Technologies and Performance Grades", JNC 2023; symbols of IEEE Std 1293, 952, 517 and 647.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import TermError
+
+Kind = Literal["accelerometer", "gyroscope"]
+FloatArray = NDArray[np.float64]
+
+AXES = "ijk"
+CHANNELS = (*(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in AXES), "T", "dT")
+"""Input channels: specific force, rate, angular acceleration, temperature and its rate, in SI."""
+
+CHANNEL_UNITS = {"f": "m/s^2", "w": "rad/s", "dw": "rad/s^2", "T": "K", "dT": "K/s"}
+REFERENCE_TEMPERATURE = 298.15
+"""T0 of the temperature expansion: 25 degC in kelvin."""
+
+HIGHEST_POWER = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """One factor of a regressor: ``channel ** power``, times ``sign(channel)`` if `signed`."""
+
+    channel: str
+    power: int
+    signed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One term of the model equation.
+
+    Attributes
+    ----------
+    name : as in the slides, in ASCII (``b2p``, ``c_ij``, ``S_jk``, ``b0*T``).
+    symbol : the IEEE symbol, ``-`` where no standard names the term.
+    factors : the regressor as a product; empty for the bias.
+    unit : SI unit of the coefficient.
+    printed : the unit that people use.
+    group : the part of the model equation it belongs to.
+    """
+
+    name: str
+    symbol: str
+    factors: tuple[Factor, ...]
+    unit: str
+    printed: str
+    group: str
+
+
+@dataclass(frozen=True, slots=True)
+class Library:
+    """The candidate terms of one component, in the order of the model equation."""
+
+    kind: Kind
+    terms: tuple[Term, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the terms."""
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def own(self) -> str:
+        """Channel of the component's own input: ``f_i`` or ``w_i``."""
+        return f"{_own(self.kind)}_i"
+
+
+def library(
+    kind: Kind,
+    *,
+    powers: int = 3,
+    asymmetry: int = 2,
+    set: Literal["slide", "extended"] = "slide",
+    temperature: int = 0,
+    temperature_of: tuple[str, ...] = ("b0", "b1"),
+) -> Library:
+    """Candidate terms of an accelerometer or a gyroscope.
+
+    Parameters
+    ----------
+    kind : ``accelerometer`` or ``gyroscope``.
+    powers : N_a, the highest power of the own input.
+    asymmetry : N_a', the highest power that also comes times the sign of the input; -1 for none.
+    set : ``slide`` is exactly the slides' equation; ``extended`` adds the diagonal of S and, for a
+        gyroscope, linear g-sensitivity and angular acceleration.
+    temperature : highest power of T - T0 that multiplies each term of `temperature_of`; with 1 or more
+        the rate of temperature joins as ``b0*dT``.
+    temperature_of : names of the terms that are expanded in temperature.
+
+    Raises
+    ------
+    TermError : if an order is out of range, or a name in `temperature_of` is not a term.
+
+    Examples
+    --------
+    >>> library("gyroscope", powers=2, asymmetry=0).names
+    ('b0', 'b1', 'b2', 'b0p', 'm_j', 'm_k', 'c_ij', 'c_ik', 'c_jj', 'c_jk', 'c_kk', 'S_ij', 'S_ik', 'S_jk')
+    """
+    _check_orders(kind, powers, asymmetry, temperature, set)
+    terms = [*_polynomial(kind, powers, asymmetry), *_cross(kind), *_opposite(kind, set)]
+    by_name = {term.name: term for term in terms}
+    unknown = [name for name in temperature_of if name not in by_name]
+    if temperature and unknown:
+        raise TermError(f"temperature_of names '{unknown[0]}', which is not a term of this library")
+    if temperature:
+        orders = range(1, temperature + 1)
+        terms += [_heated(kind, by_name[name], q) for name in temperature_of for q in orders]
+        terms.append(_drifting(kind, by_name["b0"]))
+    return Library(kind, tuple(terms))
+
+
+def columns(
+    lib: Library, channels: Mapping[str, FloatArray], n: int, out: FloatArray | None = None
+) -> FloatArray:
+    """Regressors of every term at known inputs.
+
+    Parameters
+    ----------
+    lib : the library.
+    channels : SI arrays of length `n` by channel name; an absent channel is zero (not excited).
+    n : number of rows.
+    out : array (n, p) to fill, for callers that own the memory.
+
+    Returns
+    -------
+    array (n, p), row-major, in SI units of input.
+
+    Examples
+    --------
+    >>> lib = library("gyroscope", powers=1, asymmetry=0)
+    >>> columns(lib, {"w_i": np.array([-2.0, 0.0])}, 2)[:, :3].tolist()
+    [[1.0, -2.0, -1.0], [1.0, 0.0, 0.0]]
+    """
+    X = np.empty((n, len(lib.terms))) if out is None else out
+    for j, term in enumerate(lib.terms):
+        X[:, j] = column(term, channels)
+    return X
+
+
+def column(term: Term, channels: Mapping[str, FloatArray]) -> FloatArray | float:
+    """One term's regressor; a scalar where it does not depend on the inputs given."""
+    value: FloatArray | float = 1.0
+    for factor in term.factors:
+        if factor.channel not in channels:
+            return 0.0
+        value = value * _power(channels[factor.channel], factor)
+    return value
+
+
+def is_tested(term: Term, channels: Mapping[str, FloatArray]) -> bool:
+    """Whether these inputs excite the term at all."""
+    return bool(np.any(column(term, channels) != 0.0))
+
+
+def angles(gain: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Scale-factor error and misalignment angles of a fitted linear row.
+
+    Parameters
+    ----------
+    gain : (1 + b1, m_j, m_k), the linear response to the inputs along i, j, k.
+
+    Returns
+    -------
+    (s, alpha_j, alpha_k) : scale-factor error, and the components in rad of the rotation vector that
+        carries the case axis i onto the input axis. Exact at any angle below pi.
+
+    Examples
+    --------
+    >>> s, a_j, a_k = angles((1.0, 3e-4, -4e-4))
+    >>> f"{s:.3e} {a_j:.6e} {a_k:.6e}"
+    '1.250e-07 4.000000e-04 3.000000e-04'
+    """
+    k_i, k_j, k_k = gain
+    across = math.hypot(k_j, k_k)
+    alpha = math.atan2(across, k_i)
+    ratio = alpha / across if across > 0.0 else 0.0
+    # |k| - 1 without cancellation: (|k|^2 - 1) / (|k| + 1)
+    excess = (k_i - 1.0) * (k_i + 1.0) + across * across
+    return excess / (math.hypot(k_i, across) + 1.0), -ratio * k_k, ratio * k_j
+
+
+def gains(s: float, alpha_j: float, alpha_k: float) -> tuple[float, float, float]:
+    """Linear row of a scale-factor error and misalignment angles: the inverse of `angles`.
+
+    ``(1 + s) (cos a, sinc(a) alpha_k, -sinc(a) alpha_j)``, ``a = hypot(alpha_j, alpha_k)`` (the square root
+    is missing on the slide, and the minus of the third entry is IEEE 1293's and 952's).
+
+    Examples
+    --------
+    >>> gains(0.0, 0.0, 0.0)
+    (1.0, 0.0, -0.0)
+    """
+    alpha = math.hypot(alpha_j, alpha_k)
+    sinc = math.sin(alpha) / alpha if alpha > 0.0 else 1.0
+    return (1.0 + s) * math.cos(alpha), (1.0 + s) * sinc * alpha_k, -(1.0 + s) * sinc * alpha_j
+
+
+def _power(values: FloatArray, factor: Factor) -> FloatArray:
+    if factor.channel == "T":
+        values = values - REFERENCE_TEMPERATURE
+    value = np.ones_like(values) if factor.power == 0 else values
+    for _ in range(factor.power - 1):
+        value = value * values
+    return value * np.sign(values) if factor.signed else value
+
+
+def _check_orders(kind: str, powers: int, asymmetry: int, temperature: int, set: str) -> None:
+    if kind not in _SYMBOLS:
+        raise TermError(f"kind '{kind}' is not known: expected accelerometer or gyroscope")
+    if set not in ("slide", "extended"):
+        raise TermError(f"set '{set}' is not known: expected slide or extended")
+    orders = (("powers", powers, 1), ("asymmetry", asymmetry, -1), ("temperature", temperature, 0))
+    for name, value, low in orders:
+        if not low <= value <= HIGHEST_POWER:
+            raise TermError(f"{name} = {value} is out of range: expected {low} to {HIGHEST_POWER}")
+
+
+def _own(kind: Kind) -> str:
+    return "f" if kind == "accelerometer" else "w"
+
+
+def _polynomial(kind: Kind, powers: int, asymmetry: int) -> Iterator[Term]:
+    own = f"{_own(kind)}_i"
+    for n in range(powers + 1):
+        factors = (Factor(own, n),) if n else ()
+        yield _own_term(kind, f"b{n}", factors, n, "bias and scale")
+    for n in range(asymmetry + 1):
+        yield _own_term(kind, f"b{n}p", (Factor(own, n, signed=True),), n, "asymmetry")
+
+
+def _cross(kind: Kind) -> Iterator[Term]:
+    own = _own(kind)
+    for axis in "jk":
+        factors = (Factor(f"{own}_{axis}", 1),)
+        yield Term(f"m_{axis}", _symbol(kind, f"m_{axis}"), factors, "rad", "urad", "misalignment")
+    for pair in ("ij", "ik", "jj", "jk", "kk"):
+        yield _own_term(kind, f"c_{pair}", _product(own, pair), 2, "cross terms")
+
+
+def _opposite(kind: Kind, set: str) -> Iterator[Term]:
+    other = "w" if kind == "accelerometer" else "f"
+    diagonal = ("ii", "jj", "kk") if set == "extended" else ()
+    if kind == "gyroscope" and set == "extended":
+        for axis in AXES:
+            yield _opposite_term(kind, f"g_{axis}", (Factor(f"f_{axis}", 1),), "g")
+    for pair in ("ij", "ik", "jk", *diagonal):
+        yield _opposite_term(kind, f"S_{pair}", _product(other, pair), "S")
+    if kind == "accelerometer" or set == "extended":
+        for axis in AXES:
+            yield _opposite_term(kind, f"s_{axis}", (Factor(f"dw_{axis}", 1),), "s")
+
+
+def _product(quantity: str, pair: str) -> tuple[Factor, ...]:
+    if pair[0] == pair[1]:
+        return (Factor(f"{quantity}_{pair[0]}", 2),)
+    return tuple(Factor(f"{quantity}_{axis}", 1) for axis in pair)
+
+
+def _own_term(kind: Kind, name: str, factors: tuple[Factor, ...], n: int, group: str) -> Term:
+    unit, printed = _own_units(kind, n)
+    return Term(name, _symbol(kind, name), factors, unit, printed, group)
+
+
+def _opposite_term(kind: Kind, name: str, factors: tuple[Factor, ...], family: str) -> Term:
+    unit, printed = _OPPOSITE_UNITS[kind][family]
+    return Term(name, _symbol(kind, name), factors, unit, printed, "opposite phenomenon")
+
+
+def _heated(kind: Kind, term: Term, q: int) -> Term:
+    power = "" if q == 1 else str(q)
+    name = f"{term.name}*T{power}"
+    unit = _per(term.unit, f"K^{q}" if power else "K")
+    printed = _per(term.printed, f"degC^{q}" if power else "degC")
+    return Term(name, _symbol(kind, name), (*term.factors, Factor("T", q)), unit, printed, "temperature")
+
+
+def _drifting(kind: Kind, bias: Term) -> Term:
+    unit, printed = _per(bias.unit, "(K/s)"), _per(bias.printed, "(degC/min)")
+    factors = (*bias.factors, Factor("dT", 1))
+    return Term("b0*dT", _symbol(kind, "b0*dT"), factors, unit, printed, "temperature")
+
+
+def _per(unit: str, divisor: str) -> str:
+    return f"1/{divisor}" if unit == "1" else f"{unit}/{divisor}"
+
+
+def _own_units(kind: Kind, n: int) -> tuple[str, str]:
+    """SI unit ``(unit)^(1-n)`` and printed unit of the coefficient of the n-th power of the own input."""
+    base = "m/s^2" if kind == "accelerometer" else "rad/s"
+    si = base if n == 0 else "1" if n == 1 else f"({base})^{1 - n}"
+    if kind == "accelerometer":
+        printed = ("ug", "ppm")[n] if n < 2 else f"ug/g^{n}"
+    else:
+        printed = ("deg/h", "ppm", "ppm/(deg/s)")[n] if n < 3 else f"ppm/(deg/s)^{n - 1}"
+    return si, printed
+
+
+_OPPOSITE_UNITS = {
+    "accelerometer": {
+        "S": ("m/s^2/(rad/s)^2", "ug/(rad/s)^2"),
+        "s": ("m/s^2/(rad/s^2)", "ug/(rad/s^2)"),
+    },
+    "gyroscope": {
+        "g": ("rad/s/(m/s^2)", "deg/h/g"),
+        "S": ("rad/s/(m/s^2)^2", "deg/h/g^2"),
+        "s": ("rad/s/(rad/s^2)", "deg/h/(deg/s^2)"),
+    },
+}
+
+_SYMBOLS: dict[str, dict[str, str]] = {
+    # IEEE 1293: K0' and K1' are full differences, so the half is written out; m_j = d_o, m_k = -d_p
+    "accelerometer": {
+        "b0": "K0", "b1": "K1", "b0p": "K0'/2", "b1p": "K1'/2", "b2p": "Koq", "m_j": "d_o", "m_k": "-d_p",
+        "c_ij": "Kip", "c_ik": "Kio", "c_jk": "Kpo", "c_jj": "Kpp", "c_kk": "Koo",
+        "S_ij": "Kspin", "s_k": "Kang",
+    },
+    # IEEE 952 with the scale-factor ppm in the denominator (minus signs); drift terms of IEEE 517
+    "gyroscope": {
+        "b0": "D_F", "b1": "-eps_K", "b2": "-eps_1", "b3": "-eps_2", "b1p": "-eps_1'",
+        "m_j": "a_Y", "m_k": "-a_X",
+        "g_i": "D_I", "g_j": "D_S", "g_k": "D_O", "S_ij": "D_IS", "S_ik": "D_IO", "S_jk": "D_OS",
+        "S_ii": "D_II", "S_jj": "D_SS", "S_kk": "D_OO", "b0*T": "D_T", "b0*dT": "D_Tdot", "b1*T": "-eps_T",
+    },
+}  # fmt: skip
+
+
+def _symbol(kind: str, name: str) -> str:
+    known = _SYMBOLS[kind].get(name)
+    if known is None and kind == "accelerometer" and name[0] == "b" and name[1:].isdigit():
+        return f"K{name[1:]}"
+    return known or "-"

@@ -1,0 +1,188 @@
+"""Units at the edge: a text becomes an SI number once, and an SI number becomes a text once.
+
+The registry is the domain's own. ``g`` is standard gravity, so ``mg`` and ``ug`` are accelerations
+(in pint's default registry ``mg`` is a milligram); ``ppm`` is 1e-6; a ``count`` is a pure number.
+Angles are radians, which SI counts as pure numbers, so ``deg/h`` is a frequency like ``rad/s``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from tokenize import TokenError
+from typing import TYPE_CHECKING
+
+from imubayes.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+
+STANDARD_GRAVITY = 9.80665
+"""Standard gravity g0 in m/s^2 (CGPM 1901)."""
+
+ZERO_CELSIUS = 273.15
+"""0 degC in kelvin."""
+
+_DEFINITIONS = (
+    "nano- = 1e-9 = n-",
+    "micro- = 1e-6 = u- = µ-",
+    "milli- = 1e-3 = m-",
+    "kilo- = 1e3 = k-",
+    "second = [time] = s = sec",
+    "minute = 60 * second = min",
+    "hour = 3600 * second = h",
+    "day = 86400 * second",
+    "hertz = 1 / second = Hz",
+    "meter = [length] = m",
+    "centimeter = 0.01 * meter = cm",
+    "kelvin = [temperature] = K",
+    "volt = [potential] = V",
+    "ampere = [current] = A",
+    "tesla = [magnetic_flux_density] = T",
+    "gauss = 1e-4 * tesla = G",
+    "radian = [] = rad",
+    "degree = 0.017453292519943295 * radian = deg",
+    "arcminute = 0.0002908882086657216 * radian = arcmin",
+    "arcsecond = 4.84813681109536e-06 * radian = arcsec",
+    "turn = 6.283185307179586 * radian = rev",
+    "standard_gravity = 9.80665 * meter / second ** 2 = g",
+    "count = [] = LSB",
+    "part_per_million = 1e-6 = ppm",
+    "percent = 0.01 = pct",
+    "dps = degree / second",
+    "dph = degree / hour",
+    "rpm = 0.10471975511965977 / second",
+)
+
+_UNREADABLE = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    TokenError,
+)
+"""What pint's parser raises on texts that are not units (``deg/``, ``1//s``), beside its own errors."""
+
+_EXPONENT = r"(?:\*\*|\^)\s*(?:[-+]?NUMBER|\([-+]?NUMBER\))(?!\s*(?:\*\*|\^))".replace(
+    "NUMBER", r"\d{1,2}(?:\.\d{1,3})?(?![\d.])"
+)
+_SHAPE = re.compile(rf"(?:{_EXPONENT}|[^\W\d]|[*/()\s%°²³⁻¹]|1(?![\d.]))*")
+_LONGEST = 100
+"""What a unit may look like, and its length: a tower of exponents (``m^9^9^9``) keeps a parser busy."""
+
+_ROOT = re.compile(r"sqrt\(([^()]*)\)")
+_BARE_ROOT = re.compile(r"√(\w+)")
+_CELSIUS = re.compile(r"(?:deg_?C|°C|celsius)\b")
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    registry = pint.UnitRegistry(None)  # pyright: ignore[reportArgumentType]  (None: an empty one)
+    for line in _DEFINITIONS:
+        registry.define(line)
+    return registry
+
+
+def _readable(text: str) -> str:
+    """Rewrite what people type (``deg/sqrt(h)``, ``deg/√h``, ``ug/degC``, ``%``) as pint reads it."""
+    text = "" if text.strip() == "1" else text
+    text = _CELSIUS.sub("kelvin", text.strip()).replace("%", "percent").replace("·", "*")
+    text = _BARE_ROOT.sub(r"sqrt(\1)", text.replace("μ", "µ").replace("√(", "sqrt("))
+    return _ROOT.sub(r"(\1)**0.5", text)
+
+
+@cache
+def factor(unit: str, like: str = "") -> float:
+    """SI value of one `unit`.
+
+    Parameters
+    ----------
+    unit : what a person writes, such as ``ug/sqrt(Hz)``, ``deg/h/g``, ``count``.
+    like : a unit that it must be convertible to; empty for a pure number.
+
+    Raises
+    ------
+    UnitError : if the unit is not known, or measures something else than `like`.
+
+    Examples
+    --------
+    >>> round(factor("mg", like="m/s^2"), 8)
+    0.00980665
+    >>> round(factor("deg/h", like="rad/s") * 1e6, 6)
+    4.848137
+    """
+    import pint
+
+    registry = _registry()
+    try:
+        if not (_SHAPE.fullmatch(_readable(unit)) and len(unit) <= _LONGEST):
+            raise ValueError(unit)
+        value = registry.Quantity(1.0, registry.parse_units(_readable(unit)))
+        wanted = registry.parse_units(_readable(like))
+        return float(value.to(wanted).magnitude * registry.Quantity(1.0, wanted).to_base_units().magnitude)
+    except pint.DimensionalityError:
+        raise UnitError(
+            f"unit '{unit}' does not measure what is needed here: expected something like '{like or 'ppm'}'"
+        ) from None
+    except (pint.errors.PintError, *_UNREADABLE):
+        raise UnitError(
+            f"unit '{unit}' is not known: expected something like '{like or 'ppm'}', "
+            f"for example {_examples(like)}"
+        ) from None
+
+
+def _examples(like: str) -> str:
+    """Name a few units of a dimension, for an error message."""
+    known = {
+        "m/s^2": "m/s^2, g, mg, ug",
+        "rad/s": "rad/s, deg/s, deg/h",
+        "rad/s^2": "rad/s^2, deg/s^2",
+        "s": "s, min, h",
+        "K": "degC, K",
+        "rad": "rad, deg, arcsec",
+    }
+    return known.get(like, "ppm, ug/g^2, deg/h/g, ug/sqrt(Hz)")
+
+
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+
+
+def quantity(text: str, like: str = "") -> float:
+    """SI value of a quantity such as ``"30 s"`` or ``"1.5 mg"``.
+
+    Parameters
+    ----------
+    text : number and unit; the unit may be absent where `like` is a pure number.
+    like : a unit that it must be convertible to. ``K`` takes ``25 degC`` as a temperature.
+
+    Raises
+    ------
+    UnitError : if the text has no number, or its unit is not like `like`.
+
+    Examples
+    --------
+    >>> quantity("2 min", like="s")
+    120.0
+    >>> quantity("25 degC", like="K")
+    298.15
+    """
+    match = _QUANTITY.match(text)
+    if match is None:
+        raise UnitError(f"'{text}' is not a quantity: expected a number and a unit like '{like}'")
+    unit = match[2]
+    value = float(match[1]) * factor(unit, like) + offset(unit, like)
+    if not math.isfinite(value):
+        raise UnitError(
+            f"'{text}' is too large for a number: expected a finite quantity like '{like or '1'}'"
+        )
+    return value
+
+
+def offset(unit: str, like: str) -> float:
+    """SI value of zero on the scale of `unit`: 273.15 for ``degC`` as a temperature, else 0."""
+    return ZERO_CELSIUS if like == "K" and _CELSIUS.fullmatch(unit.strip()) else 0.0

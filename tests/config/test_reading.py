@@ -1,0 +1,192 @@
+"""A study file becomes the values that the method works on."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from imubayes.config import read_study
+from imubayes.errors import StudyError
+from imubayes.rig.gravity import normal_gravity
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import library
+
+G = 9.80665
+UG = G * 1e-6
+ULPS = 1e-14
+"""A few multiplications of conversion factors."""
+
+HEAD = """
+[[sensor]]
+id = "A"
+kind = "accelerometer"
+class = "mems_tactical"
+"""
+RUN = """
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+file = "tumble.csv"
+"""
+
+
+def _read(folder: Path, text: str):
+    path = folder / "bench.toml"
+    path.write_text(text)
+    return read_study(path)
+
+
+def _sensor(folder: Path, text: str):
+    (sensor,) = _read(folder, text).sensors
+    return sensor
+
+
+def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
+    study = _read(tmp_path, HEAD.replace('class = "mems_tactical"\n', "") + RUN)
+    (sensor,) = study.sensors
+    (run,) = sensor.runs
+    assert (study.title, study.seed) == ("bench", 0)
+    assert sensor.sensor_class is None
+    assert sensor.library == library("accelerometer", powers=3, asymmetry=2, set="slide")
+    assert run.file == tmp_path / "tumble.csv"
+    assert run.noise == NoiseRule()
+    assert study.text == study.path.read_text()
+
+
+def test_library_keys_are_the_arguments_of_library(tmp_path):
+    options = 'powers = 4\nasymmetry = -1\nset = "extended"\ntemperature = 2\ntemperature_of = ["m_j"]\n'
+    sensor = _sensor(tmp_path, HEAD + "[sensor.library]\n" + options + RUN)
+    assert sensor.library == library(
+        "accelerometer", powers=4, asymmetry=-1, set="extended", temperature=2, temperature_of=("m_j",)
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        # SI = (x - offset) scale, whatever unit each of the three is written in
+        ('unit = "count", scale = "2.4e-3 m/s^2/count", offset = "33124 count"', (2.4e-3, 33124.0)),
+        ('unit = "count", scale = "2 mg", offset = "5"', (2e-3 * G, 5.0)),
+        ('unit = "g", scale = "1.002", offset = "0.1 g"', (1.002 * G, 0.1)),
+        ('unit = "mg", scale = "1000200 ppm", offset = "1 g"', (1.0002 * G * 1e-3, 1000.0)),
+    ],
+)
+def test_scale_and_offset_are_read_in_their_units(table, expected, tmp_path):
+    sensor = _sensor(tmp_path, HEAD + RUN + f'[sensor.run.columns]\noutput = {{ column = "adc", {table} }}\n')
+    column = sensor.runs[0].columns["output"]
+    assert column.column == "adc"
+    assert (column.scale, column.offset) == pytest.approx(expected, rel=ULPS)
+
+
+def test_column_can_be_given_by_name_or_number_alone(tmp_path):
+    sensor = _sensor(
+        tmp_path, HEAD + RUN + '[sensor.run.columns]\noutput = "adc"\nf_i = 3\nt = { unit = "ms" }\n'
+    )
+    columns = sensor.runs[0].columns
+    assert (columns["output"].column, columns["f_i"].column) == ("adc", 3)
+    assert (columns["t"].column, columns["t"].unit) == (None, "ms")
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ('"estimate"', NoiseRule()),
+        ('"white"', NoiseRule("white")),
+        ('{ run = "log" }', NoiseRule("fixed", like="log")),
+        ('{ N = "60 ug/sqrt(Hz)" }', NoiseRule("fixed", Noise(60 * UG, 0.0, 0.0))),
+        (
+            '{ N = "0.036 m/s/sqrt(h)", B = "40 ug", K = "0.3 ug/sqrt(s)" }',
+            NoiseRule("fixed", Noise(0.036 / 60.0, 40 * UG, 0.3 * UG)),
+        ),
+    ],
+)
+def test_noise_of_a_run_wins_over_that_of_its_sensor(text, rule, tmp_path):
+    log = RUN.replace("tumble", "log").replace('procedure = "log"', 'procedure = "static"')
+    sensor = _sensor(tmp_path, HEAD + 'noise = "white"\n' + RUN + f"noise = {text}\n" + log)
+    noise, usual = sensor.runs[0].noise, sensor.runs[1].noise
+    assert usual == NoiseRule("white")
+    assert (noise.rule, noise.like) == (rule.rule, rule.like)
+    if rule.value is not None and noise.value is not None:
+        expected = (rule.value.N, rule.value.B, rule.value.K)
+        came = (noise.value.N, noise.value.B, noise.value.K)
+        assert came == pytest.approx(expected, rel=ULPS)
+
+
+def test_static_log_that_the_others_lean_on_is_estimated(tmp_path):
+    log = RUN.replace('"tumble"', '"log"', 1)
+    sensor = _sensor(tmp_path, HEAD + 'noise = { run = "log" }\n' + RUN + log)
+    assert [run.noise.like for run in sensor.runs] == ["log", None]
+
+
+def test_run_may_not_lean_on_a_run_that_leans_on_another(tmp_path):
+    runs = [RUN.replace("tumble.csv", f"{a}.csv").replace('"tumble"', f'"{a}"', 1) for a in "abc"]
+    noise = ('noise = { run = "b" }\n', 'noise = { run = "c" }\n', "")
+    with pytest.raises(
+        StudyError, match=r"sensor\[0\].run\[0\].noise: run 'b' takes its noise from a run too"
+    ):
+        _read(tmp_path, HEAD + "".join(run + rule for run, rule in zip(runs, noise, strict=True)))
+
+
+def test_gravity_by_place_is_normal_gravity(tmp_path):
+    free = RUN.replace('procedure = "tumble"', 'procedure = "free-tumble"')
+    place = _sensor(tmp_path, HEAD + free + 'gravity = { latitude = "45.4 deg", height = "12 m" }\n')
+    value = _sensor(tmp_path, HEAD + free + 'gravity = "9.81744 m/s^2"\n')
+    assert place.runs[0].gravity == pytest.approx(normal_gravity(math.radians(45.4), 12.0), rel=ULPS)
+    assert value.runs[0].gravity == 9.81744
+
+
+def test_free_tumble_stands_alone(tmp_path):
+    free = RUN.replace('procedure = "tumble"', 'procedure = "free-tumble"\ngravity = "1 g"').replace(
+        "tumble", "free", 1
+    )
+    with pytest.raises(StudyError, match=r"sensor\[0\].run\[1\].procedure: 'free-tumble' beside 'tumble'"):
+        _read(tmp_path, HEAD + RUN + free)
+
+
+def test_simulated_profile_has_si_options(tmp_path):
+    runs = """
+[[sensor.run]]
+name = "arm"
+procedure = "centrifuge"
+[sensor.run.simulate]
+levels = ["1 g", "196.133 m/s^2"]
+dwell = "1 min"
+rate = "10 Hz"
+arm = "100 cm"
+ramp = true
+[[sensor.run]]
+name = "log"
+procedure = "static"
+simulate = { duration = "2 h", rate = "1 Hz", up = [0, 0, 1] }
+"""
+    arm, log = _sensor(tmp_path, HEAD + runs).runs
+    assert arm.simulate == {
+        "profile": "centrifuge", "levels": pytest.approx((1.0, 20.0), rel=ULPS), "dwell": 60.0, "rate": 10.0,
+        "arm": pytest.approx(1.0, rel=ULPS), "ramp": True,
+    }  # fmt: skip
+    assert log.simulate == {"profile": "static", "duration": 7200.0, "rate": 1.0, "up": (0.0, 0.0, 1.0)}
+
+
+def test_truth_is_read_in_the_unit_of_its_term_and_may_leave_the_library(tmp_path):
+    text = HEAD + '[sensor.truth]\nb0 = "1.5 mg"\nb1 = "300 ppm"\nb2 = "30 ug/g^2"\nb4 = "1 ug/g^4"\n' + RUN
+    sensor = _sensor(tmp_path, text.replace('file = "tumble.csv"', "simulate = {}"))
+    assert sensor.truth == pytest.approx(
+        {"b0": 1.5e-3 * G, "b1": 3e-4, "b2": 30e-6 / G, "b4": 1e-6 / G**3}, rel=ULPS
+    )
+
+
+def test_prior_sds_are_read_in_the_units_of_their_terms(tmp_path):
+    sensor = _sensor(tmp_path, HEAD + '[sensor.prior]\nb0 = "2 mg"\nb2 = "50 ug/g^2"\n' + RUN)
+    assert sensor.prior == pytest.approx({"b0": 2e-3 * G, "b2": 50e-6 / G}, rel=ULPS)
+
+
+def test_data_folder_is_that_of_the_variable_or_beside_the_project(tmp_path, monkeypatch):
+    folder = tmp_path / "project" / "studies"
+    folder.mkdir(parents=True)
+    text = HEAD + RUN.replace("tumble.csv", "$IMUBAYES_DATA/a/b.mat")
+    monkeypatch.setenv("IMUBAYES_DATA", "/data")
+    assert _sensor(folder, text).runs[0].file == Path("/data/a/b.mat")
+    monkeypatch.delenv("IMUBAYES_DATA")
+    run = _sensor(folder, text).runs[0]
+    assert run.file == (tmp_path / "shared/data/a/b.mat").resolve()
+    assert run.shown == "$IMUBAYES_DATA/a/b.mat"

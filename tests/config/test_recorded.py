@@ -1,0 +1,115 @@
+"""A simulated study, written as files, is the same study."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.config import read_study, record_study
+from imubayes.config.recorded import toml_lines
+from imubayes.rig.runs import read_run
+from imubayes.study import simulate_sensor
+
+STUDY = """
+[study]
+title = "two \\"sensors\\""
+seed = 7
+
+[[sensor]]
+id = "A/1"
+kind = "accelerometer"
+class = "mems_tactical"
+noise = { run = "log" }
+[sensor.library]
+powers = 2
+[sensor.truth]
+b0 = "1.5 mg"
+[[sensor.run]]
+name = "log"
+procedure = "static"
+simulate = { duration = "20 s", rate = "5 Hz", up = [0, 0, 1] }
+[[sensor.run]]
+name = "tumble, cold"
+procedure = "tumble"
+simulate = { angles = 4, planes = 1, dwell = "1 s" }
+
+[[sensor]]
+id = "G"
+kind = "gyroscope"
+class = "fog_tactical"
+[[sensor.run]]
+name = "log"
+procedure = "rate-table"
+simulate = { rates = ["1 deg/s", "-10 deg/s"], mounts = 2, dwell = "1 s" }
+[[sensor.run]]
+name = "kept"
+procedure = "static"
+file = "kept.csv"
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "two.toml").write_text(STUDY)
+    return read_study(tmp_path / "two.toml")
+
+
+def test_recorded_study_holds_the_simulated_runs_to_the_last_bit(study, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    files = record_study(study, folder)
+    assert sorted(file.name for file in files) == sorted(path.name for path in folder.iterdir())
+    recorded = read_study(folder / "two.toml")
+    for k, (before, after) in enumerate(zip(study.sensors, recorded.sensors, strict=True)):
+        assert (after.id, after.kind, after.library) == (before.id, before.kind, before.library)
+        runs, _ = simulate_sensor(before, study.seed, k)
+        specs = {spec.name: spec for spec in after.runs}
+        for run in runs:
+            np.testing.assert_array_equal(read_run(specs[run.name], after.kind).output, run.output)
+
+
+def test_recorded_study_keeps_what_was_not_simulated(study, tmp_path):
+    record_study(study, tmp_path)
+    recorded = read_study(tmp_path / "two.toml")
+    assert (recorded.title, recorded.seed) == (study.title, study.seed)
+    assert [run.noise for run in recorded.sensors[0].runs] == [run.noise for run in study.sensors[0].runs]
+    assert recorded.sensors[1].runs[1].file == (tmp_path / "kept.csv").resolve()
+    assert not recorded.sensors[0].truth
+
+
+def test_truth_is_what_the_runs_were_made_of(study, tmp_path):
+    record_study(study, tmp_path)
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    assert truth["A/1"] == study.sensors[0].truth
+    assert truth["G"] == simulate_sensor(study.sensors[1], study.seed, 1)[1]
+
+
+def test_sensors_of_a_study_are_independent_draws(study):
+    gyro = study.sensors[1]
+    first, second = (simulate_sensor(gyro, study.seed, k)[1] for k in (0, 1))
+    assert first.keys() == second.keys()
+    assert not set(first.values()) & set(second.values())
+
+
+_SCALARS = st.one_of(
+    st.booleans(),
+    st.integers(-(2**63), 2**63 - 1),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.text(max_size=9),
+)
+_KEYS = st.text(max_size=5)
+_TABLES = st.recursive(
+    st.dictionaries(_KEYS, st.one_of(_SCALARS, st.lists(_SCALARS, max_size=3)), max_size=3),
+    lambda inner: st.dictionaries(
+        _KEYS, st.one_of(_SCALARS, inner, st.lists(inner, min_size=1, max_size=3)), max_size=3
+    ),
+    max_leaves=8,
+)
+
+
+@given(_TABLES)
+def test_written_toml_reads_back(tables):
+    assert tomllib.loads("\n".join(toml_lines(tables))) == tables

@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.reporting import document
+from imubayes.reporting.document import report_html, write_results
+from imubayes.sensors.terms import library
+
+ATTACK = '<script>alert("x")</script>&'
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+
+
+class Structure(HTMLParser):
+    """Elements that are open, ids, and targets of links."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open, self.ids, self.links, self.tags = [], [], [], set()
+
+    def handle_starttag(self, tag, attrs) -> None:
+        self.tags.add(tag)
+        self.ids += [value for name, value in attrs if name == "id"]
+        self.links += [value[1:] for name, value in attrs if name == "href" and value.startswith("#")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs) -> None:
+        self.ids += [value for name, value in attrs if name == "id"]
+        self.links += [value[1:] for name, value in attrs if name == "href" and value.startswith("#")]
+
+    def handle_endtag(self, tag) -> None:
+        assert self.open.pop() == tag
+
+
+def structure(html: str) -> Structure:
+    parsed = Structure()
+    parsed.feed(html)
+    assert not parsed.open
+    return parsed
+
+
+def test_report_is_well_formed_opens_offline_and_needs_no_script(result) -> None:
+    html = report_html(result)
+    parsed = structure(html)
+    assert len(parsed.ids) == len(set(parsed.ids)) and set(parsed.links) <= set(parsed.ids)
+    assert not parsed.tags & {"script", "link", "img", "iframe", "image"}
+    assert not re.search(r"(?:https?:)?//|@import|url\((?!#)", html.replace("</", ""))
+
+
+def test_report_holds_the_sections_in_the_reader_s_order(result) -> None:
+    html = report_html(result)
+    ids = ("s1", "s1-terms", "s1-tell", "s1-fit", "s1-choice", "s1-posterior", "s1-noise", "runs", "repeat")
+    places = [html.index("5 of 20 terms are needed"), *(html.index(f' id="{name}"') for name in ids)]
+    assert places == sorted(places)
+
+
+def test_names_that_come_from_files_are_escaped_everywhere(make_sensor, make_study) -> None:
+    sensor = make_sensor(ATTACK, runs=(ATTACK, "b"), misfit=ATTACK, column=ATTACK)
+    html = report_html(make_study(sensor, title=ATTACK))
+    assert "<script" not in html and 'alert("' not in html
+    # title twice, the study's text, the sensor's id and the run's name in several places, the column
+    assert html.count("&lt;script&gt;") >= 10
+    structure(html)
+
+
+def test_dollar_signs_in_names_are_no_mathematics(make_sensor, make_study) -> None:
+    assert "$\\frac{" in report_html(make_study(make_sensor(runs=("$\\frac{",))))
+
+
+def test_report_of_eight_components_with_long_libraries_and_many_runs_stays_below_2_mb(
+    make_sensor, make_study
+) -> None:
+    lib = library("accelerometer", powers=3, asymmetry=2, set="extended", temperature=1)
+    runs = tuple(f"mount {k}" for k in range(12))
+    study = make_study(*(make_sensor(f"IMU.{k}", lib=lib, runs=runs, misfit="mount 3") for k in range(8)))
+    html = report_html(study)
+    assert len(html.encode()) < 2_000_000
+    parsed = structure(html)
+    assert len(parsed.ids) == len(set(parsed.ids))
+
+
+def test_calibration_of_a_reference_free_triad_is_shown_with_its_convention(make_sensor, make_study) -> None:
+    row = {
+        "scale": 2.4e-3,
+        "bias": 33124.0,
+        "nonorthogonality": {"m_j": -3.1e-4},
+        "convention": "signs as ours",
+    }
+    html = report_html(make_study(replace(make_sensor(), calibration=row)))
+    assert "33124" in html and "−0.000310" in html and "signs as ours" in html
+
+
+def test_report_says_the_misfit_first(make_sensor, make_study) -> None:
+    html = report_html(make_study(make_sensor(misfit="centrifuge")))
+    assert 'class="answer misfit"' in html
+    assert html.index("does not explain run centrifuge") < html.index(">The terms<")
+
+
+def test_run_too_short_for_an_allan_deviation_is_reported(make_sensor, make_study) -> None:
+    sensor, none = make_sensor(runs=("still",)), np.array([])
+    check = replace(sensor.checks[0], tau=none, deviation=none, expected=none, whiteness_p=math.nan)
+    html = report_html(make_study(replace(sensor, checks=(check,))))
+    assert "not tested" in html and "Allan deviation within" not in html
+
+
+def test_test_that_excites_nothing_is_reported(make_sensor, make_study) -> None:
+    sensor = make_sensor()
+    terms = tuple(replace(term, verdict="untested") for term in sensor.selection.terms)
+    models = replace(
+        sensor.selection.models,
+        candidates=SimpleNamespace(names=()),
+        best=(((), 1.0),),
+        by_size=np.zeros(1),
+        n_models=1,
+    )
+    selection = replace(sensor.selection, terms=terms, model=(), models=models)
+    html = report_html(make_study(replace(sensor, selection=selection)))
+    assert "0 of 20 terms are needed" in html and "No term is kept" in html
+
+
+def test_components_that_share_their_rows_show_them_once(make_sensor, make_study) -> None:
+    first = make_sensor("IMU.ax")
+    second = replace(first, id="IMU.ay")
+    html = report_html(make_study(first, second))
+    alone = report_html(make_study(first))
+    assert (
+        html.count("Autocorrelation of the whitened") == alone.count("Autocorrelation of the whitened") == 2
+    )
+    assert (
+        'the figures stand with <a href="#s1-fit">IMU.ax</a>' in html and "Runs of IMU.ax and IMU.ay" in html
+    )
+
+
+def test_report_is_the_same_bytes_for_the_same_result(make_study) -> None:
+    assert report_html(make_study()) == report_html(make_study())
+
+
+def test_results_are_written_with_parents_and_replace_older_ones_only(tmp_path, result) -> None:
+    out = tmp_path / "deep" / "acc07"
+    out.mkdir(parents=True)
+    (out / "notes.txt").write_text("mine")
+    (out / "result.json").write_text("old")
+    paths = write_results(result, out)
+    assert [path.name for path in paths] == ["report.html", "result.json", "posterior.nc"]
+    assert json.loads((out / "result.json").read_text())["study"] == "ACC-07 acceptance"
+    assert {path.name for path in out.iterdir()} == {"notes.txt", *(path.name for path in paths)}
+    assert [path.name for path in out.parent.iterdir()] == ["acc07"]
+
+
+def test_failure_leaves_nothing_half_written(tmp_path, result, monkeypatch) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(document, "write_posterior", fail)
+    with pytest.raises(InputError, match="No space left on device"):
+        write_results(result, tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_that_is_a_file_is_refused_with_its_name(tmp_path, result) -> None:
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(InputError, match=r"out: the results cannot be written"):
+        write_results(result, tmp_path / "out")
+    assert (tmp_path / "out").read_text() == "a file" and len(list(tmp_path.iterdir())) == 1

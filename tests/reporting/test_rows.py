@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, per_unit
+from imubayes.reporting.rows import noise_floor, noise_row, range_texts, shortened, term_rows
+from imubayes.sensors.noise import Noise, allan_variance
+from imubayes.sensors.terms import library
+
+G = 9.80665
+DEG_H = math.pi / 180.0 / 3600.0
+
+
+def rows_by_name(sensor):
+    return {row.verdict.name: row for row in term_rows(sensor)}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("b0", "1502.1 +- 4.2 ug"),
+        ("b2", "41.80 +- 0.62 ug/g^2"),
+        ("m_j", "-912.0 +- 2.4 urad"),
+        ("b3", "below 0.23 ug/g^3"),
+        ("c_jj", "with Koo"),
+        ("c_jk", "as the prior"),
+        ("S_ij", "not excited"),
+    ],
+)
+def test_value_column_says_what_the_verdict_allows(make_sensor, name: str, text: str) -> None:
+    assert rows_by_name(make_sensor())[name].text == text
+
+
+def test_value_in_printed_unit_is_the_si_value_by_hand(make_sensor) -> None:
+    sensor = make_sensor()
+    row = rows_by_name(sensor)["b2"]
+    # theta f^2 with theta in s^2/m: 1 ug/g^2 is 1e-6 g / g^2
+    assert float(row.size.value) == pytest.approx(row.verdict.mean * G / 1e-6, rel=1e-3)
+
+
+def test_effect_is_printed_in_the_output_unit_only_where_the_term_has_a_value(make_sensor) -> None:
+    rows = rows_by_name(make_sensor())
+    assert str(rows["b0"].effect) == "1500 ug"
+    assert all((row.effect is None) == (row.kind != "value") for row in rows.values())
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+def test_noise_is_printed_in_data_sheet_units(make_sensor, kind: str) -> None:
+    run = make_sensor().runs[0]
+    by_hand = {
+        "accelerometer": (1e-6 * G, 1e-6 * G, 1e-6 * G),
+        "gyroscope": (60.0 * DEG_H, DEG_H, DEG_H / 60.0),
+    }[kind]
+    scales = [per_unit(unit, si) for unit, si in zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True)]
+    assert scales == pytest.approx(by_hand, rel=1e-12)
+    one = replace(run, noise=Noise(*by_hand), noise_sd=(0.0, 0.0, 0.0))
+    assert [cell.value for cell in noise_row(one, kind).cells] == ["1.0", "1.0", "1.0"]
+
+
+def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error_bar(make_sensor) -> None:
+    run = make_sensor().runs[0]
+    row = noise_row(run, "accelerometer")
+    assert row.is_limit == (False, False, True)
+    # 0.4 ug/sqrt(s) times exp(1.645 * 1.4), rounded up
+    assert row.texts()[2] == "K below 4.1 ug/sqrt(s)"
+    given = noise_row(replace(run, noise_sd=(0.0, 0.0, 0.0), noise_prior=()), "accelerometer")
+    assert [cell.sd for cell in given.cells] == ["", "", ""] and given.expected == ()
+
+
+def test_white_noise_prints_no_bias_instability(make_sensor) -> None:
+    run = replace(make_sensor().runs[0], noise=Noise(1e-4, 0.0, 0.0), noise_sd=(0.0, 0.0, 0.0))
+    assert noise_row(run, "accelerometer").texts()[1:] == ("B 0 ug", "K 0 ug/sqrt(s)")
+
+
+def test_noise_floor_is_the_lowest_allan_deviation(make_sensor) -> None:
+    sensor = make_sensor()
+    tau = np.geomspace(1.0, 2880.0, 5000)
+    lowest = min(float(np.sqrt(allan_variance(run.noise, tau).min())) for run in sensor.runs)
+    assert float(noise_floor(sensor).value) == pytest.approx(lowest / (1e-6 * G), rel=0.05)
+
+
+def test_ranges_are_printed_in_units_that_people_use(make_sensor) -> None:
+    ranges = {"f_i": (-20.0 * G, 20.0 * G), "w_j": (0.0, math.pi), "T": (293.15, 299.15), "dT": (0.0, 0.1)}
+    run = replace(make_sensor().runs[0], ranges=ranges)
+    assert range_texts(run, "accelerometer") == (
+        ("f_i", "-20", "20", "g"),
+        ("w_j", "0", "180", "deg/s"),
+        ("T", "20", "26", "degC"),
+        ("dT", "0.0", "6.0", "degC/min"),
+    )
+
+
+def test_gyroscope_rows_use_rates(make_sensor) -> None:
+    rows = rows_by_name(make_sensor(lib=library("gyroscope", set="extended")))
+    assert rows["b0"].text == "11.20 +- 0.31 deg/h" and rows["g_i"].text == "4.10 +- 0.20 deg/h/g"
+
+
+def test_many_names_are_counted() -> None:
+    assert shortened(("a", "b", "c"), 3) == "a, b, c"
+    assert shortened(("a", "b", "c", "d"), 3) == "a, b, c +1"

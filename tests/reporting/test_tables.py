@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from imubayes.reporting.rows import VERDICTS
+from imubayes.reporting.tables import terminal_check, terminal_summary
+from imubayes.sensors.terms import library
+
+
+def printed(renderable, width: int = 80, encoding: str = "utf-8") -> str:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    Console(file=stream, width=width).print(renderable)
+    stream.flush()
+    return stream.buffer.getvalue().decode(encoding)
+
+
+def test_summary_fits_80_columns_and_loses_no_cell(result) -> None:
+    text = printed(terminal_summary(result))
+    assert max(len(line) for line in text.splitlines()) <= 80
+    for cell in (
+        "1502.1 +- 4.2 ug",
+        "below 0.23 ug/g^3",
+        "with Koo",
+        "1.000",
+        "inseparable [1]",
+        "not needed",
+    ):
+        assert cell in text
+    assert "…" not in text
+
+
+def test_summary_without_a_terminal_has_no_escape_codes(result) -> None:
+    assert "\x1b" not in printed(terminal_summary(result))
+
+
+def test_summary_prints_on_an_ascii_terminal_with_word_and_shape(result) -> None:
+    text = printed(terminal_summary(result), encoding="ascii")
+    assert "* needed" in text and "! inseparable" in text and all(verdict in text for verdict in VERDICTS)
+
+
+def test_value_columns_line_up_at_their_sd(result) -> None:
+    lines = [
+        line
+        for line in printed(terminal_summary(result)).splitlines()
+        if "+-" in line and "noise" not in line
+    ]
+    assert len({line.index("+-") for line in lines[1:]}) == 1 and len(lines) == 7
+
+
+def test_names_with_markup_or_control_codes_are_printed_as_they_are(make_sensor, make_study) -> None:
+    sensor = make_sensor("[bold]A[/]\x1b[31m", runs=("[red]run[/]\x07",))
+    text = printed(terminal_summary(make_study(sensor)))
+    assert "[bold]A[/]?[31m" in text and "[red]run[/]?" in text and "\x1b" not in text
+
+
+def test_runs_that_do_not_fit_are_named(make_sensor, make_study) -> None:
+    text = " ".join(printed(terminal_summary(make_study(make_sensor(misfit="centrifuge")))).split())
+    assert "does not explain run centrifuge" in text
+
+
+def test_check_says_for_every_term_whether_it_is_excited_and_names_each_group(make_sensor) -> None:
+    lib = library("accelerometer", powers=3, asymmetry=2)
+    text = printed(terminal_check("ACC-07", make_sensor().selection.observability, lib))
+    lines = {line.split()[0]: line.split() for line in reversed(text.splitlines()) if line.split()}
+    assert lines["b0"][2] == "yes" and lines["S_ij"][2] == "no" and lines["c_jj"][-1] == "c_kk"
+    assert "third axis" in text and "No run excites b1p" in text
+    assert max(len(line) for line in text.splitlines()) <= 80
+
+
+@pytest.mark.parametrize(("vif", "shown"), [(np.inf, "-"), (np.nan, "-"), (12.34, "12.3"), (2e6, "2e6")])
+def test_variance_inflation_of_any_size_is_printed(make_sensor, vif: float, shown: str) -> None:
+    lib = library("accelerometer", powers=3, asymmetry=2)
+    observability = replace(make_sensor().selection.observability, vif=np.full(len(lib.terms), vif))
+    line = next(
+        line
+        for line in printed(terminal_check("A", observability, lib)).splitlines()
+        if line.startswith("b0 ")
+    )
+    assert line.split()[-1] == shown
+
+
+def test_check_of_a_triad_component_reads_its_own_columns(make_sensor) -> None:
+    lib = library("accelerometer", powers=3, asymmetry=2)
+    alone = make_sensor().selection.observability
+    names = tuple(f"{component}.{name}" for component in ("ax", "ay") for name in lib.names)
+    group = replace(alone.groups[0], terms=("ay.c_jj", "ax.b2"))
+    both = replace(
+        alone,
+        names=names,
+        tested=np.concatenate([~alone.tested, alone.tested]),
+        ratio=np.tile(alone.ratio, 2),
+        alone=np.tile(alone.alone, 2),
+        vif=np.tile(alone.vif, 2),
+        groups=(group,),
+    )
+    text = printed(terminal_check("IMU.ay", both, lib))
+    lines = {line.split()[0]: line.split() for line in reversed(text.splitlines()) if line.split()}
+    assert lines["b0"][2] == "yes" and lines["S_ij"][2] == "no" and lines["c_jj"][-1] == "ax.b2"
+    assert "c_jj and ax.b2 appear" in text and "ay." not in text.replace("IMU.ay", "")

@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from imubayes.planning.observability import Confounded
+from imubayes.reporting.words import answer, confounded_sentences, fit_sentence
+from imubayes.sensors.terms import library
+
+
+def test_answer_counts_the_verdicts_and_says_the_three_ways_of_not_telling_apart(make_sensor) -> None:
+    text = " ".join(answer(make_sensor()))
+    assert "5 of 20 terms are needed: b0, b1, b2, m_j and m_k." in text
+    assert "1 is not needed" in text and "1 is undecided (b0p)" in text
+    assert "2 are inseparable" in text and "1 is unresolved (c_jk)" in text and "10 are untested" in text
+
+
+def test_answer_names_the_run_that_would_tell(make_sensor) -> None:
+    text = " ".join(answer(make_sensor()))
+    assert "c_jj (Kpp) and c_kk (Koo) appear only in one combination" in text
+    assert "What would tell: a tumble about a third axis separates them." in text
+
+
+def test_answer_claims_a_fit_only_when_every_run_fits(make_sensor) -> None:
+    good, bad = make_sensor(), make_sensor(misfit="centrifuge")
+    assert "to the noise floor (residual over noise 1.02, white at 99%)" in fit_sentence(good)
+    assert (
+        "does not explain run centrifuge (residual over noise 1.83, not white, p < 0.001, "
+        "1 block stands out by up to 7 sd)" in answer(bad)[-1]
+    )
+    assert "tumble" not in fit_sentence(bad)
+
+
+@pytest.mark.parametrize(
+    ("scale", "p", "outliers", "words"),
+    [
+        (1.5, 0.4, (), "error bars are too small"),
+        (1.0, 1e-5, (), "error bars are too small"),
+        (0.7, 0.4, (), "error bars are wider than they need be"),
+        (1.0, 0.4, ((1.0, 2.0, -9.0),), "1 block stands out by up to 9 sd"),
+    ],
+)
+def test_each_way_of_not_fitting_has_its_own_consequence(make_sensor, scale, p, outliers, words: str) -> None:
+    sensor = make_sensor(runs=("tumble",))
+    check = replace(sensor.checks[0], scale=scale, whiteness_p=p, outliers=outliers, fits=False)
+    assert words in fit_sentence(replace(sensor, checks=(check,)))
+
+
+def test_residual_over_noise_of_all_runs_is_weighted_by_samples(make_sensor) -> None:
+    sensor = make_sensor()
+    runs = (replace(sensor.runs[0], samples=9), replace(sensor.runs[1], samples=1))
+    checks = (replace(sensor.checks[0], scale=1.0), replace(sensor.checks[1], scale=2.0))
+    # sqrt((9 * 1 + 1 * 4) / 10) = 1.14
+    assert "residual over noise 1.14" in fit_sentence(replace(sensor, runs=runs, checks=checks))
+
+
+def test_answer_does_not_speak_of_a_group_whose_terms_are_all_settled(make_sensor) -> None:
+    sensor = make_sensor(lib=library("gyroscope"))
+    seen = sensor.selection.observability
+    group = Confounded(("b0", "b1"), (1.0, 1.0), 0.2, False, "", "a rate table")
+    settled = replace(
+        sensor, selection=replace(sensor.selection, observability=replace(seen, groups=(group,)))
+    )
+    assert "rate table" not in " ".join(answer(settled))
+
+
+@pytest.mark.parametrize(
+    ("exact", "words"), [(True, "appear only in one combination"), (False, "above the noise")]
+)
+def test_exact_and_nearly_confounded_terms_are_said_apart(exact: bool, words: str) -> None:
+    assert words in confounded_sentences([Confounded(("b0", "b2"), (1.0, -1.0), 1.0, exact, "", "")], ())[0]
+
+
+def test_sensor_without_class_says_so(make_sensor) -> None:
+    assert "no class given" in answer(replace(make_sensor(), class_id=""))[0]
+
+
+def test_groups_of_one_cause_share_a_sentence_and_of_two_causes_do_not() -> None:
+    groups = [Confounded((a, b), (1.0, -1.0), 1.0, True, why, "a centrifuge") for a, b, why in CAUSES]
+    first, second = confounded_sentences(groups, (), numbered=True)
+    assert first.startswith("[1] b0 and b2; [3] c_jj and c_kk each appear only in one combination: x.")
+    assert first.count("What would tell: a centrifuge.") == 1
+    assert second.startswith("[2] b1 and b3 appear")
+
+
+CAUSES = (("b0", "b2", "x"), ("b1", "b3", "y"), ("c_jj", "c_kk", "x"))
+
+
+def test_answer_on_a_triad_names_its_own_terms_by_their_plain_names(make_sensor) -> None:
+    sensor = make_sensor("IMU.ay")
+    selection, seen = sensor.selection, sensor.selection.observability
+    columns = tuple(f"ay.{name}" for name in seen.names)
+    groups = (
+        Confounded(("ay.c_jj", "ax.b2"), (1.0, -1.0), 1.0, True, "|f| = g", "known directions"),
+        Confounded(("ax.c_jj", "az.b2"), (1.0, -1.0), 1.0, True, "|f| = g", "known directions"),
+    )
+    triad = replace(selection, columns=columns, observability=replace(seen, names=columns, groups=groups))
+    text = " ".join(answer(replace(sensor, selection=triad)))
+    assert (
+        "c_jj (Kpp) and ax.b2 appear" in text
+        and "ay." not in text.replace("IMU.ay", "")
+        and "az." not in text
+    )

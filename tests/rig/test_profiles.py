@@ -1,0 +1,218 @@
+"""What the rig applies, held against mechanics, and what each procedure can separate."""
+
+import math
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.sensors.terms import Library, columns, library
+
+G = 9.80665
+SHORT = {"dwell": 1.0, "rate": 1.0}
+"""One sample a dwell."""
+
+
+def _vectors(plan: Plan, quantity: str) -> np.ndarray:
+    zero = np.zeros(len(plan.inputs))
+    return np.stack([plan.inputs.channels.get(f"{quantity}_{axis}", zero) for axis in "ijk"], axis=1)
+
+
+def _rank(lib: Library, *plans: Plan, without: tuple[str, ...] = ()) -> int:
+    """Rank of the stacked, column-scaled design; a column that was not excited does not count."""
+    X = np.vstack([columns(lib, plan.inputs.channels, len(plan.inputs)) for plan in plans])
+    X = X[:, [name[0] not in without for name in lib.names]]
+    size = np.linalg.norm(X, axis=0)
+    values = np.linalg.svd(X[:, size > 0.0] / size[size > 0.0], compute_uv=False)
+    return int(np.sum(values > 1e-8 * values[0]))
+
+
+EVERY_PLAN = [
+    static(20.0, 10.0, up=(1.0, 2.0, -2.0)),
+    tumble(angles=5, planes=2),
+    tumble(angles=24, settle=0.0),
+    rate_table([-1.0, 0.0, 2.0], mounts=9, dwell=0.25),
+    centrifuge([0.5, 1, 5], mounts=12),
+    centrifuge([1, 20], mounts=12, ramp=True),
+    centrifuge([1, 20], mounts=3, ramp=True, dwell=0.7, settle=0.3, rate=4.0),
+]
+every_plan = pytest.mark.parametrize("plan", EVERY_PLAN, ids=lambda plan: f"{plan.name}-{len(plan.inputs)}")
+
+
+@every_plan
+def test_time_runs_forward_by_a_sample_or_more(plan):
+    assert np.diff(plan.inputs.t).min() > plan.inputs.interval * (1.0 - 1e-9)
+
+
+@every_plan
+def test_every_channel_has_a_value_for_every_sample_and_is_excited(plan):
+    for values in plan.inputs.channels.values():
+        assert values.shape == plan.inputs.t.shape
+        assert np.isfinite(values).all()
+        assert values.any()
+
+
+def test_static_log_feels_one_g_upwards():
+    plan = static(100.0, 50.0, up=(0.0, 3.0, -4.0))
+    assert len(plan.inputs) == 5000
+    np.testing.assert_allclose(_vectors(plan, "f"), np.tile([0.0, 0.6 * G, -0.8 * G], (5000, 1)), rtol=1e-15)
+
+
+@pytest.mark.parametrize("angles", [4, 7, 12, 24, 36])
+def test_tumble_stays_on_the_sphere_of_gravity(angles):
+    f = _vectors(tumble(angles=angles, gravity=9.7803, **SHORT), "f")
+    assert len(f) == 3 * angles
+    np.testing.assert_allclose(np.linalg.norm(f, axis=1), 9.7803, rtol=1e-15)
+
+
+def test_tumble_turns_by_equal_angles_from_the_first_axis_to_the_second():
+    f = _vectors(tumble(angles=24, planes=3, **SHORT), "f") / G
+    for plane, (first, second) in enumerate([(0, 1), (0, 2), (1, 2)]):
+        turned = np.unwrap(np.arctan2(f[24 * plane : 24 * plane + 24, second], f[24 * plane :, first][:24]))
+        np.testing.assert_allclose(turned, np.radians(15.0) * np.arange(24), atol=1e-14)
+
+
+@every_plan
+def test_nominally_zero_component_is_exactly_zero(plan):
+    for name, values in plan.inputs.channels.items():
+        assert np.min(np.abs(values), where=values != 0.0, initial=np.inf) > 1e-6, name
+
+
+def test_dwells_are_apart_by_the_settling_time():
+    inputs = tumble(angles=3, planes=1, dwell=2.0, rate=10.0, settle=7.0).inputs
+    assert len(inputs) == 60
+    np.testing.assert_allclose(inputs.t[[0, 19, 20, 40]], [0.0, 1.9, 9.0, 18.0], rtol=1e-15)
+    assert inputs.interval == 0.1
+
+
+def test_rank_of_tumbles_is_what_trigonometry_allows():
+    # 15 terms of f: b0..b3, b0p..b3p, m_j, m_k and five of C; S and s need rotation
+    lib = library("accelerometer", powers=3, asymmetry=3)
+    assert len([name for name in lib.names if name[0] not in "Ss"]) == 15
+    ranks = [
+        _rank(lib, tumble(angles=angles, planes=planes, **SHORT), without=("S", "s"))
+        for angles, planes in ((4, 1), (12, 1), (24, 2), (24, 3))
+    ]
+    assert ranks == [4, 9, 13, 14]
+
+
+def test_terms_that_three_planes_cannot_separate_are_the_squares_and_the_bias():
+    lib = library("accelerometer")
+    X = columns(lib, tumble(**SHORT).inputs.channels, 72)
+    combination = {"b0": -(G**2), "b2": 1.0, "c_jj": 1.0, "c_kk": 1.0}
+    theta = np.array([combination.get(name, 0.0) for name in lib.names])
+    assert np.max(np.abs(X @ theta)) < 1e-13 * G**2
+
+
+def test_full_centrifuge_and_tumble_separate_every_term_but_angular_acceleration():
+    lib = library("accelerometer")
+    steady = centrifuge([1, 5, 20], **SHORT)
+    assert _rank(lib, steady, without=("s",)) == 17
+    assert _rank(lib, tumble(**SHORT), steady, without=("s",)) == 17
+
+
+def test_centrifuge_with_recorded_ramps_separates_all_terms_of_either_set():
+    plans = tumble(**SHORT), centrifuge([1, 5, 20], ramp=True)
+    assert _rank(library("accelerometer"), *plans) == 20
+    assert _rank(library("accelerometer", set="extended"), *plans) == 23
+
+
+def test_centrifuge_with_the_axis_along_the_arm_leaves_most_terms_alone():
+    lib = library("accelerometer")
+    plan = centrifuge([1, 5, 20], mounts=4, **SHORT)
+    X = dict(zip(lib.names, columns(lib, plan.inputs.channels, len(plan.inputs)).T, strict=True))
+    assert {name for name, column in X.items() if not column.any()} == {
+        *("c_jk", "S_ij", "S_ik", "S_jk", "s_i", "s_j", "s_k")
+    }
+
+
+def test_nine_mounts_of_a_rate_table_separate_the_gyroscope_terms():
+    plan = rate_table([-5.0, -2.0, -0.5, 0.0, 0.5, 2.0, 5.0], **SHORT)
+    assert _rank(library("gyroscope"), plan) == 17
+    # |f| = g in every row: the bias and the trace of S_f are one
+    assert _rank(library("gyroscope", set="extended"), plan) == 22
+
+
+def test_rate_table_adds_the_vertical_part_of_the_earth_rate():
+    plan = rate_table([0.0, 1.0], mounts=2, latitude=math.radians(30.0), **SHORT)
+    half_earth_rate = math.radians(15.041 / 3600.0) / 2.0  # sidereal, deg/h
+    np.testing.assert_allclose(plan.inputs.channels["w_i"][0], half_earth_rate, rtol=1e-5)
+    np.testing.assert_allclose(plan.inputs.channels["w_i"][2], -half_earth_rate, rtol=1e-5)
+    np.testing.assert_allclose(
+        np.diff(plan.inputs.channels["w_i"]), [1.0, -1.0 - 2 * half_earth_rate, -1.0], rtol=1e-5
+    )
+
+
+def test_rate_table_off_the_axis_feels_the_centripetal_acceleration():
+    # the published size: 1 cm at 1000 deg/s is 0.31 g
+    plan = rate_table([math.radians(1000.0)], mounts=1, radius=0.01, latitude=0.0, **SHORT)
+    f = _vectors(plan, "f")[0] / G
+    assert f[0] == pytest.approx(1.0, rel=1e-15)
+    assert np.hypot(f[1], f[2]) == pytest.approx(0.31, abs=0.005)
+
+
+def _steady(plan: Plan) -> np.ndarray:
+    return ~_vectors(plan, "dw").any(axis=1)
+
+
+def test_centrifuge_level_is_the_specific_force_along_the_arm():
+    plan = centrifuge([0.5, 1, 20], arm=2.5, **SHORT)
+    f, w = _vectors(plan, "f") / G, _vectors(plan, "w")
+    up = w / np.linalg.norm(w, axis=1, keepdims=True)
+    np.testing.assert_allclose(np.sum(f * up, axis=1), 1.0, rtol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(np.cross(f, up), axis=1), np.tile([0.5, 1, 20], 12), rtol=1e-13)
+    np.testing.assert_allclose(
+        np.linalg.norm(w, axis=1) ** 2 * 2.5 / G, np.tile([0.5, 1, 20], 12), rtol=1e-13
+    )
+
+
+def test_ramping_centrifuge_obeys_the_kinematics_of_a_rigid_arm():
+    arm = 0.8
+    plan = centrifuge([1, 5], arm=arm, ramp=True, dwell=2.0, settle=2.0)
+    f, w, dw, steady = _vectors(plan, "f"), _vectors(plan, "w"), _vectors(plan, "dw"), _steady(plan)
+    rows = len(f) // 12
+    for mount in range(12):
+        here = slice(mount * rows, mount * rows + rows)
+        row = mount * rows + np.flatnonzero(steady[here])[0]
+        up = w[row] / np.linalg.norm(w[row])
+        r = -(f[row] - G * up) / (w[row] @ w[row])
+        assert np.linalg.norm(r) == pytest.approx(arm, rel=1e-12)
+        expected = G * up + np.cross(dw[here], r) + np.cross(w[here], np.cross(w[here], r))
+        np.testing.assert_allclose(f[here], expected, atol=1e-12 * np.abs(f).max())
+
+
+def test_ramp_is_the_integral_of_its_angular_acceleration_from_rest_to_rest():
+    plan = centrifuge([1, 5], mounts=1, ramp=True, dwell=2.0, settle=2.0, rate=10.0)
+    t, w, dw = plan.inputs.t, plan.inputs.channels["w_j"], plan.inputs.channels["dw_j"]
+    assert w[0] == 0.0
+    np.testing.assert_allclose(np.diff(w), dw[:-1] * np.diff(t), atol=1e-12)
+    # the last ramp ends one sample after the last row
+    assert w[-1] + dw[-1] * plan.inputs.interval == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (lambda: static(0.0, 10.0), "0 samples"),
+        (lambda: static(-5.0, 10.0), "0 samples"),
+        (lambda: static(1e300, 10.0), "samples: expected"),
+        (lambda: static(math.nan, 10.0), "samples: expected"),
+        (lambda: static(10.0, 10.0, up=(0.0, 0.0, 0.0)), "no direction"),
+        (lambda: tumble(dwell=0.0), "0 samples"),
+        (lambda: tumble(settle=-1.0), "settle = -1.0"),
+        (lambda: tumble(planes=4), "4 planes"),
+        (lambda: tumble(angles=0), "0 angles"),
+        (lambda: rate_table([]), "expected one finite number"),
+        (lambda: rate_table([math.inf]), "expected one finite number"),
+        (lambda: rate_table([1.0], mounts=10), "10 mounts"),
+        (lambda: centrifuge([]), "expected one finite number"),
+        (lambda: centrifuge([-1.0]), "levels >= 0"),
+        (lambda: centrifuge([1.0], arm=0.0), "an arm > 0"),
+        (lambda: centrifuge([1.0], mounts=0), "0 mounts"),
+        (lambda: centrifuge([1.0], ramp=True, settle=0.0), "no sample"),
+    ],
+)
+def test_procedure_that_cannot_be_run_is_refused(plan, message):
+    with pytest.raises(InputError, match=message):
+        plan()

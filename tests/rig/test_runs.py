@@ -1,0 +1,200 @@
+"""A file becomes a run: units, zeros, times, and the round trip."""
+
+import hashlib
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imubayes.errors import DataError, StudyError
+from imubayes.rig.columns import ColumnSpec
+from imubayes.rig.inputs import Run, TriadRun
+from imubayes.rig.profiles import centrifuge, rate_table, tumble
+from imubayes.rig.record import write_run
+from imubayes.rig.runs import PROFILES, RunSpec, plan_run, read_run, simulate_runs
+from imubayes.rig.simulate import simulate
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.terms import library
+
+G = 9.80665
+DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))
+
+
+def _csv(folder: Path, header: str, rows: np.ndarray) -> Path:
+    path = folder / "run.csv"
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.17g")
+    return path
+
+
+def _rows(columns: int, n: int = 50) -> np.ndarray:
+    rows = np.random.default_rng(2).standard_normal((n, columns))
+    rows[:, 0] = 0.5 * np.arange(n)
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("kind", "plan"),
+    [
+        ("accelerometer", tumble(angles=5, planes=2, dwell=1.0)),
+        ("accelerometer", centrifuge([1, 7], mounts=3, dwell=1.0, ramp=True)),
+        ("gyroscope", rate_table([-1.0, 0.3], mounts=3, dwell=1.0, radius=0.1)),
+    ],
+    ids=["tumble", "centrifuge", "rate table"],
+)
+def test_written_run_reads_back_to_the_last_bit(kind, plan, tmp_path):
+    (run,) = simulate(sensor("mems_tactical", kind=kind), [plan], seed=3)
+    write_run(run, tmp_path / "run.csv", kind=kind)
+    back = read_run(RunSpec(run.name, run.procedure, tmp_path / "run.csv"), kind)
+    assert isinstance(back, Run)
+    np.testing.assert_array_equal(back.output, run.output)
+    np.testing.assert_array_equal(back.inputs.t, run.inputs.t)
+    assert back.inputs.channels.keys() == run.inputs.channels.keys()
+    for name, values in run.inputs.channels.items():
+        np.testing.assert_array_equal(back.inputs.channels[name], values)
+    # the median of differences of times of some 100 s
+    assert back.inputs.interval == pytest.approx(run.inputs.interval, rel=1e-11)
+
+
+def test_failed_write_leaves_no_file(tmp_path):
+    (run,) = simulate(sensor("mems_tactical", kind="accelerometer"), [tumble(angles=3, planes=1)], seed=3)
+    (tmp_path / "run.csv").mkdir()
+    with pytest.raises(OSError):
+        write_run(run, tmp_path / "run.csv", kind="accelerometer")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_units_of_the_header_become_si(tmp_path):
+    rows = _rows(5)
+    path = _csv(tmp_path, "t [ms],output [mg],f_i [g],w_j [deg/s],T [degC]", rows)
+    run = read_run(RunSpec("a", "other", path), "accelerometer")
+    np.testing.assert_allclose(run.inputs.t, rows[:, 0] * 1e-3, rtol=1e-15)
+    np.testing.assert_allclose(run.output, rows[:, 1] * G * 1e-3, rtol=1e-15)
+    np.testing.assert_allclose(run.inputs.channels["f_i"], rows[:, 2] * G, rtol=1e-15)
+    np.testing.assert_allclose(run.inputs.channels["w_j"], np.deg2rad(rows[:, 3]), rtol=1e-15)
+    np.testing.assert_allclose(run.inputs.channels["T"], rows[:, 4] + 273.15, rtol=1e-15)
+    np.testing.assert_allclose(
+        run.inputs.channels["dT"], np.gradient(run.inputs.channels["T"], run.inputs.t), rtol=1e-15
+    )
+
+
+def test_study_says_what_counts_are(tmp_path):
+    rows = _rows(2)
+    path = _csv(tmp_path, "clock,adc", rows)
+    columns = {"t": ColumnSpec("clock", "s"), "output": ColumnSpec(1, "count", 2.4e-3, 100.0)}
+    run = read_run(RunSpec("a", "static", path, columns=columns), "gyroscope")
+    np.testing.assert_allclose(run.output, (rows[:, 1] - 100.0) * 2.4e-3, rtol=1e-15)
+    assert run.source.columns == (("clock", "t", "s"), ("adc", "output", "count"))
+
+
+def test_study_overrides_the_channel_that_the_file_calls_by_its_name(tmp_path):
+    rows = _rows(3)
+    path = _csv(tmp_path, "t [s],output [m/s^2],spare [g]", rows)
+    spec = RunSpec("a", "static", path, columns={"output": ColumnSpec("spare")})
+    np.testing.assert_allclose(read_run(spec, "accelerometer").output, rows[:, 2] * G, rtol=1e-15)
+
+
+def test_inputs_that_the_file_lacks_are_absent_and_noted(tmp_path):
+    path = _csv(tmp_path, "t [s],output [m/s^2],f_i [g]", _rows(3))
+    run = read_run(RunSpec("a", "tumble", path), "accelerometer")
+    assert set(run.inputs.channels) == {"f_i"}
+    assert "not in the file, taken as zero: f_j, f_k, w_i, w_j, w_k, dw_i, dw_j, dw_k" in run.source.notes
+
+
+def test_source_holds_the_hash_of_the_bytes(tmp_path):
+    path = _csv(tmp_path, "t [s],output [rad/s]", _rows(2))
+    run = read_run(RunSpec("a", "static", path, shown="bench/run.csv"), "gyroscope")
+    assert run.source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert run.source.file == "bench/run.csv"
+
+
+@pytest.mark.parametrize(
+    ("unit", "start", "step", "dtype"),
+    [("ns", 1_700_000_000_123_456_789, 10_000_000, np.uint64), ("s", 1.7e9, 0.0078125, np.float64)],
+)
+def test_clock_that_counts_from_an_epoch_loses_no_resolution(unit, start, step, dtype, tmp_path):
+    n = 64
+    clock = np.array([start + k * step for k in range(n)], dtype=dtype)
+    np.savez(tmp_path / "run.npz", t=clock, output=_rows(2, n)[:, 1])
+    columns = {"t": ColumnSpec(unit=unit), "output": ColumnSpec(unit="rad/s")}
+    run = read_run(RunSpec("a", "static", tmp_path / "run.npz", columns=columns), "gyroscope")
+    seconds = step * (1e-9 if unit == "ns" else 1.0)
+    np.testing.assert_allclose(run.inputs.t, np.arange(n) * seconds, rtol=1e-14)
+    assert "time is counted from the first sample" in run.source.notes
+
+
+def test_free_tumble_is_a_triad_with_gravity(tmp_path):
+    rows = _rows(4)
+    path = _csv(tmp_path, "t [s],ax [g],ay [g],az [g]", rows)
+    run = read_run(RunSpec("a", "free-tumble", path, gravity=9.81), "accelerometer")
+    assert isinstance(run, TriadRun)
+    np.testing.assert_allclose(run.output, rows[:, 1:] * G, rtol=1e-15)
+    assert (run.gravity, run.interval) == (9.81, 0.5)
+
+
+def test_values_of_a_run_cannot_be_written_to(tmp_path):
+    path = _csv(tmp_path, "t [s],output [g],f_i [g]", _rows(3))
+    run = read_run(RunSpec("a", "tumble", path), "accelerometer")
+    for values in (run.output, run.inputs.t, run.inputs.channels["f_i"]):
+        assert not values.flags.writeable
+
+
+def test_wrapping_clock_is_refused_at_its_row(tmp_path):
+    clock = np.array([2**32 - 2, 2**32 - 1, 0, 1], dtype=np.uint32)
+    np.savez(tmp_path / "run.npz", t=clock, output=np.arange(4.0))
+    columns = {"t": ColumnSpec(unit="us"), "output": ColumnSpec(unit="rad/s")}
+    with pytest.raises(DataError, match="row 2 counted from 0: time goes back"):
+        read_run(RunSpec("a", "static", tmp_path / "run.npz", columns=columns), "gyroscope")
+
+
+@pytest.mark.parametrize(
+    ("file", "time", "axes", "samples"),
+    [
+        ("imu_tk_xsens/xsens_acc.mat", ColumnSpec(0, "s"), [1, 2, 3], 51175),
+        ("inertialnav/TestLog2.mat", ColumnSpec("IMU[:,1]", "ms"), [f"IMU[:,{k}]" for k in (5, 6, 7)], 30650),
+        ("xio_fusion/sensor_data.csv", ColumnSpec("Time"), [f"Accelerometer {a}" for a in "XYZ"], 13514),
+        ("imucal_ferraris/example_ferraris_session.csv", ColumnSpec("n_samples", "count", 1.0 / 102.4),
+         ["acc_x", "acc_y", "acc_z"], 10376),
+    ],
+)  # fmt: skip
+def test_public_recordings_are_read(file, time, axes, samples):
+    path = DATA / file
+    if not path.exists():
+        pytest.skip(f"{path} is not there: see the README of the folder that IMUBAYES_DATA names")
+    unit = None if "xio" in file else "m/s^2"
+    columns = {"t": time, **{f"a{x}": ColumnSpec(axis, unit) for x, axis in zip("xyz", axes, strict=True)}}
+    run = read_run(RunSpec("a", "free-tumble", path, columns=columns, gravity=9.81), "accelerometer")
+    assert run.output.shape == (samples, 3)
+
+
+@pytest.mark.parametrize("procedure", PROFILES)
+def test_every_profile_becomes_a_plan_under_the_runs_name(procedure):
+    needed = {
+        "static": {"duration": 5.0, "rate": 2.0},
+        "rate-table": {"rates": (1.0,)},
+        "centrifuge": {"levels": (2.0,)},
+    }
+    spec = RunSpec("bench 3", procedure, simulate={"profile": procedure, **needed.get(procedure, {})})
+    plan = plan_run(spec)
+    assert (plan.name, plan.procedure) == ("bench 3", procedure)
+
+
+def test_simulated_runs_are_of_one_unit_and_say_which():
+    entry = sensor("mems_tactical", kind="accelerometer")
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    specs = [RunSpec(name, "tumble", simulate={"profile": "tumble", "angles": 3}) for name in "ab"]
+    drawn = [
+        simulate_runs(specs, entry, lib, truth={}, rng=np.random.default_rng(seed)) for seed in (1, 1, 2)
+    ]
+    assert drawn[0][1] == drawn[1][1] != drawn[2][1]
+    assert drawn[0][1].keys() == set(lib.names)
+    np.testing.assert_array_equal(drawn[0][0][1].output, drawn[1][0][1].output)
+    given = simulate_runs(specs, entry, lib, truth={"b0": 0.5}, rng=np.random.default_rng(1))
+    assert given[1] == {"b0": 0.5}
+
+
+def test_recorded_run_has_no_plan_and_simulated_run_no_file():
+    with pytest.raises(StudyError, match="'a' is recorded"):
+        plan_run(RunSpec("a", "tumble", Path("run.csv")))
+    with pytest.raises(DataError, match="'a' is simulated"):
+        read_run(RunSpec("a", "tumble", simulate={"profile": "tumble"}), "accelerometer")

@@ -1,0 +1,161 @@
+"""Simulated runs: exact covariance, the Allan variance of long records, and the model's output."""
+
+import math
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError, TermError
+from imubayes.rig.profiles import centrifuge, static, tumble
+from imubayes.rig.simulate import library_of, simulate, synthesise
+from imubayes.sensors.catalogue import draw_unit, sensor
+from imubayes.sensors.noise import Noise, allan_variance
+from imubayes.sensors.terms import columns, library
+
+SILENT = Noise(0.0, 0.0, 0.0)
+TACTICAL = sensor("mems_tactical", kind="accelerometer")
+
+
+class _Impulses:
+    """Stands for a generator whose normal draws are all zero but one."""
+
+    def __init__(self, index: int) -> None:
+        self.index, self.drawn = index, 0
+
+    def standard_normal(self, n: int) -> np.ndarray:
+        values = np.zeros(n)
+        if self.drawn <= self.index < self.drawn + n:
+            values[self.index - self.drawn] = 1.0
+        self.drawn += n
+        return values
+
+
+def _covariance_of_draws(noise: Noise, t: np.ndarray, interval: float) -> np.ndarray:
+    """Covariance of `synthesise`, which is linear in independent normal draws: sum of outer products."""
+    counter = _Impulses(-1)
+    synthesise(noise, t, interval, counter)
+    responses = [synthesise(noise, t, interval, _Impulses(index)) for index in range(counter.drawn)]
+    return np.array(responses).T @ np.array(responses)
+
+
+def _dense_covariance(noise: Noise, t: np.ndarray, interval: float) -> np.ndarray:
+    """N and K from their definitions; B as processes in ratio 4 from the interval to ten spans."""
+    lag = np.abs(t[:, None] - t[None, :])
+    covariance = noise.N**2 / interval * np.eye(len(t))
+    covariance += noise.K**2 * np.minimum(t[:, None] - t[0], t[None, :] - t[0])
+    tau = interval
+    while True:
+        covariance += noise.B**2 * math.log(4.0) / math.pi * np.exp(-lag / tau)
+        if tau >= 10.0 * (t[-1] - t[0]) * (1.0 - 1e-9):
+            return covariance
+        tau *= 4.0
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [Noise(2.0, 0.0, 0.0), Noise(0.0, 2.0, 0.0), Noise(0.0, 0.0, 2.0), Noise(1.0, 0.5, 0.1)],
+    ids=["N", "B", "K", "all"],
+)
+@pytest.mark.parametrize(
+    "t",
+    [np.arange(8.0) * 0.5, np.array([3.0, 3.5, 3.7, 10.0, 10.5, 60.0, 1000.0]), np.array([0.0, 2.5])],
+    ids=["even", "with gaps", "two"],
+)
+def test_noise_has_the_dense_covariance_at_any_time_stamps(noise, t):
+    expected = _dense_covariance(noise, t, interval=0.5)
+    np.testing.assert_allclose(_covariance_of_draws(noise, t, 0.5), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_single_sample_has_no_random_walk():
+    t = np.array([7.0])
+    variance = _covariance_of_draws(Noise(1.0, 0.0, 5.0), t, 0.25)
+    np.testing.assert_allclose(variance, [[4.0]], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [Noise(1.0, 0.0, 0.0), Noise(0.0, 1.0, 0.0), Noise(0.0, 0.0, 1.0), Noise(1.0, 0.3, 0.02)],
+    ids=["N", "B", "K", "all"],
+)
+def test_allan_variance_of_simulated_noise_is_the_formula(noise):
+    rng, records, n, interval = np.random.default_rng(11), 64, 8192, 0.1
+    t = np.arange(n) * interval
+    drawn = np.array([synthesise(noise, t, interval, rng) for _ in range(records)])
+    # many samples an average, since the formula is of the continuous process; many averages a record
+    for m in (64, 128, 256):
+        means = drawn.reshape(records, n // m, m).mean(axis=2)
+        per_record = 0.5 * np.mean(np.diff(means, axis=1) ** 2, axis=1)
+        error = per_record.std(ddof=1) / math.sqrt(records)
+        expected = float(allan_variance(noise, np.array(m * interval)))
+        assert abs(per_record.mean() - expected) < 4.0 * error
+
+
+def test_output_is_input_plus_library_times_coefficients():
+    lib = library("accelerometer")
+    truth = draw_unit(TACTICAL, lib, np.random.default_rng(3))
+    plans = [tumble(dwell=1.0), centrifuge([1, 5], ramp=True, dwell=1.0)]
+    for run in simulate(TACTICAL, plans, seed=1, truth=truth, noise=SILENT):
+        X = columns(lib, run.inputs.channels, len(run.inputs))
+        expected = run.inputs.channels["f_i"] + X @ np.array([truth[name] for name in lib.names])
+        np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_truth_may_name_any_term_of_any_library():
+    truth = {"b4": 1e-9, "S_ii": 1e-4, "c_kk": 1e-5, "b1*T2": 1e-7}
+    (run,) = simulate(TACTICAL, [centrifuge([1, 5])], seed=1, truth=truth, noise=SILENT)
+    f_i, f_k, w_i = (run.inputs.channels[name] for name in ("f_i", "f_k", "w_i"))
+    expected = f_i + 1e-9 * f_i**4 + 1e-4 * w_i**2 + 1e-5 * f_k**2  # at the reference temperature
+    np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_gyroscope_answers_to_its_own_input():
+    gyroscope = sensor("fog_navigation", kind="gyroscope")
+    (run,) = simulate(gyroscope, [static(1.0, 10.0)], seed=1, truth={"b0": 1e-3, "g_i": 1e-4}, noise=SILENT)
+    np.testing.assert_allclose(run.output, 1e-3 + 1e-4 * 9.80665, rtol=1e-14)
+
+
+def test_unit_without_truth_is_drawn_from_the_class_by_the_seed():
+    first, again, other = (
+        simulate(TACTICAL, [tumble(dwell=1.0)], seed=seed, noise=SILENT)[0].output for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    truth = draw_unit(TACTICAL, library("accelerometer"), np.random.default_rng(1))
+    (same,) = simulate(TACTICAL, [tumble(dwell=1.0)], seed=9, truth=truth, noise=SILENT)
+    np.testing.assert_array_equal(first, same.output)
+    assert np.abs(first - other).max() > 1e-6
+
+
+def test_runs_of_one_sensor_have_independent_noise_and_unique_names():
+    runs = simulate(TACTICAL, [static(100.0, 10.0)] * 3, seed=4, truth={}, noise=Noise(1.0, 0.0, 0.0))
+    assert [run.name for run in runs] == ["static", "static-2", "static-3"]
+    correlation = np.corrcoef([run.output for run in runs])[np.triu_indices(3, 1)]
+    assert np.abs(correlation).max() < 4.0 / math.sqrt(1000)
+
+
+def test_noise_without_a_word_is_the_typical_one_of_the_class():
+    N, B, K = (TACTICAL.noise[name][1] for name in ("N", "B", "K"))
+    (default,) = simulate(TACTICAL, [static(50.0, 10.0)], seed=5, truth={"b0": 1.0})
+    (given,) = simulate(TACTICAL, [static(50.0, 10.0)], seed=5, truth={"b0": 1.0}, noise=Noise(N, B, K))
+    np.testing.assert_array_equal(default.output, given.output)
+    assert default.output.std() > 0.0
+    assert "simulated: class mems_tactical" in default.source.notes[0]
+
+
+def test_library_of_names_is_in_the_order_of_the_model_equation():
+    full = library("gyroscope", powers=5, asymmetry=3, set="extended", temperature=2)
+    shuffled = np.random.default_rng(0).permutation(full.names)
+    assert library_of("gyroscope", shuffled).terms == full.terms
+
+
+@pytest.mark.parametrize("name", ["b13", "g_i", "K2", "b0*T13", ""])
+def test_truth_of_a_term_that_does_not_exist_is_refused(name):
+    with pytest.raises(TermError, match=f"'{name.replace('*', '[*]')}' is not a term of kind accelerometer"):
+        simulate(TACTICAL, [static(1.0, 10.0)], seed=1, truth={name: 1.0})
+
+
+@pytest.mark.parametrize(
+    ("t", "interval"), [([], 1.0), ([0.0, 0.0], 1.0), ([1.0, 0.0], 1.0), ([0.0, math.nan], 1.0), ([0.0], 0.0)]
+)
+def test_noise_at_impossible_times_is_refused(t, interval):
+    with pytest.raises(InputError, match="time increasing"):
+        synthesise(SILENT, np.array(t), interval, np.random.default_rng(0))

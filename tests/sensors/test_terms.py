@@ -1,0 +1,208 @@
+"""The model equation, held against the slides' matrix form written out a second time."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.errors import TermError
+from imubayes.sensors.terms import CHANNEL_UNITS, Library, angles, column, columns, gains, is_tested, library
+from imubayes.units import factor
+
+KINDS = ("accelerometer", "gyroscope")
+ROWS = 200
+CHANNELS = [f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in "ijk"]
+
+
+def _inputs(seed: int) -> dict[str, np.ndarray]:
+    """Random inputs of both signs, a tenth of them exactly zero, and a wandering temperature."""
+    rng = np.random.default_rng(seed)
+    channels = {name: rng.normal(0.0, 5.0, ROWS) * (rng.random(ROWS) > 0.1) for name in CHANNELS}
+    return {**channels, "T": rng.uniform(250.0, 350.0, ROWS), "dT": rng.normal(0.0, 0.1, ROWS)}
+
+
+def _matrix_form(kind: str, theta: dict[str, float], channels: dict[str, np.ndarray]) -> np.ndarray:
+    """Evaluate ``sum b_n u^n + sum b_n' sgn(u) u^n + m'u + u'C u + v'S v + g'v + s'dw`` row by row.
+
+    The vector u is the component's own quantity and v the opposite one; C and S are upper triangular.
+    """
+
+    def of(name: str) -> float:
+        return theta.get(name, 0.0)
+
+    f, w, dw = (
+        np.array([channels[f"{quantity}_{axis}"] for axis in "ijk"]).T for quantity in ("f", "w", "dw")
+    )
+    own, opposite = (f, w) if kind == "accelerometer" else (w, f)
+    m = np.array([0.0, of("m_j"), of("m_k")])
+    C = np.array([[0.0, of("c_ij"), of("c_ik")], [0.0, of("c_jj"), of("c_jk")], [0.0, 0.0, of("c_kk")]])
+    S = np.array(
+        [[of("S_ii"), of("S_ij"), of("S_ik")], [0.0, of("S_jj"), of("S_jk")], [0.0, 0.0, of("S_kk")]]
+    )
+    g = np.array([of("g_i"), of("g_j"), of("g_k")])
+    s = np.array([of("s_i"), of("s_j"), of("s_k")])
+    y = np.zeros(len(f))
+    for n in range(13):
+        y += of(f"b{n}") * own[:, 0] ** n
+        y += of(f"b{n}p") * np.sign(own[:, 0]) * own[:, 0] ** n
+    y += own @ m + np.einsum("ra,ab,rb->r", own, C, own)
+    y += np.einsum("ra,ab,rb->r", opposite, S, opposite) + opposite @ g + dw @ s
+    return y
+
+
+def _libraries() -> list[Library]:
+    return [
+        library(kind, powers=powers, asymmetry=asymmetry, set=set)
+        for kind in KINDS
+        for set in ("slide", "extended")
+        for powers, asymmetry in ((1, -1), (3, 2), (6, 5))
+    ]
+
+
+@pytest.mark.parametrize("lib", _libraries(), ids=lambda lib: f"{lib.kind}-{len(lib.terms)}")
+def test_every_column_is_its_place_in_the_matrix_form(lib):
+    channels = _inputs(seed=1)
+    X = columns(lib, channels, ROWS)
+    for j, name in enumerate(lib.names):
+        expected = _matrix_form(lib.kind, {name: 1.0}, channels)
+        assert expected.any()
+        np.testing.assert_allclose(X[:, j], expected, rtol=1e-13, atol=0.0, err_msg=name)
+
+
+@pytest.mark.parametrize("lib", _libraries(), ids=lambda lib: f"{lib.kind}-{len(lib.terms)}")
+def test_library_times_coefficients_is_the_matrix_form(lib):
+    channels, rng = _inputs(seed=2), np.random.default_rng(3)
+    theta = rng.normal(size=len(lib.terms))
+    X = columns(lib, channels, ROWS)
+    expected = _matrix_form(lib.kind, dict(zip(lib.names, theta, strict=True)), channels)
+    size = np.abs(X) @ np.abs(theta)
+    assert np.max(np.abs(X @ theta - expected) / size) < 1e-13
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_temperature_terms_are_their_base_times_powers_of_the_deviation(kind):
+    channels = _inputs(seed=4)
+    lib = library(kind, temperature=3, temperature_of=("b0", "b1", "c_jk"))
+    X = dict(zip(lib.names, columns(lib, channels, ROWS).T, strict=True))
+    deviation = channels["T"] - 298.15
+    for base in ("b0", "b1", "c_jk"):
+        for q, suffix in ((1, ""), (2, "2"), (3, "3")):
+            expected = X[base] * deviation**q
+            np.testing.assert_allclose(X[f"{base}*T{suffix}"], expected, rtol=1e-13, err_msg=base)
+    np.testing.assert_array_equal(X["b0*dT"], channels["dT"])
+
+
+def test_slide_set_is_exactly_the_slides_terms():
+    shared = [
+        "b0",
+        "b1",
+        "b2",
+        "b3",
+        "b0p",
+        "b1p",
+        "b2p",
+        "m_j",
+        "m_k",
+        "c_ij",
+        "c_ik",
+        "c_jj",
+        "c_jk",
+        "c_kk",
+    ]
+    products = ["S_ij", "S_ik", "S_jk"]
+    assert list(library("accelerometer").names) == [*shared, *products, "s_i", "s_j", "s_k"]
+    assert list(library("gyroscope").names) == [*shared, *products]
+
+
+def test_extended_set_adds_what_the_slides_leave_out():
+    def added(kind):
+        return set(library(kind, set="extended").names) - set(library(kind).names)
+
+    diagonal = {"S_ii", "S_jj", "S_kk"}
+    assert added("accelerometer") == diagonal
+    assert added("gyroscope") == diagonal | {"g_i", "g_j", "g_k", "s_i", "s_j", "s_k"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_asymmetries_are_zero_at_zero_input(kind):
+    lib = library(kind, powers=1, asymmetry=4)
+    signed = [term for term in lib.terms if term.group == "asymmetry"]
+    assert len(signed) == 5
+    for term in signed:
+        value = column(term, {lib.own: np.array([-2.0, -0.0, 0.0, 2.0])})
+        n = int(term.name[1:-1])
+        np.testing.assert_array_equal(value, [-((-2.0) ** n), 0.0, 0.0, 2.0**n])
+
+
+def test_absent_channel_counts_as_zero():
+    lib = library("accelerometer", set="extended", temperature=1)
+    present = {"f_i": np.array([1.0, -1.0])}
+    zeros = {name: np.zeros(2) for name in [*CHANNELS, "dT"]} | {"T": np.full(2, 298.15)}
+    np.testing.assert_array_equal(columns(lib, present, 2), columns(lib, zeros | present, 2))
+    tested = [term.name for term in lib.terms if is_tested(term, present)]
+    assert tested == ["b0", "b1", "b2", "b3", "b0p", "b1p", "b2p"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_printed_unit_measures_the_coefficient_that_the_si_unit_does(kind):
+    base = "m/s^2" if kind == "accelerometer" else "rad/s"
+    names = library(kind, powers=6, asymmetry=5, set="extended").names
+    for term in library(
+        kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=names
+    ).terms:
+        assert factor(term.unit, like=term.unit) == pytest.approx(1.0, rel=1e-15), term.name
+        assert factor(term.printed, like=term.unit) > 0.0
+        regressor = [f"({CHANNEL_UNITS[part.channel.split('_')[0]]})^{part.power}" for part in term.factors]
+        product = "*".join([f"({term.unit})", *regressor])
+        assert factor(product, like=base) == pytest.approx(1.0, rel=1e-15), product
+
+
+angle = st.floats(-2.0, 2.0)
+
+
+@given(st.floats(-0.5, 0.5), angle, angle)
+def test_angles_undo_gains_at_any_angle_below_half_a_turn(s, alpha_j, alpha_k):
+    # hypot(2, 2) < pi; each number is a few roundings of quantities of order pi
+    assert angles(gains(s, alpha_j, alpha_k)) == pytest.approx((s, alpha_j, alpha_k), abs=2e-15 * math.pi)
+
+
+@given(st.floats(0.1, 2.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_gains_undo_angles(k_i, k_j, k_k):
+    assert gains(*angles((k_i, k_j, k_k))) == pytest.approx((k_i, k_j, k_k), abs=4e-15)
+
+
+@given(angle, angle)
+def test_direction_of_the_input_axis_is_the_rotation_of_i_by_the_rotation_vector(alpha_j, alpha_k):
+    from scipy.spatial.transform import Rotation
+
+    rotated = Rotation.from_rotvec([0.0, alpha_j, alpha_k]).apply([1.0, 0.0, 0.0])
+    assert gains(0.0, alpha_j, alpha_k) == pytest.approx(tuple(rotated), abs=1e-14)
+
+
+def test_small_misalignment_has_the_signs_of_ieee_1293():
+    # +d_o a_p - d_p a_o is the cross product d x e_i of d = d_p e_j + d_o e_k
+    d_p, d_o = 3e-6, 5e-6
+    expected = np.array([1.0, 0.0, 0.0]) + np.cross([0.0, d_p, d_o], [1.0, 0.0, 0.0])
+    # what is left out is second order
+    np.testing.assert_allclose(gains(0.0, d_p, d_o), expected, rtol=0.0, atol=(d_p + d_o) ** 2)
+    symbols = {term.name: term.symbol for term in library("accelerometer").terms}
+    assert (symbols["m_j"], symbols["m_k"]) == ("d_o", "-d_p")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "magnetometer"}, "kind 'magnetometer'"),
+        ({"powers": 0}, "powers = 0"),
+        ({"powers": 13}, "powers = 13"),
+        ({"asymmetry": -2}, "asymmetry = -2"),
+        ({"temperature": -1}, "temperature = -1"),
+        ({"set": "full"}, "set 'full'"),
+        ({"temperature": 1, "temperature_of": ("b9",)}, "'b9'"),
+    ],
+)
+def test_library_that_does_not_exist_is_refused(options, message):
+    with pytest.raises(TermError, match=message):
+        library(**{"kind": "accelerometer", **options})
