@@ -1,4 +1,4 @@
-"""Which terms of the generalized IMU model does this sensor need, and how sure is that?
+"""Which terms of the generalized IMU model a sensor needs, and how sure that is.
 
 The stages are functions, the values between them frozen dataclasses::
 
@@ -9,9 +9,10 @@ The stages are functions, the values between them frozen dataclasses::
     chosen  = ib.select(summary, ib.prior(sensor, library))
     print(chosen.table())
 
-Glossary: *run*, one recording of one procedure; *dwell*, a part of it at constant input; *library*, the candidate
-terms; *factor*, the triangular matrix that holds all a linear Gaussian model can learn from whitened rows; N, B, K,
-white noise, bias instability and random walk; *inclusion*, the posterior probability that a term is in the model.
+Glossary: *run*, one recording of one procedure; *dwell*, a part of it at constant input; *library*, the
+candidate terms; *factor*, the triangular matrix that holds all a linear Gaussian model can learn from
+whitened rows; N, B, K, white noise, bias instability and random walk; *inclusion*, the posterior
+probability that a term is in the model.
 """
 
 from importlib import import_module
@@ -63,9 +64,7 @@ _HOME = {
     "NoiseRule": "sensors.noise",
     "library": "sensors.terms",
 }
-"""Module of each public name: it is imported when the name is first used, so that the command line starts fast."""
-
-__all__ = ["__version__", *sorted(_HOME)]
+"""Module of each public name, imported when the name is first used: the command line starts fast."""
 
 
 def __getattr__(name: str) -> object:

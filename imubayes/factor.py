@@ -181,8 +181,8 @@ def least_squares(f: Factor) -> LeastSquares:
     if f.n < f.p or lost.any():
         terms = tuple(name for name, gone in zip(f.names, lost, strict=True) if gone)
         raise UnobservableError(
-            f"least squares needs independent columns: {f.n} rows do not tell {', '.join(terms) or f'{f.p} terms'}"
-            " from the other terms; leave terms out, or add rows that differ",
+            f"least squares needs independent columns: {f.n} rows do not tell"
+            f" {', '.join(terms) or f'{f.p} terms'} from the others; leave some out, or add rows that differ",
             terms,
         )
     rss, dof = float(f.R[-1, -1] ** 2), f.n - f.p

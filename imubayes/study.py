@@ -53,9 +53,10 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
         runs = runs_of(spec, study.seed, k)
         rng = np.random.default_rng([study.seed, k, 1])
         with _named(spec):
-            results += (
-                _triad(spec, runs, rng, progress) if _is_triad(runs) else [_single(spec, runs, rng, progress)]
-            )
+            if triad := _of_triad(runs):
+                results += _triad(spec, triad, rng, progress)
+            else:
+                results.append(_single(spec, _of_component(runs), rng, progress))
     return StudyResult(study, tuple(results))
 
 
@@ -69,11 +70,8 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
     for k, spec in enumerate(study.sensors):
         runs = runs_of(spec, study.seed, k)
         with _named(spec):
-            checks += (
-                _triad_check(spec, triad)
-                if (triad := _of_triad(runs))
-                else [_check(spec, _of_component(runs))]
-            )
+            triad = _of_triad(runs)
+            checks += _triad_check(spec, triad) if triad else [_check(spec, _of_component(runs))]
     return tuple(checks)
 
 

@@ -22,11 +22,13 @@ from imubayes.config.shapes import (
     shaped,
 )
 from imubayes.errors import StudyError
+from imubayes.rig.inputs import Run, TriadRun
 from imubayes.rig.runs import FREE_TUMBLE, RunSpec
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.catalogue import SensorClass, sensor
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
+from imubayes.study import runs_of
 
 
 def read_study(path: Path) -> Study:
@@ -49,6 +51,27 @@ def read_study(path: Path) -> Study:
     sensors = tuple(_sensor(raw, path, place.at("sensor").at(k)) for k, raw in enumerate(tables.sensor))
     _unique([one.id for one in sensors], "id", place.at("sensor"))
     return Study(header.title or path.stem, header.seed, sensors, path, text)
+
+
+def read_runs(path: Path | str, sensor: str = "") -> tuple[Run | TriadRun, ...]:
+    """Read (or simulate) the runs of one sensor of a study file.
+
+    Parameters
+    ----------
+    path : of the study.
+    sensor : id; by default the study's first sensor.
+
+    Raises
+    ------
+    StudyError : if the study has no such sensor, or cannot be read.
+    DataError : if a run's file cannot be used.
+    """
+    study = read_study(Path(path))
+    ids = [spec.id for spec in study.sensors]
+    if sensor and sensor not in ids:
+        raise StudyError(f"{path}: no sensor is called '{sensor}': {hint(sensor, ids)}")
+    index = ids.index(sensor) if sensor else 0
+    return runs_of(study.sensors[index], study.seed, index)
 
 
 def _content(path: Path) -> str:

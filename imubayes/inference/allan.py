@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,9 +41,7 @@ def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[Floa
     ([1.0, 2.0], [0.707, 0.0])
     """
     ends = np.concatenate(([0], np.flatnonzero(np.diff(t) > GAP * interval) + 1, [len(t)]))
-    parts = [
-        np.concatenate(([0.0], np.cumsum(y[a:b] - y[a]))) for a, b in zip(ends[:-1], ends[1:], strict=True)
-    ]
+    parts = [np.concatenate(([0.0], np.cumsum(y[a:b] - y[a]))) for a, b in pairwise(ends)]
     longest = max(len(part) - 1 for part in parts) // 2
     if longest < 1:
         return np.empty(0), np.empty(0)

@@ -1,14 +1,14 @@
 """Reference-free tumble: a triad in the hand, of which only |f| = g is known while it rests.
 
 At rest the compensated output has the length g, so each still gives one equation. Linearised about the
-current coefficients theta_0 it is a row of an ordinary linear model: with the compensated output f of the still,
-``F(f) = y``, its direction ``u = f/|f|`` and ``w = u' (I + M)^-1``::
+current coefficients theta_0 it is a row of an ordinary linear model: with the compensated output f of the
+still, ``F(f) = y``, its direction ``u = f/|f|`` and ``w = u' (I + M)^-1``::
 
     w . (y_t - y) + |f| - g + x theta_0 = x theta + w . noise_t,      x_(c,k) = w_c phi_k(f)
 
-so that rows, noise, factor and selection are those of every other test. A rotation of the case axes leaves all
-lengths alone; the gain matrix I + M is therefore taken upper triangular: the sensor's z axis is the case's, and
-its y axis lies in the case's y-z plane.
+so that rows, noise, factor and selection are those of every other test. A rotation of the case axes leaves
+all lengths alone; the gain matrix I + M is therefore taken upper triangular: the sensor's z axis is the
+case's, and its y axis lies in the case's y-z plane.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def solve_free_tumble(
 def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[dict[str, object], ...]:
     """Compensation of each component, as calibration tools publish it.
 
-    With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T is upper triangular with ones on its diagonal,
+    With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T upper triangular with ones on its diagonal,
     from ``T K = (I + M)^-1 diag(scale)``. This is imu_tk's form, and its signs.
 
     Parameters
@@ -233,9 +233,9 @@ def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[d
 
 
 CONVENTION = (
-    "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal: the sensor's z axis is the"
-    " case's, its y axis lies in the case's y-z plane. Entries of T have the opposite sign of the misalignments m"
-    " of the model, which go from force to output."
+    "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal: the sensor's"
+    " z axis is the case's, its y axis lies in the case's y-z plane. Entries of T have the opposite sign of"
+    " the misalignments m of the model, which go from force to output."
 )
 
 

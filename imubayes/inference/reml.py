@@ -1,14 +1,15 @@
 """Noise of a run by restricted maximum likelihood, with the full library in the mean.
 
-What the library can explain is projected out before the noise is judged, so that a coefficient is not mistaken
-for drift nor drift for a coefficient. The rows are averages over short blocks: the model is linear, so averages
-of its columns are exact, and only the noise within a block is lost.
+What the library can explain is projected out before the noise is judged, so that a coefficient is not
+mistaken for drift nor drift for a coefficient. The rows are averages over short blocks: the model is linear,
+so averages of its columns are exact, and only the noise within a block is lost.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray
     longest = max(1, math.ceil(len(t) / blocks))
     breaks = np.flatnonzero(np.diff(t) > GAP * interval) + 1
     ends = np.concatenate(([0], breaks, [len(t)]))
-    return np.concatenate([_cut(a, b, longest) for a, b in zip(ends[:-1], ends[1:], strict=True)])
+    return np.concatenate([_cut(a, b, longest) for a, b in pairwise(ends)])
 
 
 def _cut(start: int, stop: int, longest: int) -> NDArray[np.int64]:

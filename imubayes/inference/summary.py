@@ -112,7 +112,8 @@ class Summary:
         rows, response = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         if rows.ndim != 2 or response.shape != rows.shape[:1] or rows.shape[1] != len(names):
             raise UnobservableError(
-                f"X must be (n, p), y (n,) and names p long: got {rows.shape}, {response.shape} and {len(names)}"
+                f"X must be (n, p), y (n,) and names p long: got {rows.shape}, {response.shape} and"
+                f" {len(names)}"
             )
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(response))):
             raise UnobservableError("X and y must be finite: take out or mend the rows that are not")

@@ -5,8 +5,9 @@ row, is semiseparable: for i before j, ``Cov = sum_m U_jm V_im exp(-c_m (t_j - t
 a matrix as ``L D L'`` with unit lower L, and solves with L column by column.
 
 For a process of variance s^2 and time constant tau, averaged over T (x = T/tau), rows do not overlap:
-``Var = 2 s^2 (x - 1 + exp(-x)) / x^2`` and ``Cov = s^2 exp(-dt/tau) (2 sinh(x/2)/x)^2`` at the distance dt of the
-centres. A random walk that starts at t0 has ``Cov = K^2 (t_i - t0)`` and ``Var = K^2 (start_i - t0 + T/3)``.
+``Var = 2 s^2 (x - 1 + exp(-x)) / x^2`` and ``Cov = s^2 exp(-dt/tau) (2 sinh(x/2)/x)^2`` at the distance dt
+of the centres. A random walk that starts at t0 has ``Cov = K^2 (t_i - t0)`` and
+``Var = K^2 (start_i - t0 + T/3)``.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from celerite2 import driver
+from celerite2 import driver  # pyright: ignore[reportAttributeAccessIssue]: a compiled module without stubs
 from numpy.typing import NDArray
 
 from imubayes.sensors.noise import Noise, flicker
@@ -49,7 +50,13 @@ class Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processes:
-    """First-order processes that stand for bias instability: (m,) variances (u^2) per unit B^2, and time constants (s)."""
+    """First-order processes that stand for bias instability.
+
+    Attributes
+    ----------
+    variance : (m,) per unit B^2.
+    tau : (m,) time constants, s.
+    """
 
     variance: FloatArray
     tau: FloatArray
@@ -128,7 +135,7 @@ def _averaging(x: FloatArray) -> FloatArray:
 
 
 def _own(x: FloatArray) -> FloatArray:
-    """Variance of the average of a unit process over x time constants: 2 (x - 1 + exp(-x)) / x^2, by series if small."""
+    """Variance of the average of a unit process over x time constants: 2 (x - 1 + exp(-x)) / x^2."""
     small = 1.0 - x / 3.0 + x * x / 12.0 - x**3 / 60.0
     return np.where(x < 1e-3, small, 2.0 * (x + np.expm1(-x)) / np.maximum(x, 1e-3) ** 2)
 

@@ -24,7 +24,7 @@ SHARE = 0.1
 """Smallest share of the largest contribution to a cancellation that makes a term part of it."""
 
 ROUNDING = 1e-5
-"""Residual of a cancellation, relative to the columns, below which it is exact for the digits of a rig's inputs."""
+"""Residual of a cancellation, relative to the columns, that is exact for the digits of a rig's inputs."""
 
 TAKES_PART = 1e-3
 """Smallest entry, in units of the columns' norms, that makes a term part of an exact cancellation."""
@@ -103,28 +103,34 @@ def observe(factor: Factor, sd: FloatArray, facts: Facts, *, scale: float = 1.0)
     A = factor.R[:-1, :-1] * (sd / scale)
     size = np.linalg.norm(A, axis=0)
     tested = size > 0.0
-    T = np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r")
+    T = np.asarray(np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r"))
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
-    groups = tuple(
-        _group(factor.names, v, part, sd, facts, seen=1.0 / float(np.sqrt(1.0 + np.linalg.norm(A @ v) ** 2)))
-        for v, part in (*_exact(A, size), *_below_noise(A, size))
-    )
-    return Observability(
-        factor.names, tested, ratio, 1.0 / np.sqrt(1.0 + size**2), _inflation(A, size, tested), groups
-    )
+    groups = tuple(_group(factor.names, c, A, sd, facts) for c in (*_exact(A, size), *_below_noise(A, size)))
+    alone = 1.0 / np.sqrt(1.0 + size**2)
+    return Observability(factor.names, tested, ratio, alone, _inflation(A, size, tested), groups)
 
 
-def _exact(A: FloatArray, size: FloatArray) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
-    """Combinations that cancel to rounding, in units of the prior, and which terms take part."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Combination:
+    """A direction v (p,) in units of the prior, which terms take part, and whether it cancels to rounding."""
+
+    v: FloatArray
+    part: NDArray[np.bool_]
+    exact: bool
+
+
+def _exact(A: FloatArray, size: FloatArray) -> Iterator[_Combination]:
+    """Combinations that cancel to rounding."""
     where = np.flatnonzero(size > 0.0)
     _, d, Vt = _all_singular(A[:, where] / size[where])
     for row in _sparse(Vt[d <= ROUNDING * d[:1]]):
         v = _embed(row / size[where], where, len(size))
-        yield v / np.linalg.norm(v), _embed(np.abs(row) > TAKES_PART, where, len(size))
+        part = _embed(np.abs(row) > TAKES_PART, where, len(size))
+        yield _Combination(v / np.linalg.norm(v), part, exact=True)
 
 
-def _below_noise(A: FloatArray, size: FloatArray) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
-    """Combinations, not exact ones, of which the data say less than the prior though their terms are visible."""
+def _below_noise(A: FloatArray, size: FloatArray) -> Iterator[_Combination]:
+    """Combinations of visible terms, not exact ones, of which the data say less than the prior."""
     where = np.flatnonzero(size > 0.0)
     _, d, Vt = _all_singular(A[:, where])
     for row in _sparse(Vt[(d > ROUNDING * d[:1]) & (d < UNSEEN)]):
@@ -132,7 +138,7 @@ def _below_noise(A: FloatArray, size: FloatArray) -> Iterator[tuple[FloatArray, 
         effect = np.abs(v) * size
         part = (effect >= SHARE * effect.max()) & (effect >= VISIBLE * np.abs(v).max())
         if np.sum(part) >= 2:
-            yield v, part
+            yield _Combination(v, part, exact=False)
 
 
 def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -163,21 +169,16 @@ def _embed(values: NDArray, where: NDArray[np.intp], length: int) -> NDArray:
 
 
 def _group(
-    names: tuple[str, ...],
-    v: FloatArray,
-    part: NDArray[np.bool_],
-    sd: FloatArray,
-    facts: Facts,
-    *,
-    seen: float,
+    names: tuple[str, ...], c: _Combination, A: FloatArray, sd: FloatArray, facts: Facts
 ) -> Confounded:
-    terms = tuple(name for name, inside in zip(names, part, strict=True) if inside)
+    terms = tuple(name for name, inside in zip(names, c.part, strict=True) if inside)
     reason, remedy = _words(frozenset(name.rpartition(".")[2] for name in terms), facts)
-    return Confounded(terms, tuple((v * sd)[part].tolist()), seen, 1.0 - seen < ROUNDING, reason, remedy)
+    seen = 1.0 / float(np.sqrt(1.0 + np.linalg.norm(A @ c.v) ** 2))
+    return Confounded(terms, tuple((c.v * sd)[c.part].tolist()), seen, c.exact, reason, remedy)
 
 
 def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> FloatArray:
-    """Variance inflation factors without a prior; inf for a term of an exact cancellation, NaN if untested."""
+    """Variance inflation without a prior; inf for a term of an exact cancellation, NaN if untested."""
     out = np.full(len(size), np.nan)
     where = np.flatnonzero(tested)
     if len(where):

@@ -51,7 +51,9 @@ def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
             yield f"{count}: {confounded_sentences(groups, sensor.selection.terms)[0]}"
         else:
             causes = dict.fromkeys(_cause(group) for group in groups)
-            yield " ".join((f"{count} ({_some(inseparable)}).", *(f"They {cause}" for cause in causes)))
+            yield " ".join(
+                (f"{count} ({_some(inseparable)}).", *(f"Groups of them {cause}" for cause in causes))
+            )
     unresolved, untested = _named(sensor, "unresolved"), _named(sensor, "untested")
     if unresolved:
         yield (

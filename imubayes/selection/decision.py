@@ -101,9 +101,7 @@ def select(
     """
     lib = lib or summary.library
     if lib is None:
-        raise TermError(
-            "a summary of plain arrays has no library: give the library whose terms its columns are"
-        )
+        raise TermError("a summary of plain arrays has no library: give the library of its columns")
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
     seen = observe(summary.factor, prior.sd, summary.facts)
     excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
@@ -223,7 +221,7 @@ def _first_finite(*values: float) -> float:
 
 
 def _prior_inclusion(models: Models) -> float:
-    """Inclusion of one more term, under the beta-binomial prior, given how many the data ask for: E[(k + 1)/(p + 2)]."""
+    """Inclusion of a term without data, given how many others are in: E[(k + 1)/(p + 2)], beta-binomial."""
     weight = np.exp(models.by_size - models.by_size.max())
     k = np.arange(len(weight))
     return float(np.sum(weight * (k + 1.0)) / np.sum(weight) / (len(weight) + 1.0))

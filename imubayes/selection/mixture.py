@@ -104,7 +104,7 @@ def scale_components(c: Candidates, scales: FloatArray, log_joint: FloatArray) -
     mean, sd = np.full((2, len(mask), len(c.columns)), np.nan)
     for q in np.unique(node):
         of = node == q
-        T = np.ascontiguousarray(c.at(scales[q])[skip:, skip:])
+        T = np.ascontiguousarray(c.at(float(scales[q]))[skip:, skip:])
         b, v = solutions(T, mask[of] if skip else with_always(c, mask[of]))
         mean[of, skip:], sd[of, skip:] = b, scales[q] * np.sqrt(v)
     return Components(weight, mask, scales[node], mean, sd)
@@ -164,7 +164,7 @@ def probability_within(parts: Components, column: int, bound: float) -> float:
 
 
 def limit(parts: Components, column: int, level: float = 0.95) -> float:
-    """Size that ``|theta|`` stays below with probability `level`, over the components that contain the column.
+    """Size that ``|theta|`` stays below with probability `level`, where the column is in the model.
 
     The point mass at zero is left out: with it, the limit of whatever is not needed would be zero. NaN if no
     component contains the column.
@@ -197,7 +197,7 @@ def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) 
 
 
 def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) -> FloatArray:
-    """Distribution of each component at x; without spread it is a step, which counts x itself unless `strict`."""
+    """Distribution of each component at x; without spread a step, which counts x itself unless `strict`."""
     point = sd == 0.0
     step = mean < x if strict else mean <= x
     return np.where(point, step, ndtr((x - mean) / np.where(point, 1.0, sd)))
