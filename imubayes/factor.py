@@ -30,6 +30,9 @@ ROWS_AT_ONCE = 8192
 EXTENDED_ROWS = 4096
 """Up to so many rows the factor is computed in extended precision: beyond, noise hides what it gains."""
 
+VANISHED = 1e-12
+"""A column of which less is left beside the others, relative to its norm, is rounding of the input."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Factor:
@@ -41,12 +44,14 @@ class Factor:
     R : (p + 1, p + 1) upper triangular.
     n : rows that went in.
     log_det : log determinant of the noise covariance that whitened them; 0 for rows given as white.
+    rest : what R lost when it was rounded to double, (p + 1, p + 1); 0 where it was computed in double.
     """
 
     names: tuple[str, ...]
     R: FloatArray
     n: int
     log_det: float = 0.0
+    rest: FloatArray | float = 0.0
 
     @property
     def p(self) -> int:
@@ -93,15 +98,15 @@ def factor_of(X: FloatArray, y: FloatArray, names: Sequence[str], *, log_det: fl
     [1.0, 1.0]
     """
     if len(y) <= EXTENDED_ROWS:
-        R = _householder(np.column_stack((X, y)))
-    else:
-        blocks = (np.column_stack((X[i:j], y[i:j])) for i, j in row_blocks(len(y)))
-        R = triangular(blocks, len(names) + 1)
-    return Factor(tuple(names), R, len(y), log_det)
+        extended = _householder(np.column_stack((X, y)))
+        R = extended.astype(np.float64)
+        return Factor(tuple(names), R, len(y), log_det, (extended - R).astype(np.float64))
+    blocks = (np.column_stack((X[i:j], y[i:j])) for i, j in row_blocks(len(y)))
+    return Factor(tuple(names), triangular(blocks, len(names) + 1), len(y), log_det)
 
 
-def _householder(rows: FloatArray) -> FloatArray:
-    """Triangular factor by Householder reflections in extended precision, rounded once at the end.
+def _householder(rows: FloatArray) -> NDArray[np.longdouble]:
+    """Triangular factor by Householder reflections in extended precision.
 
     Small ill-conditioned problems with large residuals (NIST's Wampler5) lose log10(cond) digits to the
     rounding of Q'y; the longer mantissa of ``np.longdouble`` gives them back where the platform has one.
@@ -116,7 +121,7 @@ def _householder(rows: FloatArray) -> FloatArray:
         v /= peak
         v[0] += np.copysign(np.sqrt(v @ v), v[0])
         A[k:, k:] -= np.outer(v, (2.0 / (v @ v)) * (v @ A[k:, k:]))
-    upper = np.triu(A[:width]).astype(np.float64)
+    upper = np.triu(A[:width])
     return np.pad(upper, ((0, width - upper.shape[0]), (0, 0)))
 
 
@@ -176,8 +181,7 @@ def least_squares(f: Factor) -> LeastSquares:
     UnobservableError : if a column vanishes to rounding once the others before it are accounted for, or
         there are fewer rows than columns.
     """
-    R, z = f.R[:-1, :-1], f.R[:-1, -1]
-    lost = np.abs(np.diag(R)) <= np.finfo(float).eps * f.column_norms
+    lost = np.abs(np.diag(f.R)[:-1]) <= VANISHED * f.column_norms
     if f.n < f.p or lost.any():
         terms = tuple(name for name, gone in zip(f.names, lost, strict=True) if gone)
         raise UnobservableError(
@@ -187,8 +191,17 @@ def least_squares(f: Factor) -> LeastSquares:
         )
     rss, dof = float(f.R[-1, -1] ** 2), f.n - f.p
     scale = math.sqrt(rss / dof) if dof > 0 else math.nan
-    inverse = invert_triangular(R)
-    return LeastSquares(solve_triangular(R, z), scale * np.linalg.norm(inverse, axis=1), rss, dof)
+    whole = f.R.astype(np.longdouble) + f.rest
+    solved = _back_substitute(whole[:-1, :-1], np.column_stack((whole[:-1, -1], np.eye(f.p))))
+    sd = scale * np.sqrt(np.sum(solved[:, 1:] ** 2, axis=1))
+    return LeastSquares(solved[:, 0].astype(np.float64), sd.astype(np.float64), rss, dof)
+
+
+def _back_substitute(R: NDArray[np.longdouble], b: NDArray[np.longdouble]) -> NDArray[np.longdouble]:
+    x = np.zeros_like(b)
+    for i in range(len(R) - 1, -1, -1):
+        x[i] = (b[i] - R[i, i + 1 :] @ x[i + 1 :]) / R[i, i]
+    return x
 
 
 def solve_triangular(R: FloatArray, b: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 PER_DECADE = 5
-"""Averaging times a decade."""
+"""Averaging times a decade; whole decades of the interval are among them."""
 
 GAP = 1.5
 """A step longer than so many intervals is a gap."""
@@ -45,9 +46,8 @@ def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[Floa
     longest = max(len(part) - 1 for part in parts) // 2
     if longest < 1:
         return np.empty(0), np.empty(0)
-    steps = np.unique(
-        np.logspace(0.0, np.log10(longest), int(PER_DECADE * np.log10(longest)) + 2).astype(int)
-    )
+    exponents = np.arange(math.floor(PER_DECADE * math.log10(longest)) + 1) / PER_DECADE
+    steps = np.unique(np.rint(10.0**exponents).astype(int))
     variance = np.array([_pooled(parts, int(m)) for m in steps])
     return steps * interval, np.sqrt(variance)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,9 @@ FEWEST_IN_WINDOW = 8
 
 SHORTEST = 1.0
 """s: a still that is shorter, once its ends are trimmed, is left out."""
+
+CONTRAST = 10.0
+"""Variance in motion over that at rest (medians) from which a record has both: hands give 1e2 to 1e5."""
 
 BINS = 256
 """Bins of the histogram that the threshold is taken from."""
@@ -39,8 +44,7 @@ def find_stills(run: TriadRun) -> tuple[tuple[int, int], ...]:
         raise UnobservableError(
             f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
         )
-    spread = np.log(np.maximum(_rolling_variance(run.output, width), np.finfo(float).tiny))
-    quiet = spread < _threshold(spread)
+    quiet = _quiet(run, width)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
     # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
     found = [(int(a + width // 2), int(b + width // 2)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -50,6 +54,18 @@ def find_stills(run: TriadRun) -> tuple[tuple[int, int], ...]:
             f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
         )
     return stills
+
+
+def _quiet(run: TriadRun, width: int) -> NDArray[np.bool_]:
+    """Windows at rest: (n - width + 1,)."""
+    spread = np.log(np.maximum(_rolling_variance(run.output, width), np.finfo(float).tiny))
+    quiet = spread < _threshold(spread)
+    if quiet.all() or np.median(spread[~quiet]) - np.median(spread[quiet]) < math.log(CONTRAST):
+        raise UnobservableError(
+            f"run '{run.name}' has no stills that differ from motion: hold the triad still in one direction"
+            " after the other, and turn it between them"
+        )
+    return quiet
 
 
 def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
@@ -62,7 +78,9 @@ def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
 
 
 def _threshold(values: FloatArray) -> float:
-    """Otsu's threshold: the cut with the largest variance between the two sides."""
+    """Otsu's threshold: the cut with the largest variance between the two sides; inf where all are equal."""
+    if np.ptp(values) == 0.0:
+        return math.inf
     counts, edges = np.histogram(values, bins=BINS)
     middles = 0.5 * (edges[1:] + edges[:-1])
     below, total = np.cumsum(counts)[:-1], counts.sum()

@@ -12,7 +12,6 @@ of the centres. A random walk that starts at t0 has ``Cov = K^2 (t_i - t0)`` and
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,17 +106,20 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
             if noise.B > 0.0
             else Processes(np.empty(0), np.empty(0))
         )
-    x = rows.duration[:, None] / parts.tau
+    duration = _common(rows.duration)
+    x = duration[:, None] / parts.tau
     start = rows.t[0] - 0.5 * rows.duration[0]
     walk = noise.K**2 > 0.0
     width = len(parts.tau) + walk
     U, V = np.ones((len(rows.t), width)), np.empty((len(rows.t), width))
-    U[:, : len(parts.tau)] = _averaging(x)
-    V[:, : len(parts.tau)] = U[:, : len(parts.tau)] * (noise.B**2 * parts.variance)
-    a = noise.N**2 / rows.duration + (noise.B**2 * parts.variance * _own(x)).sum(axis=1)
+    averaging, variance = _averaging(x), noise.B**2 * parts.variance
+    U[:, : len(parts.tau)] = averaging
+    V[:, : len(parts.tau)] = averaging * variance
+    a = np.empty(len(rows.t))
+    a[:] = noise.N**2 / duration + (variance * _own(x)).sum(axis=1)
     if walk:
         V[:, -1] = noise.K**2 * (rows.t - start)
-        a = a + noise.K**2 * (rows.t - start - rows.duration / 6.0)
+        a += noise.K**2 * (rows.t - start - duration / 6.0)
     c = np.concatenate((1.0 / parts.tau, np.zeros(int(walk))))
     return _factor(rows, c, a, U, V)
 
@@ -128,6 +130,11 @@ def whiten(w: Whitener, rows: FloatArray) -> FloatArray:
         driver.solve_lower(w.t, w.c, w.U, w.W, rows, rows)
     rows /= np.sqrt(w.d)[:, None]
     return rows
+
+
+def _common(duration: FloatArray) -> FloatArray:
+    """One duration where all are alike: what follows from it is then broadcast, not held for each row."""
+    return duration[:1] if duration.min() == duration.max() else duration
 
 
 def _averaging(x: FloatArray) -> FloatArray:
@@ -154,8 +161,3 @@ def _factor(rows: Rows, c: FloatArray, a: FloatArray, U: FloatArray, V: FloatArr
 
 def _each_axis(U: FloatArray, axes: FloatArray) -> FloatArray:
     return np.ascontiguousarray((U[:, :, None] * axes[:, None, :]).reshape(len(U), -1))
-
-
-def white(noise: Noise, interval: float) -> float:
-    """Return the standard deviation of the white part of a sample of length `interval`, SI."""
-    return noise.N / math.sqrt(interval)

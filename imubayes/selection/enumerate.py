@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import TermError, UnobservableError
+from imubayes.factor import VANISHED
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary
 from imubayes.selection.mixture import (
@@ -37,6 +38,9 @@ NEGLIGIBLE = 28.0
 FINE_STEPS = 18
 """Up to so many candidates sigma takes steps of one sd (error 5e-9); beyond, of 1.5 sd (error 3e-4)."""
 
+COARSE = 12.0
+"""What `NEGLIGIBLE` is beyond that many candidates: exp(-12) = 6e-6."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Models:
@@ -53,7 +57,7 @@ class Models:
     n_models : how many were visited.
     candidates : what was enumerated.
     scales : (q,) nodes of the noise scale; one NaN with the g-family, which integrates it.
-    log_joint : (q, n_models) log of p(data, model, scale), by node and mask.
+    weight : (n_models,) posterior probability of each model, by mask.
     components : the mixture behind `mean` and `sd`.
     """
 
@@ -67,7 +71,7 @@ class Models:
     n_models: int
     candidates: Candidates
     scales: FloatArray
-    log_joint: FloatArray
+    weight: FloatArray
     components: Components
 
 
@@ -107,26 +111,22 @@ def enumerate_models(
     c = _prepare(summary, prior, tuple(forced), tuple(always))
     log_prior = _log_model_prior(model_prior, len(c.names))
     if isinstance(prior, ScalePrior):
-        scales, log_joint = _over_scales(c, log_prior)
-        parts = scale_components(c, scales, log_joint)
+        scales, weight, peak = _over_scales(c, log_prior)
+        parts = scale_components(c, scales, weight)
     else:
-        scales, log_joint, parts = _over_g(c, prior, log_prior)
-    return _posterior(summary.names, c, scales, log_joint, parts)
+        scales, weight, peak, parts = _over_g(c, prior, log_prior)
+    return _posterior(summary.names, c, scales, weight, peak, parts)
 
 
 def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
     """Inclusion of each candidate, given that the terms `required` are in the model: (p,)."""
-    allowed = _containing(models, required)
-    peak = models.log_joint[:, allowed].max()
-    weight = np.where(allowed, np.exp(models.log_joint - peak), 0.0).sum(axis=0)
-    sums, total = fold(weight, len(models.candidates.names))
+    sums, total = fold(_containing(models, required), len(models.candidates.names))
     return sums / total
 
 
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
     """Return the mixture over the models that contain `required`, for a physical prior."""
-    log_joint = np.where(_containing(models, required), models.log_joint, -np.inf)
-    return scale_components(models.candidates, models.scales, log_joint)
+    return scale_components(models.candidates, models.scales, _containing(models, required))
 
 
 def fold(weight: FloatArray, p: int) -> tuple[FloatArray, float]:
@@ -153,9 +153,19 @@ def sizes(p: int) -> NDArray[np.int64]:
     return count
 
 
-def _containing(models: Models, required: tuple[str, ...]) -> NDArray[np.bool_]:
-    mask = sum(1 << models.candidates.names.index(name) for name in required)
-    return (np.arange(models.log_joint.shape[1]) & mask) == mask
+def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
+    """Weights of the models that contain `required`; zero for the others.
+
+    If the data all but exclude them, so that every such weight has underflowed, the largest of them is taken
+    alone: the model with every candidate.
+    """
+    weight = models.weight
+    if required:
+        mask = sum(1 << models.candidates.names.index(name) for name in required)
+        weight = np.where((np.arange(len(weight)) & mask) == mask, weight, 0.0)
+    if not weight.any():
+        weight[-1] = 1.0
+    return weight
 
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:
@@ -199,31 +209,44 @@ def _log_model_prior(model_prior: ModelPrior, p: int) -> FloatArray:
     return k * math.log(share) + (p - k) * math.log1p(-share)
 
 
-def _over_scales(c: Candidates, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Joint log probability of the data, every model and each node of the noise scale.
+def _over_scales(c: Candidates, log_prior: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Nodes of the noise scale, and each model's probability summed over them as ``weight * exp(peak)``.
 
     From the scale of the full library outwards, until both ends are negligible.
     """
+    fine = len(c.names) <= FINE_STEPS
     start, step = _first_scale(c)
-    step *= 1.0 if len(c.names) <= FINE_STEPS else 1.5
+    step, negligible = (step, NEGLIGIBLE) if fine else (1.5 * step, COARSE)
     model_prior = log_prior[sizes(len(c.names))] + math.log(step)
-
-    def visit(m: int) -> FloatArray:
-        return _log_joint(c, start * math.exp(m * step)) + model_prior
-
-    nodes = {0: visit(0)}
-    peak = float(nodes[0].max())
+    sums = _Sums(np.zeros(len(model_prior)), -math.inf)
+    marks = [0]
+    sums.add(_log_joint(c, start) + model_prior)
     for direction in (1, -1):
         m = direction
         while abs(m) * step < WIDEST:
-            nodes[m] = visit(m)
-            height = float(nodes[m].max())
-            peak = max(peak, height)
-            if height < peak - NEGLIGIBLE:
+            height = sums.add(_log_joint(c, start * math.exp(m * step)) + model_prior)
+            marks.append(m)
+            if height < sums.peak - negligible:
                 break
             m += direction
-    order = sorted(nodes)
-    return start * np.exp(np.array(order) * step), np.array([nodes[m] for m in order])
+    return start * np.exp(np.array(sorted(marks)) * step), sums.weight, sums.peak
+
+
+@dataclass(slots=True, eq=False)
+class _Sums:
+    """Running sum of exponentials, ``weight * exp(peak)`` by model, that neither over- nor underflows."""
+
+    weight: FloatArray
+    peak: float
+
+    def add(self, logs: FloatArray) -> float:
+        """Add exp(logs); return the largest of them."""
+        height = float(logs.max())
+        if height > self.peak:
+            self.weight *= math.exp(self.peak - height)
+            self.peak = height
+        self.weight += np.exp(logs - self.peak)
+        return height
 
 
 WIDEST = math.log(1e8)
@@ -255,7 +278,7 @@ def _log_joint(c: Candidates, scale: float) -> FloatArray:
 
 def _over_g(
     c: Candidates, prior: GFamily, log_prior: FloatArray
-) -> tuple[FloatArray, FloatArray, Components]:
+) -> tuple[FloatArray, FloatArray, float, Components]:
     """The g-family: noise scale integrated analytically, one walk for all models."""
     from imubayes.selection.moments import g_integrals
     from imubayes.selection.tree import walk
@@ -268,13 +291,15 @@ def _over_g(
     integrals = g_integrals(np.clip(rss / total, 0.0, 1.0), count, float(c.dof), g, log_weight)
     null = math.lgamma(c.dof / 2) - c.dof / 2 * math.log(math.pi * total) - math.log(2.0) - 0.5 * c.log_det
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))
-    log_joint = (null + integrals[:, 0] + log_prior[count])[None, :]
-    return np.array([math.nan]), log_joint, g_components(c, total, integrals, log_joint)
+    log_joint = null + integrals[:, 0] + log_prior[count]
+    peak = float(log_joint.max())
+    weight = np.exp(log_joint - peak)
+    return np.array([math.nan]), weight, peak, g_components(c, total, integrals, weight)
 
 
 def _check_independent(c: Candidates) -> None:
     norms = np.linalg.norm(c.whole[:, :-1], axis=0)
-    lost = np.abs(np.diag(c.whole)[:-1]) <= 1e-13 * norms
+    lost = np.abs(np.diag(c.whole)[:-1]) <= VANISHED * norms
     if lost.any():
         terms = tuple(name for name, gone in zip(c.columns, lost, strict=True) if gone)
         raise UnobservableError(
@@ -283,10 +308,14 @@ def _check_independent(c: Candidates) -> None:
 
 
 def _posterior(
-    names: tuple[str, ...], c: Candidates, scales: FloatArray, log_joint: FloatArray, parts: Components
+    names: tuple[str, ...],
+    c: Candidates,
+    scales: FloatArray,
+    weight: FloatArray,
+    peak: float,
+    parts: Components,
 ) -> Models:
-    p, peak = len(c.names), float(log_joint.max())
-    weight = np.exp(log_joint - peak).sum(axis=0)
+    p = len(c.names)
     sums, total = fold(weight, p)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
     mean, sd = parts.moments()
@@ -305,7 +334,7 @@ def _posterior(
         n_models=1 << p,
         candidates=c,
         scales=scales,
-        log_joint=log_joint,
+        weight=weight / total,
         components=parts,
     )
 

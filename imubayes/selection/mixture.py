@@ -14,11 +14,11 @@ from imubayes.factor import Factor, reorder, solve_triangular, with_prior_rows
 FloatArray = NDArray[np.float64]
 MaskArray = NDArray[np.int64]
 
-COMPONENTS = 8_000
-"""Most components that moments are computed for; beyond, a systematic sample of them stands for all."""
+CHOSEN = 2_000
+"""Most models that moments are computed for; beyond, a systematic sample of them stands for all."""
 
 LEFT_OUT = 1e-10
-"""Most posterior probability that the components left out may carry together."""
+"""Most posterior probability that the models left out may carry together."""
 
 BISECTIONS = 60
 """Halvings of a bracket of +-12 sd: to rounding."""
@@ -87,30 +87,54 @@ def candidates(factor: Factor, names: tuple[str, ...], always: tuple[str, ...], 
     return Candidates(names, always, sd, whole.R, factor.n - flat, factor.log_det)
 
 
-def scale_components(c: Candidates, scales: FloatArray, log_joint: FloatArray) -> Components:
-    """Components for independent physical priors.
+def scale_components(c: Candidates, scales: FloatArray, weight: FloatArray) -> Components:
+    """Components for independent physical priors: each chosen model at each noise scale.
 
     Parameters
     ----------
     c : what was enumerated.
-    scales : (q,) nodes of the noise scale.
-    log_joint : (q, 2^p) log of p(data, model, scale); -inf shuts a model out.
+    scales : (q,) nodes of the noise scale, equally spaced in the logarithm.
+    weight : (2^p,) posterior probability of each model, up to a factor.
     """
+    mask, share = _chosen(weight)
+    skip = 0 if np.isinf(c.sd).any() else len(c.always)
+    mean, sd = np.full((2, len(scales), len(mask), len(c.columns)), np.nan)
+    log_joint = np.empty((len(scales), len(mask)))
+    for q, scale in enumerate(scales.tolist()):
+        log_joint[q], mean[q, :, skip:], sd[q, :, skip:] = _at_scale(c, scale, mask, skip)
+    # within a model the scales share its probability
+    given = np.exp(log_joint - log_joint.max(axis=0))
+    weights = (share * given / given.sum(axis=0)).ravel()
+    keep = weights > LEFT_OUT / len(weights)
+    return Components(
+        weight=weights[keep] / weights[keep].sum(),
+        mask=np.tile(mask, len(scales))[keep],
+        scale=np.repeat(scales, len(mask))[keep],
+        mean=mean.reshape(len(weights), -1)[keep],
+        sd=sd.reshape(len(weights), -1)[keep],
+    )
+
+
+def _at_scale(
+    c: Candidates, scale: float, mask: MaskArray, skip: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log of p(data, scale | model) up to a constant, and moments of the columns from `skip` on."""
     from imubayes.selection.moments import solutions
 
-    chosen, weight = _chosen(log_joint)
-    node, mask = np.divmod(chosen, log_joint.shape[1])
-    skip = 0 if np.isinf(c.sd).any() else len(c.always)
-    mean, sd = np.full((2, len(mask), len(c.columns)), np.nan)
-    for q in np.unique(node):
-        of = node == q
-        T = np.ascontiguousarray(c.at(float(scales[q]))[skip:, skip:])
-        b, v = solutions(T, mask[of] if skip else with_always(c, mask[of]))
-        mean[of, skip:], sd[of, skip:] = b, scales[q] * np.sqrt(v)
-    return Components(weight, mask, scales[node], mean, sd)
+    T = c.at(scale)
+    b, v, rss, log_det = solutions(
+        np.ascontiguousarray(T[skip:, skip:]), mask if skip else with_always(c, mask)
+    )
+    rows = np.log(scale / c.sd[len(c.always) :])
+    inside = (mask[:, None] >> np.arange(len(c.names))) & 1
+    # columns that are always in are part of log_det where they were not skipped
+    shared = log_flat(c, T, scale) + (
+        0.0 if skip else float(np.sum(np.log(np.abs(np.diag(T)[: len(c.always)]))))
+    )
+    return shared - rss / (2.0 * scale**2) - log_det + inside @ rows, b, scale * np.sqrt(v)
 
 
-def g_components(c: Candidates, total: float, integrals: FloatArray, log_joint: FloatArray) -> Components:
+def g_components(c: Candidates, total: float, integrals: FloatArray, weight: FloatArray) -> Components:
     """Components under the g-family: least squares shrunk towards the fit of the forced columns alone.
 
     With s = g/(1 + g) the coefficients are ``b0 + s (b - b0)``, and only the part of their variance that
@@ -121,18 +145,18 @@ def g_components(c: Candidates, total: float, integrals: FloatArray, log_joint: 
     c : what was enumerated.
     total : residual sum of squares of the forced columns alone.
     integrals : (2^p, 5) of `moments.g_integrals`.
-    log_joint : (1, 2^p).
+    weight : (2^p,) posterior probability of each model, up to a factor.
     """
     from imubayes.selection.moments import solutions
 
-    chosen, weight = _chosen(log_joint)
-    b, v = solutions(c.whole, with_always(c, chosen))
-    b0, v0 = solutions(c.whole, with_always(c, np.zeros(1, dtype=np.int64)))
+    chosen, share = _chosen(weight)
+    b, v, _, _ = solutions(c.whole, with_always(c, chosen))
+    b0, v0, _, _ = solutions(c.whole, with_always(c, np.zeros(1, dtype=np.int64)))
     shrink, square, spread, unshrunk = integrals[chosen, 1:].T[:, :, None]
     unit = total / (c.dof - 2)
     variance = unit * (unshrunk * v0 + spread * (v - v0)) + (square - shrink**2) * (b - b0) ** 2
     return Components(
-        weight, chosen, np.sqrt(unit * unshrunk[:, 0]), b0 + shrink * (b - b0), np.sqrt(variance)
+        share, chosen, np.sqrt(unit * unshrunk[:, 0]), b0 + shrink * (b - b0), np.sqrt(variance)
     )
 
 
@@ -203,21 +227,20 @@ def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) ->
     return np.where(point, step, ndtr((x - mean) / np.where(point, 1.0, sd)))
 
 
-def _chosen(log_joint: FloatArray) -> tuple[MaskArray, FloatArray]:
-    """Flat indices of the components that carry the posterior, and their weights.
+def _chosen(weight: FloatArray) -> tuple[MaskArray, FloatArray]:
+    """Masks of the models that carry the posterior, and their weights.
 
-    Those that matter one by one, or, when they are more than `COMPONENTS`, a systematic sample of them
-    (unbiased, each with the weight of its draws).
+    Those that matter one by one, or, when they are more than `CHOSEN`, a systematic sample of them (unbiased,
+    each with the weight of its draws).
     """
-    flat = log_joint.ravel()
-    weight = np.exp(flat - flat.max())
-    weight /= weight.sum()
-    chosen = np.flatnonzero(weight > LEFT_OUT / max(int(np.count_nonzero(weight)), 1))
-    if len(chosen) <= COMPONENTS:
+    total = weight.sum()
+    chosen = np.flatnonzero(weight > LEFT_OUT * total / max(int(np.count_nonzero(weight)), 1))
+    if len(chosen) <= CHOSEN:
         return chosen, weight[chosen] / weight[chosen].sum()
-    ticks = (np.arange(COMPONENTS) + 0.5) / COMPONENTS
-    drawn, repeats = np.unique(np.searchsorted(np.cumsum(weight[chosen]), ticks), return_counts=True)
-    return chosen[np.minimum(drawn, len(chosen) - 1)], repeats / COMPONENTS
+    sums = np.cumsum(weight[chosen])
+    ticks = (np.arange(CHOSEN) + 0.5) / CHOSEN * sums[-1]
+    drawn, repeats = np.unique(np.searchsorted(sums, ticks), return_counts=True)
+    return chosen[np.minimum(drawn, len(chosen) - 1)], repeats / CHOSEN
 
 
 def log_flat(c: Candidates, T: FloatArray, scale: float) -> float:

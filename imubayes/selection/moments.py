@@ -44,22 +44,26 @@ def submodel(R, mask):
 def solutions(R, masks):
     """Least-squares coefficients and unscaled variances of each submodel; zero where a column is out.
 
-    Returns two arrays (m, p): ``T^-1 z`` and the diagonal of ``(T'T)^-1``.
+    Returns ``(mean, variance, rss, log_det)``: arrays (m, p) of ``T^-1 z`` and the diagonal of ``(T'T)^-1``,
+    and (m,) of the residual sum of squares and of ``ln |T|``.
     """
     p = R.shape[0] - 1
     mean, variance = np.zeros((len(masks), p)), np.zeros((len(masks), p))
+    rss, log_det = np.zeros(len(masks)), np.zeros(len(masks))
     for m in range(len(masks)):
         T, columns = submodel(R, masks[m])
         k = len(columns)
+        rss[m] = T[k, k] ** 2
         inverse = np.zeros((k, k))
         for c in range(k):
             inverse[c, c] = 1.0 / T[c, c]
+            log_det[m] += np.log(abs(T[c, c]))
             for r in range(c - 1, -1, -1):
                 inverse[r, c] = -np.sum(T[r, r + 1 : c + 1] * inverse[r + 1 : c + 1, c]) / T[r, r]
         for r in range(k):
             mean[m, columns[r]] = np.sum(inverse[r, r:] * T[r:k, k])
             variance[m, columns[r]] = np.sum(inverse[r, r:] ** 2)
-    return mean, variance
+    return mean, variance, rss, log_det
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -138,7 +138,7 @@ def test_noise_without_a_word_is_the_typical_one_of_the_class():
     (given,) = simulate(TACTICAL, [static(50.0, 10.0)], seed=5, truth={"b0": 1.0}, noise=Noise(N, B, K))
     np.testing.assert_array_equal(default.output, given.output)
     assert default.output.std() > 0.0
-    assert "simulated: class mems_tactical" in default.source.notes[0]
+    assert "of class mems_tactical" in default.source.notes[0]
 
 
 def test_library_of_names_is_in_the_order_of_the_model_equation():

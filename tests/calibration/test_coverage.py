@@ -1,0 +1,100 @@
+"""Over sensors drawn from the prior, with noise drawn from the class: does 90 % mean 90 %?
+
+Each sensor has a random share of the terms (as the beta-binomial model prior says), coefficients from the physical
+prior, and N, B, K from the class's log-normal; the analysis knows the class and nothing else.
+"""
+
+import itertools
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes.sensors.catalogue import noise_prior
+
+CASES = (("accelerometer", "mems_industrial"), ("accelerometer", "mems_tactical"),
+         ("gyroscope", "mems_tactical"), ("gyroscope", "fog_navigation"))  # fmt: skip
+SENSORS_PER_CASE = 55
+RATES = np.radians([0.0, 10.0, 50.0, 150.0, 300.0, -10.0, -50.0, -150.0, -300.0])
+EDGES = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0 + 1e-12)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    sensor: int
+    truth: float
+    full: float
+    full_sd: float
+    q05: float
+    q95: float
+    inclusion: float
+    verdict: str
+
+
+def plans(kind):
+    if kind == "gyroscope":
+        return [ib.rate_table(RATES, dwell=30.0, rate=2.0)]
+    return [ib.tumble(angles=24, dwell=30.0, rate=2.0), ib.centrifuge([1, 5, 20], dwell=30.0, rate=2.0)]
+
+
+def characterise(job):
+    index, kind, class_id = job
+    rng = np.random.default_rng([20_261_121, index])
+    sensor, library = ib.sensor(class_id, kind=kind), ib.library(kind)
+    prior = ib.prior(sensor, library)
+    inside = rng.random(len(prior.sd)) < rng.random()
+    truth = np.where(inside, rng.standard_normal(len(prior.sd)) * prior.sd, 0.0)
+    noise = ib.Noise(
+        *(median * np.exp(spread * rng.standard_normal()) for median, spread in noise_prior(sensor))
+    )
+    values = dict(zip(library.names, truth.tolist(), strict=True))
+    runs = ib.simulate(sensor, plans(kind), seed=rng, truth=values, noise=noise)
+    selection = ib.select(ib.summarize(runs, library, sensor=sensor), prior)
+    return [
+        Outcome(index, values[t.name], t.full_mean, t.full_sd, t.q05, t.q95, t.inclusion, t.verdict)
+        for t in selection.terms
+        if t.verdict != "untested"
+    ]
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    jobs = [(i, *CASES[i % len(CASES)]) for i in range(SENSORS_PER_CASE * len(CASES))]
+    with ProcessPoolExecutor(2) as pool:
+        return list(itertools.chain.from_iterable(pool.map(characterise, jobs, chunksize=5)))
+
+
+@pytest.mark.slow
+def test_intervals_of_the_full_library_cover_at_their_level(outcomes):
+    inside = [abs(o.full - o.truth) < 1.6449 * o.full_sd for o in outcomes]
+    assert 0.86 < np.mean(inside) < 0.94
+
+
+@pytest.mark.slow
+def test_model_averaged_intervals_cover_at_least_at_their_level(outcomes):
+    # a point mass at zero covers more than it must, never less
+    assert np.mean([o.q05 <= o.truth <= o.q95 for o in outcomes]) > 0.86
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("low", "high"), list(itertools.pairwise(EDGES)))
+def test_inclusion_probability_is_frequency_of_truth(outcomes, low, high):
+    excess: dict[int, float] = {}
+    for o in outcomes:
+        if low <= o.inclusion < high:
+            excess[o.sensor] = excess.get(o.sensor, 0.0) + (o.truth != 0.0) - o.inclusion
+    by_sensor = np.array(list(excess.values()))
+    assert len(by_sensor) > 10
+    # terms of one sensor share its noise and its model size, so sensors are the independent units
+    spread = max(np.sqrt(np.sum(by_sensor**2)), 1.0)
+    assert abs(by_sensor.sum()) < 3.5 * spread
+
+
+@pytest.mark.slow
+def test_no_zero_term_is_needed_and_no_strong_one_is_missed(outcomes):
+    zeros = [o for o in outcomes if o.truth == 0.0]
+    strong = [o for o in outcomes if abs(o.truth) > 8.0 * o.full_sd]
+    assert np.mean([o.verdict == "needed" for o in zeros]) < 0.01
+    assert np.mean([o.verdict != "needed" for o in strong]) < 0.01

@@ -1,0 +1,65 @@
+"""Priors are the distributions that they are said to be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import cauchy, norm
+
+from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow, class_sd, g_nodes, prior, weak_sd
+from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.sensors.terms import library
+
+
+@pytest.mark.parametrize("n", [5, 50, 5_000])
+@pytest.mark.parametrize("of", [GPrior(7.0), HyperG(3.0), HyperG(4.0), ZellnerSiow(1.0), ZellnerSiow(0.2)])
+def test_weights_of_g_sum_to_one(of, n):
+    # cut at g = e^60, Zellner-Siow leaves out a tail of sqrt(2 n / pi) scale e^-30
+    _, log_weight = g_nodes(of, n)
+    assert np.exp(log_weight).sum() == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("a", [3.0, 4.0])
+def test_hyper_g_has_a_shrinkage_of_a_beta_distribution(a):
+    """``s = g/(1 + g) ~ Beta(1, a/2 - 1)``: E s = 2/a and E s^2 = 8/(a (a + 2))."""
+    g, log_weight = g_nodes(HyperG(a), 10)
+    s, weight = g / (1.0 + g), np.exp(log_weight)
+    np.testing.assert_allclose([weight @ s, weight @ s**2], [2.0 / a, 8.0 / (a * (a + 2.0))], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("n", "scale"), [(12, 1.0), (300, 0.5)])
+def test_zellner_siow_makes_cauchy_coefficients(n, scale):
+    """A normal of variance g/n, mixed over g, is a Cauchy variable of the scale."""
+    g, log_weight = g_nodes(ZellnerSiow(scale), n)
+    theta = np.array([0.0, 0.1, 1.0, 3.0, 30.0]) * scale
+    mixed = np.exp(log_weight) @ norm.pdf(theta, scale=np.sqrt(g / n)[:, None])
+    np.testing.assert_allclose(mixed, cauchy.pdf(theta, scale=scale), rtol=1e-8)
+
+
+def test_a_wider_prior_has_every_sd_times_the_factor():
+    np.testing.assert_array_equal(ScalePrior([1.0, 2.0]).wider(3.0).sd, [3.0, 6.0])
+
+
+@pytest.mark.parametrize("sd", [0.0, -1.0, math.inf, math.nan, [1.0, 0.0]])
+def test_a_prior_sd_that_is_no_scale_is_refused(sd):
+    with pytest.raises(ValueError, match="must be positive and finite"):
+        ScalePrior(sd)
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+def test_the_physical_prior_is_the_catalogues_for_every_term_in_order(kind):
+    tested, lib = sensor("mems_tactical", kind=kind), library(kind, set="extended")
+    expected = [prior_sd(tested, term)[0] for term in lib.terms]
+    np.testing.assert_array_equal(prior(tested, lib).sd, expected)
+    np.testing.assert_array_equal(class_sd(tested, lib), expected)
+    assert np.all(np.array(expected) > 0.0)
+
+
+def test_a_weak_prior_lets_each_term_alone_move_the_output_by_its_range():
+    reach = np.array([0.5, 20.0, 0.0])
+    sd = weak_sd(reach, 4.0)
+    np.testing.assert_allclose((sd * reach)[:2], 4.0)
+    assert np.all(np.isfinite(weak_sd(reach, 0.0)))
+    assert np.all(sd > 0.0)

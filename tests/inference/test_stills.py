@@ -1,0 +1,99 @@
+"""Stills of a simulated hand tumble, whose true ends are known, and of a recorded one."""
+
+import numpy as np
+import pytest
+
+from imubayes.errors import UnobservableError
+from imubayes.inference import stills
+from imubayes.inference.stills import WINDOW, find_stills
+from imubayes.rig.inputs import TriadRun
+from imubayes.sensors.noise import Noise
+
+QUIET = Noise(6e-4, 1e-4, 0.0)
+
+
+def scaled(noise, factor):
+    return Noise(noise.N * factor, noise.B * factor, noise.K * factor)
+
+
+def assert_found(tumble):
+    """Every hold is found once, within it, and no more than half a window shorter at either end."""
+    found = find_stills(tumble.run)
+    assert len(found) == len(tumble.held)
+    for (a, b), (start, stop) in zip(found, tumble.held, strict=True):
+        assert start <= a < b <= stop
+        assert a - start <= 0.5 * WINDOW / tumble.run.interval + 1
+        assert stop - b <= 0.5 * WINDOW / tumble.run.interval + 1
+
+
+@pytest.mark.parametrize("hold", [2.5, 3.0, 8.0])
+def test_number_and_ends_of_the_stills_are_those_of_the_hand(hand_tumble, hold):
+    assert_found(hand_tumble(hold=hold))
+
+
+@pytest.mark.parametrize("seed", range(2, 7))
+def test_any_hand_gives_its_stills(hand_tumble, seed):
+    assert_found(hand_tumble(seed=seed))
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.5, 2.0, 10.0])
+def test_stills_do_not_depend_on_the_noise(hand_tumble, factor):
+    assert_found(hand_tumble(noise=scaled(QUIET, factor)))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_stills_hardly_depend_on_the_window(hand_tumble, monkeypatch, factor):
+    run = hand_tumble(hold=4.0).run
+    usual = np.array(find_stills(run))
+    monkeypatch.setattr(stills, "WINDOW", factor * WINDOW)
+    other = np.array(find_stills(run))
+    assert len(other) == len(usual)
+    assert np.max(np.abs(other - usual)) * run.interval <= abs(factor - 1.0) * WINDOW
+
+
+def test_scale_offset_and_rotation_of_the_output_change_no_still(hand_tumble):
+    run = hand_tumble().run
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    counts = TriadRun(run.name, run.procedure, run.t, 400.0 * run.output @ turn + 32768.0, 9.81, run.interval)
+    assert find_stills(counts) == find_stills(run)
+
+
+def test_mirrored_time_mirrors_the_stills(hand_tumble):
+    run = hand_tumble().run
+    back = TriadRun(run.name, run.procedure, run.t, run.output[::-1], run.gravity, run.interval)
+    mirrored = tuple((len(run.t) - b, len(run.t) - a) for a, b in reversed(find_stills(back)))
+    np.testing.assert_allclose(mirrored, find_stills(run), atol=1)  # an even window has no middle sample
+
+
+def test_recorded_xsens_tumble_has_its_38_stills(recordings):
+    t, *axes = np.loadtxt(recordings / "imu_tk_xsens" / "xsens_acc.mat").T
+    output = (np.column_stack(axes) - 32768.0) * 2.42e-3
+    run = TriadRun("hand", "free-tumble", t, output, 9.81744, 0.01)
+    found = find_stills(run)
+    assert len(found) == 38
+    assert t[found[0][1] - 1] - t[found[0][0]] > 45.0  # the rest of 50 s that it begins with
+
+
+def test_too_short_a_record_is_refused():
+    run = TriadRun("short", "free-tumble", 0.01 * np.arange(250.0), np.ones((250, 3)), 9.81, 0.01)
+    with pytest.raises(UnobservableError, match="too short"):
+        find_stills(run)
+
+
+@pytest.mark.parametrize(
+    "moving",
+    [
+        pytest.param(9.81 * np.random.default_rng(1).normal(size=(6000, 3)), id="always in motion"),
+        pytest.param(9.81 + 1e-3 * np.random.default_rng(1).normal(size=(6000, 3)), id="always at rest"),
+        pytest.param(np.full((6000, 3), 9.81), id="constant"),
+    ],
+)
+def test_a_record_that_lacks_rest_or_motion_is_refused(moving):
+    run = TriadRun("one of them", "free-tumble", 0.01 * np.arange(6000.0), moving, 9.81, 0.01)
+    with pytest.raises(UnobservableError, match="no stills that differ from motion"):
+        find_stills(run)
+
+
+def test_stills_of_less_than_a_second_are_refused(hand_tumble):
+    with pytest.raises(UnobservableError, match="hold each position for longer"):
+        find_stills(hand_tumble(hold=1.5).run)

@@ -1,0 +1,190 @@
+"""Whitening against the dense covariance of averaged processes, written out from its own formulas."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from imubayes.inference.whiten import Processes, Rows, processes, whiten, whitener
+from imubayes.rig.simulate import synthesise
+from imubayes.sensors.noise import Noise
+
+NOISES = {
+    "white": Noise(2.0, 0.0, 0.0),
+    "bias instability": Noise(0.3, 0.7, 0.0),
+    "random walk": Noise(0.3, 0.0, 0.05),
+    "all three": Noise(1.0, 0.7, 0.05),
+    "no white part": Noise(0.0, 0.7, 0.05),
+}
+
+
+def equal_rows():
+    return Rows(0.5 * np.arange(90.0) + 0.25, np.full(90, 0.5))
+
+
+def rows_with_gaps():
+    start = np.concatenate((np.arange(40.0), 100.0 + np.arange(30.0), 5e4 + 3.0 * np.arange(20.0)))
+    return Rows(start + 0.4, np.full(90, 0.8))
+
+
+def unequal_rows():
+    rng = np.random.default_rng(3)
+    duration = rng.uniform(0.5, 6.0, 90)
+    start = np.cumsum(np.concatenate(([7.0], duration[:-1] + rng.exponential(2.0, 89))))
+    return Rows(start + 0.5 * duration, duration)
+
+
+def three_axes():
+    rows = rows_with_gaps()
+    return Rows(rows.t, rows.duration, np.random.default_rng(4).normal(size=(90, 3)))
+
+
+_nodes, _weights = np.polynomial.legendre.leggauss(40)
+LAGS, LAG_WEIGHTS = 0.5 + 0.5 * _nodes, 0.5 * _weights
+
+ROWS = {"equal": equal_rows, "gaps": rows_with_gaps, "unequal": unequal_rows, "axes": three_axes}
+
+
+def dense(noise, rows, parts):
+    """Covariance of the averages, pair by pair as double integrals of the processes' own covariance."""
+    T, start, end = rows.duration, rows.t - 0.5 * rows.duration, rows.t + 0.5 * rows.duration
+    gap = start[None, :] - end[:, None]  # from the end of the earlier row to the start of the later
+    earlier = np.tri(len(T), k=-1, dtype=bool).T
+    C = noise.K**2 * np.where(earlier, rows.t[:, None] - start[0], 0.0)
+    for variance, tau in zip(noise.B**2 * parts.variance, parts.tau, strict=True):
+        share = -np.expm1(-T / tau) / (T / tau)
+        C += np.where(
+            earlier, variance * np.exp(-np.where(earlier, gap, 0.0) / tau) * np.outer(share, share), 0.0
+        )
+    C += C.T
+    own = noise.N**2 / T + noise.K**2 * (start - start[0] + T / 3.0)
+    for variance, tau in zip(noise.B**2 * parts.variance, parts.tau, strict=True):
+        # (1/T^2) int int exp(-|s - t|/tau) = 2 int_0^1 (1 - u) exp(-x u) du
+        own += variance * (np.exp(-np.outer(T / tau, LAGS)) @ (2.0 * LAG_WEIGHTS * (1.0 - LAGS)))
+    C += np.diag(own)
+    return C if rows.axes is None else C * (rows.axes @ rows.axes.T)
+
+
+@pytest.mark.parametrize("noise", NOISES.values(), ids=NOISES.keys())
+@pytest.mark.parametrize("make", ROWS.values(), ids=ROWS.keys())
+def test_factor_is_that_of_the_dense_covariance(make, noise):
+    rows = make()
+    parts = processes(rows) if noise.B else Processes(np.empty(0), np.empty(0))
+    C, w = dense(noise, rows, parts), whitener(noise, rows, parts)
+    W = whiten(w, np.eye(len(rows.t)))
+    L, size = np.linalg.inv(W), np.sqrt(np.diag(C))
+    np.testing.assert_allclose(L @ L.T / np.outer(size, size), C / np.outer(size, size), rtol=0.0, atol=1e-9)
+    assert np.array_equal(W, np.tril(W))
+    assert w.log_det == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-10, abs=1e-9)
+
+
+@pytest.mark.parametrize("make", ROWS.values(), ids=ROWS.keys())
+def test_whitened_covariance_is_the_identity(make):
+    rows, noise = make(), NOISES["all three"]
+    parts = processes(rows)
+    W = whiten(whitener(noise, rows, parts), np.eye(len(rows.t)))
+    np.testing.assert_allclose(W @ dense(noise, rows, parts) @ W.T, np.eye(len(rows.t)), rtol=0.0, atol=1e-9)
+
+
+def test_each_column_is_whitened_by_itself_and_in_place():
+    rows, noise = unequal_rows(), NOISES["all three"]
+    w = whitener(noise, rows)
+    Y = np.random.default_rng(5).normal(size=(90, 4))
+    single = np.column_stack([whiten(w, Y[:, [k]].copy()) for k in range(4)])
+    together = Y.copy()
+    assert whiten(w, together) is together
+    np.testing.assert_allclose(together, single, rtol=1e-12, atol=1e-12)
+
+
+def test_time_has_no_origin():
+    rows, noise = unequal_rows(), NOISES["all three"]
+    later = Rows(rows.t + 2.0**20, rows.duration)
+    Y = np.random.default_rng(6).normal(size=(90, 2))
+    # 2^20 s costs 20 of the 52 bits of a time stamp: its rounding, 1e-10 s, over the shortest time constant
+    np.testing.assert_allclose(
+        whiten(whitener(noise, later), Y.copy()), whiten(whitener(noise, rows), Y.copy()), rtol=0.0, atol=1e-8
+    )
+
+
+def test_rotating_the_axes_of_a_triad_changes_no_covariance():
+    rows, noise = three_axes(), NOISES["all three"]
+    turned = Rows(
+        rows.t, rows.duration, rows.axes @ np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
+    )
+    Y = np.random.default_rng(8).normal(size=(90, 2))
+    np.testing.assert_allclose(
+        whiten(whitener(noise, turned), Y.copy()), whiten(whitener(noise, rows), Y.copy()), rtol=1e-10, atol=1e-10
+    )
+
+
+def test_likelihood_of_halves_averaged_is_that_of_the_whole_rows():
+    """Two routes to the covariance of long rows: as such, and as averages of their halves."""
+    whole, noise = rows_with_gaps(), NOISES["all three"]
+    halves = Rows(
+        (whole.t[:, None] + np.array([-0.2, 0.2])).ravel(), np.full(2 * len(whole.t), 0.4)
+    )
+    parts = processes(whole)
+    L = np.linalg.inv(whiten(whitener(noise, halves, parts), np.eye(len(halves.t))))
+    mean = np.kron(np.eye(len(whole.t)), np.full((1, 2), 0.5))
+    C = mean @ (L @ L.T) @ mean.T
+    np.testing.assert_allclose(C, dense(noise, whole, parts), rtol=1e-8, atol=1e-12)
+
+
+SIMULATED, PER_DWELL = 4000, 400
+
+
+def within_four_standard_errors(measured, expected, count):
+    return abs(measured / expected - 1.0) < 4.0 * np.sqrt(2.0 / count)
+
+
+def test_variance_of_a_dwell_mean_of_white_noise_and_random_walk_is_that_of_its_formula():
+    rng, dt = np.random.default_rng(9), 0.1
+    t, T = dt * np.arange(PER_DWELL), dt * PER_DWELL
+    noise = Noise(0.4, 0.0, 0.05)
+    means = np.array([synthesise(noise, t, dt, rng).mean() for _ in range(SIMULATED)])
+    expected = dense(noise, Rows(np.array([0.5 * T]), np.array([T])), Processes(np.empty(0), np.empty(0)))
+    # the simulated walk is sampled, not averaged: 1.5 / PER_DWELL less, small beside the 9 % allowed
+    assert within_four_standard_errors(means @ means / SIMULATED, expected[0, 0], SIMULATED)
+
+
+@pytest.mark.parametrize("tau", [2.0, 40.0, 900.0])
+def test_covariance_of_two_dwell_means_of_a_gauss_markov_process_is_that_of_its_formula(tau):
+    rng, dt, T, apart = np.random.default_rng(10), 0.1, 0.1 * PER_DWELL, 60.0
+    steps, decay = round((apart + T) / dt), np.exp(-dt / tau)
+    innovations = rng.standard_normal((SIMULATED, steps)) * np.sqrt(1.0 - decay**2)
+    innovations[:, 0] = rng.standard_normal(SIMULATED)
+    x = lfilter([1.0], [1.0, -decay], innovations)
+    means = np.column_stack((x[:, :PER_DWELL].mean(axis=1), x[:, -PER_DWELL:].mean(axis=1)))
+    rows = Rows(np.array([0.5 * T, apart + 0.5 * T]), np.array([T, T]))
+    w = whitener(Noise(0.0, 1.0, 0.0), rows, Processes(np.ones(1), np.array([tau])))
+    white = whiten(w, means.T.copy())
+    for power in (white**2).mean(axis=1):
+        assert within_four_standard_errors(power, 1.0, SIMULATED)
+    assert abs((white[0] * white[1]).mean()) < 4.0 / np.sqrt(SIMULATED)
+
+
+def test_synthesised_noise_is_white_once_whitened():
+    rng, dt = np.random.default_rng(11), 0.1
+    start = np.concatenate([100.0 * k + dt * np.arange(500) for k in range(40)])
+    noise = Noise(0.05, 0.1, 0.002)
+    white = whiten(
+        whitener(noise, Rows(start, np.full(len(start), dt))), synthesise(noise, start, dt, rng)[:, None]
+    )
+    blocks = white[:, 0].reshape(-1, 25).sum(axis=1) / 5.0  # 800 of them: what varies over 2.5 s and more
+    # the fitted row of time constants is coarser than the simulated one, which costs 1 % of B^2
+    assert white[:, 0].std() == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(white)) + 0.01)
+    assert blocks.std() == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(blocks)) + 0.01)
+    assert abs(np.mean(blocks[1:] * blocks[:-1])) < 4.0 / np.sqrt(len(blocks))
+
+
+def test_processes_reach_from_the_rows_to_their_span():
+    rows = rows_with_gaps()
+    parts = processes(rows)
+    assert parts.tau[0] <= rows.duration[0]
+    assert parts.tau[-1] >= rows.span
+    assert rows.span == pytest.approx(rows.t[-1] - rows.t[0] + 0.8)
+
+
+def test_processes_that_are_white_within_a_row_are_left_to_the_white_noise():
+    rows = Rows(np.array([0.5, 600.5]), np.array([1.0, 1000.0]))
+    assert processes(rows).tau.min() > 1000.0 / 20.0
+    assert processes(equal_rows(), shortest=10.0).tau.min() == pytest.approx(1.0)
