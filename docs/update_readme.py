@@ -51,7 +51,7 @@ def main() -> None:
     README.write_text(readme, encoding="utf-8")
     (sensor,) = run(read_study(ROOT / STUDY)).sensors
     came = {term.verdict for term in sensor.selection.terms}
-    figure = standalone(inclusion(sensor, key="q"), legend([v for v in MARKS if v in came]))
+    figure = standalone(inclusion(sensor, key="q"), key_to([v for v in MARKS if v in came]))
     (ROOT / "docs" / "quickstart.svg").write_text(figure, encoding="utf-8")
 
 
@@ -107,32 +107,33 @@ def fenced(text: str) -> str:
     return f"```text\n{text}\n```\n"
 
 
-def standalone(panel: Panel, key: str) -> str:
+def standalone(panel: Panel, key: tuple[str, ...]) -> str:
     """Figure of the report as a file of its own, which has no page to lend it a font and a background.
 
     Parameters
     ----------
     panel : of the report.
-    key : what the marks mean, as the content of a text element.
+    key : what the marks mean, line by line, as the contents of text elements.
     """
     lines = [escape(line) for line in textwrap.wrap(panel.title.replace("-", "−"), TITLE_WIDTH)]
     top = PAD + LINE * len(lines) + PAD // 2
     bottom = top + int(re.findall(r'height="(\d+)"', panel.svg)[0])
-    width, height = WIDTH + 2 * PAD, bottom + LINE + PAD
+    width, height = WIDTH + 2 * PAD, bottom + LINE * len(key) + PAD
     title = "".join(_text(line, PAD + LINE * k, ' font-weight="600"') for k, line in enumerate(lines))
+    legend = "".join(_text(line, bottom + PAD // 2 + LINE * k) for k, line in enumerate(key))
     figure = panel.svg.replace("<svg ", f'<svg x="{PAD}" y="{top}" ', 1)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}"'
         f' width="{ENLARGED * width:g}" height="{ENLARGED * height:g}" font-family="{FONT}" font-size="11"'
         f' fill="{INK}"><rect width="{width}" height="{height}" fill="#fff"/>'
-        f"{title}{figure}{_text(key, bottom + PAD // 2)}</svg>\n"
+        f"{title}{figure}{legend}</svg>\n"
     )
 
 
-def legend(verdicts: list[str]) -> str:
+def key_to(verdicts: list[str]) -> tuple[str, ...]:
     """Shape and word of each verdict in its colour, and what the lines are."""
     words = [f'<tspan fill="{VERDICT_COLOURS[v]}">{MARKS[v][0]}</tspan> {v}' for v in verdicts]
-    return "   ".join([*words, "— prior widths × ⅓ to 3"])
+    return "   ".join(words), "— range over prior widths × ⅓, 1, 3"
 
 
 def _text(content: str, y: int, style: str = "") -> str:

@@ -16,10 +16,11 @@ import numpy as np
 
 from imubayes.campaign import SensorCheck, SensorResult, SensorSpec, Study, StudyResult
 from imubayes.errors import StudyError, UnobservableError
-from imubayes.inference.norm_only import COMPONENTS, FreeTumble, calibration, solve_free_tumble, triad_of
+from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
 from imubayes.inference.summary import Summary, deviation, summarize
+from imubayes.inference.triad import COMPONENTS, calibration, triad_of
 from imubayes.planning.observability import observe
 from imubayes.rig.inputs import Run, TriadRun
 from imubayes.rig.runs import read_run, simulate_runs
@@ -78,12 +79,16 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
 def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
     summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=_before_fit(spec))
     prior, _ = _prior(spec, runs, summary)
-    return SensorCheck(spec.id, spec.library, observe(summary.factor, prior.sd, summary.facts))
+    return SensorCheck(
+        spec.id, spec.library, observe(summary.factor, prior.sd, summary.facts, reach=summary.reach)
+    )
 
 
 def _triad_check(spec: SensorSpec, runs: Sequence[TriadRun]) -> list[SensorCheck]:
     found = _free_tumble(spec, runs)
-    seen = observe(found.summary.factor, _triad_prior(spec)[0].sd, found.summary.facts)
+    seen = observe(
+        found.summary.factor, _triad_prior(spec)[0].sd, found.summary.facts, reach=found.summary.reach
+    )
     libraries = zip(COMPONENTS, found.triad.libraries, strict=True)
     return [SensorCheck(f"{spec.id}.{name}", lib, seen) for name, lib in libraries]
 

@@ -6,9 +6,8 @@ still, ``F(f) = y``, its direction ``u = f/|f|`` and ``w = u' (I + M)^-1``::
 
     w . (y_t - y) + |f| - g + x theta_0 = x theta + w . noise_t,      x_(c,k) = w_c phi_k(f)
 
-so that rows, noise, factor and selection are those of every other test. A rotation of the case axes leaves
-all lengths alone; the gain matrix I + M is therefore taken upper triangular: the sensor's z axis is the
-case's, and its y axis lies in the case's y-z plane.
+so that rows, noise, factor and selection are those of every other test. A rotation of the case leaves all
+lengths alone; `triad` says how it is fixed.
 """
 
 from __future__ import annotations
@@ -21,26 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.factor import Factor, add, row_blocks, solve_triangular, triangular, with_prior_rows
+from imubayes.factor import Factor, add, invert_triangular, row_blocks, triangular, with_prior_rows
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reml import Blocks, block_edges, estimate
-from imubayes.inference.stills import find_stills
+from imubayes.inference.reml import Blocks, NoiseEstimate, block_edges, estimate
+from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import Rules, RunSummary, Summary
+from imubayes.inference.triad import COMPONENTS, Triad, triad_of
 from imubayes.inference.whiten import Rows, whiten, whitener
 from imubayes.rig.inputs import Facts, TriadRun
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.sensors.terms import Library, columns
+from imubayes.sensors.terms import Library
 
 FloatArray = NDArray[np.float64]
-
-COMPONENTS = ("ax", "ay", "az")
-
-PERMUTATION = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
-"""Case axes of (i, j, k) of each component."""
-
-BELOW_DIAGONAL = ((), ("m_k",), ("m_j", "m_k"))
-"""Misalignments that the choice of the case axes sets to zero."""
 
 FEWEST = 9
 """Stills below which bias, scale factor and non-orthogonality (9 parameters) are not determined."""
@@ -54,80 +46,8 @@ ROUNDS = 50
 NOISE_ROUND = 2
 """Round from which the rows are good enough to judge the noise by."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Triad:
-    """Model of the three components at known coefficients.
-
-    Attributes
-    ----------
-    libraries : of ax, ay, az.
-    theta : (p,) coefficients of all three, SI.
-    """
-
-    libraries: tuple[Library, Library, Library]
-    theta: FloatArray
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """``ax.b0`` ... ``az.c_kk``."""
-        return tuple(f"{c}.{n}" for c, lib in zip(COMPONENTS, self.libraries, strict=True) for n in lib.names)
-
-    def regressors(self, f: FloatArray) -> tuple[FloatArray, ...]:
-        """Columns of each component at specific forces f (m, 3) along the case axes: three (m, p_c)."""
-        return tuple(
-            columns(
-                lib, {f"f_{axis}": f[:, column] for axis, column in zip("ijk", order, strict=True)}, len(f)
-            )
-            for lib, order in zip(self.libraries, PERMUTATION, strict=True)
-        )
-
-    def parts(self) -> list[FloatArray]:
-        """Coefficients of each component."""
-        ends = np.cumsum([len(lib.terms) for lib in self.libraries])[:-1]
-        return np.split(self.theta, ends)
-
-    def deviation(self, f: FloatArray) -> FloatArray:
-        """Output minus input (m, 3) at specific forces f (m, 3)."""
-        parts = zip(self.regressors(f), self.parts(), strict=True)
-        return np.column_stack([X @ theta for X, theta in parts])
-
-    def compensate(self, y: FloatArray) -> FloatArray:
-        """Specific force (m, 3) of outputs y (m, 3), by fixed-point iteration.
-
-        Raises
-        ------
-        ConvergenceError : if it does not settle: the nominal scale is far off, or the coefficients are.
-        """
-        f = y
-        for _ in range(ROUNDS):
-            new = y - self.deviation(f)
-            if np.max(np.abs(new - f)) <= 1e-13 * np.max(np.abs(y)):
-                return new
-            f = new
-        raise ConvergenceError(
-            "the compensation of the triad does not settle: check scale and offset of its columns", f
-        )
-
-    def gain(self) -> FloatArray:
-        """I + M, (3, 3): the linear response along the case axes."""
-        matrix = np.eye(3)
-        for row, (lib, theta, order) in enumerate(
-            zip(self.libraries, self.parts(), PERMUTATION, strict=True)
-        ):
-            for name, axis in zip(("b1", "m_j", "m_k"), order, strict=True):
-                if name in lib.names:
-                    matrix[row, axis] += theta[lib.names.index(name)]
-        return matrix
-
-
-def triad_of(lib: Library) -> Triad:
-    """Triad of three alike components, with the rotation fixed and all coefficients zero."""
-    libraries = tuple(
-        Library(lib.kind, tuple(t for t in lib.terms if t.name not in dropped)) for dropped in BELOW_DIAGONAL
-    )
-    x, y, z = libraries
-    return Triad((x, y, z), np.zeros(sum(len(part.terms) for part in libraries)))
+ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}
+"""Origin of the noise, by rule."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,7 +80,7 @@ def solve_free_tumble(
     ----------
     runs : of one triad.
     lib : candidate terms of a component.
-    prior : of the triad's terms, in the order of `triad_of(lib).names`.
+    prior : of the triad's terms, in the order of `triad.triad_of(lib).names`.
     sensor : class whose noise prior steers the estimate.
     rules : how the noise is known, by run.
 
@@ -170,87 +90,76 @@ def solve_free_tumble(
     ConvergenceError : if the linearisation does not settle; it carries the triad so far.
     """
     stills = [find_stills(run) for run in runs]
-    if sum(map(len, stills)) < FEWEST:
-        raise UnobservableError(
-            f"{sum(map(len, stills))} stills are too few: {FEWEST} directions at least, 20 or more are usual"
-        )
-    triad, rules = triad_of(lib), rules or {}
-    noises = [
-        _given(rules.get(run.name, NoiseRule())) or _start(run, s)
-        for run, s in zip(runs, stills, strict=True)
-    ]
-    sds: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)] * len(runs)
+    _check_stills(sum(map(len, stills)))
+    triad, every = triad_of(lib), [(rules or {}).get(run.name, NoiseRule()) for run in runs]
+    noises = [_start(run, s, rule) for run, s, rule in zip(runs, stills, every, strict=True)]
     for turn in range(ROUNDS):
         rows = [_rows(triad, run, s, blocks=True) for run, s in zip(runs, stills, strict=True)]
         if turn == NOISE_ROUND:
-            for i, run in enumerate(runs):
-                if rules.get(run.name, NoiseRule()).rule == "estimate":
-                    found = estimate(rows[i], noise_prior(sensor) if sensor else None, prior.sd)
-                    noises[i], sds[i] = found.noise, found.sd
-        T = with_prior_rows(_whitened(rows, noises, triad.names).R, 1.0 / prior.sd)
-        new = solve_triangular(T[:-1, :-1], T[:-1, -1])
-        sd = np.linalg.norm(solve_triangular(T[:-1, :-1], np.eye(len(new))), axis=1)
-        settled = turn > NOISE_ROUND and bool(np.all(np.abs(new - triad.theta) <= SETTLED * sd))
-        triad = replace(triad, theta=new)
+            noises = _judged(rows, noises, every, prior, sensor)
+            noises = _borrowed(noises, every, [run.name for run in runs])
+        theta, sd = _posterior(rows, noises, triad.names, prior)
+        settled = turn > NOISE_ROUND and bool(np.all(np.abs(theta - triad.theta) <= SETTLED * sd))
+        triad = replace(triad, theta=theta)
         if settled:
-            break
-    else:
-        raise ConvergenceError(f"the free tumble did not settle in {ROUNDS} rounds", triad)
-    return _outcome(runs, stills, triad, noises, sds, sensor, rules)
+            return _outcome(runs, stills, triad, noises, every)
+    raise ConvergenceError(f"the free tumble did not settle in {ROUNDS} rounds", triad)
 
 
-def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[dict[str, object], ...]:
-    """Compensation of each component, as calibration tools publish it.
-
-    With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T upper triangular with ones on its diagonal,
-    from ``T K = (I + M)^-1 diag(scale)``. This is imu_tk's form, and its signs.
-
-    Parameters
-    ----------
-    triad : at the coefficients to publish.
-    nominal : (scale in SI per file unit, offset in file units) that made SI outputs of each column.
-
-    Returns
-    -------
-    for ax, ay, az: ``scale`` (SI per file unit), ``bias`` (file units), ``nonorthogonality`` (rad, by the
-    term that causes it), ``convention``.
-    """
-    T = np.linalg.inv(triad.gain())
-    parts = zip(triad.parts(), triad.libraries, strict=True)
-    bias = [float(theta[lib.names.index("b0")]) for theta, lib in parts]
-    rows = []
-    for c, ((scale, offset), order) in enumerate(zip(nominal, PERMUTATION, strict=True)):
-        names = [(name, axis) for name, axis in zip(("m_j", "m_k"), order[1:], strict=True) if axis > c]
-        rows.append(
-            {
-                "scale": float(T[c, c]) * scale,
-                "bias": offset + bias[c] / scale,
-                "nonorthogonality": {name: float(T[c, axis] / T[axis, axis]) for name, axis in names},
-                "convention": CONVENTION,
-            }
+def _check_stills(count: int) -> None:
+    if count < FEWEST:
+        raise UnobservableError(
+            f"{count} stills are too few: {FEWEST} directions at least, 20 or more are usual"
         )
-    return tuple(rows)
 
 
-CONVENTION = (
-    "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal: the sensor's"
-    " z axis is the case's, its y axis lies in the case's y-z plane. Entries of T have the opposite sign of"
-    " the misalignments m of the model, which go from force to output."
-)
-
-
-def _given(rule: NoiseRule) -> Noise | None:
-    return rule.value if rule.rule == "fixed" else None
-
-
-def _start(run: TriadRun, stills: Sequence[tuple[int, int]]) -> Noise:
-    """White noise from the scatter within the stills, to start from (and all there is, with ``white``)."""
+def _start(run: TriadRun, stills: Stills, rule: NoiseRule) -> NoiseEstimate:
+    """Noise that the study gives, or white noise from the scatter within the stills to start from."""
     within = [run.output[a:b] - run.output[a:b].mean(axis=0) for a, b in stills]
     variance = sum(float(np.sum(part**2)) for part in within) / sum(part.size - 3 for part in within)
-    return Noise(float(np.sqrt(variance * run.interval)), 0.0, 0.0)
+    scatter = Noise(float(np.sqrt(variance * run.interval)), 0.0, 0.0)
+    return NoiseEstimate(rule.value or scatter, (0.0, 0.0, 0.0), ())
 
 
-def _rows(triad: Triad, run: TriadRun, stills: Sequence[tuple[int, int]], *, blocks: bool) -> Blocks:
+def _judged(
+    rows: Sequence[Blocks],
+    noises: Sequence[NoiseEstimate],
+    rules: Sequence[NoiseRule],
+    prior: ScalePrior,
+    sensor: SensorClass | None,
+) -> list[NoiseEstimate]:
+    """Noise estimated where the rule says so.
+
+    The stills are hardly more than the coefficients, which keep their prior instead of being taken out whole.
+    """
+    of_class = noise_prior(sensor) if sensor else None
+    return [
+        estimate(part, of_class, prior.sd) if rule.rule == "estimate" else noise
+        for part, noise, rule in zip(rows, noises, rules, strict=True)
+    ]
+
+
+def _borrowed(
+    noises: Sequence[NoiseEstimate], rules: Sequence[NoiseRule], names: Sequence[str]
+) -> list[NoiseEstimate]:
+    """Noise of another run where the rule names one."""
+    return [
+        noises[names.index(rule.like)] if rule.like in names else noise
+        for noise, rule in zip(noises, rules, strict=True)
+    ]
+
+
+def _posterior(
+    rows: Sequence[Blocks], noises: Sequence[NoiseEstimate], names: tuple[str, ...], prior: ScalePrior
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (p,) of the coefficients under the full library."""
+    parts = (_factor(part, found.noise, names) for part, found in zip(rows, noises, strict=True))
+    T = with_prior_rows(reduce(add, parts).R, 1.0 / prior.sd)
+    inverse = invert_triangular(T[:-1, :-1])
+    return inverse @ T[:-1, -1], np.linalg.norm(inverse, axis=1)
+
+
+def _rows(triad: Triad, run: TriadRun, stills: Stills, *, blocks: bool) -> Blocks:
     """Linearised rows of the stills, per block or per sample."""
     means = np.array([run.output[a:b].mean(axis=0) for a, b in stills])
     f = triad.compensate(means)
@@ -270,10 +179,6 @@ def _rows(triad: Triad, run: TriadRun, stills: Sequence[tuple[int, int]], *, blo
     return Blocks(rows, X[still[edges]], np.add.reduceat(y, edges) / counts)
 
 
-def _whitened(rows: Sequence[Blocks], noises: Sequence[Noise], names: tuple[str, ...]) -> Factor:
-    return reduce(add, (_factor(part, noise, names) for part, noise in zip(rows, noises, strict=True)))
-
-
 def _factor(part: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
     w = whitener(noise, part.rows)
     white = whiten(w, np.column_stack((part.X, part.y)))
@@ -283,48 +188,24 @@ def _factor(part: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
 
 def _outcome(
     runs: Sequence[TriadRun],
-    stills: Sequence[Sequence[tuple[int, int]]],
+    stills: Sequence[Stills],
     triad: Triad,
-    noises: Sequence[Noise],
-    sds: Sequence[tuple[float, float, float]],
-    sensor: SensorClass | None,
-    rules: Rules,
+    noises: Sequence[NoiseEstimate],
+    rules: Sequence[NoiseRule],
 ) -> FreeTumble:
     """Summary on all samples of the stills, at the settled linearisation."""
     rows = [_rows(triad, run, s, blocks=False) for run, s in zip(runs, stills, strict=True)]
-    factors = [_factor(part, noise, triad.names) for part, noise in zip(rows, noises, strict=True)]
-    reach = [np.abs(part.X).max(axis=0) for part in rows]
     summaries = tuple(
-        RunSummary(
-            name=run.name,
-            procedure=run.procedure,
-            samples=len(part.y),
-            duration=float(run.t[-1] - run.t[0]),
-            interval=run.interval,
-            noise=noise,
-            noise_sd=sd,
-            noise_prior=noise_prior(sensor) if sensor else (),
-            noise_origin={"estimate": "REML", "fixed": "given"}.get(
-                rules.get(run.name, NoiseRule()).rule, "white"
-            ),
-            ranges={
-                c: (float(v.min()), float(v.max())) for c, v in zip(COMPONENTS, run.output.T, strict=True)
-            },
-            source=run.source,
-            factor=factor,
-            reach=largest,
-            stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in s),
-        )
-        for run, s, part, noise, sd, factor, largest in zip(
-            runs, stills, rows, noises, sds, factors, reach, strict=True
-        )
+        _run_summary(run, s, part, noise, triad.names, rule)
+        for run, s, part, noise, rule in zip(runs, stills, rows, noises, rules, strict=True)
     )
+    reach = np.max([s.reach for s in summaries], axis=0)
     summary = Summary(
-        factor=reduce(add, factors),
+        factor=reduce(add, (s.factor for s in summaries)),
         runs=summaries,
         library=triad.libraries[0],
         facts=Facts("accelerometer", constant_force=True, one_sided=False, reference_free=True),
-        reach=dict(zip(triad.names, np.max(reach, axis=0).tolist(), strict=True)),
+        reach=dict(zip(triad.names, reach.tolist(), strict=True)),
     )
     residuals = tuple(
         (part.y - part.X @ triad.theta, part.rows, _forces(triad, run, s))
@@ -333,7 +214,28 @@ def _outcome(
     return FreeTumble(summary, triad, residuals)
 
 
-def _forces(triad: Triad, run: TriadRun, stills: Sequence[tuple[int, int]]) -> FloatArray:
+def _run_summary(
+    run: TriadRun, stills: Stills, part: Blocks, found: NoiseEstimate, names: tuple[str, ...], rule: NoiseRule
+) -> RunSummary:
+    return RunSummary(
+        name=run.name,
+        procedure=run.procedure,
+        samples=len(part.y),
+        duration=float(run.t[-1] - run.t[0]),
+        interval=run.interval,
+        noise=found.noise,
+        noise_sd=found.sd,
+        noise_prior=found.prior,
+        noise_origin=f"run {rule.like}" if rule.like else ORIGIN[rule.rule],
+        ranges={c: (float(v.min()), float(v.max())) for c, v in zip(COMPONENTS, run.output.T, strict=True)},
+        source=run.source,
+        factor=_factor(part, found.noise, names),
+        reach=np.abs(part.X).max(axis=0),
+        stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in stills),
+    )
+
+
+def _forces(triad: Triad, run: TriadRun, stills: Stills) -> FloatArray:
     """Compensated specific force (n, 3) of each sample's still."""
     f = triad.compensate(np.array([run.output[a:b].mean(axis=0) for a, b in stills]))
     return np.repeat(f, [b - a for a, b in stills], axis=0)

@@ -27,8 +27,9 @@ class ScalePrior:
 
     def __init__(self, sd: ArrayLike) -> None:
         values = np.atleast_1d(np.asarray(sd, dtype=float))
-        if not (np.all(np.isfinite(values)) and np.all(values > 0.0)):
-            raise ValueError(f"a prior sd must be positive and finite: got {values[~(values > 0.0)][:1]}")
+        refused = values[~(np.isfinite(values) & (values > 0.0))]
+        if len(refused):
+            raise ValueError(f"a prior sd must be positive and finite: got {refused[0]}")
         object.__setattr__(self, "sd", values)
 
     def wider(self, factor: float) -> ScalePrior:

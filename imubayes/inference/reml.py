@@ -62,13 +62,13 @@ class NoiseEstimate:
     Attributes
     ----------
     noise : N, B, K, SI.
-    sd : of ln N, ln B, ln K (from the curvature).
-    prior : (median, sd of the logarithm) that was used for each.
+    sd : of ln N, ln B, ln K (from the curvature); 0 where the noise was given.
+    prior : (median, sd of the logarithm) of the class for each; empty without a class.
     """
 
     noise: Noise
     sd: tuple[float, float, float]
-    prior: tuple[LogNormal, LogNormal, LogNormal]
+    prior: tuple[LogNormal, ...]
 
 
 def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray[np.int64]:
@@ -104,9 +104,9 @@ def estimate(
     """
     from scipy.optimize import minimize
 
-    prior = prior or _vague(blocks)
-    center = np.log([median for median, _ in prior])
-    width = np.array([spread for _, spread in prior])
+    steering = prior or _vague(blocks)
+    center = np.log([median for median, _ in steering])
+    width = np.array([spread for _, spread in steering])
     columns = _span(blocks.X) if sd is None else blocks.X * sd
     stacked = np.column_stack((columns, blocks.y))
     parts = processes(blocks.rows)
@@ -121,7 +121,7 @@ def estimate(
         (min(c, s) - REACH * w, max(c, s) + REACH * w) for c, s, w in zip(center, start, width, strict=True)
     ]
     best = minimize(cost, start, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": 1e-10}).x
-    return NoiseEstimate(Noise(*np.exp(best).tolist()), _curvature_sd(cost, best, width), prior)
+    return NoiseEstimate(Noise(*np.exp(best).tolist()), _curvature_sd(cost, best, width), prior or ())
 
 
 def _log_likelihood(
@@ -168,8 +168,8 @@ def _curvature_sd(cost, best: FloatArray, width: FloatArray) -> tuple[float, flo
     H = np.diag([(up + down - 2.0 * middle) / STEP**2 for up, down in single])
     for i in range(3):
         for j in range(i):
-            both = cost(best + eye[i] + eye[j])
-            H[i, j] = H[j, i] = (both - single[i][0] - single[j][0] + middle) / STEP**2
+            both = cost(best + eye[i] + eye[j]) + cost(best - eye[i] - eye[j])
+            H[i, j] = H[j, i] = (both - sum(single[i]) - sum(single[j]) + 2.0 * middle) / (2.0 * STEP**2)
     values, vectors = np.linalg.eigh(H)
     variance = (vectors**2) @ (1.0 / np.maximum(values, 1.0 / np.max(width) ** 2))
     sds = np.minimum(np.sqrt(variance), width)

@@ -11,6 +11,8 @@ from imubayes.errors import UnobservableError
 from imubayes.rig.inputs import TriadRun
 
 FloatArray = NDArray[np.float64]
+Stills = tuple[tuple[int, int], ...]
+"""(start, stop) sample indices of each still."""
 
 WINDOW = 1.0
 """s: length of the window whose variance tells rest from motion."""
@@ -24,11 +26,14 @@ SHORTEST = 1.0
 CONTRAST = 10.0
 """Variance in motion over that at rest (medians) from which a record has both: hands give 1e2 to 1e5."""
 
+STILLEST = 1e-8
+"""Share of the largest variance below which rest is rest: coarse counts that do not change have none."""
+
 BINS = 256
 """Bins of the histogram that the threshold is taken from."""
 
 
-def find_stills(run: TriadRun) -> tuple[tuple[int, int], ...]:
+def find_stills(run: TriadRun) -> Stills:
     """(start, stop) sample indices of each still.
 
     The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
@@ -58,7 +63,9 @@ def find_stills(run: TriadRun) -> tuple[tuple[int, int], ...]:
 
 def _quiet(run: TriadRun, width: int) -> NDArray[np.bool_]:
     """Windows at rest: (n - width + 1,)."""
-    spread = np.log(np.maximum(_rolling_variance(run.output, width), np.finfo(float).tiny))
+    variance = _rolling_variance(run.output, width)
+    least = max(STILLEST * float(variance.max()), np.finfo(float).tiny)
+    spread = np.log(np.maximum(variance, least))
     quiet = spread < _threshold(spread)
     if quiet.all() or np.median(spread[~quiet]) - np.median(spread[quiet]) < math.log(CONTRAST):
         raise UnobservableError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +26,12 @@ SHARE = 0.1
 ROUNDING = 1e-5
 """Residual of a cancellation, relative to the columns, that is exact for the digits of a rig's inputs."""
 
-TAKES_PART = 1e-3
-"""Smallest entry, in units of the columns' norms, that makes a term part of an exact cancellation."""
+PIVOT = 0.05
+"""Smallest entry of a unit vector that the elimination divides by, while there is a larger one elsewhere."""
+
+TAKES_PART = 0.03
+"""Smallest share of the largest contribution that makes a term part of an exact cancellation: a misalignment
+of 30 mrad drags others in at less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,14 @@ class Observability:
         return tuple(other for other in self.names if other in together and other != name)
 
 
-def observe(factor: Factor, sd: FloatArray, facts: Facts, *, scale: float = 1.0) -> Observability:
+def observe(
+    factor: Factor,
+    sd: FloatArray,
+    facts: Facts,
+    *,
+    scale: float = 1.0,
+    reach: Mapping[str, float] | None = None,
+) -> Observability:
     """What a test can tell of each term.
 
     Columns are scaled to the effect of a prior-sized coefficient in noise units, so a singular value d is
@@ -92,6 +103,8 @@ def observe(factor: Factor, sd: FloatArray, facts: Facts, *, scale: float = 1.0)
     sd : (p,) prior sd of each term, SI.
     facts : what the inputs have in common, for the words.
     scale : noise scale of the whitened rows.
+    reach : largest size of each column over the runs, SI, by name: says how much each term contributes to
+        an exact cancellation; by default the whitened columns' norms do.
 
     Examples
     --------
@@ -105,7 +118,9 @@ def observe(factor: Factor, sd: FloatArray, facts: Facts, *, scale: float = 1.0)
     tested = size > 0.0
     T = np.asarray(np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r"))
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
-    groups = tuple(_group(factor.names, c, A, sd, facts) for c in (*_exact(A, size), *_below_noise(A, size)))
+    largest = factor.column_norms if reach is None else np.array([reach[name] for name in factor.names])
+    combinations = (*_exact(A, size, largest * sd), *_below_noise(A, size))
+    groups = tuple(_group(factor.names, c, A, sd, facts) for c in combinations)
     alone = 1.0 / np.sqrt(1.0 + size**2)
     return Observability(factor.names, tested, ratio, alone, _inflation(A, size, tested), groups)
 
@@ -119,14 +134,14 @@ class _Combination:
     exact: bool
 
 
-def _exact(A: FloatArray, size: FloatArray) -> Iterator[_Combination]:
-    """Combinations that cancel to rounding."""
+def _exact(A: FloatArray, size: FloatArray, effect: FloatArray) -> Iterator[_Combination]:
+    """Combinations that cancel to rounding; `effect` (p,) is that of a prior-sized coefficient."""
     where = np.flatnonzero(size > 0.0)
     _, d, Vt = _all_singular(A[:, where] / size[where])
     for row in _sparse(Vt[d <= ROUNDING * d[:1]]):
         v = _embed(row / size[where], where, len(size))
-        part = _embed(np.abs(row) > TAKES_PART, where, len(size))
-        yield _Combination(v / np.linalg.norm(v), part, exact=True)
+        share = np.abs(v) * effect
+        yield _Combination(v / np.linalg.norm(v), share >= TAKES_PART * share.max(), exact=True)
 
 
 def _below_noise(A: FloatArray, size: FloatArray) -> Iterator[_Combination]:
@@ -148,17 +163,23 @@ def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _sparse(basis: FloatArray) -> FloatArray:
-    """Basis of the same span, by elimination: each vector has a pivot term of its own.
+    """Basis of the same span in reduced echelon form: each vector has a pivot term that no other has.
 
-    Singular vectors of one singular value mix what has nothing to do with each other.
+    Singular vectors of one singular value mix what has nothing to do with each other, and differ from machine
+    to machine; the echelon form is unique. Later terms are pivots first: they are refinements.
     """
-    basis = basis.copy()
-    for k in range(len(basis)):
-        row, column = np.unravel_index(np.argmax(np.abs(basis[k:])), basis[k:].shape)
-        basis[[k, k + row]] = basis[[k + row, k]]
-        basis[k] /= basis[k, column]
-        others = np.arange(len(basis)) != k
-        basis[others] -= np.outer(basis[others, column], basis[k])
+    basis, done = basis.copy(), 0
+    for floor in (PIVOT, 0.0):
+        for column in range(basis.shape[1] - 1, -1, -1):
+            if done == len(basis):
+                break
+            row = done + int(np.argmax(np.abs(basis[done:, column])))
+            if abs(basis[row, column]) > floor:
+                basis[[done, row]] = basis[[row, done]]
+                basis[done] /= basis[done, column]
+                others = np.arange(len(basis)) != done
+                basis[others] -= np.outer(basis[others, column], basis[done])
+                done += 1
     return basis
 
 

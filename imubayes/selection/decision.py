@@ -103,7 +103,8 @@ def select(
     if lib is None:
         raise TermError("a summary of plain arrays has no library: give the library of its columns")
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
-    seen = observe(summary.factor, prior.sd, summary.facts)
+    largest = reach or summary.reach
+    seen = observe(summary.factor, prior.sd, summary.facts, reach=largest or None)
     excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
@@ -113,7 +114,6 @@ def select(
     widths = _Widths(tuple(enumerate_models(part, scale.wider(w), always=always) for w in WIDTHS), {})
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
-    largest = reach or summary.reach
     verdicts = tuple(
         _tested(name, term, widths, seen, full, largest.get(name, 0.0))
         if name in models.candidates.names
@@ -123,7 +123,7 @@ def select(
     return Selection(
         terms=verdicts,
         columns=tuple(own),
-        model=tuple(v.name for v in verdicts if v.inclusion >= 0.5 and v.verdict != "untested"),
+        model=tuple(v.name for v in verdicts if v.inclusion >= 0.5),
         log_evidence=models.log_evidence,
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
@@ -134,50 +134,30 @@ def select(
 def _tested(
     name: str, term: Term, widths: _Widths, seen: Observability, full: Components, reach: float
 ) -> TermVerdict:
+    """Verdict on a term that the test excites."""
     c = widths.models[NOMINAL].candidates
-    j, column = c.names.index(name), c.columns.index(name)
+    j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
     partners = tuple(n for n in seen.partners(name) if n in c.names)
     alone = [float(inclusion[j]) for inclusion in widths.given(())[0]]
     inclusions, mixtures = widths.given(partners)
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
-    mean, sd = (float(moment[column]) for moment in parts.moments())
-    prior_sd = float(c.sd[column])
-    everyone = tuple(_local(n, name) for n in seen.partners(name))
+    told = _Told(alone[NOMINAL], (min(alone), max(alone)), _moments(full, column), parts, column)
+    mean, sd = _moments(parts, column)
     evidence = Evidence(
-        inclusion=alone[NOMINAL],
+        inclusion=told.inclusion,
         range=(min(together), max(together)),
         small=min(
-            probability_within(m, column, TENTH * prior_sd) for m in (mixtures if partners else (parts,))
+            probability_within(m, column, TENTH * prior_sd) for m in (mixtures if partners else [parts])
         ),
         ratio=float(seen.ratio[seen.names.index(name)]),
         pull=abs(mean) / sd if sd > 0.0 else 0.0,
-        partners=everyone,
+        partners=tuple(_local(n, name) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
     )
-    verdict, reason = decide(evidence)
-    full_mean, full_sd = (float(moment[column]) for moment in full.moments())
-    q05, q95 = quantiles(parts, column, (0.05, 0.95))
-    return TermVerdict(
-        name=term.name,
-        symbol=term.symbol,
-        unit=term.unit,
-        printed=term.printed,
-        group=term.group,
-        mean=mean,
-        sd=sd,
-        q05=q05,
-        q95=q95,
-        full_mean=full_mean,
-        full_sd=full_sd,
-        prior_sd=prior_sd,
-        inclusion=alone[NOMINAL],
-        inclusion_range=(min(alone), max(alone)),
-        limit95=_first_finite(limit(parts, column), limit(full, column)),
-        effect=abs(mean) * reach,
-        verdict=verdict,
-        reason=reason,
-        confounded_with=everyone,
+    ends = _first_finite(limit(parts, column), limit(full, column))
+    return _verdict(
+        term, prior_sd, told, decide(evidence), limit95=ends, reach=reach, partners=evidence.partners
     )
 
 
@@ -191,28 +171,59 @@ def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
-    verdict, reason = untested(term)
-    q05, q95 = quantiles(alone, 0, (0.05, 0.95))
+    told = _Told(inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0)
+    return _verdict(term, prior_sd, told, untested(term), limit95=limit(alone, 0), reach=0.0, partners=())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """Posterior of one term: inclusion, its range over prior widths, full-library moments, mixture."""
+
+    inclusion: float
+    range: tuple[float, float]
+    full: tuple[float, float]
+    parts: Components
+    column: int
+
+
+def _moments(parts: Components, column: int) -> tuple[float, float]:
+    """Mean and sd of one column of a mixture."""
+    mean, sd = parts.moments()
+    return float(mean[column]), float(sd[column])
+
+
+def _verdict(
+    term: Term,
+    prior_sd: float,
+    told: _Told,
+    decided: tuple[str, str],
+    *,
+    limit95: float,
+    reach: float,
+    partners: tuple[str, ...],
+) -> TermVerdict:
+    mean, sd = _moments(told.parts, told.column)
+    q05, q95 = quantiles(told.parts, told.column, (0.05, 0.95))
     return TermVerdict(
         name=term.name,
         symbol=term.symbol,
         unit=term.unit,
         printed=term.printed,
         group=term.group,
-        mean=0.0,
-        sd=prior_sd * math.sqrt(inclusion),
+        mean=mean,
+        sd=sd,
         q05=q05,
         q95=q95,
-        full_mean=0.0,
-        full_sd=prior_sd,
+        full_mean=told.full[0],
+        full_sd=told.full[1],
         prior_sd=prior_sd,
-        inclusion=inclusion,
-        inclusion_range=(inclusion, inclusion),
-        limit95=limit(alone, 0),
-        effect=0.0,
-        verdict=verdict,
-        reason=reason,
-        confounded_with=(),
+        inclusion=told.inclusion,
+        inclusion_range=told.range,
+        limit95=limit95,
+        effect=abs(mean) * reach,
+        verdict=decided[0],
+        reason=decided[1],
+        confounded_with=partners,
     )
 
 

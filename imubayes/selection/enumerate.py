@@ -36,7 +36,11 @@ NEGLIGIBLE = 28.0
 """Log of the share below which a noise scale no longer counts: exp(-28) = 7e-13."""
 
 FINE_STEPS = 18
-"""Up to so many candidates sigma takes steps of one sd (error 5e-9); beyond, of 1.5 sd (error 3e-4)."""
+"""Up to so many candidates sigma takes steps of one sd (error 1e-8); beyond, of 1.5 sd (error 5e-4)."""
+
+FEW = 9.0
+"""Added to the degrees of freedom nu in the sd of ln sigma, 1/sqrt(2 nu), which makes the steps' error,
+2 |Gamma((nu + 2 pi i/step)/2) / Gamma(nu/2)|, less than 1.1e-8 for every nu: few make ln sigma skew."""
 
 COARSE = 12.0
 """What `NEGLIGIBLE` is beyond that many candidates: exp(-12) = 6e-6."""
@@ -254,14 +258,17 @@ WIDEST = math.log(1e8)
 
 
 def _first_scale(c: Candidates) -> tuple[float, float]:
-    """Noise scale of the full library, and the sd of its logarithm, as a place to start from."""
+    """Noise scale of the full library as a place to start from, and a step of its logarithm.
+
+    The step is the sd of ln sigma in the model with the most degrees of freedom, less when they are few.
+    """
     length = float(np.linalg.norm(c.whole[len(c.always) :, -1]))
     dof = max(c.dof - len(c.columns), c.dof / 2.0, 1.0)
     floor = np.finfo(float).eps * max(length, np.finfo(float).tiny)
     scale = max(abs(float(c.whole[-1, -1])), floor) / math.sqrt(dof)
     if c.dof <= len(c.columns):  # the columns alone fit exactly: ask what a fit within the prior leaves
         scale = max(abs(float(c.at(length / math.sqrt(dof))[-1, -1])), floor) / math.sqrt(dof)
-    return scale, 1.0 / math.sqrt(2.0 * dof)
+    return scale, 1.0 / math.sqrt(2.0 * (c.dof + FEW))
 
 
 def _log_joint(c: Candidates, scale: float) -> FloatArray:

@@ -1,0 +1,230 @@
+"""A triad in the hand: simulated ones of known truth, and the recording that imu_tk published figures of."""
+
+import numpy as np
+import pytest
+from scipy.linalg import rq
+
+from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.factor import invert_triangular, with_prior_rows
+from imubayes.inference.norm_only import solve_free_tumble
+from imubayes.inference.triad import COMPONENTS, Triad, calibration, triad_of
+from imubayes.inference.prior import ScalePrior
+from imubayes.rig.inputs import TriadRun
+from imubayes.selection.decision import select
+from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import library
+
+INDUSTRIAL = sensor("mems_industrial", kind="accelerometer")
+LIBRARY = library("accelerometer", powers=3, asymmetry=1)
+LINEAR = ("b0", "b1", "m_j", "m_k")
+
+# raw outputs come before any factory calibration: 100 mg, 10000 ppm, 20 mrad
+RAW = {"b0": 0.980665, "b1": 1e-2, "m_j": 2e-2, "m_k": 2e-2}
+
+BIAS = np.array([0.5, -0.8, 0.3])
+GAIN = np.array([[1.004, 3e-3, -9e-3], [0.0, 0.997, 2e-2], [0.0, 0.0, 1.002]])
+K2 = np.array([16e-6, -12e-6, 20e-6])  # m/s^2 per (m/s^2)^2: one to two and a half times the class's typical
+K2_OF_THE_CLASS = prior_sd(INDUSTRIAL, LIBRARY.terms[2])[0]
+
+
+def physical_prior(triad):
+    return ScalePrior(
+        [RAW.get(t.name, prior_sd(INDUSTRIAL, t)[0]) for lib in triad.libraries for t in lib.terms]
+    )
+
+
+def solve(run, lib=LIBRARY, rules=None):
+    return solve_free_tumble([run], lib, physical_prior(triad_of(lib)), sensor=INDUSTRIAL, rules=rules)
+
+
+def errors(found, lib=LIBRARY):
+    """Posterior sds of all coefficients, in the order of the triad's names."""
+    prior = physical_prior(triad_of(lib))
+    return np.linalg.norm(
+        invert_triangular(with_prior_rows(found.summary.factor.R, 1.0 / prior.sd)[:-1, :-1]), axis=1
+    )
+
+
+def named(found, values):
+    return dict(zip(found.triad.names, values.tolist(), strict=True))
+
+
+def output_error(gain=GAIN, bias=BIAS, quadratic=np.zeros(3)):
+    """Output minus input of a triad, in matrix form: y = gain f + bias + K2 f^2."""
+    return lambda f: f @ (gain - np.eye(3)).T + bias + quadratic * f**2
+
+
+TRUTH = {
+    **{f"{c}.b0": b for c, b in zip(COMPONENTS, BIAS, strict=True)},
+    **{f"{c}.b1": GAIN[k, k] - 1.0 for k, c in enumerate(COMPONENTS)},
+    **{f"{c}.b2": value for c, value in zip(COMPONENTS, K2, strict=True)},
+    # (i, j, k) is (x, y, z) for ax and (y, z, x) for ay
+    "ax.m_j": GAIN[0, 1],
+    "ax.m_k": GAIN[0, 2],
+    "ay.m_j": GAIN[1, 2],
+}
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_known_triad_is_recovered_within_its_error_bars(hand_tumble, seed):
+    found = solve(hand_tumble(output_error(quadratic=K2), stills=36, seed=seed).run)
+    sd, mean = named(found, errors(found)), named(found, found.triad.theta)
+    for name in mean:
+        assert abs(mean[name] - TRUTH.get(name, 0.0)) < 4.0 * sd[name], name
+    assert all(sd[name] < 0.05 * RAW[name.partition(".")[2]] for name in TRUTH if name[3:] in LINEAR)
+
+
+def test_nine_parameters_are_recovered_without_higher_terms_to_microvolts_of_noise(hand_tumble):
+    """With a linear library and hardly any noise, nothing but the linearisation could be off."""
+    lib, quiet = library("accelerometer", powers=1, asymmetry=-1), Noise(1e-7, 0.0, 0.0)
+    run = hand_tumble(output_error(), noise=quiet).run
+    given = {"hand": NoiseRule("fixed", quiet)}
+    found = solve(run, lib, given)
+    np.testing.assert_allclose(found.triad.gain(), GAIN, rtol=0.0, atol=1e-6)
+    biases = [part[lib.names.index("b0")] for part, lib in zip(found.triad.parts(), found.triad.libraries, strict=True)]
+    np.testing.assert_allclose(biases, BIAS, rtol=0.0, atol=1e-6)
+    f = np.random.default_rng(1).normal(size=(50, 3))
+    f *= 9.81 / np.linalg.norm(f, axis=1, keepdims=True)
+    np.testing.assert_allclose(found.triad.compensate(f @ GAIN.T + BIAS), f, rtol=0.0, atol=1e-5)
+
+
+def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
+    """Of any gain matrix A only U of A = U Q can be seen: Q turns the unknown directions."""
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    turn = np.array([[0.0, -2e-2, 1e-2], [2e-2, 0.0, -3e-2], [-1e-2, 3e-2, 0.0]])
+    gain = GAIN @ (np.eye(3) + turn + 0.5 * turn @ turn)
+    upper, _ = rq(gain)
+    upper = upper * np.sign(np.diag(upper))
+    run = hand_tumble(output_error(gain=gain), noise=Noise(1e-7, 0.0, 0.0)).run
+    found = solve(run, lib, {"hand": NoiseRule("fixed", Noise(1e-7, 0.0, 0.0))})
+    np.testing.assert_allclose(found.triad.gain(), upper, rtol=0.0, atol=1e-6)
+
+
+def test_relabelling_the_axes_relabels_what_is_found(hand_tumble):
+    """x, y, z become y, z, x: the lengths of outputs, G G', and the biases go with them."""
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    run = hand_tumble(output_error()).run
+    order = [1, 2, 0]
+    relabelled = TriadRun(run.name, run.procedure, run.t, run.output[:, order], run.gravity, run.interval)
+    plain, other = solve(run, lib), solve(relabelled, lib)
+    square = plain.triad.gain() @ plain.triad.gain().T
+    # they differ by what the prior says of another parameterisation: a small share of the error bar
+    sd = named(plain, errors(plain, lib))
+    np.testing.assert_allclose(
+        other.triad.gain() @ other.triad.gain().T,
+        square[np.ix_(order, order)],
+        rtol=0.0,
+        atol=0.2 * max(v for k, v in sd.items() if not k.endswith("b0")),
+    )
+    first, second = named(plain, plain.triad.theta), named(other, other.triad.theta)
+    for new, old in zip(COMPONENTS, order, strict=True):
+        name = f"{COMPONENTS[old]}.b0"
+        assert second[f"{new}.b0"] == pytest.approx(first[name], abs=0.2 * sd[name])
+
+
+def test_mirrored_axis_mirrors_its_terms(hand_tumble):
+    """z and its output reversed: even terms of az and odd ones across it change sign, nothing else."""
+    run = hand_tumble(output_error(quadratic=K2)).run
+    reversed_z = TriadRun(
+        run.name, run.procedure, run.t, run.output * np.array([1.0, 1.0, -1.0]), run.gravity, run.interval
+    )
+    plain, other = solve(run), solve(reversed_z)
+    along_z = {"ax": "k", "ay": "j", "az": "i"}
+    signs = []
+    for name in plain.triad.names:
+        component, term = name.split(".")
+        lib = plain.triad.libraries[COMPONENTS.index(component)]
+        odd = sum(
+            f.power + f.signed
+            for t in lib.terms
+            if t.name == term
+            for f in t.factors
+            if f.channel == f"f_{along_z[component]}"
+        )
+        signs.append((-1.0) ** (odd + (component == "az")))
+    # both are linearised until nothing moves by more than 1e-6 of its error bar
+    np.testing.assert_array_less(
+        np.abs(other.triad.theta - np.array(signs) * plain.triad.theta), 1e-3 * errors(plain)
+    )
+
+
+def test_axes_of_each_component_are_the_right_handed_ones():
+    triad = triad_of(LIBRARY)
+    f = np.array([[1.0, 2.0, 4.0]])
+    x, y, z = (
+        dict(zip(lib.names, row[0].tolist(), strict=True))
+        for lib, row in zip(triad.libraries, triad.regressors(f), strict=True)
+    )
+    assert (x["b1"], x["m_j"], x["m_k"], x["c_ij"]) == (1.0, 2.0, 4.0, 2.0)
+    assert (y["b1"], y["m_j"], y["c_ij"], y["c_kk"]) == (2.0, 4.0, 8.0, 1.0)
+    assert (z["b1"], z["c_ij"], z["c_ik"], z["c_jk"]) == (4.0, 4.0, 8.0, 2.0)
+    assert "m_k" not in y and "m_j" not in z and "m_k" not in z
+
+
+def test_compensation_undoes_the_deviation():
+    triad, rng = triad_of(LIBRARY), np.random.default_rng(2)
+    sd = physical_prior(triad).sd
+    triad = Triad(triad.libraries, rng.normal(size=len(sd)) * sd)
+    f = 9.81 * rng.normal(size=(40, 3))
+    np.testing.assert_allclose(triad.compensate(f + triad.deviation(f)), f, rtol=0.0, atol=1e-9)
+
+
+def test_compensation_of_nonsense_does_not_settle():
+    triad = triad_of(LIBRARY)
+    wild = np.array([3.0 if name.endswith(".b1") else 0.0 for name in triad.names])
+    with pytest.raises(ConvergenceError, match="scale and offset") as caught:
+        Triad(triad.libraries, wild).compensate(np.ones((1, 3)))
+    assert np.shape(caught.value.estimate) == (1, 3)
+
+
+def test_calibration_undoes_the_output(hand_tumble):
+    """f = T K (raw - bias), with the published names of its entries, gives the force back."""
+    triad = triad_of(library("accelerometer", powers=1, asymmetry=-1))
+    triad = Triad(triad.libraries, np.array([TRUTH[name] if name in TRUTH else 0.0 for name in triad.names]))
+    nominal = ((2.42e-3, 32768.0), (2.4e-3, 32000.0), (2.5e-3, 33000.0))
+    rows = calibration(triad, nominal)
+    K, T = np.diag([row["scale"] for row in rows]), np.eye(3)
+    T[0, 1], T[0, 2] = rows[0]["nonorthogonality"]["m_j"], rows[0]["nonorthogonality"]["m_k"]
+    T[1, 2] = rows[1]["nonorthogonality"]["m_j"]
+    f = 9.81 * np.random.default_rng(3).normal(size=(20, 3))
+    scale, offset = np.array(nominal).T
+    raw = (f @ GAIN.T + BIAS) / scale + offset
+    np.testing.assert_allclose((raw - [row["bias"] for row in rows]) @ (T @ K).T, f, rtol=0.0, atol=1e-9)
+
+
+def test_fewer_than_nine_stills_are_refused(hand_tumble):
+    with pytest.raises(UnobservableError, match="8 stills are too few"):
+        solve(hand_tumble(stills=8).run)
+
+
+@pytest.fixture(scope="module")
+def xsens(recordings):
+    t, *axes = np.loadtxt(recordings / "imu_tk_xsens" / "xsens_acc.mat").T
+    output = (np.column_stack(axes) - 32768.0) * 2.42e-3
+    # local gravity as in imu_tk's own test program
+    return solve(TriadRun("hand", "free-tumble", t, output, 9.81744, 0.01))
+
+
+def test_xsens_recording_has_the_published_calibration(xsens):
+    """Figures of imu_tk on its own recording (threshold multiplier 6), in its signs."""
+    rows = calibration(xsens.triad, [(2.42e-3, 32768.0)] * 3)
+    np.testing.assert_allclose(
+        [row["scale"] for row in rows], [2.41278e-3, 2.42712e-3, 2.41168e-3], rtol=5e-4, atol=0.0
+    )
+    np.testing.assert_allclose([row["bias"] for row in rows], [33124.2, 33275.2, 32364.4], rtol=0.0, atol=2.0)
+    entries = [value for row in rows for value in row["nonorthogonality"].values()]
+    np.testing.assert_allclose(entries, [-0.0033593, -0.00890639, -0.0213341], rtol=0.0, atol=5e-4)
+    assert len(xsens.summary.runs[0].stills) == 38
+
+
+def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(xsens):
+    prior = physical_prior(xsens.triad)
+    for component, lib in zip(COMPONENTS, xsens.triad.libraries, strict=True):
+        chosen = select(xsens.summary, prior, lib, component=component)
+        assert {t.name for t in chosen.terms if t.verdict == "needed"} == {"b0", "b1", "m_j", "m_k"} & {
+            *lib.names
+        }
+        for term in chosen.terms:
+            if term.name not in LINEAR:
+                assert term.verdict in ("unresolved", "inseparable", "untested"), (component, term.name)

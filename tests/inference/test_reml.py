@@ -1,0 +1,214 @@
+"""Noise estimates: against the dense likelihood, and against simulated truths."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import imubayes as ib
+from imubayes.inference.reml import Blocks, block_edges, estimate
+from imubayes.inference.summary import blocks_of, deviation, library_rows
+from imubayes.inference.whiten import Rows, processes, whiten, whitener
+from imubayes.rig.simulate import synthesise
+from imubayes.sensors.catalogue import noise_prior
+from imubayes.sensors.noise import Noise, allan_variance
+
+INDUSTRIAL = ib.sensor("mems_industrial", kind="accelerometer")
+LIBRARY = ib.library("accelerometer")
+PRIOR = noise_prior(INDUSTRIAL)
+
+
+def tumble(**options):
+    return ib.tumble(**{"angles": 12, "planes": 3, "dwell": 30.0, "rate": 1.0, **options})
+
+
+def run_of(seed, noise=None, truth=None, **options):
+    (run,) = ib.simulate(INDUSTRIAL, [tumble(**options)], seed=seed, truth=truth or {}, noise=noise)
+    return run
+
+
+def drawn_noise(rng):
+    return Noise(*(median * math.exp(spread * rng.standard_normal()) for median, spread in PRIOR))
+
+
+def logs(found):
+    return np.log([found.noise.N, found.noise.B, found.noise.K])
+
+
+def small_blocks(rng, n=60, p=4):
+    """Rows of one duration with a gap, in noise that shows all three processes."""
+    start = np.concatenate((10.0 * np.arange(n // 2), 2e3 + 10.0 * np.arange(n - n // 2)))
+    y = synthesise(Noise(1.0, 0.5, 0.02), start, 10.0, rng)
+    X = rng.normal(size=(n, p))
+    return Blocks(Rows(start + 5.0, np.full(n, 10.0)), X, y + X @ rng.normal(size=p))
+
+
+def dense_cost(x, blocks, prior, sd):
+    """Negative log posterior of ln N, ln B, ln K from the dense covariance, by its textbook formulas."""
+    n, (_, p) = len(blocks.y), blocks.X.shape
+    W = whiten(whitener(Noise(*np.exp(x)), blocks.rows, processes(blocks.rows)), np.eye(n))
+    L = np.linalg.inv(W)
+    C = L @ L.T
+    pull = sum(0.5 * ((v - math.log(m)) / s) ** 2 for v, (m, s) in zip(x, prior, strict=True))
+    if sd is not None:  # theta ~ N(0, sd^2): integrate it out of y
+        C += (blocks.X * sd) @ (blocks.X * sd).T
+        return pull + 0.5 * np.linalg.slogdet(C)[1] + 0.5 * blocks.y @ np.linalg.solve(C, blocks.y)
+    information = blocks.X.T @ np.linalg.solve(C, blocks.X)
+    theta = np.linalg.solve(information, blocks.X.T @ np.linalg.solve(C, blocks.y))
+    left = blocks.y - blocks.X @ theta
+    rest = np.linalg.slogdet(C)[1] + np.linalg.slogdet(information)[1]
+    return pull + 0.5 * rest + 0.5 * left @ np.linalg.solve(C, left)
+
+
+@pytest.mark.parametrize("sd", [None, np.array([0.5, 1.0, 2.0, 1.0])], ids=["restricted", "proper prior"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_estimate_is_the_maximum_of_the_dense_posterior_and_its_curvature(sd, seed):
+    blocks, prior = small_blocks(np.random.default_rng(seed)), ((1.0, 1.0), (0.5, 1.0), (0.02, 1.0))
+    found = estimate(blocks, prior, sd)
+    cost = lambda x: dense_cost(x, blocks, prior, sd)  # noqa: E731: the one argument of two optimisers
+    best = minimize(cost, np.log([1.0, 0.5, 0.02]), method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-9})
+    sds = np.array(found.sd)
+    # both stop where the cost changes by 1e-8 or less, which is 2e-4 of an error bar
+    np.testing.assert_array_less(np.abs(logs(found) - best.x), 1e-3 * sds)
+    step = 1e-3
+    eye = step * np.eye(3)
+    H = np.array(
+        [
+            [
+                cost(best.x + a + b) - cost(best.x + a - b) - cost(best.x - a + b) + cost(best.x - a - b)
+                for b in eye
+            ]
+            for a in eye
+        ]
+    ) / (4.0 * step**2)
+    np.testing.assert_allclose(sds, np.sqrt(np.diag(np.linalg.inv(H))), rtol=0.05)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_noise_drawn_from_the_class_is_recovered_within_its_error_bars(seed):
+    truth = drawn_noise(np.random.default_rng([7, seed]))
+    found = estimate(blocks_of(run_of(seed, truth, rate=10.0), LIBRARY), PRIOR)
+    z = (logs(found) - np.log([truth.N, truth.B, truth.K])) / found.sd
+    print(truth,found,z)
+    assert np.max(np.abs(z)) < 4.0
+
+
+def test_error_bars_of_the_noise_are_neither_too_small_nor_too_large():
+    """Sum of squares of 90 pulls of sensors drawn from the prior: chi-square with 90 degrees of freedom."""
+    z = []
+    for seed in range(30):
+        truth = drawn_noise(np.random.default_rng([8, seed]))
+        blocks = blocks_of(run_of([8, seed], truth, rate=10.0, dwell=10.0), LIBRARY)
+        found = estimate(blocks, PRIOR)
+        z += ((logs(found) - np.log([truth.N, truth.B, truth.K])) / found.sd).tolist()
+    print(np.array(z).reshape(-1,3).round(1))
+    power = np.array(z) @ np.array(z)
+    assert abs(power - 90.0) < 4.0 * math.sqrt(2.0 * 90.0)
+
+
+def test_white_part_is_known_as_well_as_its_degrees_of_freedom_say():
+    found = estimate(blocks_of(run_of(3), LIBRARY), PRIOR)
+    assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 1080), rel=0.2)
+
+
+@pytest.mark.parametrize("truth", [{"b1": 0.05}, {"b0": 3.0, "m_j": 0.02, "m_k": -0.02}, {"b2": 1e-3, "c_jk": 1e-3}])
+def test_a_coefficient_is_not_mistaken_for_drift(truth):
+    without, with_it = (estimate(blocks_of(run_of(4, truth=t), LIBRARY), PRIOR) for t in ({}, truth))
+    # the mean's columns are projected out: what differs is where the search for the maximum starts and stops
+    np.testing.assert_array_less(np.abs(logs(with_it) - logs(without)), 0.01 * np.array(without.sd))
+
+
+def test_a_term_that_the_library_lacks_is_mistaken_for_drift():
+    lean = ib.library("accelerometer", powers=1, asymmetry=-1)
+    run = run_of(4, truth={"b3": 2e-5})
+    tau = np.array([30.0, 300.0])
+    without, with_it = (
+        allan_variance(estimate(blocks_of(run, lib), PRIOR).noise, tau) for lib in (lean, LIBRARY)
+    )
+    assert np.all(without > 10.0 * with_it)
+
+
+def test_noise_has_no_unit():
+    run = run_of(5)
+    blocks = blocks_of(run, LIBRARY)
+    thousand = Blocks(blocks.rows, blocks.X, 1e3 * blocks.y)
+    prior = tuple((1e3 * median, spread) for median, spread in PRIOR)
+    plain, other = estimate(blocks, PRIOR), estimate(thousand, prior)
+    np.testing.assert_array_less(
+        np.abs(logs(other) - math.log(1e3) - logs(plain)), 0.01 * np.array(plain.sd)
+    )
+
+
+def test_order_and_units_of_the_library_change_nothing():
+    blocks = blocks_of(run_of(5), LIBRARY)
+    rng = np.random.default_rng(1)
+    p = blocks.X.shape[1]
+    mixed = blocks.X[:, rng.permutation(p)] * 10.0 ** rng.uniform(-6.0, 6.0, p)
+    plain, other = estimate(blocks, PRIOR), estimate(Blocks(blocks.rows, mixed, blocks.y), PRIOR)
+    np.testing.assert_array_less(np.abs(logs(other) - logs(plain)), 0.01 * np.array(plain.sd))
+
+
+def test_averages_over_blocks_estimate_what_the_samples_do():
+    run = run_of(6, angles=8, rate=10.0)
+    n = len(run.inputs)
+    samples = Blocks(
+        Rows(run.inputs.t, np.full(n, run.inputs.interval)), library_rows(run, LIBRARY), deviation(run, LIBRARY)
+    )
+    blocks = blocks_of(run, LIBRARY)
+    assert len(blocks.y) <= n / 4
+    fine, coarse = estimate(samples, PRIOR), estimate(blocks, PRIOR)
+    # B and K show in the blocks as they do in the samples
+    np.testing.assert_array_less(np.abs(logs(fine) - logs(coarse))[1:], 0.3 * np.array(coarse.sd)[1:])
+    # of N the blocks hold a part; the difference of nested estimates has the difference of their variances
+    lost = math.sqrt(coarse.sd[0] ** 2 - fine.sd[0] ** 2)
+    assert abs(logs(fine) - logs(coarse))[0] < 4.0 * lost
+
+
+def test_fewer_rows_than_columns_are_judged_under_a_proper_prior():
+    """Twelve rows, twenty columns of which three matter: nine degrees of freedom are left for the noise."""
+    rng, pulls = np.random.default_rng(2), []
+    start = 30.0 * np.arange(12.0)
+    for _ in range(20):
+        sd = np.where(np.arange(20) < 3, 1e3, 1e-6)
+        X = rng.normal(size=(12, 20))
+        y = synthesise(Noise(1.0, 0.0, 0.0), start, 1.0, rng) + X @ (sd * rng.normal(size=20))
+        rows = Rows(start, np.ones(12))
+        found = estimate(Blocks(rows, X, y), ((1.0, 2.0), (1e-3, 0.1), (1e-6, 0.1)), sd)
+        assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 9.0), rel=0.3)
+        pulls.append(math.log(found.noise.N) / found.sd[0])
+    assert max(np.abs(pulls)) < 4.0
+    assert abs(np.mean(pulls)) < 4.0 / math.sqrt(20.0)
+
+
+def test_without_a_class_the_noise_is_still_found():
+    noise = Noise(6e-4, 4e-4, 0.0)
+    found = estimate(blocks_of(run_of(7, noise, angles=24), LIBRARY))
+    z = (logs(found)[:2] - np.log([noise.N, noise.B])) / np.array(found.sd)[:2]
+    assert np.max(np.abs(z)) < 4.0
+    assert allan_at(found.noise.K, 1e3) < noise.B  # what is not there may be no larger than what hides it
+
+
+def allan_at(K, tau):
+    return K * math.sqrt(tau / 3.0)
+
+
+def test_blocks_partition_the_samples_and_never_reach_across_a_gap():
+    rng = np.random.default_rng(3)
+    for blocks in (1, 7, 100, 5000):
+        lengths = rng.integers(1, 60, 20)
+        t = np.concatenate([1e3 * k + np.arange(float(length)) for k, length in enumerate(lengths)])
+        edges = block_edges(t, 1.0, blocks)
+        assert edges[0] == 0
+        assert np.all(np.diff(edges) > 0)
+        pieces = np.split(t, edges[1:])
+        assert all(np.all(np.diff(piece) == 1.0) for piece in pieces)
+        assert max(map(len, pieces)) <= math.ceil(len(t) / blocks)
+
+
+def test_averages_of_the_library_are_the_library_of_no_average():
+    """Averaging is linear: the averaged output is X theta of averaged columns, exactly, at any block length."""
+    run = run_of(8, Noise(1e-300, 0.0, 0.0), {"b0": 0.1, "b1": 0.01, "b3": 1e-3}, rate=10.0, dwell=31.7)
+    blocks = blocks_of(run, LIBRARY)
+    theta = np.array([{"b0": 0.1, "b1": 0.01, "b3": 1e-3}.get(name, 0.0) for name in LIBRARY.names])
+    np.testing.assert_allclose(blocks.X @ theta, blocks.y, rtol=0.0, atol=1e-13)

@@ -1,0 +1,180 @@
+"""From runs to one factor: generalized least squares by a dense route, and the laws of adding runs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.errors import StudyError, UnobservableError
+from imubayes.factor import Factor, add
+from imubayes.inference import summary as module
+from imubayes.inference.summary import Summary, blocks_of, deviation, library_rows, summarize
+from imubayes.rig.inputs import Inputs, Run
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import CHANNELS, columns, library
+
+LIB = library("accelerometer", powers=2, asymmetry=-1)
+NOISE = Noise(0.02, 0.0, 0.01)
+INTERVAL = 0.5
+
+
+def _run(name: str, n: int, seed: int, *, channels=CHANNELS) -> Run:
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(INTERVAL + rng.integers(0, 3, n) * 1.5)  # gaps between rows
+    u = {channel: rng.normal(size=n) for channel in channels}
+    output = u.get("f_i", 0.0) + columns(LIB, u, n) @ rng.normal(size=len(LIB.terms)) + 0.1 * rng.normal(size=n)
+    return Run(name, "other", Inputs(t, u, INTERVAL), output)
+
+
+def _given(*names: str, noise: Noise = NOISE) -> dict[str, NoiseRule]:
+    return {name: NoiseRule("fixed", noise) for name in names}
+
+
+def _gram(f: Factor) -> np.ndarray:
+    """Inner products of the whitened rows, columns scaled: a factor without its free signs."""
+    size = np.linalg.norm(f.R, axis=0)
+    return f.R.T @ f.R / np.outer(size, size)
+
+
+def _covariance(t: np.ndarray) -> np.ndarray:
+    """Dense covariance of white noise and a random walk that starts with the first row, averaged over rows."""
+    since = t - t[0] + 0.5 * INTERVAL
+    C = NOISE.K**2 * np.minimum.outer(since, since)
+    np.fill_diagonal(C, NOISE.N**2 / INTERVAL + NOISE.K**2 * (since - INTERVAL / 6.0))
+    return C
+
+
+def test_summary_is_generalized_least_squares_with_the_dense_covariance():
+    run = _run("a", 60, 1)
+    found = summarize([run], LIB, rules=_given("a"))
+    X, C = columns(LIB, run.inputs.channels, 60), _covariance(run.inputs.t)
+    y = run.output - run.inputs.channels["f_i"]
+    information = X.T @ np.linalg.solve(C, X)
+    theta = np.linalg.solve(information, X.T @ np.linalg.solve(C, y))
+    rss = (y - X @ theta) @ np.linalg.solve(C, y - X @ theta)
+    fit = found.least_squares()
+    np.testing.assert_allclose(fit.mean, theta, rtol=1e-8, atol=1e-10)
+    assert fit.rss == pytest.approx(rss, rel=1e-9)
+    sd = np.sqrt(rss / (60 - len(LIB.terms)) * np.diag(np.linalg.inv(information)))
+    np.testing.assert_allclose(fit.sd, sd, rtol=1e-8)
+    assert found.factor.log_det == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-10)
+
+
+def test_the_summary_of_runs_is_the_sum_of_their_summaries_in_any_order():
+    runs = [_run("a", 30, 1), _run("b", 25, 2), _run("c", 40, 3)]
+    rules = _given("a", "b", "c")
+    whole, turned = summarize(runs, LIB, rules=rules), summarize(runs[::-1], LIB, rules=rules)
+    one, two, three = (summarize([run], LIB, rules=rules).factor for run in runs)
+    for other in (turned.factor, add(add(one, two), three)):
+        np.testing.assert_allclose(_gram(other), _gram(whole.factor), rtol=0.0, atol=1e-13)
+        assert other.n == whole.factor.n == 95
+        assert other.log_det == pytest.approx(whole.factor.log_det, rel=1e-13)
+    assert [run.name for run in whole.runs] == ["a", "b", "c"]
+
+
+@given(st.floats(-1e6, 1e6))
+def test_the_origin_of_time_does_not_matter(origin):
+    run = _run("a", 40, 5)
+    inputs = Inputs(run.inputs.t + origin, run.inputs.channels, INTERVAL)
+    later = Run("a", "other", inputs, run.output)
+    one, other = (summarize([r], LIB, rules=_given("a")).factor for r in (run, later))
+    # a time of 1e6 s is known to 1e-10 s
+    np.testing.assert_allclose(_gram(other), _gram(one), rtol=0.0, atol=1e-9)
+    assert other.log_det == pytest.approx(one.log_det, rel=1e-9)
+
+
+@given(st.floats(-6.0, 6.0))
+def test_the_unit_of_the_noise_scales_the_factor(exponent):
+    unit, run = 10.0**exponent, _run("a", 40, 6)
+    one = summarize([run], LIB, rules=_given("a")).factor
+    other = summarize([run], LIB, rules=_given("a", noise=Noise(NOISE.N * unit, 0.0, NOISE.K * unit))).factor
+    np.testing.assert_allclose(other.R * unit, one.R, rtol=0.0, atol=1e-12 * np.abs(one.R).max())
+    assert other.log_det == pytest.approx(one.log_det + 80.0 * math.log(unit), abs=1e-9)
+
+
+def test_white_noise_of_unknown_scale_is_ordinary_least_squares_with_unit_residuals():
+    run = _run("a", 60, 7)
+    found = summarize([run], LIB, rules={"a": NoiseRule("white")})
+    X, y = columns(LIB, run.inputs.channels, 60), run.output - run.inputs.channels["f_i"]
+    theta, rss, _, _ = np.linalg.lstsq(X, y, rcond=None)
+    fit = found.least_squares()
+    np.testing.assert_allclose(fit.mean, theta, rtol=1e-10, atol=1e-12)
+    assert fit.rss / fit.dof == pytest.approx(1.0, rel=1e-12)
+    spread = math.sqrt(rss[0] / fit.dof)
+    # a sample of length T has the white sd N / sqrt(T)
+    assert found.runs[0].noise.N / math.sqrt(INTERVAL) == pytest.approx(spread * INTERVAL**-0.5, rel=1e-10)
+    assert found.factor.log_det == pytest.approx(120.0 * math.log(spread), rel=1e-9)
+
+
+def test_a_run_takes_the_noise_of_the_run_that_it_is_like_whatever_their_order():
+    runs = [_run("a", 30, 1), _run("b", 30, 2)]
+    rules = {"a": NoiseRule("fixed", like="b"), **_given("b")}
+    for order in (runs, runs[::-1]):
+        found = {run.name: run for run in summarize(order, LIB, rules=rules).runs}
+        assert found["a"].noise == NOISE
+        assert (found["a"].noise_origin, found["b"].noise_origin) == ("run b", "given")
+    with pytest.raises(StudyError, match="run 'a' takes its noise from run 'z'"):
+        summarize(runs, LIB, rules={"a": NoiseRule("fixed", like="z"), **_given("b")})
+
+
+def test_fewer_rows_than_tested_terms_are_named():
+    few = _run("a", 4, 1, channels=("f_i", "f_j"))
+    with pytest.raises(UnobservableError, match="4 rows in 1 runs are too few") as caught:
+        summarize([few], LIB, rules=_given("a"))
+    assert set(caught.value.terms) == {"b0", "b1", "b2", "m_j", "c_ij", "c_jj"}
+
+
+def test_reach_is_the_largest_size_of_a_column_over_the_runs():
+    runs = [_run("a", 30, 1, channels=("f_i", "f_j")), _run("b", 30, 2, channels=("f_i", "w_i"))]
+    found = summarize(runs, LIB, rules=_given("a", "b"))
+    X = np.vstack([columns(LIB, run.inputs.channels, 30) for run in runs])
+    assert list(found.reach) == list(LIB.names)
+    np.testing.assert_array_equal(list(found.reach.values()), np.abs(X).max(axis=0))
+    assert found.reach["m_k"] == 0.0
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 70, module.CHUNK])
+def test_blocks_are_averages_however_many_are_made_at_a_time(chunk, monkeypatch):
+    monkeypatch.setattr(module, "CHUNK", chunk)
+    run = _run("a", 700, 8)
+    found = blocks_of(run, LIB)
+    counts = np.rint(found.rows.duration / INTERVAL).astype(int)
+    ends = np.cumsum(counts)
+    X, y = library_rows(run, LIB), deviation(run, LIB)
+    assert ends[-1] == 700
+    for k, (a, b) in enumerate(zip(ends - counts, ends, strict=True)):
+        np.testing.assert_allclose(found.X[k], X[a:b].mean(axis=0), rtol=1e-12, atol=1e-13)
+        assert found.y[k] == pytest.approx(y[a:b].mean(), rel=1e-12, abs=1e-13)
+        assert found.rows.t[k] == pytest.approx(run.inputs.t[a:b].mean(), rel=1e-13)
+
+
+def test_the_output_of_a_run_whose_own_input_was_not_excited_is_all_deviation():
+    run = _run("a", 20, 9, channels=("f_j",))
+    np.testing.assert_array_equal(deviation(run, LIB), run.output)
+
+
+@pytest.mark.parametrize(
+    ("X", "y", "names"),
+    [
+        (np.ones(3), np.ones(3), ("a",)),
+        (np.ones((3, 2)), np.ones(3), ("a",)),
+        (np.ones((3, 1)), np.ones(4), ("a",)),
+        (np.ones((3, 1)), np.ones((3, 1)), ("a",)),
+    ],
+)
+def test_arrays_whose_shapes_do_not_agree_are_refused(X, y, names):
+    with pytest.raises(UnobservableError, match=r"X must be \(n, p\)"):
+        Summary.from_arrays(X, y, names)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+@pytest.mark.parametrize("where", ["X", "y"])
+def test_arrays_with_values_that_are_not_finite_are_refused(where, wrong):
+    arrays = {"X": np.ones((3, 1)), "y": np.ones(3)}
+    arrays[where].flat[1] = wrong
+    with pytest.raises(UnobservableError, match="must be finite"):
+        Summary.from_arrays(arrays["X"], arrays["y"], ("a",))

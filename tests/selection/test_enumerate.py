@@ -1,0 +1,425 @@
+"""The enumeration against dense evidence and quadrature, against published numbers, and its invariances."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad_vec
+from scipy.linalg import null_space
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from imubayes.errors import TermError, UnobservableError
+from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
+from imubayes.inference.summary import Summary
+from imubayes.selection.enumerate import (
+    components_given,
+    enumerate_models,
+    fold,
+    inclusion_given,
+)
+
+NAMES = ("a", "b", "c", "d", "e", "f")
+seeds = st.integers(0, 2**32 - 1)
+
+
+def _problem(n: int = 12, p: int = 4, seed: int = 5) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns, a response with two weak terms in it, and prior sds."""
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, p)) @ (np.eye(p) + 0.4)
+    y = 0.5 + X[:, :2] @ [0.9, -0.5] + 0.7 * rng.normal(size=n)
+    return X, y, rng.uniform(0.3, 3.0, p)
+
+
+def _columns(mask: int, p: int) -> list[int]:
+    return [j for j in range(p) if mask >> j & 1]
+
+
+def _dense(X, y, sd, included, scale) -> float:
+    """Log p(y | model, sigma) as a density of a multivariate normal along its principal axes."""
+    axes, spread, _ = np.linalg.svd(X[:, included] * sd[included])
+    variance = scale**2 + np.pad(spread**2, (0, len(y) - len(spread)))
+    return float(-0.5 * np.sum(np.log(2.0 * math.pi * variance) + (axes.T @ y) ** 2 / variance))
+
+
+def test_the_dense_density_is_that_of_scipy():
+    X, y, sd = _problem()
+    cov = 0.25 * np.eye(len(y)) + (X[:, [0, 2]] * sd[[0, 2]] ** 2) @ X[:, [0, 2]].T
+    expected = multivariate_normal.logpdf(y, cov=cov)
+    assert _dense(X, y, sd, [0, 2], 0.5) == pytest.approx(expected, rel=1e-12)
+
+
+def _moments(X, y, sd, included, scale) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and variance of all coefficients under a model and a noise scale; zero where a column is out."""
+    mean, variance = np.zeros((2, X.shape[1]))
+    cov = np.linalg.inv(X[:, included].T @ X[:, included] / scale**2 + np.diag(sd[included] ** -2.0))
+    mean[included], variance[included] = cov @ X[:, included].T @ y / scale**2, np.diag(cov)
+    return mean, variance
+
+
+def _integrated(X, y, sd, included) -> np.ndarray:
+    """Evidence, and evidence times first and second moments, by quadrature over ln sigma."""
+
+    def integrand(log_scale):
+        density = math.exp(_dense(X, y, sd, included, math.exp(log_scale)))
+        mean, variance = _moments(X, y, sd, included, math.exp(log_scale))
+        return density * np.concatenate(([1.0], mean, variance + mean**2))
+
+    start = math.log(np.std(y))
+    return quad_vec(integrand, start - 9.0, start + 9.0, epsabs=0.0, epsrel=1e-11, norm="max")[0]
+
+
+def _by_quadrature(X, y, sd, weight, always=()) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Log evidence, inclusion, mean, sd over the models; `weight` is the prior probability by size."""
+    p = X.shape[1]
+    free = [j for j in range(p) if j not in always]
+    total, inside = np.zeros(1 + 2 * p), np.zeros(p)
+    for mask in range(1 << len(free)):
+        included = sorted([*always, *(free[j] for j in _columns(mask, len(free)))])
+        part = weight[len(included) - len(always)] * _integrated(X, y, sd, included)
+        total += part
+        inside[included] += part[0]
+    mean, square = total[1 : 1 + p] / total[0], total[1 + p :] / total[0]
+    return math.log(total[0]), inside / total[0], mean, np.sqrt(square - mean**2)
+
+
+def _weights(model_prior, p: int) -> np.ndarray:
+    k = np.arange(p + 1)
+    if model_prior == "beta-binomial":
+        return 1.0 / ((p + 1) * np.array([math.comb(p, i) for i in k]))
+    share = 0.5 if model_prior == "uniform" else model_prior
+    return share**k * (1.0 - share) ** (p - k)
+
+
+@pytest.mark.parametrize("model_prior", ["beta-binomial", "uniform", 0.15])
+def test_enumeration_is_dense_evidence_integrated_over_the_noise_scale(model_prior):
+    X, y, sd = _problem()
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), model_prior)
+    log_evidence, inclusion, mean, spread = _by_quadrature(X, y, sd, _weights(model_prior, 4))
+    assert found.n_models == 16
+    assert found.log_evidence == pytest.approx(log_evidence, abs=1e-7)
+    np.testing.assert_allclose(found.inclusion, inclusion, rtol=1e-7)
+    np.testing.assert_allclose(found.mean, mean, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(found.sd, spread, rtol=1e-7)
+
+
+@pytest.mark.parametrize("n", [3, 5, 12])
+def test_every_model_has_its_dense_evidence_summed_over_the_noise_scales(n):
+    """Also with fewer rows than columns, where the prior alone makes the evidence finite."""
+    X, y, sd = _problem(n)
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), "uniform")
+    step = math.log(found.scales[1] / found.scales[0])
+    assert len(found.weight) == 16
+    for mask in range(16):
+        logs = [_dense(X, y, sd, _columns(mask, 4), scale) + math.log(step / 16.0) for scale in found.scales]
+        joint = math.log(found.weight[mask]) + found.log_evidence
+        assert joint == pytest.approx(logsumexp(logs), abs=1e-9)
+
+
+def test_a_column_that_is_always_in_has_its_own_prior():
+    X, y, sd = _problem()
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), always=["b"])
+    expected = _by_quadrature(X, y, sd, _weights("beta-binomial", 3), always=(1,))
+    free = [0, 2, 3]
+    assert found.n_models == 8
+    assert found.log_evidence == pytest.approx(expected[0], abs=1e-7)
+    np.testing.assert_allclose(found.inclusion, expected[1], rtol=1e-7)
+    np.testing.assert_allclose(found.mean[free], expected[2][free], rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(found.sd[free], expected[3][free], rtol=1e-7)
+
+
+def test_forced_columns_are_projected_out():
+    """Evidence under a flat prior: that of the rows' part beside the forced columns, over sqrt(det X0'X0)."""
+    X, y, sd = _problem()
+    beside = null_space(X[:, [0]].T)
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd[1:]), forced=["a"])
+    log_evidence, inclusion, mean, spread = _by_quadrature(
+        beside.T @ X[:, 1:], beside.T @ y, sd[1:], _weights("beta-binomial", 3)
+    )
+    own = 0.5 * math.log(X[:, 0] @ X[:, 0])
+    assert found.log_evidence == pytest.approx(log_evidence - own, abs=1e-7)
+    np.testing.assert_allclose(found.inclusion, [1.0, *inclusion], rtol=1e-7)
+    np.testing.assert_allclose(found.mean[1:], mean, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(found.sd[1:], spread, rtol=1e-7)
+
+
+def test_a_flat_prior_is_the_limit_of_a_wide_one():
+    X, y, sd = _problem()
+    s, wide = Summary.from_arrays(X, y, NAMES[:4]), 1e6
+    flat = enumerate_models(s, ScalePrior(sd), forced=["b"])
+    proper = enumerate_models(s, ScalePrior([sd[0], wide, *sd[2:]]), always=["b"])
+    level = 1e-7  # of the steps of the noise scale; what the width leaves out is of order 1e-12
+    assert flat.log_evidence == pytest.approx(
+        proper.log_evidence + 0.5 * math.log(2.0 * math.pi * wide**2), abs=level
+    )
+    np.testing.assert_allclose(flat.inclusion, proper.inclusion, rtol=level)
+    free = [0, 2, 3]
+    np.testing.assert_allclose(flat.mean[free], proper.mean[free], rtol=level, atol=level)
+    np.testing.assert_allclose(flat.sd[free], proper.sd[free], rtol=level)
+
+
+def test_the_coefficient_of_a_forced_column_is_that_of_a_candidate_in_every_model():
+    X, y, sd = _problem()
+    s, wide = Summary.from_arrays(X, y, NAMES[:4]), 1e4
+    flat = enumerate_models(s, ScalePrior(sd), forced=["b"])
+    proper = _by_quadrature(X, y, np.array([sd[0], wide, *sd[2:]]), _weights("beta-binomial", 3), always=(1,))
+    assert flat.mean[1] == pytest.approx(proper[2][1], rel=1e-7)
+    assert flat.sd[1] == pytest.approx(proper[3][1], rel=1e-7)
+
+
+def _g_density(prior, n: int, g: np.ndarray) -> np.ndarray:
+    if isinstance(prior, HyperG):
+        return (prior.a / 2.0 - 1.0) * (1.0 + g) ** (-prior.a / 2.0)
+    beta = n * prior.scale**2 / 2.0
+    return math.sqrt(beta / math.pi) * g**-1.5 * np.exp(-beta / g)
+
+
+def _g_by_grid(X, y, prior, weight):
+    """The g-family by two-dimensional quadrature over ln sigma and ln g; a constant is in every model.
+
+    With ``y, X`` centred: ``theta | g, sigma ~ N(s b, sigma^2 s (X'X)^-1)``, s = g / (1 + g).
+    """
+    n, p = X.shape
+    Xc, yc = X - X.mean(axis=0), y - y.mean()
+    # coarser than the product's own grid, wider, and shifted: the trapezoid rule still is exact to 1e-10
+    g = np.array([prior.g]) if isinstance(prior, GPrior) else np.exp(np.arange(-40.07, 90.0, 0.3))
+    log_prior = np.zeros(1) if isinstance(prior, GPrior) else np.log(_g_density(prior, n, g) * g * 0.3 + 1e-300)
+    scale = np.std(y) * np.exp(np.arange(-6.03, 6.0, 0.05))
+    s, variance = (g / (1.0 + g))[:, None], scale[None, :] ** 2
+    logs, parts = [], []
+    for mask in range(1 << p):
+        included = _columns(mask, p)
+        inverse = np.linalg.inv(Xc[:, included].T @ Xc[:, included])
+        b = inverse @ Xc[:, included].T @ yc
+        explained = yc @ Xc[:, included] @ b
+        log_joint = (
+            -0.5 * (n - 1) * np.log(2.0 * math.pi * variance) - 0.5 * math.log(n) + math.log(0.05)
+            - 0.5 * len(included) * np.log1p(g)[:, None] + log_prior[:, None] + math.log(weight[len(included)])
+            - 0.5 * (yc @ yc - s * explained) / variance
+        )  # fmt: skip
+        share = np.exp(log_joint - logsumexp(log_joint))
+        first, second = np.zeros((2, p))
+        first[included] = np.sum(share * s) * b
+        second[included] = np.sum(share * s**2) * b**2 + np.sum(share * s * variance) * np.diag(inverse)
+        logs.append(logsumexp(log_joint))
+        parts.append((np.isin(np.arange(p), included), first, second))
+    posterior = np.exp(np.array(logs) - logsumexp(logs))
+    inclusion, mean, square = (posterior @ np.array([part[i] for part in parts]) for i in range(3))
+    return logsumexp(logs), inclusion, mean, np.sqrt(square - mean**2)
+
+
+@pytest.mark.parametrize("model_prior", ["beta-binomial", "uniform", 0.3])
+@pytest.mark.parametrize("prior", [GPrior(9.0), HyperG(3.0), HyperG(4.0), ZellnerSiow(1.0), ZellnerSiow(0.5)])
+def test_the_g_family_is_its_integral_over_noise_scale_and_g(prior, model_prior):
+    X, y, _ = _problem(p=3)
+    s = Summary.from_arrays(np.column_stack((np.ones(len(y)), X)), y, ("1", *NAMES[:3]))
+    found = enumerate_models(s, prior, model_prior, forced=["1"])
+    log_evidence, inclusion, mean, sd = _g_by_grid(X, y, prior, _weights(model_prior, 3))
+    assert found.log_evidence == pytest.approx(log_evidence, abs=1e-7)
+    np.testing.assert_allclose(found.inclusion[1:], inclusion, rtol=1e-7)
+    np.testing.assert_allclose(found.mean[1:], mean, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.sd[1:], sd, rtol=1e-7)
+
+
+def test_zellner_siow_without_forced_columns_counts_all_rows():
+    X, y, _ = _problem(p=2)
+    bare = enumerate_models(Summary.from_arrays(X, y, NAMES[:2]), ZellnerSiow(1.0), "uniform")
+    g, step = np.exp(np.arange(-30.0, 60.0, 0.1)), 0.1
+    b = np.linalg.lstsq(X, y, rcond=None)[0]
+    u, n = np.sum((y - X @ b) ** 2) / (y @ y), len(y)
+    log_factor = logsumexp(
+        0.5 * (n - 2) * np.log1p(g) - 0.5 * n * np.log1p(g * u), b=_g_density(ZellnerSiow(), n, g) * g * step
+    )
+    assert math.log(bare.weight[3] / bare.weight[0]) == pytest.approx(log_factor, abs=1e-7)
+
+
+BMS = [
+    (name, prior, model)
+    for name in ("attitude", "hald")
+    for prior in ("UIP", "BRIC", "hyper3")
+    for model in ("uniform", "random")
+]
+
+
+@pytest.mark.parametrize(("name", "prior", "model"), BMS)
+def test_inclusion_and_moments_are_those_of_bms_and_bas(references, name, prior, model):
+    """R 4.2.2: BMS 0.3.5, and BAS 1.7.5 for hyper-g; all models, g- and model prior as published there."""
+    with (references / f"bms/coef_{name}_{prior}_{model}.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    with (references / f"bms/{name}.csv").open(newline="") as file:
+        header = next(csv.reader(file))[1:]
+    rows = np.loadtxt(references / f"bms/{name}.csv", delimiter=",", skiprows=1)
+    n, p = rows.shape[0], len(header)
+    g = {"UIP": GPrior(n), "BRIC": GPrior(max(n, p**2)), "hyper3": HyperG(3.0)}[prior]
+    s = Summary.from_arrays(np.column_stack((np.ones(n), rows[:, 1:])), rows[:, 0], ["1", *header])
+    found = enumerate_models(s, g, {"uniform": "uniform", "random": "beta-binomial"}[model], forced=["1"])
+    assert len(table) == p
+    for row in table:
+        at = s.names.index(row["variable"])
+        assert found.inclusion[at] == pytest.approx(float(row["PIP"]), abs=1e-9)
+        assert found.mean[at] == pytest.approx(float(row["PostMean"]), abs=1e-9)
+        if prior != "hyper3":
+            assert found.sd[at] == pytest.approx(float(row["PostSD"]), rel=1e-9)
+
+
+PRIORS = [ScalePrior(0.7), GPrior(12.0), HyperG(3.0), ZellnerSiow(1.0)]
+PRIOR_NAMES = [type(prior).__name__ for prior in PRIORS]
+
+
+@pytest.mark.parametrize("prior", PRIORS, ids=PRIOR_NAMES)
+@given(seed=seeds, order=st.permutations(range(4)))
+@settings(max_examples=20)
+def test_the_posterior_does_not_depend_on_the_order_of_columns(prior, seed, order):
+    X, y, _ = _problem(seed=seed)
+    one = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), prior)
+    other = enumerate_models(Summary.from_arrays(X[:, order], y, [NAMES[j] for j in order]), prior)
+    _same_posterior(one, other, order, np.ones(4))
+
+
+def _same_posterior(one, other, order, unit):
+    """`other` has the columns of `one` in `order`, each times `unit`; equal up to the steps of the noise scale."""
+    level = 1e-7
+    assert other.log_evidence == pytest.approx(one.log_evidence, abs=level)
+    np.testing.assert_allclose(other.inclusion, one.inclusion[order], rtol=level)
+    np.testing.assert_allclose(other.mean * unit, one.mean[order], rtol=level, atol=level)
+    np.testing.assert_allclose(other.sd * unit, one.sd[order], rtol=level)
+
+
+@given(seed=seeds, exponents=st.lists(st.floats(-9.0, 9.0), min_size=4, max_size=4))
+@settings(max_examples=20)
+def test_the_posterior_does_not_depend_on_the_unit_of_a_column(seed, exponents):
+    X, y, sd = _problem(seed=seed)
+    unit = 10.0 ** np.array(exponents)
+    one = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd))
+    other = enumerate_models(Summary.from_arrays(X * unit, y, NAMES[:4]), ScalePrior(sd / unit))
+    _same_posterior(one, other, range(4), unit)
+
+
+@pytest.mark.parametrize("prior", PRIORS, ids=PRIOR_NAMES)
+@given(seed=seeds, unit=st.floats(-9.0, 9.0).map(lambda x: 10.0**x))
+@settings(max_examples=20)
+def test_the_unit_of_the_response_only_scales_coefficients(prior, seed, unit):
+    X, y, _ = _problem(seed=seed)
+    scaled = prior.wider(unit) if isinstance(prior, ScalePrior) else prior
+    one = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), prior)
+    other = enumerate_models(Summary.from_arrays(X, y * unit, NAMES[:4]), scaled)
+    np.testing.assert_allclose(other.inclusion, one.inclusion, rtol=1e-9)
+    np.testing.assert_allclose(other.mean, one.mean * unit, rtol=1e-9)
+    np.testing.assert_allclose(other.sd, one.sd * unit, rtol=1e-9)
+    assert other.log_evidence == pytest.approx(one.log_evidence - len(y) * math.log(unit), abs=1e-8)
+
+
+def test_a_column_that_was_never_excited_keeps_its_prior():
+    X, y, sd = _problem()
+    X[:, 2] = 0.0
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), 0.2)
+    assert found.inclusion[2] == pytest.approx(0.2, rel=1e-10)
+    assert found.mean[2] == pytest.approx(0.0, abs=1e-12)
+    assert found.sd[2] == pytest.approx(math.sqrt(0.2) * sd[2], rel=1e-10)
+    without = enumerate_models(
+        Summary.from_arrays(X[:, [0, 1, 3]], y, ("a", "b", "d")), ScalePrior(sd[[0, 1, 3]]), 0.2
+    )
+    assert found.log_evidence == pytest.approx(without.log_evidence, abs=1e-7)
+
+
+def test_columns_that_are_one_and_the_same_share_their_inclusion():
+    X, y, _ = _problem(p=3)
+    X[:, 2] = X[:, 0]
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:3]), ScalePrior(1.0))
+    assert found.inclusion[2] == pytest.approx(found.inclusion[0], rel=1e-9)
+    assert found.mean[2] == pytest.approx(found.mean[0], rel=1e-9)
+
+
+def test_an_exact_fit_includes_what_is_in_it_and_nothing_else():
+    X, _, _ = _problem(n=20)
+    found = enumerate_models(Summary.from_arrays(X, X[:, :2] @ [0.5, -0.25], NAMES[:4]), ScalePrior(1.0))
+    np.testing.assert_allclose(found.inclusion, [1.0, 1.0, 0.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(found.mean, [0.5, -0.25, 0.0, 0.0], atol=1e-7)
+
+
+def test_models_of_one_size_sum_to_its_share_and_the_best_are_in_order():
+    X, y, sd = _problem(n=30, p=6)
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES), ScalePrior(sd))
+    probability, joint = found.weight, np.log(found.weight) + found.log_evidence
+    for k, log_share in enumerate(found.by_size):
+        masks = [mask for mask in range(64) if mask.bit_count() == k]
+        assert log_share == pytest.approx(logsumexp(joint[masks]), abs=1e-10)
+    top = np.argsort(-probability)[:10]
+    expected = [tuple(NAMES[j] for j in _columns(int(mask), 6)) for mask in top]
+    assert [names for names, _ in found.best] == expected
+    np.testing.assert_allclose([share for _, share in found.best], probability[top], rtol=1e-10)
+
+
+@pytest.mark.parametrize("required", [(), ("b",), ("c", "d")])
+def test_inclusion_given_terms_is_that_of_the_models_with_them(required):
+    X, y, sd = _problem()
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd))
+    probability = found.weight
+    inside = np.array([[mask >> j & 1 for j in range(4)] for mask in range(16)], dtype=bool)
+    allowed = inside[:, [NAMES.index(name) for name in required]].all(axis=1)
+    expected = probability[allowed] @ inside[allowed] / probability[allowed].sum()
+    np.testing.assert_allclose(inclusion_given(found, required), expected, rtol=1e-10)
+    parts = components_given(found, required)
+    assert np.all(parts.mask & sum(1 << NAMES.index(name) for name in required) == sum(
+        1 << NAMES.index(name) for name in required
+    ))
+    np.testing.assert_allclose(parts.weight @ (parts.sd > 0.0), expected, atol=1e-9)
+
+
+@given(st.integers(0, 6), seeds)
+def test_fold_sums_the_weights_of_the_masks_with_each_bit(p, seed):
+    weight = np.random.default_rng(seed).uniform(size=1 << p)
+    sums, total = fold(weight, p)
+    masks = np.arange(1 << p)
+    np.testing.assert_allclose(sums, [weight[masks >> j & 1 == 1].sum() for j in range(p)], rtol=1e-13)
+    assert total == pytest.approx(weight.sum(), rel=1e-13)
+
+
+def test_with_everything_forced_one_model_is_left_with_its_least_squares():
+    X, y, _ = _problem(p=2)
+    s = Summary.from_arrays(X, y, NAMES[:2])
+    found, fit = enumerate_models(s, ScalePrior(1.0), forced=NAMES[:2]), s.least_squares()
+    assert (found.n_models, found.inclusion.tolist()) == (1, [1.0, 1.0])
+    np.testing.assert_allclose(found.mean, fit.mean, rtol=1e-9)
+    # the marginal posterior is Student's t with n - 2 degrees of freedom
+    np.testing.assert_allclose(found.sd, fit.sd * math.sqrt(fit.dof / (fit.dof - 2)), rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s: enumerate_models(s, ScalePrior(1.0), forced=["x"]), "term 'x' is not in the summary"),
+        (lambda s: enumerate_models(s, ScalePrior([1.0, 2.0])), "2 sds for 4 terms"),
+    ],
+)
+def test_a_prior_or_a_name_that_does_not_fit_is_a_term_error(call, message):
+    X, y, _ = _problem()
+    with pytest.raises(TermError, match=message):
+        call(Summary.from_arrays(X, y, NAMES[:4]))
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, 1.5])
+def test_a_model_prior_that_is_no_probability_is_refused(share):
+    X, y, _ = _problem()
+    with pytest.raises(ValueError, match="not a probability"):
+        enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(1.0), share)
+
+
+def test_too_many_candidates_are_refused_before_any_work():
+    X = np.random.default_rng(0).normal(size=(60, 27))
+    with pytest.raises(TermError, match="27 candidate terms are more than the 26"):
+        enumerate_models(Summary.from_arrays(X, X[:, 0], [f"x{j}" for j in range(27)]), ScalePrior(1.0))
+
+
+@pytest.mark.parametrize("prior", PRIORS[1:], ids=PRIOR_NAMES[1:])
+def test_the_g_family_names_a_column_that_depends_on_others(prior):
+    X, y, _ = _problem()
+    X[:, 3] = X[:, 0] + X[:, 1]
+    with pytest.raises(UnobservableError, match="d depends on others") as caught:
+        enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), prior)
+    assert caught.value.terms == ("d",)

@@ -1,0 +1,164 @@
+"""The mixture of Gaussians against closed forms and its own draws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from imubayes.inference.prior import GPrior, HyperG, ScalePrior
+from imubayes.inference.summary import Summary
+from imubayes.selection import mixture
+from imubayes.selection.enumerate import Models, enumerate_models
+from imubayes.selection.mixture import Components, draw, limit, probability_within, quantiles
+
+LEVELS = (0.001, 0.05, 0.3, 0.5, 0.8, 0.95, 0.999)
+NAMES = ("a", "b", "c", "d", "e", "f")
+
+
+def _components(weight, mean, sd) -> Components:
+    """Mixture of a single column."""
+    shape = (len(weight), 1)
+    return Components(
+        np.array(weight), np.zeros(len(weight), dtype=np.int64), np.ones(len(weight)),
+        np.reshape(mean, shape).astype(float), np.reshape(sd, shape).astype(float),
+    )  # fmt: skip
+
+
+def _models(n: int = 14, p: int = 4, prior=ScalePrior(1.0), **options) -> Models:
+    rng = np.random.default_rng(11)
+    X = rng.normal(size=(n, p)) @ (np.eye(p) + 0.3)
+    y = X[:, :2] @ [1.0, -0.45] + 0.8 * rng.normal(size=n)
+    return enumerate_models(Summary.from_arrays(X, y, NAMES[:p]), prior, **options)
+
+
+@given(st.floats(-5.0, 5.0), st.floats(0.01, 10.0))
+def test_quantiles_of_a_single_gaussian_are_its_own(mean, sd):
+    # bisection ends at the spacing of doubles near the bracket's ends
+    found = quantiles(_components([1.0], [mean], [sd]), 0, LEVELS)
+    np.testing.assert_allclose(found, norm.ppf(LEVELS, mean, sd), rtol=0.0, atol=1e-13 * (abs(mean) + 12.0 * sd))
+
+
+@given(st.floats(0.05, 0.95), st.floats(-3.0, 3.0), st.floats(0.1, 2.0))
+def test_quantiles_pass_over_a_point_mass_at_zero(share, mean, sd):
+    parts = _components([1.0 - share, share], [0.0, mean], [0.0, sd])
+    below = share * norm.cdf(0.0, mean, sd)
+    for level, found in zip(LEVELS, quantiles(parts, 0, LEVELS), strict=True):
+        if below < level <= below + 1.0 - share:
+            assert found == 0.0
+        else:
+            inside = level / share if level <= below else (level - (1.0 - share)) / share
+            assert found == pytest.approx(norm.ppf(inside, mean, sd), abs=1e-12 * (3.0 + 12.0 * sd) / share)
+
+
+def test_quantiles_of_a_point_mass_alone_are_exactly_zero():
+    assert quantiles(_components([0.4, 0.6], [0.0, 0.0], [0.0, 0.0]), 0, LEVELS) == (0.0,) * len(LEVELS)
+
+
+@given(st.floats(0.01, 4.0), st.floats(-3.0, 3.0), st.floats(0.1, 2.0))
+def test_probability_within_counts_the_mass_at_zero(bound, mean, sd):
+    parts = _components([0.25, 0.75], [0.0, mean], [0.0, sd])
+    inside = norm.cdf(bound, mean, sd) - norm.cdf(-bound, mean, sd)
+    assert probability_within(parts, 0, bound) == pytest.approx(0.25 + 0.75 * inside, abs=1e-14)
+    assert probability_within(_components([1.0], [0.0], [0.0]), 0, 0.0) == 1.0
+
+
+@given(st.floats(0.01, 0.99), st.floats(0.01, 5.0))
+def test_limit_is_that_of_the_models_with_the_term(share, sd):
+    """Centred at zero: 1.96 sd for 95 %, however much probability sits at zero itself."""
+    parts = _components([1.0 - share, share], [0.0, 0.0], [0.0, sd])
+    assert limit(parts, 0) == pytest.approx(norm.ppf(0.975) * sd, rel=1e-12)
+    assert limit(parts, 0, 0.5) == pytest.approx(norm.ppf(0.75) * sd, rel=1e-12)
+
+
+def test_limit_of_a_term_that_is_in_no_model_is_not_a_number():
+    assert math.isnan(limit(_components([1.0], [0.0], [0.0]), 0))
+
+
+@pytest.mark.parametrize("prior", [ScalePrior(1.0), GPrior(14.0), HyperG(3.0)])
+def test_quantiles_and_limit_invert_the_distribution(prior):
+    models = _models(prior=prior)
+    for column in range(4):
+        parts = models.components
+        for level, at in zip(LEVELS, quantiles(parts, column, LEVELS), strict=True):
+            mean, sd = parts.mean[:, column], parts.sd[:, column]
+            inside = sd > 0.0
+            below = parts.weight[inside] @ norm.cdf((at - mean[inside]) / sd[inside])
+            mass = parts.weight[~inside].sum()
+            if at == 0.0:
+                assert below - 1e-12 <= level <= below + mass + 1e-12
+            else:
+                assert below + mass * (at > 0.0) == pytest.approx(level, abs=1e-10)
+
+
+DRAWS = 40_000
+
+
+def _within_four_standard_errors(sample: np.ndarray, mean: np.ndarray, sd: np.ndarray) -> None:
+    error = np.std(sample, axis=0) / math.sqrt(len(sample))
+    np.testing.assert_array_less(np.abs(sample.mean(axis=0) - mean), 4.0 * error + 1e-12)
+    squares = (sample - mean) ** 2
+    error = np.std(squares, axis=0) / math.sqrt(len(sample))
+    np.testing.assert_array_less(np.abs(squares.mean(axis=0) - sd**2), 4.0 * error + 1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"forced": ["b"]}, {"forced": ["a"], "always": ["c"]}])
+def test_draws_have_the_moments_inclusion_and_quantiles_of_the_mixture(options):
+    models = _models(**options)
+    sample = draw(models.candidates, models.components, DRAWS, np.random.default_rng(3))
+    order = [models.candidates.columns.index(name) for name in models.names]
+    sample = sample[:, order]
+    _within_four_standard_errors(sample, models.mean, models.sd)
+    included = (sample != 0.0).astype(float)
+    spread = np.sqrt(models.inclusion * (1.0 - models.inclusion) / DRAWS)
+    np.testing.assert_array_less(np.abs(included.mean(axis=0) - models.inclusion), 4.0 * spread + 1e-9)
+    for column, j in enumerate(order):
+        for level, at in zip(LEVELS, quantiles(models.components, j, LEVELS), strict=True):
+            if at != 0.0:
+                share = np.mean(sample[:, column] <= at)
+                assert abs(share - level) < 4.0 * math.sqrt(level * (1.0 - level) / DRAWS)
+
+
+def test_draws_of_a_column_that_is_always_in_under_its_own_prior_are_its_posterior():
+    """Its moments are not kept; with a candidate's prior so narrow that it counts for nothing, the dense
+    posterior of a model of one column is the reference."""
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=(200, 2))
+    y = 0.3 * x[:, 0] + rng.normal(size=200)
+    s = Summary.from_arrays(x, y, ("a", "b"))
+    models = enumerate_models(s, ScalePrior([0.5, 1e-9]), always=["a"])
+    sample = draw(models.candidates, models.components, DRAWS, np.random.default_rng(4))[:, 0]
+    log_scale = np.linspace(-0.5, 0.5, 201)
+    scale = np.exp(log_scale)[:, None, None]
+    cov = scale**2 * np.eye(200) + 0.25 * np.outer(x[:, 0], x[:, 0])
+    log_density = -0.5 * np.linalg.slogdet(cov)[1] - 0.5 * y @ np.linalg.solve(cov, y[:, None])[:, :, 0].T
+    weight = np.exp(log_density - log_density.max())
+    variance = 1.0 / (x[:, 0] @ x[:, 0] / scale[:, 0, 0] ** 2 + 4.0)
+    mean = variance * (x[:, 0] @ y) / scale[:, 0, 0] ** 2
+    average = weight @ mean / weight.sum()
+    spread = math.sqrt(weight @ (variance + (mean - average) ** 2) / weight.sum())
+    _within_four_standard_errors(sample[:, None], np.array([average]), np.array([spread]))
+
+
+def test_moments_of_the_mixture_are_those_of_all_models():
+    """Against inclusion, which is summed over all models, not over the components that were kept."""
+    models = _models(n=40, p=6)
+    inside = models.components.weight @ (models.components.sd > 0.0)
+    np.testing.assert_allclose(inside, models.inclusion, atol=mixture.LEFT_OUT * 2.0)
+
+
+def test_a_systematic_sample_of_models_stands_for_all(monkeypatch):
+    """Evenly spaced ticks miss the probability of any set of consecutive models by less than two ticks."""
+    exact = _models(n=20, p=6)
+    monkeypatch.setattr(mixture, "CHOSEN", 40)
+    sampled = _models(n=20, p=6)
+    used = np.unique(sampled.components.mask)
+    assert len(used) <= 40 < len(np.unique(exact.components.mask))
+    last = sampled.components.sd[:, 5] > 0.0  # the last column's models are consecutive masks
+    assert abs(sampled.components.weight[last].sum() - exact.inclusion[5]) < 2.0 / 40
+    assert np.all(np.abs(sampled.mean - exact.mean) < 0.1 * exact.sd)
+    np.testing.assert_allclose(sampled.inclusion, exact.inclusion, rtol=1e-13)
