@@ -24,11 +24,18 @@ from imubayes.errors import UnobservableError
 
 FloatArray = NDArray[np.float64]
 
-ROWS_AT_ONCE = 8192
-"""Rows that one Householder sweep takes: they fit the cache, and the factors are then stacked."""
+ROWS_AT_ONCE = 4096
+"""Rows that are taken at a time: they fit the cache, and the factors are then stacked."""
+
+TILE = 8192
+"""Numbers (rows times columns) in one Householder sweep: OpenBLAS leaves so few to one thread. More threads
+gain nothing on a narrow block, and on a busy machine they wait for each other 20 times as long."""
 
 EXTENDED_ROWS = 4096
 """Up to so many rows the factor is computed in extended precision: beyond, noise hides what it gains."""
+
+SCALE_STEPS = 5
+"""Fixed-point steps of the noise scale: each gains a digit or more."""
 
 VANISHED = 1e-12
 """A column of which less is left beside the others, relative to its norm, is rounding of the input."""
@@ -143,8 +150,19 @@ def _absorb(R: FloatArray, rows: FloatArray) -> FloatArray:
     stacked = np.concatenate((R, rows)) if R.any() else rows
     peak = np.abs(stacked).max(axis=0)
     scale = np.exp2(np.floor(np.log2(peak, where=peak > 0.0, out=np.zeros_like(peak))))
-    upper = np.linalg.qr(stacked / scale, mode="r") * scale
+    upper = _tiled(stacked / scale) * scale
     return np.pad(upper, ((0, R.shape[0] - upper.shape[0]), (0, 0)))
+
+
+def _tiled(rows: FloatArray) -> FloatArray:
+    """Triangular factor of a tall block: its tiles' factors are stacked until they are one tile."""
+    width = rows.shape[1]
+    height = max(TILE // width, 2 * width)
+    while len(rows) > height:
+        whole = len(rows) // height * height
+        upper = np.asarray(np.linalg.qr(rows[:whole].reshape(-1, height, width), mode="r"))
+        rows = np.concatenate((upper.reshape(-1, width), rows[whole:]))
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def add(a: Factor, b: Factor) -> Factor:
@@ -171,6 +189,17 @@ def with_prior_rows(R: FloatArray, rows: FloatArray) -> FloatArray:
     return triangular(
         (np.concatenate((R, np.column_stack((np.diag(rows), np.zeros(len(rows)))))),), R.shape[0]
     )
+
+
+def noise_scale(f: Factor, sd: FloatArray) -> float:
+    """Scale of the noise of whitened rows under a normal prior of the coefficients, sd (p,).
+
+    The mean square of what a fit within the prior leaves, fixed-point: 1 where the whitening was right.
+    """
+    scale = abs(float(f.R[-1, -1])) / math.sqrt(max(f.n - f.p, 1)) or 1.0
+    for _ in range(SCALE_STEPS):
+        scale = abs(float(with_prior_rows(f.R, scale / sd)[-1, -1])) / math.sqrt(f.n) or 1.0
+    return scale
 
 
 def least_squares(f: Factor) -> LeastSquares:

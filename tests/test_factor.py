@@ -121,7 +121,9 @@ def test_least_squares_of_huge_and_tiny_columns_neither_over_nor_underflows(seed
     np.testing.assert_allclose(scaled.sd, plain.sd * (unit[3] / unit[:3]), rtol=IDENTITY)
 
 
-@pytest.mark.parametrize("n", [EXTENDED_ROWS - 1, EXTENDED_ROWS, EXTENDED_ROWS + 1, 3 * algebra.ROWS_AT_ONCE + 1])
+@pytest.mark.parametrize(
+    "n", [EXTENDED_ROWS - 1, EXTENDED_ROWS, EXTENDED_ROWS + 1, 3 * algebra.ROWS_AT_ONCE + 1]
+)
 def test_factor_does_not_depend_on_how_the_rows_are_blocked(n):
     X, y = _rows(7, 4, n)
     whole = np.column_stack((X, y))
@@ -219,7 +221,7 @@ def _solve_exactly(X: np.ndarray, y: np.ndarray) -> list[Fraction]:
 
 
 @pytest.mark.parametrize("name", PLAIN_QR)
-def test_least_squares_has_the_digits_of_householder_qr_on_nist_strd(references, name, record_property):
+def test_least_squares_has_the_digits_of_householder_qr_on_nist_strd(references, name, measured):
     """Correct digits against exact arithmetic on the printed data, measured with an 80-bit longdouble.
 
     ========= ============ ===== ========= ========================================
@@ -244,7 +246,7 @@ def test_least_squares_has_the_digits_of_householder_qr_on_nist_strd(references,
     # where the fit is perfect the exact sds are zero, and what is left is rounding of y
     digits["sds"] = _digits(found.sd, record["exact_sd_30"])
     for what, value in digits.items():
-        record_property(f"{name} {what}", round(value, 1))
+        measured(f"{name}, digits of {what}", round(value, 1))
         assert value > PLAIN_QR[name] - ROUNDED, what
     assert found.dof == record["n"] - record["p"]
 

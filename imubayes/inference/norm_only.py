@@ -27,7 +27,7 @@ from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import Rules, RunSummary, Summary
 from imubayes.inference.triad import COMPONENTS, Triad, triad_of
 from imubayes.inference.whiten import Rows, whiten, whitener
-from imubayes.rig.inputs import Facts, TriadRun
+from imubayes.rig.inputs import Facts, TriadRun, durations
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
@@ -171,11 +171,12 @@ def _rows(triad: Triad, run: TriadRun, stills: Stills, *, blocks: bool) -> Block
     still = np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
     y = base[still] + np.einsum("na,na->n", w[still], run.output[index] - means[still])
     t = run.t[index]
+    lasting = durations(t, run.interval)
     if not blocks:
-        return Blocks(Rows(t, np.full(len(t), run.interval), w[still]), X[still], y)
+        return Blocks(Rows(t, lasting, w[still]), X[still], y)
     edges = block_edges(t, run.interval)
     counts = np.diff(np.append(edges, len(t)))
-    rows = Rows(np.add.reduceat(t, edges) / counts, counts * run.interval, w[still[edges]])
+    rows = Rows(np.add.reduceat(t, edges) / counts, np.add.reduceat(lasting, edges), w[still[edges]])
     return Blocks(rows, X[still[edges]], np.add.reduceat(y, edges) / counts)
 
 

@@ -50,6 +50,10 @@ class HyperG:
 
     a: float = 3.0
 
+    def __post_init__(self) -> None:
+        if not self.a > 2.0:
+            raise ValueError(f"a hyper-g prior is proper for a > 2 only: got {self.a}")
+
 
 @dataclass(frozen=True, slots=True)
 class ZellnerSiow:
@@ -116,7 +120,12 @@ def g_nodes(prior: GFamily, n: int) -> tuple[FloatArray, FloatArray]:
     g, step = np.exp(LOG_G), LOG_G[1] - LOG_G[0]
     if isinstance(prior, HyperG):
         density = math.log(prior.a / 2.0 - 1.0) - prior.a / 2.0 * np.log1p(g)
+        beyond = (1.0 - prior.a / 2.0) * math.log1p(g[-1])
     else:
         beta = n * prior.scale**2 / 2.0
         density = 0.5 * math.log(beta / math.pi) - 1.5 * LOG_G - beta / g
-    return g, density + LOG_G + math.log(step)
+        beyond = math.log(2.0) + 0.5 * math.log(beta / math.pi) - 0.5 * LOG_G[-1]
+    log_weight = density + LOG_G + math.log(step)
+    # only the null model sees the tail, to which it is indifferent: others have long decayed there
+    log_weight[-1] = np.logaddexp(log_weight[-1] - math.log(2.0), beyond)
+    return g, log_weight

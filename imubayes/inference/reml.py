@@ -107,7 +107,7 @@ def estimate(
     steering = prior or _vague(blocks)
     center = np.log([median for median, _ in steering])
     width = np.array([spread for _, spread in steering])
-    columns = _span(blocks.X) if sd is None else blocks.X * sd
+    columns = span(blocks.X) if sd is None else blocks.X * sd
     stacked = np.column_stack((columns, blocks.y))
     parts = processes(blocks.rows)
 
@@ -130,16 +130,16 @@ def _log_likelihood(
     """Restricted log likelihood, up to a constant; columns with a unit normal prior if `proper`."""
     w = whitener(Noise(*values.tolist()), rows, parts)
     white = whiten(w, stacked.copy())
-    if proper:
-        p = white.shape[1] - 1
-        white = np.concatenate((white, np.eye(p, p + 1)))
+    width = white.shape[1]
+    # without a prior, a row of zeros: with no more rows than columns the residual is zero, not a column
+    white = np.concatenate((white, np.eye(width - 1, width) if proper else np.zeros((1, width))))
     R = np.linalg.qr(white, mode="r")
     diagonal = np.abs(np.diag(R))
     return -0.5 * w.log_det - float(np.sum(np.log(diagonal[:-1]))) - 0.5 * float(diagonal[-1] ** 2)
 
 
-def _span(X: FloatArray) -> FloatArray:
-    """Orthonormal basis of the columns' span; REML depends on nothing else."""
+def span(X: FloatArray) -> FloatArray:
+    """Orthonormal basis (m, rank) of the columns' span; REML depends on nothing else."""
     norms = np.linalg.norm(X, axis=0)
     U, s, _ = np.linalg.svd(X[:, norms > 0.0] / norms[norms > 0.0], full_matrices=False)
     return U[:, s > RANK * s[0]] if len(s) else U

@@ -13,7 +13,7 @@ from imubayes.inference.allan import allan_deviation
 from imubayes.inference.reml import block_edges
 from imubayes.inference.summary import RunSummary, deviation, library_rows
 from imubayes.inference.whiten import Rows, whiten, whitener
-from imubayes.rig.inputs import Run
+from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.noise import allan_variance
 from imubayes.sensors.terms import Library
 
@@ -29,7 +29,10 @@ SUSPECT = 0.01
 """Probability below which chance does not explain a test."""
 
 OFF = 0.15
-"""Relative error of the noise level that is tolerated: four standard errors at 400 blocks."""
+"""Relative error of the noise level that is tolerated at least: what a few hundred blocks can tell."""
+
+STANDARD_ERRORS = 4.0
+"""Standard errors of the noise level that are tolerated where blocks are few."""
 
 CHUNK = 200_000
 """Rows whose columns are held at a time."""
@@ -90,12 +93,18 @@ def check_residuals(run: Run, lib: Library, theta: FloatArray, summary: RunSumma
     raw = deviation(run, lib)
     for a in range(0, n, CHUNK):
         raw[a : a + CHUNK] -= library_rows(run, lib, a, min(a + CHUNK, n)) @ theta
-    rows = Rows(run.inputs.t, np.full(n, run.inputs.interval))
-    return judge(raw, rows, summary, run.inputs.channels)
+    rows = Rows(run.inputs.t, durations(run.inputs.t, run.inputs.interval))
+    fitted = int(np.count_nonzero(summary.factor.column_norms))
+    return judge(raw, rows, summary, run.inputs.channels, fitted=fitted)
 
 
 def judge(
-    raw: FloatArray, rows: Rows, summary: RunSummary, channels: Mapping[str, FloatArray]
+    raw: FloatArray,
+    rows: Rows,
+    summary: RunSummary,
+    channels: Mapping[str, FloatArray],
+    *,
+    fitted: int = 0,
 ) -> ResidualCheck:
     """Test raw residuals (n,) of rows against the noise of a run.
 
@@ -105,12 +114,15 @@ def judge(
     rows : when they were taken.
     summary : of the run.
     channels : what the inputs were, for the figures.
+    fitted : coefficients that the rows themselves have determined; they take as many degrees of freedom.
     """
     white = whiten(whitener(summary.noise, rows), raw[:, None].copy())[:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
     counts = np.diff(np.append(edges, len(white)))
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)
-    scale = _rms(shown)
+    dof = max(len(shown) - fitted, 1)
+    scale = math.sqrt(float(shown @ shown) / dof)
+    tolerated = max(OFF, STANDARD_ERRORS / math.sqrt(2.0 * dof))
     lags, correlation = _autocorrelation(shown)
     whiteness = _ljung_box(shown)
     t = np.add.reduceat(rows.t, edges) / counts
@@ -132,7 +144,7 @@ def judge(
         shown=shown,
         inputs={name: np.add.reduceat(values, edges) / counts for name, values in channels.items()},
         outliers=outliers,
-        fits=whiteness >= SUSPECT and abs(scale - 1.0) < OFF and not outliers,
+        fits=whiteness >= SUSPECT and abs(scale - 1.0) < tolerated and not outliers,
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from imubayes import factor as algebra
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.factor import Factor, LeastSquares
-from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
+from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, durations, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library, columns
@@ -165,6 +165,7 @@ def blocks_of(run: Run, lib: Library) -> Blocks:
     t, n = run.inputs.t, len(run.inputs)
     edges = block_edges(t, run.inputs.interval)
     counts = np.diff(np.append(edges, n))
+    lasting = np.add.reduceat(durations(t, run.inputs.interval), edges)
     X = np.empty((len(edges), len(lib.terms)))
     per_part = max(1, CHUNK // int(counts.max()))
     for first in range(0, len(edges), per_part):
@@ -173,7 +174,7 @@ def blocks_of(run: Run, lib: Library) -> Blocks:
         X[inside] = np.add.reduceat(library_rows(run, lib, a, b), edges[inside] - a, axis=0)
     X /= counts[:, None]
     y = np.add.reduceat(deviation(run, lib), edges) / counts
-    rows = Rows(np.add.reduceat(t, edges) / counts, counts * run.inputs.interval)
+    rows = Rows(np.add.reduceat(t, edges) / counts, lasting)
     return Blocks(rows, X, y)
 
 
@@ -247,7 +248,7 @@ def _whitened_factor(
     rows[:, p] = deviation(run, lib)
     parts = tuple(algebra.row_blocks(n))
     reach = np.max([np.abs(rows[i:j, :p]).max(axis=0) for i, j in parts], axis=0)
-    w = whitener(noise, Rows(run.inputs.t, np.full(n, run.inputs.interval)))
+    w = whitener(noise, Rows(run.inputs.t, durations(run.inputs.t, run.inputs.interval)))
     whiten(w, rows)
     R = algebra.triangular((rows[i:j] for i, j in parts), p + 1)
     made = Factor(lib.names, R, n, w.log_det)
@@ -255,7 +256,17 @@ def _whitened_factor(
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:
-    scale = abs(float(f.R[-1, -1])) / np.sqrt(max(f.n - f.p, 1))
+    from imubayes.inference.reml import span
+
+    basis, z = span(f.R[:, :-1]), f.R[:, -1]
+    dof = f.n - basis.shape[1]
+    if dof < 1:
+        raise UnobservableError(
+            f"{f.n} rows leave nothing to judge white noise by beside {basis.shape[1]} combinations of terms:"
+            " record more, give the noise, or choose a smaller library",
+            f.names,
+        )
+    scale = float(np.linalg.norm(z - basis @ (basis.T @ z))) / np.sqrt(dof)
     scale = scale if scale > 0.0 else 1.0
     scaled = replace(f, R=f.R / scale, log_det=f.log_det + 2.0 * f.n * float(np.log(scale)))
     return scaled, Noise(noise.N * scale, 0.0, 0.0)

@@ -85,7 +85,7 @@ def processes(rows: Rows, shortest: float = 0.0) -> Processes:
     rows : when they were taken.
     shortest : averaging time, s, below which white noise hides the flicker; at least a row's own.
     """
-    least = float(rows.duration.min())
+    least = float(np.median(rows.duration))
     variance, tau = flicker(1.0, min(max(shortest, least), rows.span), rows.span)
     slow = tau * FASTEST > float(rows.duration.max())
     return Processes(variance[slow], tau[slow])

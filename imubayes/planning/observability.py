@@ -23,8 +23,11 @@ UNSEEN = 1.0
 SHARE = 0.1
 """Smallest share of the largest contribution to a cancellation that makes a term part of it."""
 
-ROUNDING = 1e-5
-"""Residual of a cancellation, relative to the columns, that is exact for the digits of a rig's inputs."""
+ROUNDING = 1e-4
+"""Residual of a cancellation, relative to the columns, that the few decimals of a rig's inputs explain."""
+
+SINGULAR = 1e-10
+"""Singular value, relative to the largest, that is zero but for the rounding of the arithmetic."""
 
 PIVOT = 0.05
 """Smallest entry of a unit vector that the elimination divides by, while there is a larger one elsewhere."""
@@ -78,8 +81,17 @@ class Observability:
     groups: tuple[Confounded, ...]
 
     def partners(self, name: str) -> tuple[str, ...]:
-        """Terms that `name` is confounded with, in the order of the model equation."""
-        together = {other for group in self.groups if name in group.terms for other in group.terms}
+        """Terms that `name` is confounded with, in the order of the model equation.
+
+        Exact cancellations that share a term add up to others, so all their terms are confounded with each
+        other, whichever basis of the null space `groups` happens to be.
+        """
+        together = {name}
+        for _ in self.groups:
+            for group in self.groups:
+                if group.exact and not together.isdisjoint(group.terms):
+                    together.update(group.terms)
+        together.update(*(group.terms for group in self.groups if name in group.terms))
         return tuple(other for other in self.names if other in together and other != name)
 
 
@@ -119,7 +131,8 @@ def observe(
     T = np.asarray(np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r"))
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
     largest = factor.column_norms if reach is None else np.array([reach[name] for name in factor.names])
-    combinations = (*_exact(A, size, largest * sd), *_below_noise(A, size))
+    exact = tuple(_exact(A, size, largest * sd))
+    combinations = (*exact, *_below_noise(A, size, exact))
     groups = tuple(_group(factor.names, c, A, sd, facts) for c in combinations)
     alone = 1.0 / np.sqrt(1.0 + size**2)
     return Observability(factor.names, tested, ratio, alone, _inflation(A, size, tested), groups)
@@ -135,20 +148,27 @@ class _Combination:
 
 
 def _exact(A: FloatArray, size: FloatArray, effect: FloatArray) -> Iterator[_Combination]:
-    """Combinations that cancel to rounding; `effect` (p,) is that of a prior-sized coefficient."""
+    """Combinations that cancel to the digits of the inputs, and that the data say less of than the prior.
+
+    `effect` (p,) is that of a prior-sized coefficient, for its share in the cancellation.
+    """
     where = np.flatnonzero(size > 0.0)
     _, d, Vt = _all_singular(A[:, where] / size[where])
     for row in _sparse(Vt[d <= ROUNDING * d[:1]]):
         v = _embed(row / size[where], where, len(size))
+        v /= np.linalg.norm(v)
         share = np.abs(v) * effect
-        yield _Combination(v / np.linalg.norm(v), share >= TAKES_PART * share.max(), exact=True)
+        if np.linalg.norm(A @ v) < UNSEEN:
+            yield _Combination(v, share >= TAKES_PART * share.max(), exact=True)
 
 
-def _below_noise(A: FloatArray, size: FloatArray) -> Iterator[_Combination]:
-    """Combinations of visible terms, not exact ones, of which the data say less than the prior."""
+def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...]) -> Iterator[_Combination]:
+    """Combinations of visible terms, apart from the exact ones, of which the data say less than the prior."""
     where = np.flatnonzero(size > 0.0)
-    _, d, Vt = _all_singular(A[:, where])
-    for row in _sparse(Vt[(d > ROUNDING * d[:1]) & (d < UNSEEN)]):
+    taken = np.array([c.v[where] for c in exact]).reshape(len(exact), len(where))
+    rest = np.linalg.qr(taken.T, mode="complete")[0][:, len(exact) :]
+    _, d, Vt = _all_singular(A[:, where] @ rest)
+    for row in _sparse(Vt[d < UNSEEN] @ rest.T):
         v = _embed(row / np.linalg.norm(row), where, len(size))
         effect = np.abs(v) * size
         part = (effect >= SHARE * effect.max()) & (effect >= VISIBLE * np.abs(v).max())
@@ -204,9 +224,9 @@ def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> Fl
     where = np.flatnonzero(tested)
     if len(where):
         _, d, Vt = _all_singular(A[:, where] / size[where])
-        lost = d <= ROUNDING * d[0]
+        lost = d <= SINGULAR * d[0]
         out[where] = ((Vt[~lost] / d[~lost, None]) ** 2).sum(axis=0)
-        out[where[(Vt[lost] ** 2).sum(axis=0) > ROUNDING]] = np.inf
+        out[where[(Vt[lost] ** 2).sum(axis=0) > SINGULAR]] = np.inf
     return out
 
 
@@ -218,7 +238,8 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
         if applies(terms, facts):
             own = "f_i" if facts.kind == "accelerometer" else "w_i"
             return reason.format(own=own), remedy[facts.kind]
-    return "", f"a run in which the input of {' or '.join(sorted(terms)[:2])} changes by itself"
+    driven = sorted(terms - {"b0"})[:2]
+    return "", f"a run in which the input of {' or '.join(driven)} changes by itself would separate them"
 
 
 _MORE_LEVELS = {

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-CONSTANT = 1e-6
-"""Relative spread of |f| below which it is the same in every row."""
+ROUNDED = 1e-6
+"""Share of an interval that a step may lack by rounding of the time stamps."""
+
+CONSTANT = 1e-3
+"""Relative spread of |f| below which it is the same in every row: inputs come with few decimals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +97,21 @@ class TriadRun:
     gravity: float
     interval: float
     source: Source = field(default_factory=Source)
+
+
+def durations(t: FloatArray, interval: float) -> FloatArray:
+    """Averaging time (n,) of each sample: the interval, or less where a neighbour is closer.
+
+    Examples
+    --------
+    >>> durations(np.array([0.0, 1.0, 1.5, 9.0]), 1.0).tolist()
+    [1.0, 0.5, 0.5, 1.0]
+    """
+    steps = np.diff(t)
+    # steps that are short by rounding are whole: equal durations are cheaper further on
+    steps = np.where(steps > (1.0 - ROUNDED) * interval, interval, steps)
+    padded = np.concatenate(([interval], steps, [interval]))
+    return np.minimum(padded[:-1], padded[1:])
 
 
 def sampling_interval(t: FloatArray) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import TermError
-from imubayes.factor import reorder
+from imubayes.factor import noise_scale, reorder
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
@@ -104,14 +104,15 @@ def select(
         raise TermError("a summary of plain arrays has no library: give the library of its columns")
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
     largest = reach or summary.reach
-    seen = observe(summary.factor, prior.sd, summary.facts, reach=largest or None)
+    scale = noise_scale(summary.factor, prior.sd)
+    seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=largest or None)
     excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
     part = Summary(reorder(summary.factor, excited))
-    scale = ScalePrior([sd[name] for name in excited])
+    nominal = ScalePrior([sd[name] for name in excited])
     always = tuple(name for name in excited if name not in own)
-    widths = _Widths(tuple(enumerate_models(part, scale.wider(w), always=always) for w in WIDTHS), {})
+    widths = _Widths(tuple(enumerate_models(part, nominal.wider(w), always=always) for w in WIDTHS), {})
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
     verdicts = tuple(

@@ -214,26 +214,39 @@ def _log_model_prior(model_prior: ModelPrior, p: int) -> FloatArray:
 
 
 def _over_scales(c: Candidates, log_prior: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Nodes of the noise scale, and each model's probability summed over them as ``weight * exp(peak)``.
+    """Nodes of the noise scale, and each model's probability over all of them, ``weight * exp(peak)``.
 
-    From the scale of the full library outwards, until both ends are negligible.
+    From the scale of the full library outwards, until both ends are negligible. Where data and prior differ,
+    a second peak can lie at a larger scale, at which the prior wins: seeds up to the data's size find it.
     """
     fine = len(c.names) <= FINE_STEPS
-    start, step = _first_scale(c)
+    start, largest, step = _first_scale(c)
     step, negligible = (step, NEGLIGIBLE) if fine else (1.5 * step, COARSE)
     model_prior = log_prior[sizes(len(c.names))] + math.log(step)
     sums = _Sums(np.zeros(len(model_prior)), -math.inf)
-    marks = [0]
-    sums.add(_log_joint(c, start) + model_prior)
-    for direction in (1, -1):
-        m = direction
-        while abs(m) * step < WIDEST:
-            height = sums.add(_log_joint(c, start * math.exp(m * step)) + model_prior)
-            marks.append(m)
-            if height < sums.peak - negligible:
-                break
-            m += direction
-    return start * np.exp(np.array(sorted(marks)) * step), sums.weight, sums.peak
+    heights: dict[int, float] = {}
+
+    def visit(m: int) -> float:
+        if m not in heights:
+            heights[m] = sums.add(_log_joint(c, start * math.exp(m * step)) + model_prior)
+        return heights[m]
+
+    lowest = math.ceil(math.log(EXACT * largest / start) / step)
+    highest = math.ceil(WIDEST / step)
+    reached = math.floor(math.log(largest / start) / step) + 1
+    seeds = range(0, reached, max(1, round(SEED / step))) if _disagree(c, start) else [0]
+    for seed in seeds:
+        for direction in (1, -1):
+            m = seed
+            while lowest <= m < highest and visit(m) > sums.peak - negligible:
+                m += direction
+    return start * np.exp(np.array(sorted(heights)) * step), sums.weight, sums.peak
+
+
+def _disagree(c: Candidates, scale: float) -> bool:
+    """Whether the prior pulls the full library's fit off the data, as far as a noise scale goes."""
+    inside, free = float(c.at(scale)[-1, -1]), float(c.whole[-1, -1])
+    return 0.5 * (inside**2 - free**2) / scale**2 > NEGLIGIBLE
 
 
 @dataclass(slots=True, eq=False)
@@ -254,21 +267,24 @@ class _Sums:
 
 
 WIDEST = math.log(1e8)
-"""Farthest that ln sigma goes from its start: an exact fit has no smallest noise scale."""
+"""Farthest that ln sigma goes from its start."""
+
+SEED = 0.5
+"""Distance in ln sigma of the seeds where data and prior disagree."""
+
+EXACT = 1e-10
+"""Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal."""
 
 
-def _first_scale(c: Candidates) -> tuple[float, float]:
-    """Noise scale of the full library as a place to start from, and a step of its logarithm.
-
-    The step is the sd of ln sigma in the model with the most degrees of freedom, less when they are few.
-    """
-    length = float(np.linalg.norm(c.whole[len(c.always) :, -1]))
+def _first_scale(c: Candidates) -> tuple[float, float, float]:
+    """Noise scale of the full library to start from, the data's rms, and the sd of the scale's logarithm."""
+    length = max(float(np.linalg.norm(c.whole[len(c.always) :, -1])), np.finfo(float).tiny)
     dof = max(c.dof - len(c.columns), c.dof / 2.0, 1.0)
-    floor = np.finfo(float).eps * max(length, np.finfo(float).tiny)
-    scale = max(abs(float(c.whole[-1, -1])), floor) / math.sqrt(dof)
+    left = abs(float(c.whole[-1, -1]))
     if c.dof <= len(c.columns):  # the columns alone fit exactly: ask what a fit within the prior leaves
-        scale = max(abs(float(c.at(length / math.sqrt(dof))[-1, -1])), floor) / math.sqrt(dof)
-    return scale, 1.0 / math.sqrt(2.0 * (c.dof + FEW))
+        left = abs(float(c.at(length / math.sqrt(dof))[-1, -1]))
+    step = 1.0 / math.sqrt(2.0 * (c.dof + FEW))  # the model with the most degrees of freedom is the narrowest
+    return max(left, EXACT * length) / math.sqrt(dof), length / math.sqrt(dof), step
 
 
 def _log_joint(c: Candidates, scale: float) -> FloatArray:

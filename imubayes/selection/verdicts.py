@@ -101,7 +101,7 @@ def decide(e: Evidence) -> tuple[str, str]:
     'unresolved'
     """
     low, high = e.range if e.partners else (e.inclusion, e.inclusion)
-    if low >= NEEDED:
+    if low >= NEEDED and e.ratio <= UNRESOLVED:  # else only the model prior asks for it
         return "needed", f"inclusion {e.inclusion:.3f}, {e.pull:.0f} sd from zero"
     if e.partners:
         return _confounded(e, high)

@@ -13,6 +13,7 @@ from imubayes.sensors.noise import Noise
 
 GRAVITY = 9.81
 INTERVAL = 0.01
+QUIET = Noise(6e-4, 1e-4, 0.0)  # m/s^2: 60 ug/sqrt(Hz), 10 ug
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +52,7 @@ def specific_force(up, hold, move, rng):
 def hand_tumble():
     """Make a record of a triad: ``deviation(f)`` (n, 3) is output minus input along the case axes."""
 
-    def make(deviation=np.zeros_like, *, stills=30, hold=3.0, noise=Noise(6e-4, 1e-4, 0.0), seed=1):
+    def make(deviation=np.zeros_like, *, stills=30, hold=3.0, noise=QUIET, seed=1):
         rng = np.random.default_rng(seed)
         up = directions(stills, rng)
         f, held = specific_force(up, hold, 1.0, rng)

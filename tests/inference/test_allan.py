@@ -57,8 +57,9 @@ def test_a_ramp_has_the_deviation_of_its_slope():
 
 def test_parts_between_gaps_are_pooled_by_their_number_of_differences():
     y = thousand_points()
-    first, second = allan_deviation(y[:300], np.arange(300.0), 1.0), allan_deviation(
-        y[300:], np.arange(700.0), 1.0
+    first, second = (
+        allan_deviation(y[:300], np.arange(300.0), 1.0),
+        allan_deviation(y[300:], np.arange(700.0), 1.0),
     )
     t = np.concatenate((np.arange(300.0), 1e4 + np.arange(700.0)))
     pooled = allan_deviation(y, t, 1.0)

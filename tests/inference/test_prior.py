@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from scipy.stats import cauchy, norm
 
-from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow, class_sd, g_nodes, prior, weak_sd
+from imubayes.inference.prior import (
+    GPrior,
+    HyperG,
+    ScalePrior,
+    ZellnerSiow,
+    class_sd,
+    g_nodes,
+    prior,
+    weak_sd,
+)
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.terms import library
 

@@ -1,5 +1,7 @@
 """Stills of a simulated hand tumble, whose true ends are known, and of a recorded one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,13 @@ def test_stills_hardly_depend_on_the_window(hand_tumble, monkeypatch, factor):
     other = np.array(find_stills(run))
     assert len(other) == len(usual)
     assert np.max(np.abs(other - usual)) * run.interval <= abs(factor - 1.0) * WINDOW
+
+
+def test_coarse_counts_that_do_not_change_at_rest_are_rest(hand_tumble):
+    tumble = hand_tumble()
+    coarse = 0.05 * np.rint(tumble.run.output / 0.05)  # 8 sd of the noise
+    run = TriadRun("coarse", "free-tumble", tumble.run.t, coarse, 9.81, tumble.run.interval)
+    assert_found(replace(tumble, run=run))
 
 
 def test_scale_offset_and_rotation_of_the_output_change_no_still(hand_tumble):

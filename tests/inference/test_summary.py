@@ -26,7 +26,9 @@ def _run(name: str, n: int, seed: int, *, channels=CHANNELS) -> Run:
     rng = np.random.default_rng(seed)
     t = np.cumsum(INTERVAL + rng.integers(0, 3, n) * 1.5)  # gaps between rows
     u = {channel: rng.normal(size=n) for channel in channels}
-    output = u.get("f_i", 0.0) + columns(LIB, u, n) @ rng.normal(size=len(LIB.terms)) + 0.1 * rng.normal(size=n)
+    output = (
+        u.get("f_i", 0.0) + columns(LIB, u, n) @ rng.normal(size=len(LIB.terms)) + 0.1 * rng.normal(size=n)
+    )
     return Run(name, "other", Inputs(t, u, INTERVAL), output)
 
 
@@ -41,7 +43,7 @@ def _gram(f: Factor) -> np.ndarray:
 
 
 def _covariance(t: np.ndarray) -> np.ndarray:
-    """Dense covariance of white noise and a random walk that starts with the first row, averaged over rows."""
+    """Dense covariance of white noise and a random walk from the first row on, averaged over rows."""
     since = t - t[0] + 0.5 * INTERVAL
     C = NOISE.K**2 * np.minimum.outer(since, since)
     np.fill_diagonal(C, NOISE.N**2 / INTERVAL + NOISE.K**2 * (since - INTERVAL / 6.0))
@@ -106,7 +108,7 @@ def test_white_noise_of_unknown_scale_is_ordinary_least_squares_with_unit_residu
     assert fit.rss / fit.dof == pytest.approx(1.0, rel=1e-12)
     spread = math.sqrt(rss[0] / fit.dof)
     # a sample of length T has the white sd N / sqrt(T)
-    assert found.runs[0].noise.N / math.sqrt(INTERVAL) == pytest.approx(spread * INTERVAL**-0.5, rel=1e-10)
+    assert found.runs[0].noise.N / math.sqrt(INTERVAL) == pytest.approx(spread, rel=1e-10)
     assert found.factor.log_det == pytest.approx(120.0 * math.log(spread), rel=1e-9)
 
 

@@ -112,16 +112,17 @@ def test_rotating_the_axes_of_a_triad_changes_no_covariance():
     )
     Y = np.random.default_rng(8).normal(size=(90, 2))
     np.testing.assert_allclose(
-        whiten(whitener(noise, turned), Y.copy()), whiten(whitener(noise, rows), Y.copy()), rtol=1e-10, atol=1e-10
+        whiten(whitener(noise, turned), Y.copy()),
+        whiten(whitener(noise, rows), Y.copy()),
+        rtol=1e-10,
+        atol=1e-10,
     )
 
 
 def test_likelihood_of_halves_averaged_is_that_of_the_whole_rows():
     """Two routes to the covariance of long rows: as such, and as averages of their halves."""
     whole, noise = rows_with_gaps(), NOISES["all three"]
-    halves = Rows(
-        (whole.t[:, None] + np.array([-0.2, 0.2])).ravel(), np.full(2 * len(whole.t), 0.4)
-    )
+    halves = Rows((whole.t[:, None] + np.array([-0.2, 0.2])).ravel(), np.full(2 * len(whole.t), 0.4))
     parts = processes(whole)
     L = np.linalg.inv(whiten(whitener(noise, halves, parts), np.eye(len(halves.t))))
     mean = np.kron(np.eye(len(whole.t)), np.full((1, 2), 0.5))

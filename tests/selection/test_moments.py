@@ -38,16 +38,18 @@ def test_submodel_is_the_triangular_factor_of_its_columns(seed, p, data):
 @given(seeds, st.integers(1, 5))
 def test_solutions_are_least_squares_of_every_submodel(seed, p):
     X, y, R = _problem(seed, p)
-    mean, variance = solutions(R, np.arange(1 << p))
+    mean, variance, rss, log_det = solutions(R, np.arange(1 << p))
     for mask in range(1 << p):
         columns = [j for j in range(p) if mask >> j & 1]
         outside = [j for j in range(p) if j not in columns]
         assert not mean[mask, outside].any()
         assert not variance[mask, outside].any()
-        if columns:
-            inverse = np.linalg.inv(X[:, columns].T @ X[:, columns])
-            np.testing.assert_allclose(mean[mask, columns], inverse @ X[:, columns].T @ y, rtol=1e-8, atol=1e-10)
-            np.testing.assert_allclose(variance[mask, columns], np.diag(inverse), rtol=1e-8)
+        inverse = np.linalg.inv(X[:, columns].T @ X[:, columns])
+        theta = inverse @ X[:, columns].T @ y
+        np.testing.assert_allclose(mean[mask, columns], theta, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(variance[mask, columns], np.diag(inverse), rtol=1e-8)
+        assert rss[mask] == pytest.approx(np.sum((y - X[:, columns] @ theta) ** 2), rel=1e-9)
+        assert log_det[mask] == pytest.approx(-0.5 * np.linalg.slogdet(inverse)[1], rel=1e-9, abs=1e-9)
 
 
 def _density(prior, n):

@@ -1,0 +1,127 @@
+"""Residual checks: runs that the model fits pass, and what it lacks is told."""
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes.inference.residuals import check_residuals, judge
+from imubayes.inference.summary import summarize
+from imubayes.inference.whiten import Rows
+from imubayes.rig.inputs import Run
+from imubayes.rig.simulate import synthesise
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import Library
+
+INDUSTRIAL = ib.sensor("mems_industrial", kind="accelerometer")
+LIBRARY = ib.library("accelerometer")
+TRUTH = {"b0": 0.1, "b1": 1e-3, "b2": 1e-5, "m_j": 1e-3, "c_ij": 5e-6}
+COLOURED = Noise(6e-4, 3e-4, 2e-5)
+ESTIMATED = NoiseRule()
+
+
+def tumble(seed, *, truth=TRUTH, noise=COLOURED, angles=16):
+    plan = ib.tumble(angles=angles, planes=3, dwell=20.0, rate=5.0)
+    (run,) = ib.simulate(INDUSTRIAL, [plan], seed=seed, truth=truth, noise=noise)
+    return run
+
+
+def checked(run, lib=LIBRARY, rule=ESTIMATED):
+    """Check of a run under the least-squares coefficients of `lib`."""
+    summary = summarize([run], lib, sensor=INDUSTRIAL, rules={run.name: rule})
+    R, norms = summary.factor.R, summary.factor.column_norms
+    theta, seen = np.zeros(len(norms)), norms > 0.0
+    # 15 columns on a sphere have rank 14: the smallest of all solutions leaves the same residuals
+    theta[seen] = np.linalg.lstsq(R[:-1, :-1][:, seen] / norms[seen], R[:-1, -1], rcond=1e-9)[0] / norms[seen]
+    return check_residuals(run, lib, theta, summary.runs[0])
+
+
+def at_rest(values, noise, interval=0.1):
+    """Check of raw residuals of a run at rest, at a noise that is given."""
+    t = interval * np.arange(len(values))
+    plan = ib.static(len(t) * interval, 1.0 / interval)
+    (run,) = ib.simulate(INDUSTRIAL, [plan], seed=1, truth={}, noise=noise)
+    summary = summarize([run], LIBRARY, rules={"static": NoiseRule("fixed", noise)}).runs[0]
+    return judge(values, Rows(t, np.full(len(t), interval)), summary, {})
+
+
+def test_model_that_made_the_data_fits_them():
+    """Of 20 runs: three tests at a level of 1 % fail one in 33 by chance; four or more have 0.3 %."""
+    passed = [checked(tumble(seed)).fits for seed in range(20)]
+    assert sum(passed) >= 17
+
+
+def test_p_values_of_noise_alone_are_uniform():
+    noise, n = Noise(1.0, 0.0, 0.0), 4000
+    t, rng = 0.1 * np.arange(n), np.random.default_rng(1)
+    checks = [at_rest(synthesise(noise, t, 0.1, rng), noise) for _ in range(200)]
+    for p in (
+        [c.whiteness_p for c in checks],
+        [c.normality_p for c in checks],
+        [c.sample_whiteness_p for c in checks],
+    ):
+        for level in (0.05, 0.2, 0.5):
+            # Ljung-Box and Jarque-Bera are asymptotic: at 400 blocks a few percent off
+            spread = np.sqrt(level * (1.0 - level) / len(p))
+            assert abs(np.mean(np.array(p) < level) - level) < 4.0 * spread + 0.03
+    assert np.mean([bool(c.outliers) for c in checks]) < 0.01 + 4.0 * np.sqrt(0.01 / 200)
+
+
+def test_scale_is_one_at_the_noise_floor_and_two_at_twice_the_noise():
+    noise = Noise(0.5, 0.2, 0.01)
+    values = synthesise(noise, 0.1 * np.arange(8000.0), 0.1, np.random.default_rng(2))
+    usual, double = at_rest(values, noise), at_rest(2.0 * values, noise)
+    assert usual.scale == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(usual.t)))
+    assert double.scale == pytest.approx(2.0 * usual.scale, rel=1e-12)
+    assert double.sample_scale == pytest.approx(2.0 * usual.sample_scale, rel=1e-12)
+    assert usual.fits and not double.fits
+
+
+@pytest.mark.parametrize("rule", [ESTIMATED, NoiseRule("fixed", COLOURED)], ids=["estimated", "known"])
+@pytest.mark.parametrize("missing", [{"b3": 2e-5}, {"b2p": 2e-4}, {"c_jk": 2e-4}], ids=str)
+def test_a_strong_term_that_the_library_lacks_is_told(missing, rule):
+    lean = Library("accelerometer", tuple(t for t in LIBRARY.terms if t.name in TRUTH))
+    assert checked(tumble(3), lean, rule).fits
+    assert not checked(tumble(3, truth={**TRUTH, **missing}), lean, rule).fits
+
+
+def test_coloured_noise_taken_for_white_is_told():
+    strong = Noise(6e-4, 1e-3, 5e-5)
+    white, coloured = (
+        checked(tumble(4, noise=strong), rule=rule) for rule in (NoiseRule("white"), ESTIMATED)
+    )
+    assert white.whiteness_p < 1e-6 and not white.fits
+    assert coloured.fits
+
+
+def test_one_shocked_dwell_is_listed_with_its_time():
+    run = tumble(5)
+    first = run.inputs.t[20 * 100]  # the 21st dwell of 100 samples
+    hit = (run.inputs.t >= first) & (run.inputs.t < first + 20.0)
+    shocked = Run(run.name, run.procedure, run.inputs, run.output + np.where(hit, 0.02, 0.0))
+    result = checked(shocked)
+    assert not result.fits
+    start, stop, _ = result.outliers[0]
+    assert first - 20.0 <= start < stop <= first + 45.0  # it, or the jump back to the next dwell
+
+
+def test_a_knock_is_listed_first_and_at_its_instant():
+    noise, n = Noise(0.5, 0.0, 0.0), 8000
+    values = synthesise(noise, 0.1 * np.arange(n), 0.1, np.random.default_rng(6))
+    values[5000:5020] -= 20.0
+    result = at_rest(values, noise)
+    start, stop, size = result.outliers[0]
+    assert start - 0.1 <= 500.0 < stop and stop - start == pytest.approx(2.0)
+    assert size < -10.0
+    assert not result.fits
+
+
+def test_time_series_for_the_figures_belong_together():
+    run = tumble(7)
+    result = checked(run)
+    assert len(result.t) == len(result.shown) <= 500
+    assert set(result.inputs) == set(run.inputs.channels)
+    nearest = np.searchsorted(run.inputs.t, result.t)
+    np.testing.assert_allclose(result.inputs["f_i"], run.inputs.channels["f_i"][nearest], atol=1e-12)
+    measured = result.deviation[result.tau <= 2.0] / result.expected[result.tau <= 2.0]
+    np.testing.assert_allclose(measured, 1.0, atol=0.1)
+    assert result.lags[0] == 1 and np.max(np.abs(result.autocorrelation)) <= 1.0

@@ -1,0 +1,263 @@
+"""What a test can tell: the facts of real procedures in words, and the laws of the numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import imubayes as ib
+from imubayes.factor import add, factor_of, reorder
+from imubayes.inference.summary import summarize
+from imubayes.planning.observability import observe
+from imubayes.rig.inputs import UNKNOWN
+from imubayes.sensors.catalogue import classes, typical_noise
+from imubayes.sensors.noise import NoiseRule
+
+seeds = st.integers(0, 2**32 - 1)
+RATES = np.radians([0.0, 10.0, 50.0, 150.0, 300.0, -10.0, -50.0, -150.0, -300.0])
+SPHERE = ("b0", "b2", "c_jj", "c_kk")
+
+
+def observed(kind, class_id, plans, **options):
+    """Observability of plans on a sensor with the typical noise of its class."""
+    sensor, library = ib.sensor(class_id, kind=kind), ib.library(kind, **options)
+    runs = ib.simulate(sensor, plans, seed=1, truth={})
+    rules = {run.name: NoiseRule("fixed", typical_noise(sensor)) for run in runs}
+    summary = summarize(runs, library, sensor=sensor, rules=rules)
+    return observe(summary.factor, ib.prior(sensor, library).sd, summary.facts), summary
+
+
+def untested(seen):
+    return {name for name, tested in zip(seen.names, seen.tested, strict=True) if not tested}
+
+
+@pytest.mark.parametrize("class_id", [entry.id for entry in classes("accelerometer")])
+def test_three_plane_tumble_hides_one_combination(class_id):
+    seen, summary = observed("accelerometer", class_id, [ib.tumble(angles=24, planes=3, rate=1.0)])
+    (group,) = [group for group in seen.groups if group.exact]
+    assert group.terms == SPHERE
+    assert group.reason == "|f| = g in every row"
+    assert group.remedy == "a centrifuge run would separate them"
+    assert group.seen == pytest.approx(1.0, abs=1e-9)
+    # b0 + (b2, c_jj, c_kk) |f|^2: the sum is g^2 times what is added to the three, taken from the bias
+    g2 = 9.80665**2
+    np.testing.assert_allclose(
+        np.array(group.direction) / group.direction[1], [-g2, 1.0, 1.0, 1.0], rtol=1e-6, atol=0.0
+    )
+    assert untested(seen) == {"S_ij", "S_ik", "S_jk", "s_i", "s_j", "s_k"}
+    assert all(seen.partners(name) == tuple(t for t in SPHERE if t != name) for name in SPHERE)
+    assert summary.facts.constant_force
+
+
+@pytest.mark.parametrize("class_id", ["mems_tactical", "fog_navigation", "mech_sdf_rig"])
+def test_rate_table_at_one_g_hides_the_diagonal_of_g_squared_terms_in_the_bias(class_id):
+    seen, _ = observed("gyroscope", class_id, [ib.rate_table(RATES, rate=1.0)], set="extended")
+    (group,) = [group for group in seen.groups if group.exact]
+    assert group.terms == ("b0", "S_ii", "S_jj", "S_kk")
+    assert group.reason == "|f| = g in every row"
+    assert "more than 1 g" in group.remedy
+
+
+def test_rotation_in_one_direction_cannot_tell_a_power_from_its_asymmetry():
+    seen, summary = observed("gyroscope", "mems_tactical", [ib.rate_table(RATES[1:5], mounts=1, rate=1.0)])
+    pairs = {group.terms: group for group in seen.groups if group.exact}
+    assert summary.facts.one_sided
+    for n in range(3):
+        group = pairs[f"b{n}", f"b{n}p"]
+        assert group.reason == "w_i never changes sign"
+        assert group.remedy == "a run with the rotation reversed would separate them"
+    assert {"m_j", "m_k", "c_ij", "c_jj"} <= untested(seen)
+
+
+def test_centrifuge_with_the_input_axis_outward_only_is_one_sided():
+    seen, _ = observed(
+        "accelerometer", "mems_tactical", [ib.centrifuge([1, 5, 10, 15, 20], mounts=1, rate=1.0)]
+    )
+    assert {"b0p", "c_jj", "m_j"} <= set(seen.partners("b0"))  # the vertical is 1 g along j throughout
+    (pair,) = [group for group in seen.groups if group.terms == ("b2", "b2p")]
+    assert pair.reason == "f_i never changes sign"
+
+
+def test_aligned_positions_see_no_cross_terms_and_one_level():
+    seen, _ = observed("accelerometer", "mems_tactical", [ib.tumble(angles=4, planes=3, rate=1.0)])
+    assert {"c_ij", "c_ik", "c_jk"} <= untested(seen)
+    assert set(seen.partners("b3")) == {"b1", "b0p", "b2p"}  # at f_i = 0, +-g all odd functions are one
+    assert set(seen.partners("b1p")) == {"b0", "b2", "c_jj", "c_kk"}
+    assert np.all(np.isnan(seen.vif[~seen.tested]))
+    assert np.all(seen.ratio[~seen.tested] == 1.0)
+
+
+def test_tumble_and_centrifuge_together_hide_nothing_exactly():
+    plans = [ib.tumble(angles=24, rate=1.0), ib.centrifuge([1, 5, 10, 20], rate=1.0)]
+    seen, _ = observed("accelerometer", "mems_tactical", plans)
+    assert not [group for group in seen.groups if group.exact]
+    assert untested(seen) == {"s_i", "s_j", "s_k"}
+    assert np.all(np.isfinite(seen.vif[seen.tested]))
+    assert {"b0", "b1", "b2", "c_jj", "c_kk"} <= {
+        name for name, ratio in zip(seen.names, seen.ratio, strict=True) if ratio < 0.5
+    }
+
+
+def design(seed, n=40, p=6):
+    rng = np.random.default_rng(seed)
+    X = (
+        rng.normal(size=(n, p))
+        @ (np.eye(p) + np.triu(rng.normal(size=(p, p)), 1))
+        * 10.0 ** rng.uniform(-4.0, 4.0, p)
+    )
+    return X, 10.0 ** rng.uniform(-1.0, 1.0, p) / np.linalg.norm(X, axis=0)
+
+
+def names_of(p):
+    return tuple(f"x{j}" for j in range(p))
+
+
+def seen_of(X, sd, scale=1.0):
+    return observe(factor_of(X, np.zeros(len(X)), names_of(X.shape[1])), sd, UNKNOWN, scale=scale)
+
+
+@given(seeds)
+def test_variance_inflation_is_the_textbook_formula(seed):
+    X, sd = design(seed)
+    expected = []
+    for j in range(X.shape[1]):
+        others = np.delete(X, j, axis=1) / np.linalg.norm(np.delete(X, j, axis=1), axis=0)
+        left = X[:, j] - others @ np.linalg.lstsq(others, X[:, j], rcond=None)[0]
+        expected.append(X[:, j] @ X[:, j] / (left @ left))  # 1 / (1 - R^2)
+    # rounding in either route grows with the inflation itself
+    np.testing.assert_allclose(seen_of(X, sd).vif, expected, rtol=1e-12 * max(expected) + 1e-10)
+
+
+@given(seeds, st.floats(0.1, 10.0))
+def test_ratio_is_posterior_over_prior_sd_of_the_dense_posterior(seed, scale):
+    X, sd = design(seed)
+    posterior = np.linalg.inv((X * sd).T @ (X * sd) / scale**2 + np.eye(X.shape[1]))  # prior sds as units
+    seen = seen_of(X, sd, scale)
+    np.testing.assert_allclose(seen.ratio, np.sqrt(np.diag(posterior)), rtol=1e-8)
+    alone = 1.0 / np.sqrt(1.0 + np.sum((X * sd) ** 2, axis=0) / scale**2)
+    np.testing.assert_allclose(seen.alone, alone, rtol=1e-12)
+    assert np.all(seen.ratio >= seen.alone * (1.0 - 1e-12))
+
+
+@given(seeds)
+def test_more_rows_never_tell_less(seed):
+    X, sd = design(seed)
+    more, _ = design(seed + 1)
+    names, y = names_of(X.shape[1]), np.zeros(len(X))
+    once = factor_of(X, y, names)
+    both = add(once, factor_of(more, y, names))
+    assert np.all(observe(both, sd, UNKNOWN).ratio <= observe(once, sd, UNKNOWN).ratio * (1.0 + 1e-10))
+
+
+def planted(seed):
+    """Seven columns: x1 is a mixture of x3 and x5, and x6 is x0 in another unit."""
+    X, _ = design(seed, p=7)
+    unit = X / np.linalg.norm(X, axis=0)
+    X[:, 1] = (unit[:, 3] - 0.5 * unit[:, 5]) * 3e2
+    X[:, 6] = 1e-3 * X[:, 0]
+    return X, 5.0 / np.linalg.norm(X, axis=0)
+
+
+@given(seeds)
+def test_planted_dependence_is_found_and_its_direction_cancels(seed):
+    X, sd = planted(seed)
+    groups = {group.terms: group for group in seen_of(X, sd).groups if group.exact}
+    assert set(groups) == {("x1", "x3", "x5"), ("x0", "x6")}
+    for terms, group in groups.items():
+        columns = X[:, [int(name[1]) for name in terms]] * group.direction
+        assert np.linalg.norm(columns.sum(axis=1)) < 1e-10 * np.linalg.norm(columns)
+    vif = seen_of(X, sd).vif
+    assert np.all(np.isinf(vif[[0, 1, 3, 5, 6]])) and np.all(np.isfinite(vif[[2, 4]]))
+
+
+@given(seeds)
+def test_units_of_the_columns_change_nothing(seed):
+    X, sd = planted(seed)
+    unit = 10.0 ** np.random.default_rng(seed).integers(-8, 9, 7)
+    plain, other = seen_of(X, sd), seen_of(X * unit, sd / unit)
+    np.testing.assert_allclose(other.ratio, plain.ratio, rtol=1e-7)
+    assert [group.terms for group in other.groups] == [group.terms for group in plain.groups]
+
+
+@given(seeds)
+def test_order_of_the_columns_changes_nothing(seed):
+    X, _ = planted(seed)
+    sd = 1e6 / np.linalg.norm(X, axis=0)  # so wide that only what cancels exactly is not seen
+    order, names = np.random.default_rng(seed).permutation(7), names_of(7)
+    plain = seen_of(X, sd)
+    other = observe(factor_of(X[:, order], np.zeros(40), tuple(names[j] for j in order)), sd[order], UNKNOWN)
+    np.testing.assert_allclose(other.ratio, plain.ratio[order], rtol=1e-7)
+    assert all(set(other.partners(name)) == set(plain.partners(name)) for name in names)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [ib.tumble(angles=4, rate=1.0), ib.static(600.0, 1.0), ib.centrifuge([1, 5, 20], mounts=2, rate=1.0)],
+    ids=["aligned tumble", "static", "centrifuge"],
+)
+def test_partners_do_not_depend_on_the_order_of_the_library(plan):
+    """Where several combinations cancel, their null space has many bases."""
+    seen, summary = observed("accelerometer", "mems_tactical", [plan])
+    library = summary.library
+    sd = ib.prior(ib.sensor("mems_tactical", kind="accelerometer"), library).sd
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        order = rng.permutation(len(sd))
+        names = [library.names[j] for j in order]
+        other = observe(reorder(summary.factor, names), sd[order], summary.facts)
+        assert all(set(other.partners(name)) == set(seen.partners(name)) for name in names)
+
+
+def test_partners_are_mutual():
+    seen, _ = observed("accelerometer", "mems_tactical", [ib.tumble(angles=6, planes=2, rate=1.0)])
+    assert any(seen.partners(name) for name in seen.names)
+    for name in seen.names:
+        assert all(name in seen.partners(other) for other in seen.partners(name))
+
+
+def test_response_says_nothing_of_what_can_be_told():
+    X, sd = design(1)
+    y = np.random.default_rng(2).normal(size=len(X))
+    names = names_of(X.shape[1])
+    plain, other = (observe(factor_of(X, z, names), sd, UNKNOWN) for z in (0.0 * y, y))
+    np.testing.assert_allclose(other.ratio, plain.ratio, rtol=1e-12)
+    assert other.groups == plain.groups or not plain.groups
+
+
+def test_columns_that_differ_by_less_than_the_noise_are_told_as_such():
+    rng = np.random.default_rng(3)
+    a, b = np.linalg.qr(rng.normal(size=(50, 2)))[0].T
+    X = np.column_stack((100.0 * a, 100.0 * a + 0.3 * b))
+    (group,) = seen_of(X, np.ones(2)).groups
+    assert group.terms == ("x0", "x1") and not group.exact
+    assert 0.7 < group.seen < 1.0
+    # what they have in common is seen; turned up thirtyfold, so is what tells them apart
+    assert not seen_of(30.0 * X, np.ones(2)).groups
+
+
+def test_an_unexcited_column_is_confounded_with_nothing():
+    X, sd = design(4)
+    X[:, 2] = 0.0
+    seen = seen_of(X, sd)
+    assert not seen.tested[2] and seen.partners("x2") == ()
+    assert seen.ratio[2] == seen.alone[2] == 1.0
+
+
+def test_a_narrower_prior_leaves_less_to_be_told():
+    seen, summary = observed("accelerometer", "mems_tactical", [ib.tumble(angles=24, rate=1.0)])
+    sd = ib.prior(ib.sensor("mems_tactical", kind="accelerometer"), summary.library).sd
+    narrow = observe(summary.factor, sd / 3.0, summary.facts)
+    assert np.all(narrow.ratio >= seen.ratio - 1e-12)
+    assert narrow.partners("b0") == seen.partners("b0")
+
+
+def test_facts_choose_the_words():
+    seen, summary = observed("accelerometer", "mems_tactical", [ib.tumble(angles=24, rate=1.0)])
+    sd = ib.prior(ib.sensor("mems_tactical", kind="accelerometer"), summary.library).sd
+    free = observe(summary.factor, sd, replace(summary.facts, reference_free=True)).groups[0]
+    assert free.terms == seen.groups[0].terms
+    assert free.reason == "only |f| = g is known of each still"
+    unknown = observe(summary.factor, sd, UNKNOWN).groups[0]
+    assert unknown.reason == "" and "changes by itself" in unknown.remedy

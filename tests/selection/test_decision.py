@@ -1,0 +1,325 @@
+"""Verdicts on simulated sensors of known truth: what a test sees, and what it must not claim to see."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes.errors import TermError
+from imubayes.factor import reorder
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.summary import Summary, summarize
+from imubayes.selection.decision import WIDTHS, select
+from imubayes.selection.enumerate import enumerate_models
+from imubayes.sensors.catalogue import typical_noise
+from imubayes.sensors.noise import Noise, NoiseRule
+
+CLASSES = ("mems_industrial", "mems_tactical")
+SPHERE = ("b0", "b2", "c_jj", "c_kk")
+EVEN = {"K2 alone": ("b2",), "Kpp = Koo": ("c_jj", "c_kk"), "Koo alone": ("c_kk",)}
+LEAN = {"powers": 3, "asymmetry": 0}  # 12 terms at 1 g: the slide library of 14 is among the slow ones
+RATES = np.radians([0.0, 10.0, 50.0, 150.0, 300.0, -10.0, -50.0, -150.0, -300.0])
+
+
+@cache
+def procedure(name):
+    return {
+        "tumble": ib.tumble(angles=24, planes=3, rate=1.0),
+        "centrifuge": ib.centrifuge([1, 5, 10, 20], rate=1.0),
+        "rate table": ib.rate_table(RATES, rate=1.0),
+    }[name]
+
+
+def typical(class_id, kind="accelerometer", **options):
+    """Class's prior sd by term, SI."""
+    lib = ib.library(kind, **options)
+    return dict(zip(lib.names, ib.prior(ib.sensor(class_id, kind=kind), lib).sd.tolist(), strict=True))
+
+
+def chosen(
+    class_id, procedures, truth, seed, *, kind="accelerometer", rule="estimate", noise=None, options=LEAN
+):
+    sensor, lib = ib.sensor(class_id, kind=kind), ib.library(kind, **options)
+    plans = [procedure(name) for name in procedures]
+    runs = ib.simulate(sensor, plans, seed=seed, truth=truth, noise=noise)
+    rules = {run.name: NoiseRule(rule) for run in runs}
+    return select(summarize(runs, lib, sensor=sensor, rules=rules), ib.prior(sensor, lib))
+
+
+def by_name(selection):
+    return {term.name: term for term in selection.terms}
+
+
+def needed(selection):
+    return {term.name for term in selection.terms if term.verdict == "needed"}
+
+
+def assert_within_four_sd(selection, truth):
+    for term in selection.terms:
+        if term.verdict != "untested":
+            assert abs(term.full_mean - truth.get(term.name, 0.0)) < 4.0 * term.full_sd, term.name
+
+
+def even_truth(class_id, which, seed):
+    """A bias of 1.5 to 3, even terms of 1 to 2, odd ones of 1.5 typical sizes of the class; signs vary."""
+    sd, sign = typical(class_id), (-1.0) ** seed
+    truth = {name: (1.0 + 0.5 * seed) * sd[name] for name in EVEN[which]}
+    return truth | {
+        "b0": sign * (1.5 + 0.75 * seed) * sd["b0"],
+        "b1": 1.5 * sd["b1"],
+        "m_j": -1.5 * sd["m_j"],
+    }
+
+
+def assert_tumble_alone_claims_only_what_it_sees(class_id, which, seed, options):
+    truth = even_truth(class_id, which, seed)
+    selection = chosen(class_id, ["tumble"], truth, seed, options=options)
+    terms = by_name(selection)
+    assert needed(selection) == {"b0", "b1", "m_j"}
+    for name in ("b2", "c_jj", "c_kk"):
+        assert terms[name].verdict == "inseparable"
+        assert "a centrifuge run would separate them" in terms[name].reason
+    for name in SPHERE:
+        assert terms[name].confounded_with == tuple(other for other in SPHERE if other != name)
+    assert abs(terms["b0"].mean - truth["b0"]) < 4.0 * terms["b0"].sd
+    assert_within_four_sd(selection, truth)
+    # the others could hide a bias of g^2 times their size: the error bar says so
+    hidden = 9.80665**2 * min(typical(class_id)[name] for name in ("b2", "c_jj", "c_kk"))
+    assert terms["b0"].sd > 0.3 * hidden
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("which", EVEN)
+@pytest.mark.parametrize("class_id", CLASSES)
+def test_tumble_alone_leaves_even_terms_inseparable_whichever_is_true(class_id, which, seed):
+    assert_tumble_alone_claims_only_what_it_sees(class_id, which, seed, LEAN)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("which", EVEN)
+@pytest.mark.parametrize("class_id", CLASSES)
+def test_tumble_alone_leaves_even_terms_inseparable_in_the_slide_library(class_id, which, seed):
+    assert_tumble_alone_claims_only_what_it_sees(class_id, which, seed, {})
+
+
+@pytest.mark.parametrize("which", EVEN)
+@pytest.mark.parametrize("class_id", CLASSES)
+def test_centrifuge_separates_them_and_finds_the_true_one(class_id, which):
+    truth = even_truth(class_id, which, 2)
+    selection = chosen(class_id, ["tumble", "centrifuge"], truth, 2)
+    terms = by_name(selection)
+    assert needed(selection) == {"b0", "b1", "m_j", *EVEN[which]}
+    assert all(terms[name].verdict != "inseparable" for name in SPHERE)
+    assert all(terms[name].confounded_with == () for name in SPHERE)
+    assert_within_four_sd(selection, truth)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_zero_terms_are_never_needed_and_strong_ones_always(seed):
+    sd = typical("quartz_flexure_servo")
+    truth = {
+        "b0": 2.0 * sd["b0"],
+        "b1": -1.5 * sd["b1"],
+        "m_k": sd["m_k"],
+        "b2": 1.5 * sd["b2"],
+        "c_ij": sd["c_ij"],
+    }
+    selection = chosen("quartz_flexure_servo", ["tumble", "centrifuge"], truth, seed)
+    strong = {t.name for t in selection.terms if t.name in truth and abs(truth[t.name]) > 8.0 * t.full_sd}
+    assert {"b0", "b1", "m_k", "b2"} <= strong <= needed(selection) <= set(truth)
+    assert_within_four_sd(selection, truth)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    """One selection that the laws below are checked on, with its summary and prior."""
+    sd = typical("mems_tactical")
+    truth = {
+        "b0": 2.0 * sd["b0"],
+        "b1": sd["b1"],
+        "b2": 1.5 * sd["b2"],
+        "m_j": sd["m_j"],
+        "c_ij": 0.1 * sd["c_ij"],
+    }
+    sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", **LEAN)
+    runs = ib.simulate(sensor, [procedure("tumble"), procedure("centrifuge")], seed=4, truth=truth)
+    summary, prior = summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib)
+    return truth, summary, prior, select(summary, prior)
+
+
+def test_needed_terms_are_needed_at_every_prior_width(campaign):
+    truth, summary, prior, _ = campaign
+    strong = {name for name in truth if name != "c_ij"}
+    for width in WIDTHS:
+        assert strong <= needed(select(summary, prior.wider(width))) <= set(truth)
+
+
+def test_inclusion_range_is_that_of_the_enumerations_at_each_width(campaign):
+    _, summary, prior, selection = campaign
+    by_width = {
+        w: enumerate_models(excited_part(summary), excited_prior(summary, prior).wider(w)) for w in WIDTHS
+    }
+    for term in selection.terms:
+        if term.verdict == "untested":
+            continue
+        own = [m.inclusion[m.names.index(term.name)] for m in by_width.values()]
+        assert term.inclusion_range == pytest.approx((min(own), max(own)), abs=1e-9)
+        assert term.inclusion == pytest.approx(own[WIDTHS.index(1.0)], abs=1e-9)
+    assert selection.log_evidence == pytest.approx(by_width[1.0].log_evidence, rel=1e-12)
+
+
+def excited(summary):
+    return [name for name, norm in zip(summary.names, summary.factor.column_norms, strict=True) if norm > 0.0]
+
+
+def excited_part(summary):
+    return Summary(reorder(summary.factor, excited(summary)))
+
+
+def excited_prior(summary, prior):
+    return ScalePrior(
+        [sd for name, sd in zip(summary.names, prior.sd, strict=True) if name in excited(summary)]
+    )
+
+
+def test_full_library_moments_are_those_of_ridge_regression(campaign):
+    """Given the noise scale the posterior is N(A^-1 X'y, s^2 A^-1); the scale is known to 1/sqrt(2n) here."""
+    _, summary, prior, selection = campaign
+    sd = excited_prior(summary, prior).sd
+    R = excited_part(summary).factor.R
+    precision = (R[:-1, :-1].T @ R[:-1, :-1] * sd * sd[:, None]) + np.eye(len(sd))  # in prior sds
+    mean = sd * np.linalg.solve(precision, sd * (R[:-1, :-1].T @ R[:-1, -1]))
+    width = sd * np.sqrt(np.diag(np.linalg.inv(precision)))
+    terms = by_name(selection)
+    for name, expected, spread in zip(excited(summary), mean, width, strict=True):
+        assert terms[name].full_sd == pytest.approx(spread, rel=0.1)
+        assert abs(terms[name].full_mean - expected) < 0.1 * spread
+
+
+def test_limits_and_quantiles_enclose_the_mean(campaign):
+    for term in campaign[-1].terms:
+        assert term.q05 <= term.q95, term.name
+        assert term.q05 < term.mean < term.q95 or term.inclusion < 0.95, term.name
+        assert term.q05 == term.q95 == 0.0 or term.inclusion > 0.05, term.name
+        assert term.q95 - term.q05 <= 2.0 * 4.5 * term.sd  # Chebyshev: 5 % lie at most 4.4 sd out
+        # of a distribution about its mean, 95 % reach as far as the mean itself lies from zero
+        assert term.limit95 > abs(term.mean), term.name
+        assert term.limit95 < abs(term.full_mean) + 4.0 * max(term.full_sd, term.sd) or term.inclusion < 0.5
+
+
+def test_limit_of_what_is_not_needed_is_small_beside_the_class(campaign):
+    terms = [t for t in campaign[-1].terms if t.verdict == "not needed" and t.inclusion > 0.05]
+    assert all(t.limit95 < 0.5 * t.prior_sd for t in terms)
+    assert all(math.isfinite(t.limit95) and t.limit95 > 0.0 for t in campaign[-1].terms)
+
+
+def test_median_probability_model_is_what_is_included_by_half(campaign):
+    selection = campaign[-1]
+    assert set(selection.model) == {t.name for t in selection.terms if t.inclusion >= 0.5}
+    assert needed(selection) <= set(selection.model)
+
+
+def test_verdicts_come_in_the_order_of_the_model_equation_with_its_units(campaign):
+    _, summary, _, selection = campaign
+    assert tuple((t.name, t.symbol, t.unit) for t in selection.terms) == tuple(
+        (t.name, t.symbol, t.unit) for t in summary.library.terms
+    )
+    lines = selection.table().splitlines()
+    assert len(lines) == 1 + len(selection.terms)
+    assert all(
+        t.name in line and t.verdict in line for t, line in zip(selection.terms, lines[1:], strict=True)
+    )
+
+
+def test_largest_effect_is_the_mean_times_the_reach_of_its_column(campaign):
+    _, summary, _, selection = campaign
+    terms = by_name(selection)
+    assert terms["b0"].effect == pytest.approx(abs(terms["b0"].mean))
+    largest = max(run.ranges["f_i"][1] for run in summary.runs)
+    assert terms["b1"].effect == pytest.approx(abs(terms["b1"].mean) * largest)
+
+
+def test_untested_terms_keep_their_prior(campaign):
+    untested = [t for t in campaign[-1].terms if t.verdict == "untested"]
+    assert {t.name for t in untested} == {"s_i", "s_j", "s_k"}
+    for term in untested:
+        assert term.mean == term.full_mean == term.effect == 0.0
+        assert term.full_sd == term.prior_sd
+        assert term.sd == pytest.approx(term.prior_sd * math.sqrt(term.inclusion))
+        assert term.q05 == pytest.approx(-term.q95)
+        assert term.limit95 == pytest.approx(1.959964 * term.prior_sd, rel=1e-5)  # given that it is there
+
+
+GYRO = {"powers": 1, "asymmetry": -1, "set": "extended"}
+
+
+@pytest.mark.parametrize("size", [0.0, 4.0])
+def test_gyro_bias_at_one_g_is_needed_when_large_and_never_given_to_its_g_squared_terms(size):
+    sd = typical("mems_tactical", "gyroscope", **GYRO)
+    truth = {"b0": size * sd["b0"], "b1": 2.0 * sd["b1"], "g_j": 2.0 * sd["g_j"]}
+    selection = chosen("mems_tactical", ["rate table"], truth, 1, kind="gyroscope", options=GYRO)
+    terms, hidden = by_name(selection), ("b0", "S_ii", "S_jj", "S_kk")
+    for name in hidden:
+        assert terms[name].confounded_with == tuple(other for other in hidden if other != name)
+    assert needed(selection) == ({"b0", "b1", "g_j"} if size else {"b1", "g_j"})
+    assert all(terms[name].verdict in ("inseparable", "not needed") for name in hidden[1:])
+    assert abs(terms["b0"].mean - truth["b0"]) < 4.0 * terms["b0"].sd
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_white_noise_treatment_keeps_false_terms_that_the_estimated_noise_does_not(seed):
+    """Why noise is coloured from the first day: the same rows, whitened and not.
+
+    Drift of three times the class's typical B and K, well inside its range.
+    """
+    sd, options = typical("mems_industrial"), {"powers": 3, "asymmetry": 1}
+    truth = {"b0": 3.0 * sd["b0"], "b1": sd["b1"], "b2": sd["b2"], "m_j": sd["m_j"]}
+    usual = typical_noise(ib.sensor("mems_industrial", kind="accelerometer"))
+    drifting = Noise(usual.N, 3.0 * usual.B, 3.0 * usual.K)
+    white, coloured = (
+        chosen(
+            "mems_industrial",
+            ["tumble", "centrifuge"],
+            truth,
+            seed,
+            rule=rule,
+            noise=drifting,
+            options=options,
+        )
+        for rule in ("white", "estimate")
+    )
+    assert needed(coloured) == set(truth)
+    assert_within_four_sd(coloured, truth)
+    assert len(needed(white) - set(truth)) >= 2
+    assert max(abs(t.full_mean - truth.get(t.name, 0.0)) / t.full_sd for t in white.terms) > 6.0
+
+
+def test_plain_arrays_have_no_verdicts():
+    plain = Summary.from_arrays(np.eye(5)[:, :2], np.ones(5), ("b0", "b1"))
+    with pytest.raises(TermError, match="give the library"):
+        select(plain, ScalePrior([1.0, 1.0]))
+
+
+def test_a_term_of_another_component_is_in_every_model(campaign):
+    """The same terms, some of them as another component's: they are named, not decided."""
+    _, summary, prior, selection = campaign
+    lib = ib.library("accelerometer", **LEAN)
+    named = replace(
+        summary,
+        factor=replace(
+            summary.factor,
+            names=tuple(f"{'ay' if t.group == 'bias and scale' else 'ax'}.{t.name}" for t in lib.terms),
+        ),
+        reach={},
+    )
+    rest = replace(lib, terms=tuple(t for t in lib.terms if t.group != "bias and scale"))
+    part = by_name(select(named, prior, rest, component="ax"))
+    assert set(part) == set(rest.names)
+    whole = by_name(selection)
+    for name in ("m_j", "m_k", "c_jk"):
+        assert part[name].verdict == whole[name].verdict
+        assert abs(part[name].full_mean - whole[name].full_mean) < 0.1 * whole[name].full_sd

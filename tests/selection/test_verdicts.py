@@ -1,0 +1,110 @@
+"""The rule from evidence to verdict, over all evidence there can be."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.selection.verdicts import Evidence, decide, untested
+from imubayes.sensors.terms import library
+
+share = st.floats(0.0, 1.0)
+
+
+beside = st.sampled_from([(), ("b2",), ("b2", "c_jj", "c_kk")])
+
+
+@st.composite
+def evidences(draw, partners=beside):
+    inclusion, a, b = draw(share), draw(share), draw(share)
+    low, high = min(inclusion, a, b), max(inclusion, a, b)
+    return Evidence(
+        inclusion,
+        (low, high),
+        draw(share),
+        draw(share),
+        draw(st.floats(0.0, 1e4)),
+        draw(partners),
+        "a run would",
+    )
+
+
+alone = evidences(partners=st.just(()))
+confounded = evidences(partners=st.just(("b2", "c_jj", "c_kk")))
+RANK = {"needed": 2, "undecided": 1, "unresolved": 1, "inseparable": 1, "not needed": 0}
+
+
+def told(evidence):
+    return decide(evidence)[0]
+
+
+@given(evidences())
+def test_every_evidence_has_one_verdict_and_a_reason(evidence):
+    verdict, reason = decide(evidence)
+    assert verdict in RANK
+    assert reason
+
+
+@given(alone)
+def test_needed_is_inclusion_of_95_percent_and_no_other_thing(evidence):
+    assert (told(evidence) == "needed") == (evidence.inclusion >= 0.95)
+
+
+@given(confounded)
+def test_a_confounded_term_is_needed_at_every_prior_width_or_not_at_all(evidence):
+    assert (told(evidence) == "needed") == (evidence.range[0] >= 0.95)
+
+
+@given(confounded)
+def test_a_confounded_term_is_never_left_undecided_or_unresolved(evidence):
+    verdict, reason = decide(evidence)
+    assert verdict in ("needed", "not needed", "inseparable")
+    if verdict == "inseparable":
+        assert "b2, c_jj and c_kk" in reason and "a run would" in reason
+
+
+@given(evidences())
+def test_not_needed_is_unlikely_or_small_and_resolved(evidence):
+    if told(evidence) == "not needed":
+        largest = evidence.range[1] if evidence.partners else evidence.inclusion
+        assert largest <= 0.05 or evidence.small >= 0.95
+        assert evidence.ratio <= 0.9
+
+
+@given(evidences(), share)
+def test_more_inclusion_never_makes_a_term_less_needed(evidence, more):
+    up = [x + (1.0 - x) * more for x in (evidence.inclusion, *evidence.range)]
+    raised = replace(evidence, inclusion=up[0], range=(up[1], up[2]))
+    assert RANK[told(raised)] >= RANK[told(evidence)]
+
+
+@given(alone)
+def test_partners_only_take_certainty_away(evidence):
+    with_partners = replace(evidence, partners=("b2",))
+    before, after = RANK[told(evidence)], RANK[told(with_partners)]
+    # a term that is there but surely small is needed alone, and does not matter where only its prior says so
+    assert after in (before, 1) or evidence.small >= 0.95
+
+
+@given(alone)
+def test_a_posterior_as_wide_as_the_prior_resolves_nothing(evidence):
+    if evidence.ratio > 0.9 and evidence.inclusion < 0.95:
+        assert told(evidence) == "unresolved"
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "words"), [(0.9, "leans towards it, 2.5 sd"), (0.2, "leans against it, 2.5 sd")]
+)
+def test_an_undecided_term_says_which_way_it_leans(inclusion, words):
+    verdict, reason = decide(Evidence(inclusion, (inclusion, inclusion), 0.0, 0.3, 2.5, (), ""))
+    assert verdict == "undecided"
+    assert reason.startswith(words)
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+def test_an_untested_term_names_the_inputs_it_waits_for(kind):
+    for term in library(kind, set="extended").terms:
+        verdict, reason = untested(term)
+        assert verdict == "untested"
+        assert all(factor.channel in reason for factor in term.factors)

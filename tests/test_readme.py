@@ -1,0 +1,306 @@
+"""What README.md and docs/study.md say is what the package does."""
+
+import contextlib
+import inspect
+import io
+import re
+import subprocess
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from pydantic.dataclasses import is_pydantic_dataclass
+
+import imubayes as ib
+from imubayes.config import read_study, shapes
+from imubayes.config.recorded import toml_lines
+from imubayes.errors import StudyError
+from imubayes.reporting.results import result_dict
+from imubayes.reporting.rows import MARKS
+from imubayes.rig.formats import FORMATS
+from imubayes.rig.inputs import Run
+from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
+from imubayes.study import run
+from imubayes.units import factor
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+STUDY = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
+
+SHAPES = {
+    "[study]": shapes.HeaderTable,
+    "[[sensor]]": shapes.SensorTable,
+    "[sensor.library]": shapes.LibraryTable,
+    "[[sensor.run]]": shapes.RunTable,
+    "gravity": shapes.SiteTable,
+    "[sensor.run.columns]": shapes.ColumnTable,
+    **shapes.SIMULATED,
+}
+"""Shape of the table that each section of docs/study.md describes."""
+
+
+def _between(name: str) -> str:
+    """Content of a marked block of the README, without its fence."""
+    found = re.search(rf"<!-- {name} -->\n```\w*\n(.*?)```\n<!-- /{name} -->", README, re.S)
+    assert found, f"README.md has no block {name}"
+    return found[1]
+
+
+def _sections() -> dict[str, list[list[str]]]:
+    """Rows of the tables under each heading of docs/study.md, split into cells."""
+    found: dict[str, list[list[str]]] = {}
+    heading = ""
+    for line in STUDY.splitlines():
+        if line.startswith("#"):
+            heading = line.lstrip("# ").strip("`")
+        elif line.startswith("| ") and not line.startswith("| key "):
+            found.setdefault(heading, []).append([cell.strip() for cell in line.strip("|").split(" | ")])
+    return found
+
+
+SECTIONS = _sections()
+KEYS = [(section, *row) for section in (*SHAPES, "noise") for row in SECTIONS[section]]
+"""(section, key, value, default, meaning, example) of every documented key."""
+
+
+def _code(cell: str) -> list[str]:
+    return re.findall(r"`([^`]+)`", cell)
+
+
+def _names(section: str) -> set[str]:
+    return {name for row in SECTIONS[section] for name in _code(row[0])}
+
+
+# README.md
+
+
+def _verdicts(table: str) -> dict[str, str]:
+    """Last column by first column, of the lines that end with a verdict."""
+    words = "|".join(MARKS)
+    rows = (re.match(rf"(\w+) .*?[ \W]({words})$", line) for line in table.splitlines())
+    return {row[1]: row[2] for row in rows if row}
+
+
+def test_example_prints_the_verdicts_of_the_readme():
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(_between("example"), {})
+    shown = _verdicts(_between("table"))
+    assert _verdicts(printed.getvalue()) == shown
+    assert tuple(shown) == ib.library("accelerometer").names
+
+
+def test_quickstart_comes_to_the_verdicts_of_the_readme():
+    (sensor,) = run(read_study(ROOT / "studies" / "quickstart.toml")).sensors
+    came = {term.name: term.verdict for term in sensor.selection.terms}
+    assert _verdicts(_between("quickstart")) == came
+
+
+def test_figure_of_the_readme_is_of_the_quickstart():
+    figure = (ROOT / "docs" / "quickstart.svg").read_text(encoding="utf-8")
+    shown = dict(re.findall(r"(\w+) \d\.\d\d ([a-z ]+)", figure))
+    assert shown == _verdicts(_between("quickstart"))
+
+
+@pytest.mark.parametrize(
+    ("name", "extra", "command"),
+    [("run", "", "imubayes run studies/quickstart.toml"), ("tests", "test", "pytest -n 2")],
+)
+def test_command_stands_where_ci_takes_it_from(name, extra, command):
+    taking = next(
+        line for line in (ROOT / ".ci" / "run").read_text().splitlines() if line.startswith("command=")
+    )
+    script = f'{taking.replace("tests -->", f"{name} -->")}; printf %s "$command"'
+    taken = subprocess.run(["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    wanted = f"'.[{extra}]'" if extra else "."
+    assert taken.stdout == (f"python3 -m venv .venv && .venv/bin/pip install {wanted} && .venv/bin/{command}")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert not extra or extra in project["optional-dependencies"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    anchors = {_anchor(title) for title in re.findall(r"^#+ (.*)$", text, re.M)}
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if link.startswith("#"):
+            assert link[1:] in anchors, link
+        elif "://" not in link:
+            assert (page.parent / link.partition("#")[0]).exists(), link
+
+
+def _anchor(title: str) -> str:
+    return re.sub(r"[^\w -]", "", title.lower()).strip().replace(" ", "-")
+
+
+# docs/study.md
+
+
+def test_every_shape_of_a_study_has_its_section():
+    there = {one for one in vars(shapes).values() if inspect.isclass(one) and is_pydantic_dataclass(one)}
+    assert there == {*SHAPES.values(), shapes.StudyFile}
+    assert {field.name for field in fields(shapes.StudyFile)} == {"study", "sensor"}
+
+
+@pytest.mark.parametrize("section", SHAPES)
+def test_documented_keys_are_those_that_a_table_takes(section):
+    assert _names(section) == {field.name.rstrip("_") for field in fields(SHAPES[section])}
+
+
+def test_documented_keys_of_noise_are_those_that_it_takes(tmp_path):
+    names = ", ".join(name for row in SECTIONS["noise"] for name in _code(row[0]))
+    with pytest.raises(StudyError, match=f"expected one of {names}$"):
+        _read(tmp_path, _hosted("noise", {"zzz": "1"}))
+
+
+READ = {"name": "case", "procedure": "other", "file": "case.csv"}
+MADE = {"name": "case", "procedure": "tumble", "simulate": {}}
+FREE = READ | {"procedure": "free-tumble", "gravity": "9.8 m/s^2"}
+LOG = {"name": "log", "procedure": "static", "file": "log.csv"}
+NEEDED: dict[str, dict[str, Any]] = {
+    "gravity": {"latitude": "1 deg", "height": "1 m"},
+    "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
+    "noise": {"N": "1 mg/sqrt(Hz)"},
+    "static": {"duration": "1 min", "rate": "1 Hz"},
+    "rate-table": {"rates": ["1 deg/s"]},
+    "centrifuge": {"levels": ["1 g"]},
+}
+"""Keys that most tables of a section cannot do without."""
+
+
+def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Study with a table of a section, and of all else no more than it needs."""
+    study, sensor = {}, {"id": "A", "kind": "accelerometer", "class": "mems_tactical", "run": [READ, LOG]}
+    content = given if given.keys() & {"run", "unit"} else NEEDED.get(section, {}) | given
+    match section:
+        case "[study]":
+            study = content
+        case "[[sensor]]":
+            sensor |= ({"run": [MADE]} if "truth" in given else {}) | content
+        case "[sensor.library]":
+            sensor["library"] = content
+        case "[[sensor.run]]" if "gravity" in given:
+            sensor["run"] = [FREE | content]
+        case "[[sensor.run]]":
+            sensor["run"] = [(MADE if "simulate" in given else READ) | content, LOG]
+        case "gravity":
+            sensor["run"] = [FREE | {"gravity": content}]
+        case "[sensor.run.columns]":
+            sensor["run"] = [READ | {"columns": {"output": content}}]
+        case "noise":
+            sensor["run"] = [READ | {"noise": content}, LOG]
+        case _:
+            sensor["run"] = [MADE | {"procedure": section, "simulate": content}]
+    return {"study": study, "sensor": [sensor]}
+
+
+def _read(folder: Path, tables: dict[str, Any]):
+    path = folder / "case.toml"
+    path.write_text("\n".join(toml_lines(tables)), encoding="utf-8")
+    return read_study(path)
+
+
+@pytest.mark.parametrize(
+    ("section", "example"),
+    [(section, row[-1]) for section, *row in KEYS],
+    ids=[f"{section} {key.strip('`')}" for section, key, *_ in KEYS],
+)
+def test_documented_example_of_a_key_is_accepted(section, example, tmp_path):
+    (line,) = _code(example)
+    table = tomllib.loads(line)
+    (key,) = table
+    assert [f"`{key}`", example] in ([row[1], row[-1]] for row in KEYS if row[0] == section)
+    _read(tmp_path, _hosted(section, table))
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "default"),
+    [
+        (section, *_code(key), *_code(default))
+        for section, key, _, default, *_ in KEYS
+        if section in (*PROFILES, "[study]", "[sensor.library]") and _code(default)
+    ],
+)
+def test_documented_default_is_the_one_that_is_taken(section, key, default, tmp_path):
+    value = tomllib.loads(f"{key} = {default}")[key]
+    if section in PROFILES:
+        (sensor,) = _read(tmp_path, _hosted(section, {key: value})).sensors
+        taken = inspect.signature(PROFILES[section]).parameters[key].default
+        assert (sensor.runs[0].simulate or {})[key] == pytest.approx(taken, rel=1e-14)
+    else:
+        taken = {field.name: field.default for field in fields(SHAPES[section])}[key]
+        assert (tuple(value) if isinstance(value, list) else value) == taken
+
+
+def test_documented_procedures_channels_formats_units_and_verdicts_are_those_that_there_are():
+    procedures = next(row[3] for row in SECTIONS["[[sensor.run]]"] if row[0] == "`procedure`")
+    assert set(_code(procedures)) == set(get_args(Procedure))
+    files = {name for row in SECTIONS["Files and columns"] for name in _code(row[0])}
+    assert files == {*FORMATS, *RUN_CHANNELS, *TRIAD}
+    assert _names("Verdicts") == set(MARKS)
+    units = [unit for row in SECTIONS["Units"] for unit in _code(row[1])]
+    assert all(factor(unit, like=unit) > 0.0 for unit in units)
+
+
+def _block(language: str) -> str:
+    found = re.search(rf"## A complete study of own data.*?```{language}\n(.*?)```", STUDY, re.S)
+    assert found
+    return found[1]
+
+
+TRUTH = {"b0": 0.1, "b1": 3e-3, "b2": 2e-5, "m_j": 5e-3, "m_k": -4e-3, "c_ij": 3e-5}
+"""SI; each at least 100 sd of the test below from zero, and the other terms zero."""
+
+
+@pytest.fixture(scope="module")
+def own_result(tmp_path_factory):
+    """Result of the documented study on files with the documented headers."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "acc12.toml").write_text(_block("toml"), encoding="utf-8")
+    study = read_study(folder / "acc12.toml")
+    plans = [
+        ib.static(300.0, 5.0),
+        ib.tumble(angles=12, dwell=5.0, rate=5.0, settle=2.0),
+        ib.centrifuge([1, 5, 20], dwell=5.0, rate=5.0, settle=2.0),
+    ]
+    runs = ib.simulate(ib.sensor("mems_industrial", kind="accelerometer"), plans, seed=3, truth=TRUTH)
+    for spec, header, made in zip(study.sensors[0].runs, _block("csv").splitlines(), runs, strict=True):
+        _record(made, header, str(spec.file))
+    return run(study)
+
+
+def _record(made: Run, header: str, file: str) -> None:
+    """Write a run under a header of the documentation: SI values in the units it names."""
+    columns = {"t": made.inputs.t, "output": made.output, **made.inputs.channels}
+    columns |= {"time": columns["t"] / 1e-3, "adc": np.rint(columns["output"] / (0.5e-3 * G)) + 32768}
+    table = [_as_headed(name, columns) for name in header.split(",")]
+    np.savetxt(file, np.column_stack(table), delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+G = factor("g", like="m/s^2")
+
+
+def _as_headed(name: str, columns: dict[str, np.ndarray]) -> np.ndarray:
+    channel, _, unit = name.partition(" ")
+    unit = unit.strip("[]")
+    values = columns.get(channel, np.zeros_like(columns["t"]))
+    return values / factor(unit, like=unit) if unit else values
+
+
+def test_study_of_own_data_finds_what_the_sensor_does(own_result):
+    (sensor,) = own_result.sensors
+    terms = {term.name: term for term in sensor.selection.terms}
+    assert {name for name, term in terms.items() if term.verdict == "needed"} == set(TRUTH)
+    for name, value in TRUTH.items():
+        assert terms[name].mean == pytest.approx(value, abs=4.0 * terms[name].sd)
+
+
+def test_documented_keys_of_results_are_those_written(own_result):
+    document = result_dict(own_result)
+    written = {*document, *document["sensors"][0], *document["sensors"][0]["terms"][0]}
+    documented = {name for row in SECTIONS["Results"] for name in _code(row[0])}
+    assert documented - {"result.json", "sensors[]", "terms[]"} == written

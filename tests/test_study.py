@@ -1,0 +1,199 @@
+"""The whole method on the study that ships, and on small ones."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes import study as method
+from imubayes.campaign import SensorSpec, Study
+from imubayes.errors import StudyError, UnobservableError
+from imubayes.rig.inputs import TriadRun
+from imubayes.rig.runs import RunSpec
+from imubayes.selection.verdicts import TermVerdict
+from imubayes.sensors.noise import Noise, NoiseRule
+
+QUICKSTART = Path(__file__).parents[1] / "studies" / "quickstart.toml"
+TUMBLE = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 10.0, "rate": 1.0}
+TRUTH = {"b0": 0.03, "b1": 6e-4, "m_j": 5e-4}
+
+
+@pytest.fixture(scope="module")
+def quickstart():
+    return ib.read_study(QUICKSTART)
+
+
+@pytest.fixture(scope="module")
+def result(quickstart):
+    return method.run(quickstart)
+
+
+def spec(**changes):
+    """A tactical accelerometer on a short simulated tumble."""
+    usual = SensorSpec(
+        id="A",
+        kind="accelerometer",
+        sensor_class=ib.sensor("mems_tactical", kind="accelerometer"),
+        library=ib.library("accelerometer", powers=2, asymmetry=-1),
+        runs=(RunSpec("tumble", "tumble", simulate=TUMBLE),),
+        truth=TRUTH,
+    )
+    return replace(usual, **changes)
+
+
+def small(*sensors, seed=1):
+    return Study("small", seed, sensors or (spec(),), Path("small.toml"), "")
+
+
+def numbers(verdict: TermVerdict):
+    return [verdict.mean, verdict.sd, verdict.inclusion, verdict.q05, verdict.q95, verdict.limit95]
+
+
+def test_quickstart_needs_its_true_terms_and_no_other(quickstart, result):
+    truth, (sensor,) = quickstart.sensors[0].truth, result.sensors
+    assert {t.name for t in sensor.selection.terms if t.verdict == "needed"} == set(truth)
+    for term in sensor.selection.terms:
+        assert abs(term.full_mean - truth.get(term.name, 0.0)) < 4.0 * term.full_sd, term.name
+    assert all(check.fits for check in sensor.checks)
+
+
+def test_result_says_what_was_done(quickstart, result):
+    (sensor,) = result.sensors
+    assert (sensor.id, sensor.kind, sensor.class_id) == ("ACC-07", "accelerometer", "mems_tactical")
+    assert sensor.samples == sum(run.samples for run in sensor.runs) == 72 * 300 + 12 * 4 * 300
+    assert (
+        [run.name for run in sensor.runs]
+        == [check.run for check in sensor.checks]
+        == ["tumble", "centrifuge"]
+    )
+    assert [run.noise_origin for run in sensor.runs] == ["REML", "REML"]
+    assert sensor.prior_source == "typical magnitudes of class mems_tactical"
+    assert sensor.draws.shape == sensor.prior_draws.shape == (method.DRAWS, len(sensor.selection.terms))
+
+
+def test_draws_agree_with_the_table(result):
+    (sensor,) = result.sensors
+    for values, term in zip(sensor.draws.T, sensor.selection.terms, strict=True):
+        share = np.mean(values != 0.0)
+        spread = np.sqrt(term.inclusion * (1.0 - term.inclusion) / method.DRAWS)
+        assert abs(share - term.inclusion) <= 4.5 * spread + 1e-9
+        if not term.confounded_with:
+            assert abs(values.mean() - term.mean) <= 4.5 * term.sd / np.sqrt(method.DRAWS)
+
+
+def test_the_same_seed_gives_the_same_result_and_another_one_another():
+    once, again, other = (method.run(small(seed=seed)).sensors[0] for seed in (1, 1, 2))
+    for a, b in zip(once.selection.terms, again.selection.terms, strict=True):
+        assert a == b
+    np.testing.assert_array_equal(once.draws, again.draws)
+    assert numbers(once.selection.terms[0]) != numbers(other.selection.terms[0])
+
+
+def test_a_sensor_s_result_does_not_depend_on_those_after_it():
+    first = method.run(small()).sensors[0]
+    beside = method.run(small(spec(), spec(id="B"))).sensors
+    assert first.selection.terms == beside[0].selection.terms
+    assert numbers(beside[0].selection.terms[0]) != numbers(beside[1].selection.terms[0])
+
+
+def test_check_does_not_look_at_outputs(quickstart, monkeypatch):
+    """The same words and numbers, whatever the sensor said."""
+    plain = method.check(quickstart)[0]
+    simulated = method.simulate_sensor
+
+    def other_output(spec, seed, index):
+        runs, truth = simulated(spec, seed, index)
+        rng = np.random.default_rng(9)
+        return tuple(replace(r, output=1e3 * rng.normal(size=len(r.output))) for r in runs), truth
+
+    monkeypatch.setattr(method, "simulate_sensor", other_output)
+    other = method.check(quickstart)[0]
+    np.testing.assert_allclose(other.observability.ratio, plain.observability.ratio, rtol=1e-10)
+    assert [g.terms for g in other.observability.groups] == [g.terms for g in plain.observability.groups]
+
+
+def test_check_foretells_the_error_bars_of_the_run(quickstart, result):
+    """The class's typical noise made these data, so what `check` promises is what `run` finds."""
+    seen, selection = method.check(quickstart)[0].observability, result.sensors[0].selection
+    for name, ratio, term in zip(seen.names, seen.ratio, selection.terms, strict=True):
+        assert name == term.name
+        assert term.full_sd / term.prior_sd == pytest.approx(ratio, rel=0.5), name
+
+
+def test_check_of_a_tumble_names_what_it_cannot_tell():
+    (seen,) = method.check(small())
+    assert seen.id == "A"
+    assert seen.observability.partners("b0") == ("b2", "c_jj", "c_kk")
+
+
+def test_a_study_s_own_prior_takes_the_place_of_the_class_s():
+    plain, own = (method.run(small(spec(prior=p))).sensors[0] for p in ({}, {"b0": 1.0}))
+    by_name = {t.name: t for t in own.selection.terms}
+    assert by_name["b0"].prior_sd == 1.0
+    assert own.prior_source.endswith("; b0 from the study")
+    assert all(t.prior_sd == by_name[t.name].prior_sd for t in plain.selection.terms if t.name != "b0")
+
+
+def test_without_a_class_each_term_may_move_the_output_by_its_whole_range(monkeypatch):
+    (run,) = method.runs_of(spec(), 1, 0)
+    monkeypatch.setattr(method, "runs_of", lambda *_: (run,))
+    (sensor,) = method.run(small(spec(sensor_class=None))).sensors
+    swing = np.max(np.abs(run.output - run.inputs.channels["f_i"]))
+    by_name = {t.name: t for t in sensor.selection.terms}
+    assert by_name["b0"].prior_sd == pytest.approx(swing)
+    assert by_name["b1"].prior_sd == pytest.approx(swing / 9.80665)
+    assert "no class is named" in sensor.prior_source
+    assert {"b1", "m_j"} <= {t.name for t in sensor.selection.terms if t.verdict == "needed"}
+
+
+def test_noise_rules_are_obeyed_and_named():
+    given = Noise(6e-4, 4e-4, 1e-6)
+    origins = {}
+    for rule in (NoiseRule(), NoiseRule("white"), NoiseRule("fixed", given)):
+        runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),)
+        (run,) = method.run(small(spec(runs=runs))).sensors[0].runs
+        origins[run.noise_origin] = run.noise
+    assert set(origins) == {"REML", "white", "given"}
+    assert origins["given"] == given
+    assert origins["white"].B == origins["white"].K == 0.0 < origins["white"].N
+
+
+def test_noise_of_a_static_log_is_taken_over():
+    log = RunSpec("log", "static", simulate={"profile": "static", "duration": 400.0, "rate": 1.0})
+    tumble = RunSpec("tumble", "tumble", simulate=TUMBLE, noise=NoiseRule("fixed", like="log"))
+    (sensor,) = method.run(small(spec(runs=(tumble, log)))).sensors
+    assert sensor.runs[0].noise == sensor.runs[1].noise
+    assert [run.noise_origin for run in sensor.runs] == ["run log", "REML"]
+
+
+def test_what_cannot_be_told_names_its_sensor():
+    tiny = RunSpec("log", "static", simulate={"profile": "static", "duration": 3.0, "rate": 1.0})
+    with pytest.raises(UnobservableError, match="sensor 'A': 3 rows") as caught:
+        method.run(small(spec(runs=(tiny,))))
+    assert caught.value.terms
+
+
+def test_a_free_tumble_without_a_class_is_refused(hand_held):
+    with pytest.raises(StudyError, match="sensor 'A': a free tumble needs a class"):
+        method.run(small(spec(sensor_class=None)))
+
+
+@pytest.fixture
+def hand_held(monkeypatch):
+    run = TriadRun("hand", "free-tumble", np.arange(5.0), np.ones((5, 3)), 9.81, 1.0)
+    monkeypatch.setattr(method, "runs_of", lambda *_: (run,))
+
+
+def test_shipped_xsens_study_gives_the_published_calibration(recordings, monkeypatch):
+    monkeypatch.setenv("IMUBAYES_DATA", str(recordings))
+    study = ib.read_study(QUICKSTART.parent / "xsens_tumble.toml")
+    sensors = method.run(study).sensors
+    assert [sensor.id for sensor in sensors] == ["MTi.ax", "MTi.ay", "MTi.az"]
+    rows = [sensor.calibration for sensor in sensors]
+    np.testing.assert_allclose([r["scale"] for r in rows], [2.41278e-3, 2.42712e-3, 2.41168e-3], rtol=5e-4)
+    np.testing.assert_allclose([r["bias"] for r in rows], [33124.2, 33275.2, 32364.4], atol=2.0)
+    entries = [value for row in rows for value in row["nonorthogonality"].values()]
+    np.testing.assert_allclose(entries, [-0.0033593, -0.00890639, -0.0213341], atol=5e-4)
+    assert len(sensors[0].runs[0].stills) == 38
