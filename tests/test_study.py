@@ -73,6 +73,11 @@ def test_result_says_what_was_done(quickstart, result):
     assert sensor.draws.shape == sensor.prior_draws.shape == (method.DRAWS, len(sensor.selection.terms))
 
 
+def test_inclusions_are_probabilities(result):
+    for term in result.sensors[0].selection.terms:
+        assert 0.0 <= term.inclusion_range[0] <= term.inclusion <= term.inclusion_range[1] <= 1.0, term.name
+
+
 def test_draws_agree_with_the_table(result):
     (sensor,) = result.sensors
     for values, term in zip(sensor.draws.T, sensor.selection.terms, strict=True):

@@ -45,6 +45,15 @@ FEW = 9.0
 COARSE = 12.0
 """What `NEGLIGIBLE` is beyond that many candidates: exp(-12) = 6e-6."""
 
+WIDEST = math.log(1e8)
+"""Farthest that ln sigma goes from its start."""
+
+SEED = 0.5
+"""Distance in ln sigma of the seeds where data and prior disagree."""
+
+EXACT = 1e-10
+"""Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Models:
@@ -125,7 +134,7 @@ def enumerate_models(
 def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
     """Inclusion of each candidate, given that the terms `required` are in the model: (p,)."""
     sums, total = fold(_containing(models, required), len(models.candidates.names))
-    return sums / total
+    return np.minimum(sums / total, 1.0)
 
 
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
@@ -264,16 +273,6 @@ class _Sums:
             self.peak = height
         self.weight += np.exp(logs - self.peak)
         return height
-
-
-WIDEST = math.log(1e8)
-"""Farthest that ln sigma goes from its start."""
-
-SEED = 0.5
-"""Distance in ln sigma of the seeds where data and prior disagree."""
-
-EXACT = 1e-10
-"""Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal."""
 
 
 def _first_scale(c: Candidates) -> tuple[float, float, float]:

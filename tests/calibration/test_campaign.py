@@ -1,10 +1,9 @@
 """An industrial MEMS on three-plane tumble and twelve-mount centrifuge, with the noise of its class.
 
-The documented example of why noise must be coloured from the first day: the same 32,400 rows, whitened by their
-estimated noise, keep no false term; treated as white, they always keep some and miss the truth by many sd.
+The documented example of why noise must be coloured from the first day: the same 32,400 rows, whitened by
+their estimated noise, keep no false term; treated as white, they always keep some and are many sd off.
 """
 
-import numpy as np
 import pytest
 
 import imubayes as ib

@@ -1,7 +1,7 @@
 """Over sensors drawn from the prior, with noise drawn from the class: does 90 % mean 90 %?
 
-Each sensor has a random share of the terms (as the beta-binomial model prior says), coefficients from the physical
-prior, and N, B, K from the class's log-normal; the analysis knows the class and nothing else.
+Each sensor has a random share of the terms (as the beta-binomial model prior says), coefficients from the
+physical prior, and N, B, K from the class's log-normal; the analysis knows the class and nothing else.
 """
 
 import itertools
