@@ -5,7 +5,7 @@ The stages are functions, the values between them frozen dataclasses::
     sensor  = ib.sensor("mems_tactical", kind="accelerometer")
     library = ib.library("accelerometer", powers=3, asymmetry=2, set="slide")
     runs    = ib.simulate(sensor, [ib.tumble(angles=24), ib.centrifuge([1, 5, 20])], seed=1)
-    summary = ib.summarize(runs, library)
+    summary = ib.summarize(runs, library, sensor=sensor)
     chosen  = ib.select(summary, ib.prior(sensor, library))
     print(chosen.table())
 
@@ -41,10 +41,14 @@ if TYPE_CHECKING:
     from imubayes.sensors.noise import Noise as Noise
     from imubayes.sensors.noise import NoiseRule as NoiseRule
     from imubayes.sensors.terms import library as library
+    from imubayes.study import check as check
+    from imubayes.study import run as run
 
 _HOME = {
     "read_runs": "config",
     "read_study": "config",
+    "run": "study",
+    "check": "study",
     "GPrior": "inference.prior",
     "HyperG": "inference.prior",
     "ScalePrior": "inference.prior",
@@ -65,6 +69,10 @@ _HOME = {
     "library": "sensors.terms",
 }
 """Module of each public name, imported when the name is first used: the command line starts fast."""
+
+
+def __dir__() -> list[str]:
+    return ["__version__", *_HOME]
 
 
 def __getattr__(name: str) -> object:

@@ -200,6 +200,7 @@ def _class_table(kind: str, entries: Sequence[SensorClass]) -> Table:
 
 def _prior_table(entry: SensorClass) -> Table:
     """Prior sd of every term of the extended library, and the noise, in the units that people use."""
+    from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
     from imubayes.sensors.catalogue import prior_sd
     from imubayes.sensors.terms import library
 
@@ -208,26 +209,12 @@ def _prior_table(entry: SensorClass) -> Table:
     for term in library(entry.kind, set="extended", temperature=1).terms:
         sd, origin = prior_sd(entry, term)
         table.add_row(term.name, term.symbol, *_printed(sd, term.unit, term.printed), origin)
-    for name, (si, printed) in _NOISE_UNITS[entry.kind].items():
+    for name, si, printed in zip("NBK", NOISE_SI[entry.kind], NOISE_UNITS[entry.kind], strict=True):
         low, typical, high = entry.noise[name]
         size, unit = _printed(typical, si, printed)
         spread = f"{_printed(low, si, printed)[0]} to {_printed(high, si, printed)[0]}"
         table.add_row(name, "noise", size, unit, f"typical of {spread}")
     return table
-
-
-_NOISE_UNITS = {
-    "accelerometer": {
-        "N": ("m/s^2/sqrt(Hz)", "ug/sqrt(Hz)"),
-        "B": ("m/s^2", "ug"),
-        "K": ("m/s^2/sqrt(s)", "ug/sqrt(s)"),
-    },
-    "gyroscope": {
-        "N": ("rad/s/sqrt(Hz)", "deg/sqrt(h)"),
-        "B": ("rad/s", "deg/h"),
-        "K": ("rad/s/sqrt(s)", "deg/h/sqrt(h)"),
-    },
-}
 
 
 def _printed(value: float, si: str, printed: str) -> tuple[str, str]:

@@ -37,6 +37,12 @@ EXTENDED_ROWS = 4096
 SCALE_STEPS = 5
 """Fixed-point steps of the noise scale: each gains a digit or more."""
 
+PLENTY = 2
+"""Rows for each column from which least squares says how strong the noise is."""
+
+LOOSE = 1e3
+"""Factor on the prior's sds at which the prior only holds what the data leave open."""
+
 VANISHED = 1e-12
 """A column of which less is left beside the others, relative to its norm, is rounding of the input."""
 
@@ -192,14 +198,31 @@ def with_prior_rows(R: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def noise_scale(f: Factor, sd: FloatArray) -> float:
-    """Scale of the noise of whitened rows under a normal prior of the coefficients, sd (p,).
+    """Scale of the noise of whitened rows: 1 where the whitening was right.
 
-    The mean square of what a fit within the prior leaves, fixed-point: 1 where the whitening was right.
+    From the residual of least squares; where the rows are few, from what a fit within the normal prior of the
+    coefficients, sd (p,), leaves.
     """
-    scale = abs(float(f.R[-1, -1])) / math.sqrt(max(f.n - f.p, 1)) or 1.0
+    if f.n >= PLENTY * f.p:
+        return abs(float(f.R[-1, -1])) / math.sqrt(f.n - f.p) or 1.0
+    scale = 1.0
     for _ in range(SCALE_STEPS):
         scale = abs(float(with_prior_rows(f.R, scale / sd)[-1, -1])) / math.sqrt(f.n) or 1.0
     return scale
+
+
+def loose_fit(f: Factor, sd: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (p,) under a prior a thousand times wider: what the data say where they say anything.
+
+    Parameters
+    ----------
+    f : of the whitened rows.
+    sd : (p,) prior sds.
+    scale : of the noise.
+    """
+    T = with_prior_rows(f.R, scale / (LOOSE * sd))
+    inverse = invert_triangular(T[:-1, :-1])
+    return inverse @ T[:-1, -1], scale * np.linalg.norm(inverse, axis=1)
 
 
 def least_squares(f: Factor) -> LeastSquares:

@@ -130,8 +130,9 @@ def _single(
     progress(f"{spec.id}: every model of {len(summary.names)} terms")
     selection = select(summary, prior)
     progress(f"{spec.id}: residuals")
-    full = np.array([term.full_mean for term in selection.terms])
-    checks = tuple(check_residuals(r, spec.library, full, s) for r, s in zip(runs, summary.runs, strict=True))
+    checks = tuple(
+        check_residuals(r, spec.library, selection.free, s) for r, s in zip(runs, summary.runs, strict=True)
+    )
     return _result(spec, spec.id, (summary, selection, checks), rng, source, time.perf_counter() - start)
 
 

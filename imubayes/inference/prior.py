@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from imubayes.errors import TermError
 from imubayes.sensors.catalogue import SensorClass, prior_sd
 from imubayes.sensors.terms import Library
 
@@ -29,7 +30,7 @@ class ScalePrior:
         values = np.atleast_1d(np.asarray(sd, dtype=float))
         refused = values[~(np.isfinite(values) & (values > 0.0))]
         if len(refused):
-            raise ValueError(f"a prior sd must be positive and finite: got {refused[0]}")
+            raise TermError(f"a prior sd must be positive and finite: got {refused[0]}")
         object.__setattr__(self, "sd", values)
 
     def wider(self, factor: float) -> ScalePrior:
@@ -43,6 +44,10 @@ class GPrior:
 
     g: float
 
+    def __post_init__(self) -> None:
+        if not self.g > 0.0:
+            raise TermError(f"a g-prior needs g > 0: got {self.g}")
+
 
 @dataclass(frozen=True, slots=True)
 class HyperG:
@@ -52,7 +57,7 @@ class HyperG:
 
     def __post_init__(self) -> None:
         if not self.a > 2.0:
-            raise ValueError(f"a hyper-g prior is proper for a > 2 only: got {self.a}")
+            raise TermError(f"a hyper-g prior is proper for a > 2 only: got {self.a}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +65,10 @@ class ZellnerSiow:
     """Mixture of g-priors with ``g ~ inverse-gamma(1/2, n scale^2 / 2)``: Cauchy coefficients."""
 
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.scale > 0.0:
+            raise TermError(f"a Zellner-Siow prior needs a scale > 0: got {self.scale}")
 
 
 GFamily = GPrior | HyperG | ZellnerSiow

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from imubayes.selection.decision import Selection
     from imubayes.selection.verdicts import TermVerdict
 
-VERDICTS = ("needed", "not needed", "undecided", "inseparable", "unresolved", "untested")
 MARKS = {
     "needed": ("●", "*", "bold green"),
     "not needed": ("○", "o", "dim"),

@@ -13,7 +13,14 @@ from rich.table import Table
 from rich.text import Text
 
 from imubayes.reporting.rows import MARKS, TermRow, noise_row, own_groups, shortened, term_rows
-from imubayes.reporting.words import confounded_sentences, fit_sentence, listed, models_text
+from imubayes.reporting.words import (
+    confounded_sentences,
+    fit_sentence,
+    listed,
+    models_text,
+    strain_sentence,
+)
+from imubayes.rig.runs import ABSENT
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, StudyResult
@@ -52,6 +59,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     yield Text(_clean(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
     yield _indented(_data_line(sensor), "dim")
     yield _term_table(sensor)
+    if strained := strain_sentence(sensor):
+        yield _indented(strained, "bold red")
     groups = own_groups(sensor.selection)
     yield from map(_indented, confounded_sentences(groups, sensor.selection.terms, numbered=True))
     for run in sensor.runs[:MOST_RUNS]:
@@ -59,6 +68,9 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         yield _indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
     if len(sensor.runs) > MOST_RUNS:
         yield _indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
+    yield from (
+        _indented(f"{run.name}: {note}") for run in sensor.runs for note in run.source.notes if ABSENT in note
+    )
     yield _indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
     yield Text()
 

@@ -68,6 +68,7 @@ class SensorView:
     anchor : id of its section.
     sensor : the component.
     answer : first paragraph, by sentence.
+    likely : excited terms with an inclusion of one half or more.
     groups : rows of the term table by part of the model equation.
     digits : decimals of the longest value and of the longest sd, which align the columns.
     floor : noise floor beside which effects stand.
@@ -81,6 +82,7 @@ class SensorView:
     anchor: str
     sensor: SensorResult
     answer: tuple[str, ...]
+    likely: tuple[str, ...]
     groups: tuple[tuple[str, tuple[TermRow, ...]], ...]
     digits: tuple[int, int]
     floor: Measured
@@ -114,6 +116,7 @@ def _view(sensor: SensorResult, key: str, fit: FitView) -> SensorView:
         anchor=key,
         sensor=sensor,
         answer=answer(sensor),
+        likely=tuple(t.name for t in selection.terms if t.inclusion >= 0.5 and t.verdict != "untested"),
         groups=tuple((name, tuple(part)) for name, part in groupby(rows, key=lambda row: row.verdict.group)),
         digits=(_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes])),
         floor=noise_floor(sensor),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting.rows import fit_scale, label, own_groups
+from imubayes.selection.verdicts import STRAINED
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
@@ -15,14 +16,35 @@ if TYPE_CHECKING:
     from imubayes.planning.observability import Confounded
     from imubayes.selection.verdicts import TermVerdict
 
+MOST_STRAINED = 3
+"""Terms that the sentence on a disagreement names."""
+
 MOST_NAMES = 6
 """Names that a sentence holds."""
 
 
 def answer(sensor: SensorResult) -> tuple[str, ...]:
     """First paragraph of the report by sentence: needed, not told and why, does the model fit."""
-    sentences = (_opening(sensor), *_rest(sensor), *_cannot_tell(sensor), fit_sentence(sensor))
+    sentences = (
+        strain_sentence(sensor),
+        _opening(sensor),
+        *_rest(sensor),
+        *_cannot_tell(sensor),
+        fit_sentence(sensor),
+    )
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def strain_sentence(sensor: SensorResult) -> str:
+    """Say where the data contradict the prior: first of all, it is a wrong sign or unit."""
+    strained = sorted((t for t in sensor.selection.terms if t.strain > STRAINED), key=lambda t: -t.strain)
+    if not strained:
+        return ""
+    worst = listed(f"{t.name} lies {t.strain:,.0f} prior sd from zero" for t in strained[:MOST_STRAINED])
+    return (
+        f"{sensor.id}: data and prior disagree: {worst}. Check the sign and the unit of inputs and output,"
+        " and that no input column is missing; if this is how the unit is, give [sensor.prior]."
+    )
 
 
 def _opening(sensor: SensorResult) -> str:
@@ -103,7 +125,7 @@ def fit_sentence(sensor: SensorResult) -> str:
     if not misfits:
         return (
             f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
-            f"white at {1.0 - SUSPECT:.0%})."
+            f"white, p {probability(min(check.whiteness_p for check in sensor.checks))})."
         )
     named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
     runs = "run" if len(misfits) == 1 else "runs"

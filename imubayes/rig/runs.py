@@ -216,7 +216,7 @@ def _assumed(kind: Kind, channels: Mapping[str, FloatArray]) -> tuple[str, ...]:
     absent = [
         f"{family}_{axis}" for family in families for axis in "ijk" if f"{family}_{axis}" not in channels
     ]
-    return (f"not in the file, taken as zero: {', '.join(absent)}",) if absent else ()
+    return (f"{ABSENT}: {', '.join(absent)}",) if absent else ()
 
 
 def _source(table: Table, sha256: str, columns: Mapping[str, Column], notes: tuple[str, ...]) -> Source:
@@ -224,12 +224,16 @@ def _source(table: Table, sha256: str, columns: Mapping[str, Column], notes: tup
     return Source(table.file, sha256, used, notes)
 
 
+ABSENT = "not in the file, taken as zero"
+"""How the notes of a run begin that name its absent inputs."""
+
+
 def _existing(path: Path, shown: str, origin: str) -> Path:
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):
         public = f"; the data are public ({origin}): download them, and name their folder in IMUBAYES_DATA"
-        hint = public if origin else "; check the key file of the run"
+        hint = public if origin else "; check the run's key 'file'"
         raise DataError(f"{shown}: there is no such file (looked for {path}){hint}") from None
     if S_ISDIR(mode):
         raise DataError(f"{shown}: is a directory where a file with a run was expected")

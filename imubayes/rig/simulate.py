@@ -67,7 +67,7 @@ def simulate(
     if noise is None:
         noise = Noise(**{name: typical for name, (_, typical, _) in sensor.noise.items()})
     lib = library_of(sensor.kind, truth)
-    source = Source(notes=(f"simulated: a {sensor.kind} of class {sensor.id}",))
+    source = Source(notes=(f"simulated: {sensor.kind} of class {sensor.id}",))
     return tuple(
         Run(name, plan.procedure, plan.inputs, _output(plan.inputs, lib, truth, noise, rng), source)
         for name, plan in _numbered(plans)

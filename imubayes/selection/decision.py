@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import TermError
-from imubayes.factor import noise_scale, reorder
+from imubayes.factor import loose_fit, noise_scale, reorder
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
@@ -23,6 +22,12 @@ FloatArray = NDArray[np.float64]
 
 WIDTHS = (1.0 / 3.0, 1.0, 3.0)
 """Factors on every prior sd that a verdict is checked at."""
+
+SCALE_LIMIT = 10.0
+"""How much stronger than its estimate the noise may be."""
+
+SURE_PULL = 5.0
+"""Standard deviations from zero at which the data alone are sure of a coefficient."""
 
 NOMINAL = WIDTHS.index(1.0)
 
@@ -40,6 +45,8 @@ class Selection:
     models : the enumeration at the nominal prior width, over the terms that the test excites.
     by_width : (prior width factor, inclusion of the candidates) for 1/3, 1, 3.
     observability : what the test can tell.
+    free : (p,) coefficients under a prior a thousand times wider, in the order of `terms`: what the library
+        can explain of the data, whatever the prior says.
     """
 
     terms: tuple[TermVerdict, ...]
@@ -49,6 +56,7 @@ class Selection:
     models: Models
     by_width: tuple[tuple[float, FloatArray], ...]
     observability: Observability
+    free: FloatArray
 
     def table(self) -> str:
         """Verdicts as plain text, in SI units."""
@@ -82,7 +90,6 @@ def select(
     lib: Library | None = None,
     *,
     component: str = "",
-    reach: Mapping[str, float] | None = None,
 ) -> Selection:
     """Decide which terms of a component the data need.
 
@@ -93,7 +100,6 @@ def select(
     lib : the component's library; by default the one that `summary` was made with.
     component : name of a triad's component. Its terms are ``<component>.<term>`` in the summary, and the
         other components' terms stay in every model, under their priors.
-    reach : largest size of each term's column over the runs, SI, by name in the summary.
 
     Raises
     ------
@@ -103,20 +109,27 @@ def select(
     if lib is None:
         raise TermError("a summary of plain arrays has no library: give the library of its columns")
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
-    largest = reach or summary.reach
     scale = noise_scale(summary.factor, prior.sd)
-    seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=largest or None)
+    seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
+    free, free_sd = loose_fit(summary.factor, prior.sd, scale)
+    sure = np.abs(free) > SURE_PULL * free_sd
+    strain = dict(zip(summary.names, np.where(sure, np.abs(free) / prior.sd, 0.0).tolist(), strict=True))
     excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
     part = Summary(reorder(summary.factor, excited))
     nominal = ScalePrior([sd[name] for name in excited])
     always = tuple(name for name in excited if name not in own)
-    widths = _Widths(tuple(enumerate_models(part, nominal.wider(w), always=always) for w in WIDTHS), {})
+    widths = _Widths(
+        tuple(
+            enumerate_models(part, nominal.wider(w), always=always, scale_limit=SCALE_LIMIT) for w in WIDTHS
+        ),
+        {},
+    )
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
     verdicts = tuple(
-        _tested(name, term, widths, seen, full, largest.get(name, 0.0))
+        replace(_tested(name, term, widths, seen, full, summary.reach.get(name, 0.0)), strain=strain[name])
         if name in models.candidates.names
         else _untested(term, sd[name], models)
         for name, term in own.items()
@@ -129,6 +142,7 @@ def select(
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
+        free=free[[summary.names.index(name) for name in own]],
     )
 
 
@@ -143,7 +157,8 @@ def _tested(
     inclusions, mixtures = widths.given(partners)
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
-    told = _Told(alone[NOMINAL], (min(alone), max(alone)), _moments(full, column), parts, column)
+    ends = _first_finite(limit(parts, column), limit(full, column))
+    told = _Told(alone[NOMINAL], (min(alone), max(alone)), _moments(full, column), parts, column, ends)
     mean, sd = _moments(parts, column)
     evidence = Evidence(
         inclusion=told.inclusion,
@@ -156,10 +171,7 @@ def _tested(
         partners=tuple(_local(n, name) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
     )
-    ends = _first_finite(limit(parts, column), limit(full, column))
-    return _verdict(
-        term, prior_sd, told, decide(evidence), limit95=ends, reach=reach, partners=evidence.partners
-    )
+    return _verdict(term, prior_sd, told, decide(evidence), reach=reach, partners=evidence.partners)
 
 
 def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
@@ -172,19 +184,20 @@ def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
-    told = _Told(inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0)
-    return _verdict(term, prior_sd, told, untested(term), limit95=limit(alone, 0), reach=0.0, partners=())
+    told = _Told(inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0))
+    return _verdict(term, prior_sd, told, untested(term), reach=0.0, partners=())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Told:
-    """Posterior of one term: inclusion, its range over prior widths, full-library moments, mixture."""
+    """Posterior of one term: inclusion, its range over prior widths, full-library moments, mixture, limit."""
 
     inclusion: float
     range: tuple[float, float]
     full: tuple[float, float]
     parts: Components
     column: int
+    limit95: float
 
 
 def _moments(parts: Components, column: int) -> tuple[float, float]:
@@ -199,7 +212,6 @@ def _verdict(
     told: _Told,
     decided: tuple[str, str],
     *,
-    limit95: float,
     reach: float,
     partners: tuple[str, ...],
 ) -> TermVerdict:
@@ -220,7 +232,7 @@ def _verdict(
         prior_sd=prior_sd,
         inclusion=told.inclusion,
         inclusion_range=told.range,
-        limit95=limit95,
+        limit95=told.limit95,
         effect=abs(mean) * reach,
         verdict=decided[0],
         reason=decided[1],

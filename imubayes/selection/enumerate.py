@@ -95,6 +95,7 @@ def enumerate_models(
     *,
     forced: tuple[str, ...] | list[str] = (),
     always: tuple[str, ...] | list[str] = (),
+    scale_limit: float = math.inf,
 ) -> Models:
     """Evidence of every submodel, inclusion probabilities and model-averaged coefficients.
 
@@ -107,6 +108,8 @@ def enumerate_models(
         each candidate.
     forced : terms that are in every model with a flat prior; the others are taken orthogonal to them.
     always : terms that are in every model with their own physical prior (`ScalePrior` only).
+    scale_limit : largest noise scale, relative to that of the full library (`ScalePrior` only): noise that
+        was estimated with the library in the mean cannot be far stronger, whatever the prior makes of it.
 
     Raises
     ------
@@ -124,7 +127,7 @@ def enumerate_models(
     c = _prepare(summary, prior, tuple(forced), tuple(always))
     log_prior = _log_model_prior(model_prior, len(c.names))
     if isinstance(prior, ScalePrior):
-        scales, weight, peak = _over_scales(c, log_prior)
+        scales, weight, peak = _over_scales(c, log_prior, scale_limit)
         parts = scale_components(c, scales, weight)
     else:
         scales, weight, peak, parts = _over_g(c, prior, log_prior)
@@ -216,13 +219,15 @@ def _log_model_prior(model_prior: ModelPrior, p: int) -> FloatArray:
     k = np.arange(p + 1)
     if model_prior == "beta-binomial":
         return -math.log(p + 1) - np.array([math.log(math.comb(p, i)) for i in k])
-    share = 0.5 if model_prior == "uniform" else float(model_prior)
-    if not 0.0 < share < 1.0:
-        raise ValueError(f"model_prior = {model_prior} is not a probability between 0 and 1")
+    share = 0.5 if model_prior == "uniform" else model_prior
+    if isinstance(share, str) or not 0.0 < share < 1.0:
+        raise TermError(
+            f"model_prior = {share!r}: expected 'beta-binomial', 'uniform' or a probability between 0 and 1"
+        )
     return k * math.log(share) + (p - k) * math.log1p(-share)
 
 
-def _over_scales(c: Candidates, log_prior: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> tuple[FloatArray, FloatArray, float]:
     """Nodes of the noise scale, and each model's probability over all of them, ``weight * exp(peak)``.
 
     From the scale of the full library outwards, until both ends are negligible. Where data and prior differ,
@@ -241,8 +246,8 @@ def _over_scales(c: Candidates, log_prior: FloatArray) -> tuple[FloatArray, Floa
         return heights[m]
 
     lowest = math.ceil(math.log(EXACT * largest / start) / step)
-    highest = math.ceil(WIDEST / step)
-    reached = math.floor(math.log(largest / start) / step) + 1
+    highest = math.ceil(min(WIDEST, math.log(limit)) / step)
+    reached = min(math.floor(math.log(largest / start) / step) + 1, highest)
     seeds = range(0, reached, max(1, round(SEED / step))) if _disagree(c, start) else [0]
     for seed in seeds:
         for direction in (1, -1):

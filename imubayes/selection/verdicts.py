@@ -14,10 +14,13 @@ NEEDED, NOT_NEEDED = 0.95, 0.05
 """Inclusion from which a term is needed, and up to which it is not."""
 
 TENTH = 0.1
-"""Share of the class's typical size below which a coefficient does not matter."""
+"""Share of the prior's sd, the class's typical size, below which a coefficient does not matter."""
 
 SURE = 0.95
 """Posterior probability of being that small from which the term is not needed."""
+
+STRAINED = 6.0
+"""Prior sds from zero beyond which the data contradict the prior: look for a wrong sign or unit first."""
 
 UNRESOLVED = 0.9
 """Posterior sd over prior sd above which a test has not resolved a term."""
@@ -41,6 +44,8 @@ class TermVerdict:
     verdict : needed | not needed | undecided | inseparable | unresolved | untested.
     reason : in words, made from the numbers.
     confounded_with : names.
+    strain : prior sds that the data alone put it from zero, where they are sure of it; else 0. Beyond
+        `STRAINED` data and prior disagree.
     """
 
     name: str
@@ -62,6 +67,7 @@ class TermVerdict:
     verdict: str
     reason: str
     confounded_with: tuple[str, ...]
+    strain: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +133,7 @@ def _small(e: Evidence, high: float) -> tuple[str, str] | None:
     if high <= NOT_NEEDED:
         return "not needed", f"inclusion {e.inclusion:.3f}"
     if e.small >= SURE:
-        return "not needed", f"below a tenth of the class's typical size with {100 * e.small:.0f} %"
+        return "not needed", f"below a tenth of the prior's sd with {100 * e.small:.0f} %"
     return None
 
 

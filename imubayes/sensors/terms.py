@@ -170,11 +170,6 @@ def column(term: Term, channels: Mapping[str, FloatArray]) -> FloatArray | float
     return value
 
 
-def is_tested(term: Term, channels: Mapping[str, FloatArray]) -> bool:
-    """Whether these inputs excite the term at all."""
-    return bool(np.any(column(term, channels) != 0.0))
-
-
 def angles(gain: tuple[float, float, float]) -> tuple[float, float, float]:
     """Scale-factor error and misalignment angles of a fitted linear row.
 

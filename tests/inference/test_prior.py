@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import cauchy, norm
 
+from imubayes.errors import TermError
 from imubayes.inference.prior import (
     GPrior,
     HyperG,
@@ -53,7 +54,7 @@ def test_a_wider_prior_has_every_sd_times_the_factor():
 
 @pytest.mark.parametrize("sd", [0.0, -1.0, math.inf, math.nan, [1.0, 0.0]])
 def test_a_prior_sd_that_is_no_scale_is_refused(sd):
-    with pytest.raises(ValueError, match="must be positive and finite"):
+    with pytest.raises(TermError, match="must be positive and finite"):
         ScalePrior(sd)
 
 

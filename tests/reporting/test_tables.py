@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from imubayes.reporting.rows import VERDICTS
+from imubayes.reporting.rows import MARKS
 from imubayes.reporting.tables import terminal_check, terminal_summary
 from imubayes.sensors.terms import library
 
@@ -40,7 +40,7 @@ def test_summary_without_a_terminal_has_no_escape_codes(result) -> None:
 
 def test_summary_prints_on_an_ascii_terminal_with_word_and_shape(result) -> None:
     text = printed(terminal_summary(result), encoding="ascii")
-    assert "* needed" in text and "! inseparable" in text and all(verdict in text for verdict in VERDICTS)
+    assert "* needed" in text and "! inseparable" in text and all(verdict in text for verdict in MARKS)
 
 
 def test_value_columns_line_up_at_their_sd(result) -> None:

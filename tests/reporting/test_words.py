@@ -24,7 +24,7 @@ def test_answer_names_the_run_that_would_tell(make_sensor) -> None:
 
 def test_answer_claims_a_fit_only_when_every_run_fits(make_sensor) -> None:
     good, bad = make_sensor(), make_sensor(misfit="centrifuge")
-    assert "to the noise floor (residual over noise 1.02, white at 99%)" in fit_sentence(good)
+    assert "to the noise floor (residual over noise 1.02, white, p " in fit_sentence(good)
     assert (
         "does not explain run centrifuge (residual over noise 1.83, not white, p < 0.001, "
         "1 block stands out by up to 7 sd)" in answer(bad)[-1]

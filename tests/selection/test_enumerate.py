@@ -378,8 +378,8 @@ def test_with_everything_forced_one_model_is_left_with_its_least_squares():
         (1.0, {"forced": ["x"]}, TermError, "term 'x' is not in the summary"),
         ([1.0, 2.0], {"forced": ["x0"]}, TermError, "2 sds for 26 terms"),
         (1.0, {}, TermError, "27 candidate terms are more than the 26"),
-        (1.0, {"forced": ["x0"], "model_prior": 0.0}, ValueError, "not a probability"),
-        (1.0, {"forced": ["x0"], "model_prior": 1.5}, ValueError, "not a probability"),
+        (1.0, {"forced": ["x0"], "model_prior": 0.0}, TermError, "or a probability between"),
+        (1.0, {"forced": ["x0"], "model_prior": 1.5}, TermError, "or a probability between"),
     ],
 )
 def test_what_cannot_be_enumerated_is_refused_before_any_work(sd, options, error, message):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.errors import TermError
-from imubayes.sensors.terms import CHANNEL_UNITS, Library, angles, column, columns, gains, is_tested, library
+from imubayes.sensors.terms import CHANNEL_UNITS, Library, angles, column, columns, gains, library
 from imubayes.units import factor
 
 KINDS = ("accelerometer", "gyroscope")
@@ -141,7 +141,7 @@ def test_absent_channel_counts_as_zero():
     present = {"f_i": np.array([1.0, -1.0])}
     zeros = {name: np.zeros(2) for name in [*CHANNELS, "dT"]} | {"T": np.full(2, 298.15)}
     np.testing.assert_array_equal(columns(lib, present, 2), columns(lib, zeros | present, 2))
-    tested = [term.name for term in lib.terms if is_tested(term, present)]
+    tested = [term.name for term in lib.terms if np.any(column(term, present) != 0.0)]
     assert tested == ["b0", "b1", "b2", "b3", "b0p", "b1p", "b2p"]
 
 
