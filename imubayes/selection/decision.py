@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,21 +112,10 @@ def select(
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
     scale = noise_scale(summary.factor, prior.sd)
     seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
-    free, free_sd = loose_fit(summary.factor, prior.sd, scale)
-    sure = np.abs(free) > SURE_PULL * free_sd
-    strain = dict(zip(summary.names, np.where(sure, np.abs(free) / prior.sd, 0.0).tolist(), strict=True))
-    excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
+    free, strain = _without_prior(summary, prior, scale)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
-    part = Summary(reorder(summary.factor, excited))
-    nominal = ScalePrior([sd[name] for name in excited])
-    always = tuple(name for name in excited if name not in own)
-    widths = _Widths(
-        tuple(
-            enumerate_models(part, nominal.wider(w), always=always, scale_limit=SCALE_LIMIT) for w in WIDTHS
-        ),
-        {},
-    )
+    widths = _at_every_width(summary, sd, seen, own)
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
     verdicts = tuple(
@@ -142,8 +132,35 @@ def select(
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
-        free=free[[summary.names.index(name) for name in own]],
+        free=np.array([free[name] for name in own]),
     )
+
+
+def _without_prior(
+    summary: Summary, prior: ScalePrior, scale: float
+) -> tuple[dict[str, float], dict[str, float]]:
+    """What the data alone say of each term, and its size in prior sds where they are sure of it."""
+    mean, sd = loose_fit(summary.factor, prior.sd, scale)
+    strain = np.where(np.abs(mean) > SURE_PULL * sd, np.abs(mean) / prior.sd, 0.0)
+    return (
+        dict(zip(summary.names, mean.tolist(), strict=True)),
+        dict(zip(summary.names, strain.tolist(), strict=True)),
+    )
+
+
+def _at_every_width(
+    summary: Summary, sd: Mapping[str, float], seen: Observability, own: Collection[str]
+) -> _Widths:
+    """Weigh the submodels of the `own` terms that the test excites, at every prior width."""
+    excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
+    part = Summary(reorder(summary.factor, excited))
+    nominal = ScalePrior([sd[name] for name in excited])
+    always = tuple(name for name in excited if name not in own)
+    models = (
+        enumerate_models(part, nominal.wider(width), always=always, scale_limit=SCALE_LIMIT)
+        for width in WIDTHS
+    )
+    return _Widths(tuple(models), {})
 
 
 def _tested(
