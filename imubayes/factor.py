@@ -40,9 +40,6 @@ SCALE_STEPS = 5
 PLENTY = 2
 """Rows for each column from which least squares says how strong the noise is."""
 
-LOOSE = 1e3
-"""Factor on the prior's sds at which the prior only holds what the data leave open."""
-
 VANISHED = 1e-12
 """A column of which less is left beside the others, relative to its norm, is rounding of the input."""
 
@@ -211,8 +208,8 @@ def noise_scale(f: Factor, sd: FloatArray) -> float:
     return scale
 
 
-def loose_fit(f: Factor, sd: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd (p,) under a prior a thousand times wider: what the data say where they say anything.
+def posterior(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (p,) of the coefficients of all columns under a normal prior.
 
     Parameters
     ----------
@@ -220,7 +217,7 @@ def loose_fit(f: Factor, sd: FloatArray, scale: float) -> tuple[FloatArray, Floa
     sd : (p,) prior sds.
     scale : of the noise.
     """
-    T = with_prior_rows(f.R, scale / (LOOSE * sd))
+    T = with_prior_rows(f.R, scale / sd)
     inverse = invert_triangular(T[:-1, :-1])
     return inverse @ T[:-1, -1], scale * np.linalg.norm(inverse, axis=1)
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from imubayes.rig.inputs import between_gaps
 
 FloatArray = NDArray[np.float64]
 
 PER_DECADE = 5
 """Averaging times a decade; whole decades of the interval are among them."""
-
-GAP = 1.5
-"""A step longer than so many intervals is a gap."""
 
 
 def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
@@ -41,8 +39,7 @@ def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[Floa
     >>> tau.tolist(), deviation.round(3).tolist()
     ([1.0, 2.0], [0.707, 0.0])
     """
-    ends = np.concatenate(([0], np.flatnonzero(np.diff(t) > GAP * interval) + 1, [len(t)]))
-    parts = [np.concatenate(([0.0], np.cumsum(y[a:b] - y[a]))) for a, b in pairwise(ends)]
+    parts = [np.concatenate(([0.0], np.cumsum(y[a:b] - y[a]))) for a, b in between_gaps(t, interval)]
     longest = max(len(part) - 1 for part in parts) // 2
     if longest < 1:
         return np.empty(0), np.empty(0)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.factor import Factor, add, invert_triangular, row_blocks, triangular, with_prior_rows
+from imubayes.factor import Factor, add, posterior, row_blocks, triangular
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reml import Blocks, NoiseEstimate, block_edges, estimate
 from imubayes.inference.stills import Stills, find_stills
@@ -98,7 +98,8 @@ def solve_free_tumble(
         if turn == NOISE_ROUND:
             noises = _judged(rows, noises, every, prior, sensor)
             noises = _borrowed(noises, every, [run.name for run in runs])
-        theta, sd = _posterior(rows, noises, triad.names, prior)
+        parts = (_factor(part, found.noise, triad.names) for part, found in zip(rows, noises, strict=True))
+        theta, sd = posterior(reduce(add, parts), prior.sd)
         settled = turn > NOISE_ROUND and bool(np.all(np.abs(theta - triad.theta) <= SETTLED * sd))
         triad = replace(triad, theta=theta)
         if settled:
@@ -147,16 +148,6 @@ def _borrowed(
         noises[names.index(rule.like)] if rule.like in names else noise
         for noise, rule in zip(noises, rules, strict=True)
     ]
-
-
-def _posterior(
-    rows: Sequence[Blocks], noises: Sequence[NoiseEstimate], names: tuple[str, ...], prior: ScalePrior
-) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd (p,) of the coefficients under the full library."""
-    parts = (_factor(part, found.noise, names) for part, found in zip(rows, noises, strict=True))
-    T = with_prior_rows(reduce(add, parts).R, 1.0 / prior.sd)
-    inverse = invert_triangular(T[:-1, :-1])
-    return inverse @ T[:-1, -1], np.linalg.norm(inverse, axis=1)
 
 
 def _rows(triad: Triad, run: TriadRun, stills: Stills, *, blocks: bool) -> Blocks:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.inference.whiten import Processes, Rows, processes, whiten, whitener
+from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import Noise
 
 FloatArray = NDArray[np.float64]
@@ -22,9 +22,6 @@ LogNormal = tuple[float, float]
 
 BLOCKS = 1500
 """Blocks that a run is averaged to: N is then known to 2 %, and an evaluation takes milliseconds."""
-
-GAP = 1.5
-"""A step longer than so many sampling intervals is a gap, and no block reaches across it."""
 
 VAGUE = math.log(30.0)
 """Prior sd of ln N, ln B, ln K where no class is known: a factor of 30 either way."""
@@ -80,9 +77,7 @@ def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray
     [0, 2, 4]
     """
     longest = max(1, math.ceil(len(t) / blocks))
-    breaks = np.flatnonzero(np.diff(t) > GAP * interval) + 1
-    ends = np.concatenate(([0], breaks, [len(t)]))
-    return np.concatenate([_cut(a, b, longest) for a, b in pairwise(ends)])
+    return np.concatenate([_cut(a, b, longest) for a, b in between_gaps(t, interval)])
 
 
 def _cut(start: int, stop: int, longest: int) -> NDArray[np.int64]:

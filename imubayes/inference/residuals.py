@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imubayes.inference.allan import allan_deviation
 from imubayes.inference.reml import block_edges
-from imubayes.inference.summary import RunSummary, deviation, library_rows
+from imubayes.inference.summary import CHUNK, RunSummary, deviation, library_rows
 from imubayes.inference.whiten import Rows, whiten, whitener
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.noise import allan_variance
@@ -33,9 +33,6 @@ OFF = 0.15
 
 STANDARD_ERRORS = 4.0
 """Standard errors of the noise level that are tolerated where blocks are few."""
-
-CHUNK = 200_000
-"""Rows whose columns are held at a time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

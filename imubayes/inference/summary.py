@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 Rules = Mapping[str, NoiseRule]
 
 CHUNK = 200_000
-"""Rows whose columns are held at a time while blocks are averaged."""
+"""Rows whose columns are held at a time while blocks are averaged or residuals taken."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

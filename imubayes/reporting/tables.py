@@ -16,11 +16,11 @@ from imubayes.reporting.rows import MARKS, TermRow, noise_row, own_groups, short
 from imubayes.reporting.words import (
     confounded_sentences,
     fit_sentence,
-    listed,
     models_text,
     strain_sentence,
 )
 from imubayes.rig.runs import ABSENT
+from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, StudyResult

@@ -18,7 +18,8 @@ from imubayes.reporting.rows import (
     range_texts,
     term_rows,
 )
-from imubayes.reporting.words import answer, confounded_sentences, fit_sentence, listed, models_text
+from imubayes.reporting.words import answer, confounded_sentences, fit_sentence, models_text
+from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, StudyResult

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting.rows import fit_scale, label, own_groups
-from imubayes.selection.verdicts import STRAINED
+from imubayes.selection.verdicts import STRAINED, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
@@ -180,18 +180,6 @@ def models_text(count: int) -> str:
     ('2^15', '100')
     """
     return f"2^{count.bit_length() - 1}" if count > 1 and count & (count - 1) == 0 else f"{count:,}"
-
-
-def listed(names: Iterable[str]) -> str:
-    """Join names as a sentence does.
-
-    Examples
-    --------
-    >>> listed(["b0", "b2", "c_jj"])
-    'b0, b2 and c_jj'
-    """
-    *head, last = tuple(names)
-    return f"{', '.join(head)} and {last}" if head else last
 
 
 def _some(names: list[str]) -> str:

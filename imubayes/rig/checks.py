@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
 from imubayes.rig.formats import Table
+from imubayes.rig.inputs import GAP
 
 FloatArray = NDArray[np.float64]
 
 LARGEST = 1e100
 """In the file's own unit: beyond it a number is a placeholder, and its square leaves double precision."""
-
-GAP = 1.5
-"""A step of more than this many median steps is a gap: at least one sample is missing."""
 
 RAIL = 3
 """Samples in a row at the smallest or largest value that count as saturation."""

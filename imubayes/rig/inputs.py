@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+GAP = 1.5
+"""A step of more than so many sampling intervals is a gap."""
 
 ROUNDED = 1e-6
 """Share of an interval that a step may lack by rounding of the time stamps."""
@@ -97,6 +101,18 @@ class TriadRun:
     gravity: float
     interval: float
     source: Source = field(default_factory=Source)
+
+
+def between_gaps(t: FloatArray, interval: float) -> tuple[tuple[int, int], ...]:
+    """(start, stop) of each part of a record that no gap interrupts.
+
+    Examples
+    --------
+    >>> between_gaps(np.array([0.0, 1.0, 2.0, 50.0, 51.0]), 1.0)
+    ((0, 3), (3, 5))
+    """
+    breaks = (np.flatnonzero(np.diff(t) > GAP * interval) + 1).tolist()
+    return tuple(pairwise((0, *breaks, len(t))))
 
 
 def durations(t: FloatArray, interval: float) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import TermError
-from imubayes.factor import loose_fit, noise_scale, reorder
+from imubayes.factor import noise_scale, posterior, reorder
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
@@ -26,6 +26,9 @@ WIDTHS = (1.0 / 3.0, 1.0, 3.0)
 
 SCALE_LIMIT = 10.0
 """How much stronger than its estimate the noise may be."""
+
+LOOSE = 1e3
+"""Factor on the prior's sds at which the prior only holds what the data leave open."""
 
 SURE_PULL = 5.0
 """Standard deviations from zero at which the data alone are sure of a coefficient."""
@@ -140,7 +143,7 @@ def _without_prior(
     summary: Summary, prior: ScalePrior, scale: float
 ) -> tuple[dict[str, float], dict[str, float]]:
     """What the data alone say of each term, and its size in prior sds where they are sure of it."""
-    mean, sd = loose_fit(summary.factor, prior.sd, scale)
+    mean, sd = posterior(summary.factor, LOOSE * prior.sd, scale)
     strain = np.where(np.abs(mean) > SURE_PULL * sd, np.abs(mean) / prior.sd, 0.0)
     return (
         dict(zip(summary.names, mean.tolist(), strict=True)),

@@ -6,6 +6,7 @@ on the prior's width only where the test leaves it to the prior, and there the v
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from imubayes.sensors.terms import Term
@@ -123,7 +124,7 @@ def untested(term: Term) -> tuple[str, str]:
 
 
 def _confounded(e: Evidence, high: float) -> tuple[str, str]:
-    others = _listed(e.partners)
+    others = listed(e.partners)
     if e.ratio <= UNRESOLVED and (small := _small(e, high)):
         return small
     return "inseparable", f"only the prior tells it from {others}; {e.remedy}"
@@ -142,5 +143,13 @@ def _leaning(e: Evidence) -> str:
     return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
 
 
-def _listed(names: tuple[str, ...]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+def listed(names: Iterable[str]) -> str:
+    """Join names as a sentence does.
+
+    Examples
+    --------
+    >>> listed(["b0", "b2", "c_jj"])
+    'b0, b2 and c_jj'
+    """
+    *head, last = tuple(names)
+    return f"{', '.join(head)} and {last}" if head else last
