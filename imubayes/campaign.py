@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.inference.linear import Extra
+from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.residuals import ResidualCheck
+from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
 from imubayes.planning.observability import Observability
 from imubayes.rig.runs import RunSpec
@@ -33,6 +36,10 @@ class SensorSpec:
     runs : the runs, in the study's order.
     truth : coefficients in SI by name, for simulated runs; empty draws them from the class.
     prior : prior sds in SI by name that take the place of the class's.
+    reference : sd in SI of each error of the test bench that is allowed for, by its kind (see
+        `imubayes.rig.reference`).
+    robust : whether dwells may be contaminated by outliers.
+    unit, session : for a unit that was tested in several sessions, which ones are the same unit; empty else.
     """
 
     id: str
@@ -42,6 +49,48 @@ class SensorSpec:
     runs: tuple[RunSpec, ...]
     truth: Mapping[str, float]
     prior: Mapping[str, float] = field(default_factory=dict)
+    reference: Mapping[str, float] = field(default_factory=dict)
+    robust: bool = False
+    unit: str = ""
+    session: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """How the posterior is computed.
+
+    Attributes
+    ----------
+    method : ``exact``, ``collapsed``, ``full``, or ``auto``: the one that is right for each sensor.
+    ess : effective sample size asked of every parameter.
+    time_limit : s, for each sensor.
+    checkpoints : folder of the chains' files; None keeps none.
+    resume : continue the chains that are in that folder.
+    """
+
+    method: str = "auto"
+    ess: float = 1000.0
+    time_limit: float = 600.0
+    checkpoints: Path | None = None
+    resume: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Appendix:
+    """A table measured elsewhere that the report shows beside its own results.
+
+    Attributes
+    ----------
+    title, note : in words.
+    command : that made it.
+    header, rows : of the table, as texts.
+    """
+
+    title: str
+    note: str
+    command: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +103,8 @@ class Study:
     sensors : what is tested.
     path : the study's file.
     text : the file's content, for the report.
+    sampling : how the posterior is computed.
+    appendices : tables from elsewhere.
     """
 
     title: str
@@ -61,6 +112,8 @@ class Study:
     sensors: tuple[SensorSpec, ...]
     path: Path
     text: str
+    sampling: Sampling = field(default_factory=Sampling)
+    appendices: tuple[Appendix, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +123,43 @@ class SensorCheck:
     id: str
     library: Library
     observability: Observability
+
+
+@dataclass(frozen=True, slots=True)
+class ExtraPosterior:
+    """Posterior of a column that is no term, under the full library.
+
+    Attributes
+    ----------
+    extra : the column and its prior.
+    mean, sd : SI.
+    partners : terms and extras that the test sees only in combination with it.
+    """
+
+    extra: Extra
+    mean: float
+    sd: float
+    partners: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Distrusted:
+    """A dwell that is more likely contaminated than not.
+
+    Attributes
+    ----------
+    run : its name.
+    start, stop : s.
+    probability : that it is contaminated.
+    offset, sd : how far its mean is off, SI.
+    """
+
+    run: str
+    start: float
+    stop: float
+    probability: float
+    offset: float
+    sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +179,10 @@ class SensorResult:
     prior_source : in words, where the priors come from.
     seconds : compute time.
     calibration : for a reference-free triad, the component's row of the compensation; else None.
+    method, method_reason : how the posterior was computed, and why so.
+    chains : of the sampler; None for the exact method.
+    extras : what the data say of the columns that are no terms.
+    distrusted : dwells that the robust analysis holds for contaminated, worst first.
     """
 
     id: str
@@ -103,11 +197,17 @@ class SensorResult:
     prior_source: str
     seconds: float
     calibration: Mapping[str, object] | None = None
+    method: str = "exact"
+    method_reason: str = ""
+    chains: Chains | None = None
+    extras: tuple[ExtraPosterior, ...] = ()
+    distrusted: tuple[Distrusted, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResult:
-    """Results of a study: one entry per component."""
+    """Results of a study: one entry per component, and what sessions of one unit have in common."""
 
     study: Study
     sensors: tuple[SensorResult, ...]
+    sessions: tuple[Repeatability, ...] = ()

@@ -16,10 +16,11 @@ import numpy as np
 
 from imubayes.campaign import SensorCheck, SensorResult, SensorSpec, Study, StudyResult
 from imubayes.errors import StudyError, UnobservableError
+from imubayes.inference.linear import deviation, linear_of
 from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
-from imubayes.inference.summary import Summary, deviation, summarize
+from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import COMPONENTS, calibration, triad_of
 from imubayes.planning.observability import observe
 from imubayes.rig.inputs import Run, TriadRun
@@ -131,7 +132,8 @@ def _single(
     selection = select(summary, prior)
     progress(f"{spec.id}: residuals")
     checks = tuple(
-        check_residuals(r, spec.library, selection.free, s) for r, s in zip(runs, summary.runs, strict=True)
+        check_residuals(r, linear_of(r, spec.library), selection.free, s)
+        for r, s in zip(runs, summary.runs, strict=True)
     )
     return _result(spec, spec.id, (summary, selection, checks), rng, source, time.perf_counter() - start)
 

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.factor import Factor, add, posterior, row_blocks, triangular
+from imubayes.inference.linear import Linear, blocks_of, residuals, whitened_factor
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reml import Blocks, NoiseEstimate, block_edges, estimate
+from imubayes.inference.reml import Blocks, NoiseEstimate, estimate
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import Rules, RunSummary, Summary
 from imubayes.inference.triad import COMPONENTS, Triad, triad_of
@@ -59,11 +60,13 @@ class FreeTumble:
     summary : factor over the terms of all three components, named ``ax.b0`` and so on.
     triad : at the coefficients that the rows are linearised about.
     residuals : of each run: (residuals in m/s^2, rows, compensated force (n, 3)) for the checks.
+    rows : of each run, linearised where they settled.
     """
 
     summary: Summary
     triad: Triad
     residuals: tuple[tuple[FloatArray, Rows, FloatArray], ...]
+    rows: tuple[Linear, ...]
 
 
 def solve_free_tumble(
@@ -94,7 +97,7 @@ def solve_free_tumble(
     triad, every = triad_of(lib), [(rules or {}).get(run.name, NoiseRule()) for run in runs]
     noises = [_start(run, s, rule) for run, s, rule in zip(runs, stills, every, strict=True)]
     for turn in range(ROUNDS):
-        rows = [_rows(triad, run, s, blocks=True) for run, s in zip(runs, stills, strict=True)]
+        rows = [blocks_of(_rows(triad, run, s)) for run, s in zip(runs, stills, strict=True)]
         if turn == NOISE_ROUND:
             noises = _judged(rows, noises, every, prior, sensor)
             noises = _borrowed(noises, every, [run.name for run in runs])
@@ -150,8 +153,8 @@ def _borrowed(
     ]
 
 
-def _rows(triad: Triad, run: TriadRun, stills: Stills, *, blocks: bool) -> Blocks:
-    """Linearised rows of the stills, per block or per sample."""
+def _rows(triad: Triad, run: TriadRun, stills: Stills) -> Linear:
+    """Linearised rows of the stills."""
     means = np.array([run.output[a:b].mean(axis=0) for a, b in stills])
     f = triad.compensate(means)
     length = np.linalg.norm(f, axis=1)
@@ -160,15 +163,18 @@ def _rows(triad: Triad, run: TriadRun, stills: Stills, *, blocks: bool) -> Block
     base = length - run.gravity + X @ triad.theta
     index = np.concatenate([np.arange(a, b) for a, b in stills])
     still = np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
-    y = base[still] + np.einsum("na,na->n", w[still], run.output[index] - means[still])
     t = run.t[index]
-    lasting = durations(t, run.interval)
-    if not blocks:
-        return Blocks(Rows(t, lasting, w[still]), X[still], y)
-    edges = block_edges(t, run.interval)
-    counts = np.diff(np.append(edges, len(t)))
-    rows = Rows(np.add.reduceat(t, edges) / counts, np.add.reduceat(lasting, edges), w[still[edges]])
-    return Blocks(rows, X[still[edges]], np.add.reduceat(y, edges) / counts)
+    return Linear(
+        name=run.name,
+        procedure=run.procedure,
+        names=triad.names,
+        t=t,
+        duration=durations(t, run.interval),
+        interval=run.interval,
+        y=base[still] + np.einsum("na,na->n", w[still], run.output[index] - means[still]),
+        columns=lambda start, stop: X[still[start:stop]],
+        axes=w[still],
+    )
 
 
 def _factor(part: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
@@ -186,9 +192,9 @@ def _outcome(
     rules: Sequence[NoiseRule],
 ) -> FreeTumble:
     """Summary on all samples of the stills, at the settled linearisation."""
-    rows = [_rows(triad, run, s, blocks=False) for run, s in zip(runs, stills, strict=True)]
+    rows = tuple(_rows(triad, run, s) for run, s in zip(runs, stills, strict=True))
     summaries = tuple(
-        _run_summary(run, s, part, noise, triad.names, rule)
+        _run_summary(run, s, part, noise, rule)
         for run, s, part, noise, rule in zip(runs, stills, rows, noises, rules, strict=True)
     )
     reach = np.max([s.reach for s in summaries], axis=0)
@@ -199,30 +205,33 @@ def _outcome(
         facts=Facts("accelerometer", constant_force=True, one_sided=False, reference_free=True),
         reach=dict(zip(triad.names, reach.tolist(), strict=True)),
     )
-    residuals = tuple(
-        (part.y - part.X @ triad.theta, part.rows, _forces(triad, run, s))
+    left = tuple(
+        (residuals(part, triad.theta), part.rows, _forces(triad, run, s))
         for part, run, s in zip(rows, runs, stills, strict=True)
     )
-    return FreeTumble(summary, triad, residuals)
+    return FreeTumble(summary, triad, left, rows)
 
 
 def _run_summary(
-    run: TriadRun, stills: Stills, part: Blocks, found: NoiseEstimate, names: tuple[str, ...], rule: NoiseRule
+    run: TriadRun, stills: Stills, part: Linear, found: NoiseEstimate, rule: NoiseRule
 ) -> RunSummary:
+    made, reach = whitened_factor(part, found.noise)
     return RunSummary(
         name=run.name,
         procedure=run.procedure,
-        samples=len(part.y),
+        samples=len(part),
         duration=float(run.t[-1] - run.t[0]),
         interval=run.interval,
         noise=found.noise,
         noise_sd=found.sd,
         noise_prior=found.prior,
         noise_origin=f"run {rule.like}" if rule.like else ORIGIN[rule.rule],
+        noise_run=rule.like or run.name,
+        steering=found.steering,
         ranges={c: (float(v.min()), float(v.max())) for c, v in zip(COMPONENTS, run.output.T, strict=True)},
         source=run.source,
-        factor=_factor(part, found.noise, names),
-        reach=np.abs(part.X).max(axis=0),
+        factor=made,
+        reach=reach,
         stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in stills),
     )
 

@@ -61,11 +61,13 @@ class NoiseEstimate:
     noise : N, B, K, SI.
     sd : of ln N, ln B, ln K (from the curvature); 0 where the noise was given.
     prior : (median, sd of the logarithm) of the class for each; empty without a class.
+    steering : the same of the prior that the estimate was made under, with a class or without.
     """
 
     noise: Noise
     sd: tuple[float, float, float]
     prior: tuple[LogNormal, ...]
+    steering: tuple[LogNormal, ...] = ()
 
 
 def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray[np.int64]:
@@ -116,7 +118,9 @@ def estimate(
         (min(c, s) - REACH * w, max(c, s) + REACH * w) for c, s, w in zip(center, start, width, strict=True)
     ]
     best = minimize(cost, start, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": 1e-10}).x
-    return NoiseEstimate(Noise(*np.exp(best).tolist()), _curvature_sd(cost, best, width), prior or ())
+    return NoiseEstimate(
+        Noise(*np.exp(best).tolist()), _curvature_sd(cost, best, width), prior or (), steering
+    )
 
 
 def _log_likelihood(

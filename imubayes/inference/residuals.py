@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.inference.allan import allan_deviation
+from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.reml import block_edges
-from imubayes.inference.summary import CHUNK, RunSummary, deviation, library_rows
+from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Rows, whiten, whitener
-from imubayes.rig.inputs import Run, durations
+from imubayes.rig.inputs import Run
 from imubayes.sensors.noise import allan_variance
-from imubayes.sensors.terms import Library
 
 FloatArray = NDArray[np.float64]
 
@@ -76,23 +76,18 @@ class ResidualCheck:
     fits: bool
 
 
-def check_residuals(run: Run, lib: Library, theta: FloatArray, summary: RunSummary) -> ResidualCheck:
-    """Test the residuals of a run under the coefficients `theta` (p,) of the full library.
+def check_residuals(run: Run, rows: Linear, theta: FloatArray, summary: RunSummary) -> ResidualCheck:
+    """Test the residuals of a run under the coefficients `theta` (p,) of all columns.
 
     Parameters
     ----------
     run : with known inputs.
-    lib : the library, in the order of `theta`.
+    rows : of the run, with the columns in the order of `theta`.
     theta : coefficients, SI.
     summary : of the same run, for its noise.
     """
-    n = len(run.inputs)
-    raw = deviation(run, lib)
-    for a in range(0, n, CHUNK):
-        raw[a : a + CHUNK] -= library_rows(run, lib, a, min(a + CHUNK, n)) @ theta
-    rows = Rows(run.inputs.t, durations(run.inputs.t, run.inputs.interval))
     fitted = int(np.count_nonzero(summary.factor.column_norms))
-    return judge(raw, rows, summary, run.inputs.channels, fitted=fitted)
+    return judge(residuals(rows, theta), rows.rows, summary, run.inputs.channels, fitted=fitted)
 
 
 def judge(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,19 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from imubayes import factor as algebra
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.factor import Factor, LeastSquares
-from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, durations, facts_of
+from imubayes.inference.linear import Extra, Linear, blocks_of, linear_of, whitened_factor
+from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.sensors.terms import Library, columns
-
-if TYPE_CHECKING:
-    from imubayes.inference.reml import Blocks
+from imubayes.sensors.terms import Library
 
 FloatArray = NDArray[np.float64]
 Rules = Mapping[str, NoiseRule]
 
-CHUNK = 200_000
-"""Rows whose columns are held at a time while blocks are averaged or residuals taken."""
+VAGUE = math.log(30.0)
+"""Sd of the logarithm of a white noise of which nothing is known: a factor of 30 either way."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +40,9 @@ class RunSummary:
     noise_sd : sd of ln N, ln B, ln K (posterior of REML with the class's prior); 0 where it was given.
     noise_prior : (median, sd of the logarithm) of N, B, K under the class; empty without a class.
     noise_origin : ``REML``, ``white``, ``given`` or ``run <name>``.
+    noise_run : the run whose noise it is: another one where the origin says so.
+    steering : (median, sd of the logarithm) of the prior under which N, B and K were estimated; of N alone
+        for white noise of unknown scale; empty where the noise was given.
     ranges : (smallest, largest) of each excited channel and of ``output``, SI.
     source : file, columns, notes.
     factor : of the run's whitened rows.
@@ -58,6 +59,8 @@ class RunSummary:
     noise_sd: tuple[float, float, float]
     noise_prior: tuple[tuple[float, float], ...]
     noise_origin: str
+    noise_run: str
+    steering: tuple[tuple[float, float], ...]
     ranges: dict[str, tuple[float, float]]
     source: Source
     factor: Factor
@@ -76,6 +79,7 @@ class Summary:
     library : candidate terms of the component; None for arrays from elsewhere.
     facts : what the inputs of the runs have in common.
     reach : largest size of each term's column over the runs, SI.
+    extras : columns of the factor beyond the terms, which come after them.
     """
 
     factor: Factor
@@ -83,6 +87,7 @@ class Summary:
     library: Library | None = None
     facts: Facts = UNKNOWN
     reach: Mapping[str, float] = field(default_factory=dict)
+    extras: tuple[Extra, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,7 +130,13 @@ class Summary:
 
 
 def summarize(
-    runs: Sequence[Run], lib: Library, *, sensor: SensorClass | None = None, rules: Rules | None = None
+    runs: Sequence[Run],
+    lib: Library,
+    *,
+    sensor: SensorClass | None = None,
+    rules: Rules | None = None,
+    rows: Sequence[Linear] = (),
+    extras: tuple[Extra, ...] = (),
 ) -> Summary:
     """Noise, whitening and factor of runs with known inputs.
 
@@ -135,6 +146,8 @@ def summarize(
     lib : candidate terms.
     sensor : class whose noise prior steers the estimate; None takes a vague one.
     rules : how the noise is known, by run; a run that is not named is estimated.
+    rows : of each run, where they have further columns than the library's.
+    extras : those columns.
 
     Raises
     ------
@@ -143,9 +156,11 @@ def summarize(
     """
     _check_rows(runs, lib)
     rules = rules or {}
+    linear = {part.name: part for part in rows or [linear_of(run, lib) for run in runs]}
     done: dict[str, RunSummary] = {}
     for run in sorted(runs, key=lambda run: rules.get(run.name, NoiseRule()).like is not None):
-        done[run.name] = _summarize_run(run, lib, sensor, rules.get(run.name, NoiseRule()), done)
+        found = _noise(linear[run.name], sensor, rules.get(run.name, NoiseRule()), done)
+        done[run.name] = _summarize_run(run, linear[run.name], found)
     summaries = tuple(done[run.name] for run in runs)
     reach = np.max([s.reach for s in summaries], axis=0)
     return Summary(
@@ -153,47 +168,29 @@ def summarize(
         runs=summaries,
         library=lib,
         facts=facts_of([run.inputs.channels for run in runs], lib.kind),
-        reach=dict(zip(lib.names, reach.tolist(), strict=True)),
+        reach=dict(zip(summaries[0].factor.names, reach.tolist(), strict=True)),
+        extras=extras,
     )
 
 
-def blocks_of(run: Run, lib: Library) -> Blocks:
-    """Averages of a run over short blocks; columns are made a part of the run at a time."""
-    from imubayes.inference.reml import Blocks, block_edges
-    from imubayes.inference.whiten import Rows
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """Noise of a run by its rule, and how it came about (see `RunSummary`)."""
 
-    t, n = run.inputs.t, len(run.inputs)
-    edges = block_edges(t, run.inputs.interval)
-    counts = np.diff(np.append(edges, n))
-    lasting = np.add.reduceat(durations(t, run.inputs.interval), edges)
-    X = np.empty((len(edges), len(lib.terms)))
-    per_part = max(1, CHUNK // int(counts.max()))
-    for first in range(0, len(edges), per_part):
-        inside = slice(first, min(first + per_part, len(edges)))
-        a, b = int(edges[first]), int(edges[inside.stop]) if inside.stop < len(edges) else n
-        X[inside] = np.add.reduceat(library_rows(run, lib, a, b), edges[inside] - a, axis=0)
-    X /= counts[:, None]
-    y = np.add.reduceat(deviation(run, lib), edges) / counts
-    rows = Rows(np.add.reduceat(t, edges) / counts, lasting)
-    return Blocks(rows, X, y)
+    noise: Noise
+    origin: str
+    run: str
+    sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    prior: tuple[tuple[float, float], ...] = ()
+    steering: tuple[tuple[float, float], ...] = ()
 
 
-def library_rows(run: Run, lib: Library, start: int = 0, stop: int | None = None) -> FloatArray:
-    """Columns of the library for a part of a run: (rows, p)."""
-    part = {name: values[start:stop] for name, values in run.inputs.channels.items()}
-    return columns(lib, part, len(run.inputs.t[start:stop]))
-
-
-def deviation(run: Run, lib: Library) -> FloatArray:
-    """Output minus own input, (n,), SI."""
-    return run.output - run.inputs.channels.get(lib.own, 0.0)
-
-
-def _summarize_run(
-    run: Run, lib: Library, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
-) -> RunSummary:
-    noise, sd, prior, origin = _noise(run, lib, sensor, rule, done)
-    made, noise, reach = _whitened_factor(run, lib, noise, unknown_scale=rule.rule == "white")
+def _summarize_run(run: Run, rows: Linear, found: _Known) -> RunSummary:
+    made, reach = whitened_factor(rows, found.noise)
+    noise, steering = found.noise, found.steering
+    if found.origin == "white":
+        made, noise = _to_unit_residuals(made, noise)
+        steering = ((noise.N, VAGUE),)
     channels = {**run.inputs.channels, "output": run.output}
     return RunSummary(
         name=run.name,
@@ -202,9 +199,11 @@ def _summarize_run(
         duration=float(run.inputs.t[-1] - run.inputs.t[0]),
         interval=run.inputs.interval,
         noise=noise,
-        noise_sd=sd,
-        noise_prior=prior,
-        noise_origin=origin,
+        noise_sd=found.sd,
+        noise_prior=found.prior,
+        noise_origin=found.origin,
+        noise_run=found.run,
+        steering=steering,
         ranges={name: (float(v.min()), float(v.max())) for name, v in channels.items()},
         source=run.source,
         factor=made,
@@ -213,46 +212,25 @@ def _summarize_run(
 
 
 def _noise(
-    run: Run, lib: Library, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
-) -> tuple[Noise, tuple[float, float, float], tuple[tuple[float, float], ...], str]:
-    """Noise of a run by its rule: (noise, sd of the logarithms, class's prior, origin)."""
+    rows: Linear, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
+) -> _Known:
+    """Noise of a run by its rule."""
     from imubayes.inference.reml import estimate
 
-    none, prior = (0.0, 0.0, 0.0), noise_prior(sensor) if sensor else None
+    prior = noise_prior(sensor) if sensor else ()
     if rule.rule == "white":
-        return Noise(1.0, 0.0, 0.0), none, prior or (), "white"
+        return _Known(Noise(1.0, 0.0, 0.0), "white", rows.name, prior=prior)
     if rule.rule == "fixed" and rule.value is not None:
-        return rule.value, none, prior or (), "given"
+        return _Known(rule.value, "given", rows.name, prior=prior)
     if rule.like is not None:
         if rule.like not in done:
             raise StudyError(
-                f"run '{run.name}' takes its noise from run '{rule.like}', which the sensor does not have"
+                f"run '{rows.name}' takes its noise from run '{rule.like}', which the sensor does not have"
             )
-        return done[rule.like].noise, done[rule.like].noise_sd, prior or (), f"run {rule.like}"
-    found = estimate(blocks_of(run, lib), prior)
-    return found.noise, found.sd, prior or (), "REML"
-
-
-def _whitened_factor(
-    run: Run, lib: Library, noise: Noise, *, unknown_scale: bool
-) -> tuple[Factor, Noise, FloatArray]:
-    """Factor of a run's whitened rows, its noise, and the reach of its columns.
-
-    With an unknown scale the rows are scaled to unit residuals, and the noise with them.
-    """
-    from imubayes.inference.whiten import Rows, whiten, whitener
-
-    n, p = len(run.inputs), len(lib.terms)
-    rows = np.empty((n, p + 1))
-    columns(lib, run.inputs.channels, n, out=rows[:, :p])
-    rows[:, p] = deviation(run, lib)
-    parts = tuple(algebra.row_blocks(n))
-    reach = np.max([np.abs(rows[i:j, :p]).max(axis=0) for i, j in parts], axis=0)
-    w = whitener(noise, Rows(run.inputs.t, durations(run.inputs.t, run.inputs.interval)))
-    whiten(w, rows)
-    R = algebra.triangular((rows[i:j] for i, j in parts), p + 1)
-    made = Factor(lib.names, R, n, w.log_det)
-    return (*(_to_unit_residuals(made, noise) if unknown_scale else (made, noise)), reach)
+        other = done[rule.like]
+        return _Known(other.noise, f"run {rule.like}", rule.like, other.noise_sd, prior, other.steering)
+    found = estimate(blocks_of(rows), prior or None)
+    return _Known(found.noise, "REML", rows.name, found.sd, prior, found.steering)
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:

@@ -51,6 +51,8 @@ class Selection:
     observability : what the test can tell.
     free : (p,) coefficients under a prior a thousand times wider, in the order of `terms`: what the library
         can explain of the data, whatever the prior says.
+    plug_in : inclusion of each of `terms` at the estimated noise, where the others are averaged over the
+        noise's posterior; empty where they are not.
     """
 
     terms: tuple[TermVerdict, ...]
@@ -61,6 +63,7 @@ class Selection:
     by_width: tuple[tuple[float, FloatArray], ...]
     observability: Observability
     free: FloatArray
+    plug_in: tuple[float, ...] = ()
 
     def table(self) -> str:
         """Verdicts as plain text, in SI units."""

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import minimize
 
 import imubayes as ib
+from imubayes.inference.linear import blocks_of, deviation, library_rows, linear_of
 from imubayes.inference.reml import Blocks, block_edges, estimate
-from imubayes.inference.summary import blocks_of, deviation, library_rows
 from imubayes.inference.whiten import Rows, processes, whiten, whitener
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.catalogue import noise_prior
@@ -92,7 +92,7 @@ def test_estimate_is_the_maximum_of_the_dense_posterior_and_its_curvature(sd, se
 @pytest.mark.parametrize("seed", range(10))
 def test_noise_drawn_from_the_class_is_recovered_within_its_error_bars(seed):
     truth = drawn_noise(np.random.default_rng([7, seed]))
-    found = estimate(blocks_of(run_of(seed, truth, rate=10.0), LIBRARY), PRIOR)
+    found = estimate(blocks_of(linear_of(run_of(seed, truth, rate=10.0), LIBRARY)), PRIOR)
     z = (logs(found) - np.log([truth.N, truth.B, truth.K])) / found.sd
     assert np.max(np.abs(z)) < 4.0
 
@@ -102,7 +102,7 @@ def test_error_bars_of_the_noise_are_neither_too_small_nor_too_large():
     z = []
     for seed in range(30):
         truth = drawn_noise(np.random.default_rng([8, seed]))
-        blocks = blocks_of(run_of([8, seed], truth, rate=10.0, dwell=10.0), LIBRARY)
+        blocks = blocks_of(linear_of(run_of([8, seed], truth, rate=10.0, dwell=10.0), LIBRARY))
         found = estimate(blocks, PRIOR)
         z += ((logs(found) - np.log([truth.N, truth.B, truth.K])) / found.sd).tolist()
     power = np.array(z) @ np.array(z)
@@ -110,7 +110,7 @@ def test_error_bars_of_the_noise_are_neither_too_small_nor_too_large():
 
 
 def test_white_part_is_known_as_well_as_its_degrees_of_freedom_say():
-    found = estimate(blocks_of(run_of(3), LIBRARY), PRIOR)
+    found = estimate(blocks_of(linear_of(run_of(3), LIBRARY)), PRIOR)
     assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 1080), rel=0.2)
 
 
@@ -118,7 +118,9 @@ def test_white_part_is_known_as_well_as_its_degrees_of_freedom_say():
     "truth", [{"b1": 0.05}, {"b0": 3.0, "m_j": 0.02, "m_k": -0.02}, {"b2": 1e-3, "c_jk": 1e-3}]
 )
 def test_a_coefficient_is_not_mistaken_for_drift(truth):
-    without, with_it = (estimate(blocks_of(run_of(4, truth=t), LIBRARY), PRIOR) for t in ({}, truth))
+    without, with_it = (
+        estimate(blocks_of(linear_of(run_of(4, truth=t), LIBRARY)), PRIOR) for t in ({}, truth)
+    )
     # the mean's columns are projected out: what differs is where the search for the maximum starts and stops
     np.testing.assert_array_less(np.abs(logs(with_it) - logs(without)), 0.01 * np.array(without.sd))
 
@@ -128,14 +130,14 @@ def test_a_term_that_the_library_lacks_is_mistaken_for_drift():
     run = run_of(4, truth={"b3": 2e-5})
     tau = np.array([30.0, 300.0])
     without, with_it = (
-        allan_variance(estimate(blocks_of(run, lib), PRIOR).noise, tau) for lib in (lean, LIBRARY)
+        allan_variance(estimate(blocks_of(linear_of(run, lib)), PRIOR).noise, tau) for lib in (lean, LIBRARY)
     )
     assert np.all(without > 10.0 * with_it)
 
 
 def test_noise_has_no_unit():
     run = run_of(5)
-    blocks = blocks_of(run, LIBRARY)
+    blocks = blocks_of(linear_of(run, LIBRARY))
     thousand = Blocks(blocks.rows, blocks.X, 1e3 * blocks.y)
     prior = tuple((1e3 * median, spread) for median, spread in PRIOR)
     plain, other = estimate(blocks, PRIOR), estimate(thousand, prior)
@@ -143,7 +145,7 @@ def test_noise_has_no_unit():
 
 
 def test_order_and_units_of_the_library_change_nothing():
-    blocks = blocks_of(run_of(5), LIBRARY)
+    blocks = blocks_of(linear_of(run_of(5), LIBRARY))
     rng = np.random.default_rng(1)
     p = blocks.X.shape[1]
     mixed = blocks.X[:, rng.permutation(p)] * 10.0 ** rng.uniform(-6.0, 6.0, p)
@@ -159,7 +161,7 @@ def test_averages_over_blocks_estimate_what_the_samples_do():
         library_rows(run, LIBRARY),
         deviation(run, LIBRARY),
     )
-    blocks = blocks_of(run, LIBRARY)
+    blocks = blocks_of(linear_of(run, LIBRARY))
     assert len(blocks.y) <= n / 4
     fine, coarse = estimate(samples, PRIOR), estimate(blocks, PRIOR)
     # B and K show in the blocks as they do in the samples
@@ -187,7 +189,7 @@ def test_fewer_rows_than_columns_are_judged_under_a_proper_prior():
 
 def test_without_a_class_the_noise_is_still_found():
     noise = Noise(6e-4, 4e-4, 0.0)
-    found = estimate(blocks_of(run_of(7, noise, angles=24), LIBRARY))
+    found = estimate(blocks_of(linear_of(run_of(7, noise, angles=24), LIBRARY)))
     z = (logs(found)[:2] - np.log([noise.N, noise.B])) / np.array(found.sd)[:2]
     assert np.max(np.abs(z)) < 4.0
     assert allan_at(found.noise.K, 1e3) < noise.B  # what is not there may be no larger than what hides it
@@ -212,6 +214,6 @@ def test_blocks_partition_the_samples_and_never_reach_across_a_gap():
 
 def test_averaged_output_is_x_theta_of_averaged_columns():
     run = run_of(8, Noise(1e-300, 0.0, 0.0), {"b0": 0.1, "b1": 0.01, "b3": 1e-3}, rate=10.0, dwell=31.7)
-    blocks = blocks_of(run, LIBRARY)
+    blocks = blocks_of(linear_of(run, LIBRARY))
     theta = np.array([{"b0": 0.1, "b1": 0.01, "b3": 1e-3}.get(name, 0.0) for name in LIBRARY.names])
     np.testing.assert_allclose(blocks.X @ theta, blocks.y, rtol=0.0, atol=1e-13)

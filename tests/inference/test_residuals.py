@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.inference.linear import linear_of
 from imubayes.inference.residuals import check_residuals, judge
 from imubayes.inference.summary import summarize
 from imubayes.inference.whiten import Rows
@@ -32,7 +33,7 @@ def checked(run, lib=LIBRARY, rule=ESTIMATED):
     theta, seen = np.zeros(len(norms)), norms > 0.0
     # 15 columns on a sphere have rank 14: the smallest of all solutions leaves the same residuals
     theta[seen] = np.linalg.lstsq(R[:-1, :-1][:, seen] / norms[seen], R[:-1, -1], rcond=1e-9)[0] / norms[seen]
-    return check_residuals(run, lib, theta, summary.runs[0])
+    return check_residuals(run, linear_of(run, lib), theta, summary.runs[0])
 
 
 def at_rest(values, noise, interval=0.1):

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.factor import Factor, add
-from imubayes.inference import summary as module
-from imubayes.inference.summary import Summary, blocks_of, deviation, library_rows, summarize
+from imubayes.inference import linear as module
+from imubayes.inference.linear import blocks_of, deviation, library_rows, linear_of
+from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import CHANNELS, columns, library
@@ -143,7 +144,7 @@ def test_reach_is_the_largest_size_of_a_column_over_the_runs():
 def test_blocks_are_averages_however_many_are_made_at_a_time(chunk, monkeypatch):
     monkeypatch.setattr(module, "CHUNK", chunk)
     run = _run("a", 700, 8)
-    found = blocks_of(run, LIB)
+    found = blocks_of(linear_of(run, LIB))
     counts = np.rint(found.rows.duration / INTERVAL).astype(int)
     ends = np.cumsum(counts)
     X, y = library_rows(run, LIB), deviation(run, LIB)

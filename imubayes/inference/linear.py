@@ -1,0 +1,199 @@
+"""A run as rows of a linear model, ``y = X theta + noise``, with columns made a part of the run at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes import factor as algebra
+from imubayes.factor import Factor
+from imubayes.rig.inputs import Run, durations
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import Library, columns
+
+if TYPE_CHECKING:
+    from imubayes.inference.reml import Blocks
+    from imubayes.inference.whiten import Rows
+
+FloatArray = NDArray[np.float64]
+
+CHUNK = 200_000
+"""Rows whose columns are held at a time while blocks are averaged or residuals taken."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """Rows of a linear model.
+
+    Attributes
+    ----------
+    name, procedure : of the run.
+    names : the p columns: terms of the library, then what else moves the output.
+    t : (n,) s, centres of the rows.
+    duration : (n,) s, their averaging times.
+    interval : averaging time of one sample, s.
+    y : (n,) response, SI.
+    columns : gives the columns (stop - start, p) of the rows from start to stop.
+    axes : (n, a) weights of alike and independent components in each row; None for a single component.
+    """
+
+    name: str
+    procedure: str
+    names: tuple[str, ...]
+    t: FloatArray
+    duration: FloatArray
+    interval: float
+    y: FloatArray
+    columns: Callable[[int, int], FloatArray]
+    axes: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    @property
+    def rows(self) -> Rows:
+        """When the rows were taken."""
+        from imubayes.inference.whiten import Rows
+
+        return Rows(self.t, self.duration, self.axes)
+
+
+@dataclass(frozen=True, slots=True)
+class Extra:
+    """A column that is no term of the sensor: an error of the reference, an offset of a dwell.
+
+    It is in every model, under its own normal prior with mean zero.
+
+    Attributes
+    ----------
+    name : unique among the columns, such as ``gravity`` or ``fixture_j.tumble.2``.
+    kind : what it is an instance of: ``gravity``, ``fixture``, ``distrusted``.
+    sd : of its prior, SI.
+    unit : SI unit.
+    printed : unit that people use.
+    text : in words.
+    """
+
+    name: str
+    kind: str
+    sd: float
+    unit: str
+    printed: str
+    text: str
+
+
+def linear_of(run: Run, lib: Library) -> Linear:
+    """Rows of a run with known inputs: output minus own input on the columns of the library."""
+    return Linear(
+        name=run.name,
+        procedure=run.procedure,
+        names=lib.names,
+        t=run.inputs.t,
+        duration=durations(run.inputs.t, run.inputs.interval),
+        interval=run.inputs.interval,
+        y=deviation(run, lib),
+        columns=lambda start, stop: library_rows(run, lib, start, stop),
+    )
+
+
+def with_columns(
+    rows: Linear, names: Sequence[str], more: Callable[[int, int], FloatArray], y: FloatArray | None = None
+) -> Linear:
+    """Rows with further columns beside those they have, and with another response where one is given."""
+    first = rows.columns
+    return replace(
+        rows,
+        names=(*rows.names, *names),
+        y=rows.y if y is None else y,
+        columns=lambda start, stop: np.hstack((first(start, stop), more(start, stop))),
+    )
+
+
+def library_rows(run: Run, lib: Library, start: int = 0, stop: int | None = None) -> FloatArray:
+    """Columns of the library for a part of a run: (rows, p)."""
+    part = {name: values[start:stop] for name, values in run.inputs.channels.items()}
+    return columns(lib, part, len(run.inputs.t[start:stop]))
+
+
+def deviation(run: Run, lib: Library) -> FloatArray:
+    """Output minus own input, (n,), SI."""
+    return run.output - run.inputs.channels.get(lib.own, 0.0)
+
+
+def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
+    """Response minus what the coefficients `theta` (p,) explain: (n,)."""
+    left = rows.y.copy()
+    for a in range(0, len(rows), CHUNK):
+        b = min(a + CHUNK, len(rows))
+        left[a:b] -= rows.columns(a, b) @ theta
+    return left
+
+
+def blocks_of(rows: Linear) -> Blocks:
+    """Averages over short blocks that never reach across a gap."""
+    from imubayes.inference.reml import Blocks, block_edges
+    from imubayes.inference.whiten import Rows
+
+    edges = block_edges(rows.t, rows.interval)
+    counts = np.diff(np.append(edges, len(rows)))
+    X = np.empty((len(edges), len(rows.names)))
+    for inside, a, b in _whole_blocks(edges, len(rows)):
+        X[inside] = np.add.reduceat(rows.columns(a, b), edges[inside] - a, axis=0)
+    X /= counts[:, None]
+    axes = None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None]
+    lasting = np.add.reduceat(rows.duration, edges)
+    taken = Rows(np.add.reduceat(rows.t, edges) / counts, lasting, axes)
+    return Blocks(taken, X, np.add.reduceat(rows.y, edges) / counts)
+
+
+def within_blocks(rows: Linear) -> FloatArray:
+    """Triangular factor (p + 1, p + 1) of what the averages over the blocks of `blocks_of` leave of the rows.
+
+    Columns are those of X, then the response; each row is divided by the square root of its share of white
+    noise, ``1/sqrt(duration)``, so that white noise of unit density has unit variance.
+    """
+    from imubayes.inference.reml import block_edges
+
+    edges = block_edges(rows.t, rows.interval)
+
+    def parts():
+        for inside, a, b in _whole_blocks(edges, len(rows)):
+            part = np.column_stack((rows.columns(a, b), rows.y[a:b]))
+            starts = edges[inside] - a
+            counts = np.diff(np.append(starts, b - a))
+            part -= np.repeat(np.add.reduceat(part, starts, axis=0) / counts[:, None], counts, axis=0)
+            part *= np.sqrt(rows.duration[a:b])[:, None]
+            yield from (part[i:j] for i, j in algebra.row_blocks(b - a))
+
+    return algebra.triangular(parts(), len(rows.names) + 1)
+
+
+def whitened_factor(rows: Linear, noise: Noise) -> tuple[Factor, FloatArray]:
+    """Factor of all rows, whitened, and the largest size (p,) of each column."""
+    from imubayes.inference.whiten import whiten, whitener
+
+    n, p = len(rows), len(rows.names)
+    table = np.empty((n, p + 1))
+    for a in range(0, n, CHUNK):
+        b = min(a + CHUNK, n)
+        table[a:b, :p] = rows.columns(a, b)
+    table[:, p] = rows.y
+    parts = tuple(algebra.row_blocks(n))
+    reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in parts], axis=0)
+    w = whitener(noise, rows.rows)
+    whiten(w, table)
+    R = algebra.triangular((table[i:j] for i, j in parts), p + 1)
+    return Factor(rows.names, R, n, w.log_det), reach
+
+
+def _whole_blocks(edges: NDArray[np.int64], n: int):
+    """Parts of the rows that hold whole blocks: (blocks, first row, row after the last)."""
+    counts = np.diff(np.append(edges, n))
+    per_part = max(1, CHUNK // int(counts.max()))
+    for first in range(0, len(edges), per_part):
+        inside = slice(first, min(first + per_part, len(edges)))
+        yield inside, int(edges[first]), int(edges[inside.stop]) if inside.stop < len(edges) else n

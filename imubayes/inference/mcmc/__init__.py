@@ -1,0 +1,1 @@
+"""Posteriors by Markov chains: two samplers on one log density."""
