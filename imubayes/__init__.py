@@ -23,6 +23,9 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from imubayes.config import read_runs as read_runs
     from imubayes.config import read_study as read_study
+    from imubayes.inference.linear import linear_of as linear_of
+    from imubayes.inference.mcmc.ensembles import Limits as Limits
+    from imubayes.inference.mcmc.run import sample as sample
     from imubayes.inference.prior import GPrior as GPrior
     from imubayes.inference.prior import HyperG as HyperG
     from imubayes.inference.prior import ScalePrior as ScalePrior
@@ -49,6 +52,9 @@ _HOME = {
     "read_study": "config",
     "run": "study",
     "check": "study",
+    "linear_of": "inference.linear",
+    "Limits": "inference.mcmc.ensembles",
+    "sample": "inference.mcmc.run",
     "GPrior": "inference.prior",
     "HyperG": "inference.prior",
     "ScalePrior": "inference.prior",

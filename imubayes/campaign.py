@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.residuals import ResidualCheck
+from imubayes.inference.robust import Distrusted
 from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
 from imubayes.planning.observability import Observability
@@ -118,11 +119,12 @@ class Study:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorCheck:
-    """What the runs of a component can tell, before anything is fitted."""
+    """What the runs of a component can tell of its terms and extras, before anything is fitted."""
 
     id: str
     library: Library
     observability: Observability
+    extras: tuple[Extra, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,26 +142,6 @@ class ExtraPosterior:
     mean: float
     sd: float
     partners: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Distrusted:
-    """A dwell that is more likely contaminated than not.
-
-    Attributes
-    ----------
-    run : its name.
-    start, stop : s.
-    probability : that it is contaminated.
-    offset, sd : how far its mean is off, SI.
-    """
-
-    run: str
-    start: float
-    stop: float
-    probability: float
-    offset: float
-    sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

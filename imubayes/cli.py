@@ -6,11 +6,13 @@ needs is imported when it runs, so that ``--help`` answers at once.
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
@@ -23,6 +25,7 @@ from imubayes.errors import ConvergenceError, InputError, TermError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from imubayes.campaign import Sampling
     from imubayes.sensors.catalogue import SensorClass
 
 app = typer.Typer(
@@ -37,8 +40,14 @@ app = typer.Typer(
 class Method(StrEnum):
     """How the posterior is computed."""
 
+    auto = "auto"
     exact = "exact"
+    collapsed = "collapsed"
+    full = "full"
 
+
+CHAINS = "chains"
+"""Folder of the chains' checkpoints, in that of the results."""
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
 
@@ -70,7 +79,16 @@ def _run(
     out: Annotated[
         Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
     ] = None,
-    method: Annotated[Method, typer.Option(help="How the posterior is computed.")] = Method.exact,
+    method: Annotated[
+        Method | None, typer.Option(help="How the posterior is computed.", show_default="the study's")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the chains in the folder.")] = False,
+    time_limit: Annotated[
+        str | None, typer.Option(help='Of the chains of a sensor, "5 min".', show_default="the study's")
+    ] = None,
+    ess: Annotated[
+        float | None, typer.Option(help="Effective sample size to reach.", show_default="the study's")
+    ] = None,
 ) -> None:
     """Decide which terms each sensor needs; write the report."""
     from imubayes.config import read_study
@@ -79,7 +97,12 @@ def _run(
     from imubayes.study import run
 
     folder = _usable(out or Path("reports") / study.stem)
-    result = run(read_study(study), progress=_progress())
+    read = read_study(study)
+    sampling = _overruled(read.sampling, method, ess, time_limit)
+    if resume:
+        _check_resumable(sampling.method, folder / CHAINS)
+    sampling = replace(sampling, checkpoints=folder / CHAINS, resume=resume)
+    result = run(replace(read, sampling=sampling), progress=_progress())
     files = write_results(result, folder)
     _show(terminal_summary(result))
     _written(folder, files)
@@ -93,7 +116,7 @@ def _check(study: StudyFile) -> None:
     from imubayes.study import check
 
     for sensor in check(read_study(study)):
-        _show(terminal_check(sensor.id, sensor.observability, sensor.library))
+        _show(terminal_check(sensor.id, sensor.observability, sensor.library, sensor.extras))
 
 
 @app.command("simulate")
@@ -138,6 +161,41 @@ def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
     return found
 
 
+def _overruled(usual: Sampling, method: Method | None, ess: float | None, time_limit: str | None) -> Sampling:
+    """Sampling of the study, with what the command line says in place of it."""
+    if ess is not None and not 0.0 < ess < math.inf:
+        raise InputError(f"--ess {ess:g}: expected a number of effective samples above zero, such as 1000")
+    return replace(
+        usual,
+        method=usual.method if method is None else method.value,
+        ess=usual.ess if ess is None else ess,
+        time_limit=usual.time_limit if time_limit is None else _duration(time_limit),
+    )
+
+
+def _duration(text: str) -> float:
+    """Seconds of a quantity in time."""
+    from imubayes.units import quantity
+
+    try:
+        seconds = quantity(text, like="s")
+    except InputError as error:
+        raise InputError(f"--time-limit: {error}") from None
+    if not seconds > 0.0:
+        raise InputError(f"--time-limit '{text}': expected more than zero, such as '10 min'")
+    return seconds
+
+
+def _check_resumable(method: str, chains: Path) -> None:
+    if method == "exact":
+        raise InputError("--resume continues chains, and the method 'exact' has none: run without --resume")
+    if not any(chains.glob("*.h5")):
+        raise InputError(
+            f"{chains / '*.h5'}: there is no checkpoint to resume from: run without --resume, "
+            "or name by --out the folder of the run that was interrupted"
+        )
+
+
 def _fail(message: str, code: int) -> None:
     _clear_progress()
     typer.echo(f"imubayes: {' '.join(message.split())}", err=True)
@@ -148,7 +206,8 @@ def _progress() -> Callable[[str], None]:
     """Say what goes on, on one line of stderr, if somebody watches."""
     if not sys.stderr.isatty():
         return lambda message: None
-    return lambda message: typer.echo(f"\r\x1b[2K{message}", nl=False, err=True)
+    width = shutil.get_terminal_size().columns - 1
+    return lambda message: typer.echo(f"\r\x1b[2K{message[:width]}", nl=False, err=True)
 
 
 def _clear_progress() -> None:

@@ -7,30 +7,45 @@ test whether what is left is noise.
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from imubayes.campaign import SensorCheck, SensorResult, SensorSpec, Study, StudyResult
-from imubayes.errors import StudyError, UnobservableError
-from imubayes.inference.linear import deviation, linear_of
-from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
-from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
+from imubayes import factor as algebra
+from imubayes.campaign import (
+    ExtraPosterior,
+    Sampling,
+    SensorCheck,
+    SensorResult,
+    SensorSpec,
+    Study,
+    StudyResult,
+)
+from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.inference.mcmc.chains import of_columns
+from imubayes.inference.mcmc.choice import chosen_method
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
-from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.triad import COMPONENTS, calibration, triad_of
-from imubayes.planning.observability import observe
+from imubayes.inference.sessions import Repeatability, SessionEstimate, repeatability
+from imubayes.inference.triad import COMPONENTS, calibration
+from imubayes.planning.observability import Observability, observe
+from imubayes.preparation import (
+    Prepared,
+    before_fit,
+    nominal_columns,
+    prepare,
+    prepare_triad,
+    runs_of,
+)
 from imubayes.rig.inputs import Run, TriadRun
-from imubayes.rig.runs import read_run, simulate_runs
-from imubayes.selection.decision import Selection, select
+from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
-from imubayes.sensors.catalogue import typical_noise
-from imubayes.sensors.noise import NoiseRule
-from imubayes.sensors.terms import Library
-from imubayes.units import factor
 
 DRAWS = 2000
 """Posterior and prior draws that a result carries."""
@@ -49,17 +64,17 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
     InputError : if a run or the study cannot be used; the message says where and why.
     ConvergenceError : if a free tumble does not settle.
     """
-    results: list[SensorResult] = []
+    results: list[tuple[SensorSpec, list[SensorResult]]] = []
     for k, spec in enumerate(study.sensors):
-        progress(f"{spec.id}: reading {len(spec.runs)} runs")
+        job = _Job(spec, study.sampling, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
+        job.tell(f"reading {len(spec.runs)} runs")
         runs = runs_of(spec, study.seed, k)
-        rng = np.random.default_rng([study.seed, k, 1])
         with _named(spec):
-            if triad := _of_triad(runs):
-                results += _triad(spec, triad, rng, progress)
-            else:
-                results.append(_single(spec, _of_component(runs), rng, progress))
-    return StudyResult(study, tuple(results))
+            triad = _of_triad(runs)
+            found = _triad(job, triad) if triad else [_single(job, _of_component(runs))]
+            results.append((spec, found))
+    components = tuple(one for _, found in results for one in found)
+    return StudyResult(study, components, _between_sessions(results))
 
 
 def check(study: Study) -> tuple[SensorCheck, ...]:
@@ -78,103 +93,139 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
 
 
 def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
-    summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=_before_fit(spec))
-    prior, _ = _prior(spec, runs, summary)
-    return SensorCheck(
-        spec.id, spec.library, observe(summary.factor, prior.sd, summary.facts, reach=summary.reach)
-    )
+    ready = before_fit(spec, runs)
+    return SensorCheck(spec.id, spec.library, _observed(ready), ready.summary.extras)
 
 
 def _triad_check(spec: SensorSpec, runs: Sequence[TriadRun]) -> list[SensorCheck]:
-    found = _free_tumble(spec, runs)
-    seen = observe(
-        found.summary.factor, _triad_prior(spec)[0].sd, found.summary.facts, reach=found.summary.reach
-    )
+    found, ready = prepare_triad(spec, runs)
+    seen, extras = _observed(ready), ready.summary.extras
     libraries = zip(COMPONENTS, found.triad.libraries, strict=True)
-    return [SensorCheck(f"{spec.id}.{name}", lib, seen) for name, lib in libraries]
+    return [SensorCheck(f"{spec.id}.{name}", lib, seen, extras) for name, lib in libraries]
 
 
-def runs_of(spec: SensorSpec, seed: int, index: int) -> tuple[Run | TriadRun, ...]:
-    """Read the recorded runs of a sensor and simulate the others, in the study's order."""
-    simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
-    return tuple(simulated[s.name] if s.simulate else read_run(s, spec.kind) for s in spec.runs)
+def _observed(ready: Prepared) -> Observability:
+    """What the runs can tell of every column."""
+    summary = ready.summary
+    return observe(summary.factor, ready.prior.sd, summary.facts, reach=summary.reach)
 
 
-def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:
-    """Simulate the runs of one sensor of a study; give them with the coefficients behind them.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Job:
+    """One sensor of a study, and what its stages share."""
 
-    Parameters
-    ----------
-    spec : of the sensor.
-    seed : of the study.
-    index : of the sensor in the study, so that sensors are independent draws.
+    spec: SensorSpec
+    sampling: Sampling
+    rng: np.random.Generator
+    seed: tuple[int, int]
+    progress: Callable[[str], None]
 
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
-    """
-    wanted = [s for s in spec.runs if s.simulate is not None]
-    if not wanted or spec.sensor_class is None:
-        return (), {}
-    rng = np.random.default_rng([seed, index])
-    return simulate_runs(wanted, spec.sensor_class, spec.library, truth=spec.truth, rng=rng)
+    def tell(self, message: str) -> None:
+        """Say what goes on with this sensor."""
+        self.progress(f"{self.spec.id}: {message}")
 
 
-def _single(
-    spec: SensorSpec, runs: Sequence[Run], rng: np.random.Generator, progress: Callable[[str], None]
-) -> SensorResult:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Posterior:
+    """How the noise's uncertainty is dealt with, and the chains where it is sampled."""
+
+    method: str
+    reason: str
+    sampled: Sampled | None
+
+
+def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     """Characterise one component with known inputs."""
-    start = time.perf_counter()
-    progress(f"{spec.id}: noise and factor of {sum(len(r.inputs) for r in runs):,} samples")
-    summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=_rules(spec))
-    prior, source = _prior(spec, runs, summary)
-    progress(f"{spec.id}: every model of {len(summary.names)} terms")
-    selection = select(summary, prior)
-    progress(f"{spec.id}: residuals")
+    start, spec = time.perf_counter(), job.spec
+    job.tell(f"noise and factor of {sum(len(r.inputs) for r in runs):,} samples")
+    ready = prepare(spec, runs, job.tell, job.rng)
+    posterior = _sampled(job, ready)
+    job.tell(f"every model of {len(spec.library.terms)} terms")
+    selection = select(ready.summary, ready.prior, **_averaging(posterior))
+    job.tell("residuals")
+    theta, _ = loose_fit(ready.summary, ready.prior)
     checks = tuple(
-        check_residuals(r, linear_of(r, spec.library), selection.free, s)
-        for r, s in zip(runs, summary.runs, strict=True)
+        check_residuals(run, rows, theta, summary)
+        for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
+        if isinstance(run, Run)
     )
-    return _result(spec, spec.id, (summary, selection, checks), rng, source, time.perf_counter() - start)
+    return _result(job, spec.id, ready, posterior, (selection, checks), time.perf_counter() - start)
 
 
-def _triad(
-    spec: SensorSpec, runs: Sequence[TriadRun], rng: np.random.Generator, progress: Callable[[str], None]
-) -> list[SensorResult]:
+def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
     """Characterise the three components of a reference-free tumble."""
-    start = time.perf_counter()
-    progress(f"{spec.id}: stills, noise and linearisation")
-    found = _free_tumble(spec, runs)
-    prior, source = _triad_prior(spec)
+    start, spec = time.perf_counter(), job.spec
+    job.tell("stills, noise and linearisation")
+    found, ready = prepare_triad(spec, runs)
+    posterior = _sampled(job, ready)
     checks = tuple(
         judge(left, rows, s, dict(zip(("f_i", "f_j", "f_k"), force.T, strict=True)))
         for (left, rows, force), s in zip(found.residuals, found.summary.runs, strict=True)
     )
     selections: list[Selection] = []
     for name, lib in zip(COMPONENTS, found.triad.libraries, strict=True):
-        progress(f"{spec.id}.{name}: every model of {len(lib.terms)} terms")
-        selections.append(select(found.summary, prior, lib, component=name))
+        job.tell(f"every model of {len(lib.terms)} terms of {name}")
+        selections.append(select(ready.summary, ready.prior, lib, component=name, **_averaging(posterior)))
     theta = np.array([term.mean for selection in selections for term in selection.terms])
-    rows = calibration(replace(found.triad, theta=theta), [_nominal(spec, name) for name in COMPONENTS])
+    nominal = [nominal_columns(spec, name) for name in COMPONENTS]
+    rows = calibration(replace(found.triad, theta=theta), nominal)
     seconds = (time.perf_counter() - start) / len(COMPONENTS)
     return [
         replace(
-            _result(spec, f"{spec.id}.{name}", (found.summary, selection, checks), rng, source, seconds),
-            calibration=row,
+            _result(job, f"{spec.id}.{name}", ready, posterior, (selection, checks), seconds), calibration=row
         )
         for name, selection, row in zip(COMPONENTS, selections, rows, strict=True)
     ]
 
 
+def _sampled(job: _Job, ready: Prepared) -> _Posterior:
+    """Sample what is not linear and Gaussian, if the method asks for it."""
+    method, reason = chosen_method(job.sampling.method, ready.summary)
+    if method == "exact":
+        return _Posterior(method, reason, None)
+    folder = job.sampling.checkpoints
+    checkpoint = folder / f"{_file_name(job.spec.id)}.h5" if folder else None
+    limits = Limits(
+        ess=job.sampling.ess,
+        time_limit=job.sampling.time_limit,
+        seed=int(np.random.SeedSequence(job.seed).generate_state(1)[0]),
+        checkpoint=checkpoint,
+        # a study that was interrupted at its first sensor has nothing of the second one yet
+        resume=bool(job.sampling.resume and checkpoint and checkpoint.exists()),
+    )
+    try:
+        sampled = sample(
+            ready.summary, ready.rows, ready.prior.sd, method=method, limits=limits, progress=job.tell
+        )
+    except ConvergenceError as unfinished:
+        if not isinstance(unfinished.estimate, Sampled):
+            raise
+        sampled = unfinished.estimate
+    return _Posterior(method, reason, sampled)
+
+
+def _averaging(posterior: _Posterior) -> dict[str, Any]:
+    """Average the evidence over these draws of the noise."""
+    if posterior.sampled is None:
+        return {}
+    return {
+        "noises": posterior.sampled.noises,
+        "log_evidence": posterior.sampled.chains.log_evidence[0],
+    }
+
+
 def _result(
-    spec: SensorSpec,
+    job: _Job,
     name: str,
-    parts: tuple[Summary, Selection, tuple[ResidualCheck, ...]],
-    rng: np.random.Generator,
-    source: str,
+    ready: Prepared,
+    posterior: _Posterior,
+    told: tuple[Selection, tuple[ResidualCheck, ...]],
     seconds: float,
 ) -> SensorResult:
-    summary, selection, checks = parts
+    selection, checks = told
+    spec, summary = job.spec, ready.summary
+    chains = posterior.sampled.chains if posterior.sampled else None
+    columns = (*selection.columns, *(extra.name for extra in summary.extras))
     return SensorResult(
         id=name,
         kind=spec.kind,
@@ -183,10 +234,25 @@ def _result(
         runs=summary.runs,
         selection=selection,
         checks=checks,
-        draws=posterior_draws(selection, DRAWS, rng),
-        prior_draws=prior_draws(selection, DRAWS, rng),
-        prior_source=source,
+        draws=posterior_draws(selection, DRAWS, job.rng),
+        prior_draws=prior_draws(selection, DRAWS, job.rng),
+        prior_source=ready.source,
         seconds=seconds,
+        method=posterior.method,
+        method_reason=posterior.reason,
+        chains=of_columns(chains, columns) if chains else None,
+        extras=_extras(ready, selection),
+        distrusted=ready.distrusted,
+    )
+
+
+def _extras(ready: Prepared, selection: Selection) -> tuple[ExtraPosterior, ...]:
+    """What the data say of the columns that are no terms, under the full library."""
+    mean, sd = algebra.posterior(ready.summary.factor, ready.prior.sd)
+    found = dict(zip(ready.summary.names, zip(mean.tolist(), sd.tolist(), strict=True), strict=True))
+    return tuple(
+        ExtraPosterior(extra, *found[extra.name], selection.observability.partners(extra.name))
+        for extra in ready.summary.extras
     )
 
 
@@ -208,59 +274,29 @@ def _of_component(runs: Sequence[Run | TriadRun]) -> list[Run]:
     return [run for run in runs if isinstance(run, Run)]
 
 
-def _free_tumble(spec: SensorSpec, runs: Sequence[TriadRun]) -> FreeTumble:
-    return solve_free_tumble(
-        runs, spec.library, _triad_prior(spec)[0], sensor=spec.sensor_class, rules=_rules(spec)
-    )
-
-
-def _rules(spec: SensorSpec) -> dict[str, NoiseRule]:
-    return {s.name: s.noise for s in spec.runs}
-
-
-def _before_fit(spec: SensorSpec) -> dict[str, NoiseRule]:
-    """Noise rules that need no fit: what the study gives, else the class's typical noise, else white."""
-    typical = typical_noise(spec.sensor_class) if spec.sensor_class else None
-    usual = NoiseRule("fixed", typical) if typical else NoiseRule("white")
-    return {s.name: s.noise if s.noise.rule == "fixed" and s.noise.value else usual for s in spec.runs}
-
-
-def _prior(spec: SensorSpec, runs: Sequence[Run], summary: Summary) -> tuple[ScalePrior, str]:
-    """Physical prior of a component, and where it comes from in words."""
-    if spec.sensor_class:
-        return _overridden(class_sd(spec.sensor_class, spec.library), spec, [spec.library])
-    swing = max(float(np.max(np.abs(deviation(r, spec.library)))) for r in runs)
-    return _overridden(weak_sd(np.array(list(summary.reach.values())), swing), spec, [spec.library])
-
-
-def _triad_prior(spec: SensorSpec) -> tuple[ScalePrior, str]:
-    libraries = triad_of(spec.library).libraries
-    if spec.sensor_class is None:
-        raise StudyError(
-            f"sensor '{spec.id}': a free tumble needs a class: the directions alone give no prior"
+def _between_sessions(
+    results: Sequence[tuple[SensorSpec, Sequence[SensorResult]]],
+) -> tuple[Repeatability, ...]:
+    """Compare the units that were tested in several sessions."""
+    estimates = [
+        SessionEstimate(
+            unit=spec.unit,
+            session=spec.session,
+            component=result.id.removeprefix(spec.id).removeprefix("."),
+            term=term.name,
+            si=term.unit,
+            printed=term.printed,
+            mean=term.full_mean,
+            sd=term.full_sd,
+            prior_sd=term.prior_sd,
         )
-    return _overridden(
-        np.concatenate([class_sd(spec.sensor_class, lib) for lib in libraries]), spec, libraries
-    )
+        for spec, components in results
+        if spec.unit
+        for result in components
+        for term in result.selection.terms
+    ]
+    return repeatability(estimates)
 
 
-def _overridden(sd: np.ndarray, spec: SensorSpec, libraries: Sequence[Library]) -> tuple[ScalePrior, str]:
-    """Prior with the study's own sds in place of the class's."""
-    names = [name for lib in libraries for name in lib.names]
-    values = [spec.prior.get(name, usual) for name, usual in zip(names, sd.tolist(), strict=True)]
-    given = [name for name in dict.fromkeys(names) if name in spec.prior]
-    source = (
-        f"typical magnitudes of class {spec.sensor_class.id}"
-        if spec.sensor_class
-        else "no class is named: each term alone may move the output by its whole range"
-    )
-    return ScalePrior(values), f"{source}; {', '.join(given)} from the study" if given else source
-
-
-def _nominal(spec: SensorSpec, component: str) -> tuple[float, float]:
-    """Scale (SI per file unit) and offset (file units) that the study gives a component's column."""
-    column = spec.runs[0].columns.get(component)
-    if column is None:
-        return 1.0, 0.0
-    unit = factor(column.unit, "m/s^2") if column.unit and column.scale is None else 1.0
-    return column.scale or unit, column.offset or 0.0
+def _file_name(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "sensor"

@@ -5,12 +5,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 
 import imubayes
-from imubayes.cli import main
-from imubayes.errors import ConvergenceError
+from imubayes.campaign import Sampling, Study
+from imubayes.cli import Method, main
+from imubayes.config.shapes import HeaderTable
+from imubayes.errors import ConvergenceError, InputError
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.terms import library
 
@@ -23,6 +26,7 @@ STUDY = """
 [study]
 title = "small tumble"
 seed = 1
+method = "exact"
 
 [[sensor]]
 id = "ACC-1"
@@ -99,6 +103,63 @@ def test_results_go_under_the_studys_name_by_default(study, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert _call(monkeypatch, "run", str(study)) == 0
     assert (tmp_path / "reports" / "small" / "result.json").exists()
+
+
+def _sampling(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Sampling:
+    """How the command line wants a study to be sampled."""
+    came: list[Sampling] = []
+
+    def caught(study: Study, **_: object) -> None:
+        came.append(study.sampling)
+        raise InputError("seen enough")
+
+    monkeypatch.setattr("imubayes.study.run", caught)
+    assert _call(monkeypatch, "run", *arguments) == 2
+    (sampling,) = came
+    return sampling
+
+
+SAMPLED = STUDY.replace('"exact"\n', '"full"\n[sampling]\ness = 50\n')
+
+
+def test_sampling_is_the_studys_where_the_command_line_is_silent(study, tmp_path, monkeypatch):
+    study.write_text(SAMPLED)
+    assert _sampling(monkeypatch, str(study), "--out", str(tmp_path)) == Sampling(
+        "full", 50.0, 600.0, checkpoints=tmp_path / "chains", resume=False
+    )
+
+
+def test_command_line_wins_over_the_study(study, tmp_path, monkeypatch):
+    study.write_text(SAMPLED)
+    options = ("--method", "collapsed", "--time-limit", "5 min", "--ess", "300")
+    assert _sampling(monkeypatch, str(study), "--out", str(tmp_path), *options) == Sampling(
+        "collapsed", 300.0, 300.0, checkpoints=tmp_path / "chains", resume=False
+    )
+
+
+def test_chains_are_resumed_where_there_are_checkpoints(study, tmp_path, monkeypatch):
+    (tmp_path / "chains").mkdir()
+    (tmp_path / "chains" / "ACC-1.h5").touch()
+    study.write_text(SAMPLED)
+    sampling = _sampling(monkeypatch, str(study), "--out", str(tmp_path), "--resume")
+    assert sampling == Sampling("full", 50.0, 600.0, checkpoints=tmp_path / "chains", resume=True)
+
+
+def test_resumed_run_gives_the_result_of_the_run_that_it_resumes(study, tmp_path, monkeypatch):
+    out = tmp_path / "results"
+    asked = ("run", str(study), "--out", str(out), "--method", "collapsed", "--ess", "40")
+    results = []
+    for options in ((), ("--resume",)):
+        assert _call(monkeypatch, *asked, *options) == 0
+        assert [path.name for path in (out / "chains").iterdir()] == ["ACC-1.h5"]
+        (sensor,) = json.loads((out / "result.json").read_text())["sensors"]
+        results.append((sensor["method"], sensor["terms"]))
+    assert results[0][0] == "collapsed"
+    assert results[1] == results[0]
+
+
+def test_methods_of_the_command_line_are_those_of_a_study():
+    assert tuple(Method) == get_args(get_type_hints(HeaderTable)["method"])
 
 
 def test_simulated_files_give_the_result_of_the_simulated_study(study, tmp_path, monkeypatch):

@@ -15,16 +15,21 @@ import pytest
 from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
+from imubayes.campaign import ExtraPosterior, Sampling
 from imubayes.config import read_study, shapes
 from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
+from imubayes.inference.linear import Extra
+from imubayes.inference.sessions import Repeatability
 from imubayes.reporting.results import result_dict
 from imubayes.reporting.rows import MARKS
+from imubayes.reporting.sampled_results import extra_entry, session_entry
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
+from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
 from imubayes.study import run
-from imubayes.units import factor
+from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -33,12 +38,14 @@ STUDY = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
 
 SHAPES = {
     "[study]": shapes.HeaderTable,
+    "[sampling]": shapes.SamplingTable,
     "[[sensor]]": shapes.SensorTable,
     "[sensor.library]": shapes.LibraryTable,
     "[[sensor.run]]": shapes.RunTable,
     "gravity": shapes.SiteTable,
     "[sensor.run.columns]": shapes.ColumnTable,
     **shapes.SIMULATED,
+    "[[appendix]]": shapes.AppendixTable,
 }
 """Shape of the table that each section of docs/study.md describes."""
 
@@ -63,7 +70,7 @@ def _sections() -> dict[str, list[list[str]]]:
 
 
 SECTIONS = _sections()
-KEYS = [(section, *row) for section in (*SHAPES, "noise") for row in SECTIONS[section]]
+KEYS = [(section, *row) for section in (*SHAPES, "noise", "[sensor.reference]") for row in SECTIONS[section]]
 """(section, key, value, default, meaning, example) of every documented key."""
 
 
@@ -143,7 +150,7 @@ def _anchor(title: str) -> str:
 def test_every_shape_of_a_study_has_its_section():
     there = {one for one in vars(shapes).values() if inspect.isclass(one) and is_pydantic_dataclass(one)}
     assert there == {*SHAPES.values(), shapes.StudyFile}
-    assert {field.name for field in fields(shapes.StudyFile)} == {"study", "sensor"}
+    assert {field.name for field in fields(shapes.StudyFile)} == {"study", "sampling", "sensor", "appendix"}
 
 
 @pytest.mark.parametrize("section", SHAPES)
@@ -157,6 +164,14 @@ def test_documented_keys_of_noise_are_those_that_it_takes(tmp_path):
         _read(tmp_path, _hosted("noise", {"zzz": "1"}))
 
 
+def test_documented_errors_of_the_bench_have_the_catalogues_sizes():
+    rows = {_code(row[0])[0]: _code(row[2]) for row in SECTIONS["[sensor.reference]"]}
+    assert list(rows) == list(KINDS)
+    for name, default in rows.items():
+        taken = [quantity(text.strip('"'), KINDS[name].unit) for text in default]
+        assert taken == pytest.approx([KINDS[name].default] if KINDS[name].default else [], rel=1e-14)
+
+
 READ = {"name": "case", "procedure": "other", "file": "case.csv"}
 MADE = {"name": "case", "procedure": "tumble", "simulate": {}}
 FREE = READ | {"procedure": "free-tumble", "gravity": "9.8 m/s^2"}
@@ -164,6 +179,8 @@ LOG = {"name": "log", "procedure": "static", "file": "log.csv"}
 NEEDED: dict[str, dict[str, Any]] = {
     "gravity": {"latitude": "1 deg", "height": "1 m"},
     "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
+    "[[sensor]]": {"unit": "U", "session": "1"},
+    "[[appendix]]": {"title": "Case", "file": "case.csv"},
     "noise": {"N": "1 mg/sqrt(Hz)"},
     "static": {"duration": "1 min", "rate": "1 Hz"},
     "rate-table": {"rates": ["1 deg/s"]},
@@ -171,18 +188,24 @@ NEEDED: dict[str, dict[str, Any]] = {
 }
 """Keys that most tables of a section cannot do without."""
 
+ALONE = {("noise", "run"), ("[sensor.run.columns]", "unit")}
+"""Keys that do not go with those."""
+
 
 def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     """Study with a table of a section, and of all else no more than it needs."""
-    study, sensor = {}, {"id": "A", "kind": "accelerometer", "class": "mems_tactical", "run": [READ, LOG]}
-    content = given if given.keys() & {"run", "unit"} else NEEDED.get(section, {}) | given
+    others, sensor = {}, {"id": "A", "kind": "accelerometer", "class": "mems_tactical", "run": [READ, LOG]}
+    alone = any((section, key) in ALONE for key in given)
+    content = given if alone else NEEDED.get(section, {}) | given
     match section:
-        case "[study]":
-            study = content
+        case "[study]" | "[sampling]":
+            others = {section.strip("[]"): content}
+        case "[[appendix]]":
+            others = {"appendix": [content]}
         case "[[sensor]]":
             sensor |= ({"run": [MADE]} if "truth" in given else {}) | content
-        case "[sensor.library]":
-            sensor["library"] = content
+        case "[sensor.library]" | "[sensor.reference]":
+            sensor[section.strip("[]").partition(".")[2]] = content
         case "[[sensor.run]]" if "gravity" in given:
             sensor["run"] = [FREE | content]
         case "[[sensor.run]]":
@@ -190,17 +213,20 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
         case "gravity":
             sensor["run"] = [FREE | {"gravity": content}]
         case "[sensor.run.columns]":
-            sensor["run"] = [READ | {"columns": {"output": content}}]
+            channel, own = ("t", {"scale": "1 us/count"}) if "wraps" in given else ("output", {})
+            sensor["run"] = [READ | {"columns": {channel: content | own}}]
         case "noise":
             sensor["run"] = [READ | {"noise": content}, LOG]
         case _:
             sensor["run"] = [MADE | {"procedure": section, "simulate": content}]
-    return {"study": study, "sensor": [sensor]}
+    return {**others, "sensor": [sensor]}
 
 
 def _read(folder: Path, tables: dict[str, Any]):
     path = folder / "case.toml"
     path.write_text("\n".join(toml_lines(tables)), encoding="utf-8")
+    for appendix in tables.get("appendix", []):
+        (folder / appendix["file"]).write_text("sampler,ESS/s\nstretch,430\n")
     return read_study(path)
 
 
@@ -222,7 +248,7 @@ def test_documented_example_of_a_key_is_accepted(section, example, tmp_path):
     [
         (section, *_code(key), *_code(default))
         for section, key, _, default, *_ in KEYS
-        if section in (*PROFILES, "[study]", "[sensor.library]") and _code(default)
+        if section in (*PROFILES, "[study]", "[sampling]", "[sensor.library]") and _code(default)
     ],
 )
 def test_documented_default_is_the_one_that_is_taken(section, key, default, tmp_path):
@@ -231,6 +257,8 @@ def test_documented_default_is_the_one_that_is_taken(section, key, default, tmp_
         (sensor,) = _read(tmp_path, _hosted(section, {key: value})).sensors
         taken = inspect.signature(PROFILES[section]).parameters[key].default
         assert (sensor.runs[0].simulate or {})[key] == pytest.approx(taken, rel=1e-14)
+    elif section == "[sampling]":
+        assert _read(tmp_path, _hosted(section, {key: value})).sampling == Sampling()
     else:
         taken = {field.name: field.default for field in fields(SHAPES[section])}[key]
         assert (tuple(value) if isinstance(value, list) else value) == taken
@@ -299,8 +327,30 @@ def test_study_of_own_data_finds_what_the_sensor_does(own_result):
         assert terms[name].mean == pytest.approx(value, abs=4.0 * terms[name].sd)
 
 
+def _documented_results() -> dict[str, set[str]]:
+    """Keys of each table under Results, by the table's name."""
+    tables: dict[str, set[str]] = {}
+    names: set[str] = set()
+    for row in SECTIONS["Results"]:
+        if row[1]:
+            names |= set(_code(row[0]))
+        else:
+            names = tables.setdefault(*_code(row[0]), set())
+    return tables
+
+
 def test_documented_keys_of_results_are_those_written(own_result):
     document = result_dict(own_result)
-    written = {*document, *document["sensors"][0], *document["sensors"][0]["terms"][0]}
-    documented = {name for row in SECTIONS["Results"] for name in _code(row[0])}
-    assert documented - {"result.json", "sensors[]", "terms[]"} == written
+    sensor = document["sensors"][0]
+    extra = ExtraPosterior(Extra("gravity", "gravity", 1.0, "m/s^2", "ug", "gravity"), 0.0, 1.0, ())
+    row = np.zeros((1, 1))
+    session = Repeatability("b0", "", "", ("U",), ("1",), row, row, row[None], 1.0, (0.0, 0.0, 0.0), False)
+    written = {
+        "result.json": document,
+        "sensors[]": sensor,
+        "terms[]": sensor["terms"][0],
+        "mcmc": sensor["mcmc"],
+        "extras[]": extra_entry(extra),
+        "sessions[]": session_entry(session),
+    }
+    assert _documented_results() == {name: set(table) for name, table in written.items()}

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes import preparation
 from imubayes import study as method
-from imubayes.campaign import SensorSpec, Study
+from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.rig.inputs import TriadRun
 from imubayes.rig.runs import RunSpec
@@ -43,8 +44,10 @@ def spec(**changes):
     return replace(usual, **changes)
 
 
-def small(*sensors, seed=1):
-    return Study("small", seed, sensors or (spec(),), Path("small.toml"), "")
+def small(*sensors, seed=1, **sampling):
+    """A study by the exact method, unless told otherwise."""
+    how = Sampling(**{"method": "exact", **sampling})
+    return Study("small", seed, sensors or (spec(),), Path("small.toml"), "", how)
 
 
 def numbers(verdict: TermVerdict):
@@ -106,14 +109,14 @@ def test_a_sensor_s_result_does_not_depend_on_those_after_it():
 def test_check_does_not_look_at_outputs(quickstart, monkeypatch):
     """The same words and numbers, whatever the sensor said."""
     plain = method.check(quickstart)[0]
-    simulated = method.simulate_sensor
+    simulated = preparation.simulate_sensor
 
     def other_output(spec, seed, index):
         runs, truth = simulated(spec, seed, index)
         rng = np.random.default_rng(9)
         return tuple(replace(r, output=1e3 * rng.normal(size=len(r.output))) for r in runs), truth
 
-    monkeypatch.setattr(method, "simulate_sensor", other_output)
+    monkeypatch.setattr(preparation, "simulate_sensor", other_output)
     other = method.check(quickstart)[0]
     np.testing.assert_allclose(other.observability.ratio, plain.observability.ratio, rtol=1e-10)
     assert [g.terms for g in other.observability.groups] == [g.terms for g in plain.observability.groups]
@@ -171,6 +174,81 @@ def test_noise_of_a_static_log_is_taken_over():
     (sensor,) = method.run(small(spec(runs=(tumble, log)))).sensors
     assert sensor.runs[0].noise == sensor.runs[1].noise
     assert [run.noise_origin for run in sensor.runs] == ["run log", "REML"]
+
+
+def test_estimated_noise_is_averaged_over_and_hardly_moves_what_a_long_test_says():
+    exact, averaged = (method.run(small(method=m)).sensors[0] for m in ("exact", "auto"))
+    assert (exact.method, averaged.method) == ("exact", "collapsed")
+    assert exact.chains is None
+    assert "tumble" in averaged.method_reason
+    assert averaged.chains.diagnostics.converged
+    assert averaged.chains.names == tuple(t.name for t in averaged.selection.terms)
+    for a, b, plug_in in zip(
+        exact.selection.terms, averaged.selection.terms, averaged.selection.plug_in, strict=True
+    ):
+        assert plug_in == pytest.approx(a.inclusion, abs=1e-9)
+        assert b.inclusion == pytest.approx(a.inclusion, abs=0.1), a.name
+        assert abs(b.full_mean - a.full_mean) < 0.5 * a.full_sd, a.name
+
+
+def test_chains_and_averaged_components_are_one_posterior():
+    """The full library's moments come from the chains and, by another way, from sixteen exact whitenings."""
+    (sensor,) = method.run(small(method="collapsed")).sensors
+    theta = sensor.chains.theta.reshape(-1, len(sensor.selection.terms))
+    for k, term in enumerate(sensor.selection.terms):
+        error = term.full_sd * (4.0 / np.sqrt(len(theta)) + 1.0 / np.sqrt(16.0) * 0.5)
+        assert abs(theta[:, k].mean() - term.full_mean) < error, term.name
+        assert theta[:, k].std() == pytest.approx(term.full_sd, rel=0.15), term.name
+
+
+def test_given_noise_is_exact_and_says_why():
+    given = NoiseRule("fixed", Noise(6e-4, 4e-4, 1e-6))
+    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=given),)
+    (sensor,) = method.run(small(spec(runs=runs), method="auto")).sensors
+    assert sensor.method == "exact"
+    assert "given" in sensor.method_reason
+
+
+def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_path):
+    first = method.run(small(method="full", time_limit=1e-3, checkpoints=tmp_path)).sensors[0].chains
+    assert not first.diagnostics.converged
+    assert np.isfinite(first.theta).all()
+    resumed = method.run(small(method="full", checkpoints=tmp_path, resume=True)).sensors[0].chains
+    assert resumed.diagnostics.converged
+    assert resumed.diagnostics.seconds > first.diagnostics.seconds
+    whole = method.run(small(method="full")).sensors[0].chains
+    np.testing.assert_array_equal(resumed.theta, whole.theta)
+
+
+def test_sessions_of_a_unit_are_compared():
+    sensors = [spec(id=f"A{k}", unit="A", session=str(k)) for k in (1, 2, 3)]
+    sessions = method.run(small(*sensors)).sessions
+    by_name = {one.parameter: one for one in sessions}
+    assert by_name["b0"].sessions == ("1", "2", "3")
+    # one truth behind all three: nothing separates them but noise
+    assert not any(one.exceeds for one in sessions)
+    assert method.run(small()).sessions == ()
+
+
+def test_errors_of_the_bench_become_columns_with_a_posterior():
+    (sensor,) = method.run(small(spec(reference={"gravity": 1e-3}))).sensors
+    (gravity,) = sensor.extras
+    assert gravity.extra.kind == "gravity"
+    b1_prior = sensor.selection.terms[1].prior_sd * 9.80665
+    # the test sees b1 g + dg alone: what is left of dg's prior is what b1's own leaves it
+    assert gravity.sd == pytest.approx(1e-3 * b1_prior / np.hypot(b1_prior, 1e-3), rel=0.02)
+    plain = {t.name: t for t in method.run(small()).sensors[0].selection.terms}
+    b1 = next(t for t in sensor.selection.terms if t.name == "b1")
+    assert b1.full_sd > 3.0 * plain["b1"].full_sd
+    assert b1.full_sd == pytest.approx(gravity.sd / 9.80665, rel=0.05)
+
+
+def test_errors_of_the_bench_are_sampled_like_coefficients():
+    (sensor,) = method.run(small(spec(reference={"gravity": 1e-3}), method="full")).sensors
+    names = sensor.chains.names
+    assert names[-1] == "gravity"
+    (gravity,) = sensor.extras
+    assert sensor.chains.theta[..., -1].std() == pytest.approx(gravity.sd, rel=0.1)
 
 
 def test_what_cannot_be_told_names_its_sensor():

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign import SensorSpec, Study
+from imubayes.config.run_tables import located
 from imubayes.errors import StudyError
+from imubayes.preparation import simulate_sensor
 from imubayes.rig.record import write_run
-from imubayes.study import simulate_sensor
 
 TRUTH = "truth.json"
 """Coefficients of the simulated sensors, SI, by sensor and term."""
@@ -49,6 +50,8 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
+    for table in tables.get("appendix", []):
+        table["file"] = str(located(table["file"], study.path.parent).resolve())
     return (*files, *_written(folder, study, tables, truths))
 
 

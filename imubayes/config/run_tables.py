@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import asdict
 from pathlib import Path
@@ -31,6 +32,9 @@ DATA_VARIABLE = "IMUBAYES_DATA"
 DATA_DEFAULT = Path("../shared/data")
 """Folder of public data where the variable is not set, relative to the folder that holds ``studies/``."""
 
+_COUNTABLE = 2.0**53
+"""Whole numbers beyond this one have gaps in double precision."""
+
 
 def run_spec(raw: object, kind: Kind, folder: Path, place: Place) -> RunSpec:
     """Check one run of a sensor.
@@ -58,7 +62,7 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place) -> RunSpec:
     return RunSpec(
         name=run.name,
         procedure=run.procedure,
-        file=None if run.file is None else _located(run.file, folder),
+        file=None if run.file is None else located(run.file, folder),
         shown=run.file or "",
         columns=_columns(run, kind, place.at("columns")),
         gravity=_local_gravity(run, place.at("gravity")),
@@ -98,8 +102,8 @@ def _noise(raw: dict[str, Any], unit: str, place: Place) -> Noise:
     return Noise(N, B, K)
 
 
-def _located(file: str, folder: Path) -> Path:
-    """Path of a run's file: absolute, in the folder of public data, or relative to the study."""
+def located(file: str, folder: Path) -> Path:
+    """Path of a study's file: absolute, in the folder of public data, or relative to the study."""
     variable, slash, rest = file.partition("/")
     if variable == f"${DATA_VARIABLE}" and slash:
         data = os.environ.get(DATA_VARIABLE)
@@ -117,15 +121,19 @@ def _columns(run: RunTable, kind: Kind, place: Place) -> dict[str, ColumnSpec]:
         if channel not in known:
             raise here.error(f"is not a channel of this run: {hint(channel, known)}")
         table = shaped(ColumnTable, raw if isinstance(raw, dict) else {"column": raw}, here)
+        if table.wraps and channel != "t":
+            raise here.at("wraps").error("only the clock, channel t, wraps around: leave it out")
         columns[channel] = _column(table, channel_unit(channel, OUTPUT_UNIT[kind]), here)
     return columns
 
 
 def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
-    """Scale (SI per file unit) and offset (in file units) of a column, from quantities with units."""
+    """Scale (SI per file unit), offset and wrap (in file units) of a column, from quantities with units."""
     if table.unit is None:
-        if table.scale or table.offset:
-            raise place.error('scale and offset need the unit of the file\'s numbers, such as unit = "count"')
+        if table.scale or table.offset or table.wraps:
+            raise place.error(
+                'scale, offset and wraps need the unit of the file\'s numbers, such as unit = "count"'
+            )
         return ColumnSpec(table.column)
     with place.at("unit").blamed():
         size = units.factor(table.unit, table.unit if table.scale else like)
@@ -136,7 +144,17 @@ def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
             raise place.at("scale").error("expected a scale that is not zero")
     if table.offset is not None:
         offset = quantity(table.offset, table.unit, place.at("offset")) / size
-    return ColumnSpec(table.column, table.unit, scale, offset)
+    return ColumnSpec(table.column, table.unit, scale, offset, _wrap(table, size, place.at("wraps")))
+
+
+def _wrap(table: ColumnTable, size: float, place: Place) -> float | None:
+    """Where a clock starts again, in file units; what lost its last bit on the way from SI is whole again."""
+    if table.wraps is None:
+        return None
+    wraps = quantity(table.wraps, table.unit or "", place, positive=True) / size
+    if wraps > _COUNTABLE:
+        raise place.error(f"expected at most 2^53 of the file's unit, came {shown(table.wraps)}")
+    return float(round(wraps)) if math.isclose(wraps, round(wraps), rel_tol=1e-14) else wraps
 
 
 def _local_gravity(run: RunTable, place: Place) -> float | None:

@@ -99,6 +99,8 @@ class StudyFile:
 
     sensor: list[Table] = Field(default_factory=list)
     study: Table = Field(default_factory=dict)
+    sampling: Table = Field(default_factory=dict)
+    appendix: list[Table] = Field(default_factory=list)
 
 
 @shape(config=_STRICT, frozen=True)
@@ -107,6 +109,25 @@ class HeaderTable:
 
     title: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
+    method: Literal["auto", "exact", "collapsed", "full"] = "auto"
+
+
+@shape(config=_STRICT, frozen=True)
+class SamplingTable:
+    """``[sampling]``."""
+
+    ess: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
+    time_limit: _Seconds = 600.0
+
+
+@shape(config=_STRICT, frozen=True)
+class AppendixTable:
+    """``[[appendix]]``."""
+
+    title: _Text
+    file: _Text
+    note: str = ""
+    command: str = ""
 
 
 @shape(config=_STRICT, frozen=True)
@@ -121,6 +142,10 @@ class SensorTable:
     noise: Any = None
     truth: Table = Field(default_factory=dict)
     prior: Table = Field(default_factory=dict)
+    reference: Table = Field(default_factory=dict)
+    robust: bool = False
+    unit: _Text | None = None
+    session: _Text | None = None
 
 
 @shape(config=_STRICT, frozen=True)
@@ -164,6 +189,7 @@ class ColumnTable:
     unit: _Text | None = None
     scale: _Text | None = None
     offset: _Text | None = None
+    wraps: _Text | None = None
 
 
 @shape(config=_STRICT, frozen=True)
@@ -258,6 +284,19 @@ def quantity(text: object, like: str, place: Place, *, positive: bool = False) -
         return _measured(like, positive=positive)(text)
     except ValueError as error:
         raise place.error(f"{error}, came {shown(text)}") from None
+
+
+def unique(names: Sequence[str], key: str, place: Place) -> None:
+    """Refuse a name that an earlier table of the list here has.
+
+    Raises
+    ------
+    StudyError : naming both tables.
+    """
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            first = place.at(names.index(name)).key
+            raise place.at(k).at(key).error(f"'{name}' is the {key} of {first} already: expected another")
 
 
 def hint(key: str, known: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ from imubayes.sensors.terms import Library, columns
 
 if TYPE_CHECKING:
     from imubayes.inference.reml import Blocks
-    from imubayes.inference.whiten import Rows
+    from imubayes.inference.whiten import Processes, Rows
 
 FloatArray = NDArray[np.float64]
 
@@ -64,14 +64,14 @@ class Linear:
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """A column that is no term of the sensor: an error of the reference, an offset of a dwell.
+    """A column that is no term of the sensor: an error of the reference.
 
     It is in every model, under its own normal prior with mean zero.
 
     Attributes
     ----------
     name : unique among the columns, such as ``gravity`` or ``fixture_j.tumble.2``.
-    kind : what it is an instance of: ``gravity``, ``fixture``, ``distrusted``.
+    kind : what it is an instance of: ``gravity``, ``fixture``.
     sd : of its prior, SI.
     unit : SI unit.
     printed : unit that people use.
@@ -133,6 +133,13 @@ def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
     return left
 
 
+def reach_of(rows: Linear) -> FloatArray:
+    """Largest size (p,) of each column."""
+    starts = range(0, len(rows), CHUNK)
+    parts = (rows.columns(a, min(a + CHUNK, len(rows))) for a in starts)
+    return np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
+
+
 def blocks_of(rows: Linear) -> Blocks:
     """Averages over short blocks that never reach across a gap."""
     from imubayes.inference.reml import Blocks, block_edges
@@ -172,8 +179,15 @@ def within_blocks(rows: Linear) -> FloatArray:
     return algebra.triangular(parts(), len(rows.names) + 1)
 
 
-def whitened_factor(rows: Linear, noise: Noise) -> tuple[Factor, FloatArray]:
-    """Factor of all rows, whitened, and the largest size (p,) of each column."""
+def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) -> tuple[Factor, FloatArray]:
+    """Factor of all rows, whitened, and the largest size (p,) of each column.
+
+    Parameters
+    ----------
+    rows : of a run.
+    noise : N, B, K, SI.
+    parts : the processes that stand for B; by default those that matter beside the white noise.
+    """
     from imubayes.inference.whiten import whiten, whitener
 
     n, p = len(rows), len(rows.names)
@@ -182,11 +196,11 @@ def whitened_factor(rows: Linear, noise: Noise) -> tuple[Factor, FloatArray]:
         b = min(a + CHUNK, n)
         table[a:b, :p] = rows.columns(a, b)
     table[:, p] = rows.y
-    parts = tuple(algebra.row_blocks(n))
-    reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in parts], axis=0)
-    w = whitener(noise, rows.rows)
+    blocks = tuple(algebra.row_blocks(n))
+    reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
+    w = whitener(noise, rows.rows, parts)
     whiten(w, table)
-    R = algebra.triangular((table[i:j] for i, j in parts), p + 1)
+    R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
     return Factor(rows.names, R, n, w.log_det), reach
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.factor import Factor, add, posterior, row_blocks, triangular
-from imubayes.inference.linear import Linear, blocks_of, residuals, whitened_factor
+from imubayes.inference.linear import Extra, Linear, blocks_of, residuals, whitened_factor
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reml import Blocks, NoiseEstimate, estimate
 from imubayes.inference.stills import Stills, find_stills
@@ -76,6 +76,7 @@ def solve_free_tumble(
     *,
     sensor: SensorClass | None = None,
     rules: Rules | None = None,
+    gravity: Extra | None = None,
 ) -> FreeTumble:
     """Linearise free tumbles of one triad until they settle.
 
@@ -86,6 +87,7 @@ def solve_free_tumble(
     prior : of the triad's terms, in the order of `triad.triad_of(lib).names`.
     sensor : class whose noise prior steers the estimate.
     rules : how the noise is known, by run.
+    gravity : error of the local gravity, if it is allowed for: all lengths are then off by it.
 
     Raises
     ------
@@ -94,19 +96,24 @@ def solve_free_tumble(
     """
     stills = [find_stills(run) for run in runs]
     _check_stills(sum(map(len, stills)))
+    extras = () if gravity is None else (gravity,)
+    sds = np.concatenate((prior.sd, [extra.sd for extra in extras]))
     triad, every = triad_of(lib), [(rules or {}).get(run.name, NoiseRule()) for run in runs]
     noises = [_start(run, s, rule) for run, s, rule in zip(runs, stills, every, strict=True)]
     for turn in range(ROUNDS):
-        rows = [blocks_of(_rows(triad, run, s)) for run, s in zip(runs, stills, strict=True)]
+        linear = [_rows(triad, run, s, extras) for run, s in zip(runs, stills, strict=True)]
+        rows = [blocks_of(part) for part in linear]
         if turn == NOISE_ROUND:
-            noises = _judged(rows, noises, every, prior, sensor)
+            noises = _judged(rows, noises, every, sds, sensor)
             noises = _borrowed(noises, every, [run.name for run in runs])
-        parts = (_factor(part, found.noise, triad.names) for part, found in zip(rows, noises, strict=True))
-        theta, sd = posterior(reduce(add, parts), prior.sd)
-        settled = turn > NOISE_ROUND and bool(np.all(np.abs(theta - triad.theta) <= SETTLED * sd))
-        triad = replace(triad, theta=theta)
+        names = linear[0].names
+        parts = (_factor(part, found.noise, names) for part, found in zip(rows, noises, strict=True))
+        theta, sd = posterior(reduce(add, parts), sds)
+        terms, spread = theta[: len(triad.theta)], sd[: len(triad.theta)]
+        settled = turn > NOISE_ROUND and bool(np.all(np.abs(terms - triad.theta) <= SETTLED * spread))
+        triad = replace(triad, theta=terms)
         if settled:
-            return _outcome(runs, stills, triad, noises, every)
+            return _outcome(runs, (stills, noises, every), triad, extras, theta)
     raise ConvergenceError(f"the free tumble did not settle in {ROUNDS} rounds", triad)
 
 
@@ -129,7 +136,7 @@ def _judged(
     rows: Sequence[Blocks],
     noises: Sequence[NoiseEstimate],
     rules: Sequence[NoiseRule],
-    prior: ScalePrior,
+    sd: FloatArray,
     sensor: SensorClass | None,
 ) -> list[NoiseEstimate]:
     """Noise estimated where the rule says so.
@@ -138,7 +145,7 @@ def _judged(
     """
     of_class = noise_prior(sensor) if sensor else None
     return [
-        estimate(part, of_class, prior.sd) if rule.rule == "estimate" else noise
+        estimate(part, of_class, sd) if rule.rule == "estimate" else noise
         for part, noise, rule in zip(rows, noises, rules, strict=True)
     ]
 
@@ -153,7 +160,7 @@ def _borrowed(
     ]
 
 
-def _rows(triad: Triad, run: TriadRun, stills: Stills) -> Linear:
+def _rows(triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, ...]) -> Linear:
     """Linearised rows of the stills."""
     means = np.array([run.output[a:b].mean(axis=0) for a, b in stills])
     f = triad.compensate(means)
@@ -161,13 +168,14 @@ def _rows(triad: Triad, run: TriadRun, stills: Stills) -> Linear:
     w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
     X = np.hstack([w[:, [c]] * phi for c, phi in enumerate(triad.regressors(f))])
     base = length - run.gravity + X @ triad.theta
+    X = np.hstack((X, np.ones((len(X), len(extras)))))  # gravity: every length is off by as much
     index = np.concatenate([np.arange(a, b) for a, b in stills])
     still = np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
     t = run.t[index]
     return Linear(
         name=run.name,
         procedure=run.procedure,
-        names=triad.names,
+        names=(*triad.names, *(extra.name for extra in extras)),
         t=t,
         duration=durations(t, run.interval),
         interval=run.interval,
@@ -186,13 +194,14 @@ def _factor(part: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
 
 def _outcome(
     runs: Sequence[TriadRun],
-    stills: Sequence[Stills],
+    found: tuple[Sequence[Stills], Sequence[NoiseEstimate], Sequence[NoiseRule]],
     triad: Triad,
-    noises: Sequence[NoiseEstimate],
-    rules: Sequence[NoiseRule],
+    extras: tuple[Extra, ...],
+    theta: FloatArray,
 ) -> FreeTumble:
     """Summary on all samples of the stills, at the settled linearisation."""
-    rows = tuple(_rows(triad, run, s) for run, s in zip(runs, stills, strict=True))
+    stills, noises, rules = found
+    rows = tuple(_rows(triad, run, s, extras) for run, s in zip(runs, stills, strict=True))
     summaries = tuple(
         _run_summary(run, s, part, noise, rule)
         for run, s, part, noise, rule in zip(runs, stills, rows, noises, rules, strict=True)
@@ -203,10 +212,11 @@ def _outcome(
         runs=summaries,
         library=triad.libraries[0],
         facts=Facts("accelerometer", constant_force=True, one_sided=False, reference_free=True),
-        reach=dict(zip(triad.names, reach.tolist(), strict=True)),
+        reach=dict(zip(rows[0].names, reach.tolist(), strict=True)),
+        extras=extras,
     )
     left = tuple(
-        (residuals(part, triad.theta), part.rows, _forces(triad, run, s))
+        (residuals(part, theta), part.rows, _forces(triad, run, s))
         for part, run, s in zip(rows, runs, stills, strict=True)
     )
     return FreeTumble(summary, triad, left, rows)

@@ -1,13 +1,82 @@
-"""Repeatability: the same parameter of the same unit in independent sessions."""
+"""Repeatability: the same parameter of the same unit in independent sessions.
+
+Posteriors of two sessions share their prior, and are drawn to zero by it together. What a session says by
+itself is its likelihood, which is the Gaussian posterior divided by the prior; pulls, scatter and the sd
+between sessions are those of the likelihoods. Of unit u in session s::
+
+    y_us = mu_u + delta_us + e_us,    delta_us ~ N(0, tau^2),    e_us ~ N(0, sd_us^2)
+
+with mu_u integrated out flat and tau alike for all units. Whatever changes from one power-up to the next is
+in tau: the turn-on of the sensor, and the temperature where nothing holds it.
+
+Two things that the scatter does not show. Where a test sees a term only beside others, these move it alike in
+all sessions of a unit: sd_us counts that, so that probabilities err to the large side. And a cause that moves
+all units alike, as temperature does, is seen as often as there are sessions, not units: see
+`Repeatability.shared`.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from imubayes.errors import StudyError
 
 FloatArray = NDArray[np.float64]
+
+TOLD = 0.19
+"""Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
+0.9 prior sds, which the verdicts call unresolved."""
+
+TESTED = 1e-6
+"""Share above which a session excited a parameter at all."""
+
+SUSPECT = 0.01
+"""Probability of the scatter below which the posteriors' sds do not explain it."""
+
+EDGE = 1e5
+"""How far the grid of tau reaches below the smallest scale of a problem and above its largest."""
+
+STEP = 0.01
+"""Step of the grid in ln tau; the posterior's own width there is 0.1 at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """What is compared: ``ax.b0``, or ``b0`` for all axes together; its SI unit, and the one people use."""
+
+    name: str
+    unit: str
+    printed: str
+
+
+@dataclass(frozen=True, slots=True)
+class SessionEstimate:
+    """What one session says of one parameter of a unit.
+
+    Attributes
+    ----------
+    unit, session : which unit, and when.
+    component : of a triad (``ax``); empty for a single component.
+    term : name of the term.
+    si, printed : SI unit, and the one people use.
+    mean, sd : posterior under the full library, SI.
+    prior_sd : of the zero-mean prior in that posterior, SI.
+    """
+
+    unit: str
+    session: str
+    component: str
+    term: str
+    si: str
+    printed: str
+    mean: float
+    sd: float
+    prior_sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,10 +91,16 @@ class Repeatability:
     units : u units.
     sessions : s sessions.
     mean, sd : (u, s) posterior of the full library, SI; NaN where a unit lacks a session.
-    pulls : (u, s, s) difference of two sessions over the sd of their difference.
-    p_value : probability of so large a scatter if nothing but the posteriors' sds separated the sessions.
-    between : (mean, q05, q95) of the sd between sessions, SI, from its posterior.
+    pulls : (u, s, s) difference of two sessions over the sd of their difference, without the prior; NaN
+        where a session lacks or cannot tell.
+    p_value : probability of so large a scatter if nothing but the posteriors' sds separated the sessions;
+        NaN where the sessions cannot tell.
+    between : (mean, q05, q95) of the sd between sessions, SI, from its posterior, as if units moved
+        independently; NaN as above.
     exceeds : whether the scatter exceeds what the posteriors allow.
+    shared : share of the scatter about the units' means that all units have in common: 1/u by chance, 1 for
+        a cause that moves them alike, such as temperature, of which `between` then knows less than it says;
+        NaN with fewer than two complete units.
     """
 
     parameter: str
@@ -39,3 +114,194 @@ class Repeatability:
     p_value: float
     between: tuple[float, float, float]
     exceeds: bool
+    shared: float = math.nan
+
+    @property
+    def told(self) -> bool:
+        """Whether the sessions say anything of the parameter; if not, this test cannot tell."""
+        return not math.isnan(self.p_value)
+
+
+def repeatability(estimates: Iterable[SessionEstimate]) -> tuple[Repeatability, ...]:
+    """Compare the sessions of every parameter that a session excited.
+
+    Parameters
+    ----------
+    estimates : of all units, sessions, components and terms.
+
+    Returns
+    -------
+    in the order of the estimates: each term for all axes of a triad together, then for each of them. Terms
+    of which the data say too little are there, with ``told`` false.
+
+    Raises
+    ------
+    StudyError : if a session of a unit is there twice.
+    """
+    tested = [e for e in estimates if 1.0 - (e.sd / e.prior_sd) ** 2 > TESTED]
+    found: list[Repeatability] = []
+    for term in dict.fromkeys(e.term for e in tested):
+        alike = [e for e in tested if e.term == term]
+        components = dict.fromkeys(e.component for e in alike)
+        groups = [[e for e in alike if e.component == component] for component in components]
+        pooled = [_compared(term, alike)] if len(groups) > 1 else []
+        found += [*pooled, *(_compared(_joined(group[0].component, term), group) for group in groups)]
+    return tuple(one for one in found if _repeated(one))
+
+
+def compare_sessions(
+    parameter: Parameter,
+    mean: ArrayLike,
+    sd: ArrayLike,
+    prior_sd: ArrayLike,
+    *,
+    units: Sequence[str],
+    sessions: Sequence[str],
+) -> Repeatability:
+    """Pulls, scatter and sd between sessions of one parameter.
+
+    Parameters
+    ----------
+    parameter : its name and units.
+    mean, sd : (u, s) posteriors, SI; NaN where a unit lacks a session.
+    prior_sd : of the zero-mean prior in each posterior, SI; broadcast to (u, s).
+    units, sessions : names of rows and columns.
+
+    Examples
+    --------
+    >>> bias = Parameter("b0", "m/s^2", "mg")
+    >>> found = compare_sessions(
+    ...     bias, [[0.010, 0.013]], [[0.001, 0.001]], 0.4, units=("A",), sessions=("1", "2")
+    ... )
+    >>> round(float(found.pulls[0, 1, 0]), 2), round(found.p_value, 3), found.exceeds
+    (2.12, 0.034, False)
+    """
+    means, sds = np.asarray(mean, dtype=float), np.asarray(sd, dtype=float)
+    prior = np.broadcast_to(np.asarray(prior_sd, dtype=float), means.shape)
+    value, error = without_prior(means, sds, prior)
+    rows = np.isfinite(value).sum(axis=1) >= 2
+    nothing = (math.nan, math.nan, math.nan)
+    p = _scatter_p(value[rows], error[rows]) if rows.any() else math.nan
+    return Repeatability(
+        parameter=parameter.name,
+        unit=parameter.unit,
+        printed=parameter.printed,
+        units=tuple(units),
+        sessions=tuple(sessions),
+        mean=means,
+        sd=sds,
+        pulls=_pulls(value, error),
+        p_value=p,
+        between=between_sd(value[rows], error[rows], float(np.nanmedian(prior))) if rows.any() else nothing,
+        exceeds=p < SUSPECT,
+        shared=_shared(value),
+    )
+
+
+def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd of the likelihood: the posterior divided by its zero-mean prior.
+
+    NaN where the posterior is hardly narrower than the prior (see `TOLD`): the data then cannot tell.
+
+    Examples
+    --------
+    >>> value, error = without_prior(np.array([1.0, 0.0]), np.array([0.6, 0.99]), np.array([1.0, 1.0]))
+    >>> value.round(4).tolist(), error.round(4).tolist()
+    ([1.5625, nan], [0.75, nan])
+    """
+    share = 1.0 - (sd / prior_sd) ** 2
+    share = np.where(share >= TOLD, share, math.nan)
+    return mean / share, sd / np.sqrt(share)
+
+
+def between_sd(value: FloatArray, error: FloatArray, scale: float) -> tuple[float, float, float]:
+    """Mean, 5 % and 95 % points of the posterior of the sd between sessions.
+
+    The prior of tau is half-Cauchy (Gelman, Bayesian Analysis 2006). Its scale is the prior sd of the
+    parameter: a coefficient that changed by more than its class's size at every power-up would not be called
+    one. It is flat for the much smaller changes that sensors have, and its tail keeps the posterior proper
+    where two sessions of one unit are all there is.
+
+    Parameters
+    ----------
+    value, error : (u, s) likelihoods, two at least of each unit; NaN where a session lacks or cannot tell.
+    scale : of the prior of tau, in the units of `value`.
+    """
+    from scipy.integrate import cumulative_trapezoid
+
+    spread = float(np.nanmax(np.abs(value - np.nanmean(value, axis=1, keepdims=True))))
+    sizes = [scale, float(np.nanmin(error)), float(np.nanmax(error)), spread]
+    low, high = math.log(min(sizes[:3]) / EDGE), math.log(max(sizes) * EDGE)
+    x = np.linspace(low, high, math.ceil((high - low) / STEP))
+    tau = np.exp(x)
+    log_density = _log_likelihood(tau, value, error) - np.log1p((tau / scale) ** 2) + x
+    density = np.exp(log_density - log_density.max())
+    mass = cumulative_trapezoid(density, x, initial=0.0)
+    mean = np.trapezoid(density * tau, x) / mass[-1]
+    q05, q95 = np.exp(np.interp([0.05, 0.95], mass / mass[-1], x)).tolist()
+    return float(mean), q05, q95
+
+
+def _log_likelihood(tau: FloatArray, value: FloatArray, error: FloatArray) -> FloatArray:
+    """Of each tau (m,), with the means of the units integrated out flat; up to a constant."""
+    known, y, e = np.isfinite(value), np.nan_to_num(value), np.nan_to_num(error)
+    variance = np.where(known, e**2 + tau[:, None, None] ** 2, 1.0)
+    weight = known / variance
+    total = weight.sum(axis=2)
+    left = y - (weight * y).sum(axis=2)[..., None] / total[..., None]
+    terms = np.log(variance).sum(axis=2) + np.log(total) + (weight * left**2).sum(axis=2)
+    return -0.5 * terms.sum(axis=1)
+
+
+def _scatter_p(value: FloatArray, error: FloatArray) -> float:
+    """Chi-square probability of the scatter about the units' means."""
+    from scipy.special import gammaincc
+
+    known, y = np.isfinite(value), np.nan_to_num(value)
+    weight = np.where(known, error**-2.0, 0.0)
+    left = y - (weight * y).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
+    freedom = int(known.sum()) - len(value)
+    return float(gammaincc(0.5 * freedom, 0.5 * float((weight * left**2).sum())))
+
+
+def _pulls(value: FloatArray, error: FloatArray) -> FloatArray:
+    difference = value[:, :, None] - value[:, None, :]
+    return difference / np.hypot(error[:, :, None], error[:, None, :])
+
+
+def _shared(value: FloatArray) -> float:
+    """Share of the scatter that is the mean over the units, from the units with all sessions."""
+    whole = value[np.isfinite(value).all(axis=1)]
+    left = whole - whole.mean(axis=1, keepdims=True) if len(whole) else whole
+    total = float((left**2).sum())
+    if len(whole) < 2 or total == 0.0:
+        return math.nan
+    return len(whole) * float((left.mean(axis=0) ** 2).sum()) / total
+
+
+def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
+    """Arrange the estimates of one parameter by unit and session, and compare them."""
+    several = len({e.component for e in group}) > 1
+    cells: dict[tuple[str, str], SessionEstimate] = {}
+    for e in group:
+        cell = (_joined(e.unit, e.component) if several else e.unit, e.session)
+        if cell in cells:
+            raise StudyError(
+                f"session '{e.session}' of unit '{e.unit}' is there twice: expected one sensor for each"
+                " session of a unit; give them different sessions, or put their runs into one sensor"
+            )
+        cells[cell] = e
+    units, sessions = (tuple(dict.fromkeys(cell[k] for cell in cells)) for k in (0, 1))
+    table = np.full((3, len(units), len(sessions)), math.nan)
+    for (unit, session), e in cells.items():
+        table[:, units.index(unit), sessions.index(session)] = e.mean, e.sd, e.prior_sd
+    first = Parameter(name, group[0].si, group[0].printed)
+    return compare_sessions(first, *table, units=units, sessions=sessions)
+
+
+def _joined(first: str, second: str) -> str:
+    return ".".join(part for part in (first, second) if part)
+
+
+def _repeated(one: Repeatability) -> bool:
+    return bool(np.any(np.isfinite(one.mean).sum(axis=1) >= 2))

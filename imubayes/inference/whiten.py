@@ -91,6 +91,13 @@ def processes(rows: Rows, shortest: float = 0.0) -> Processes:
     return Processes(variance[slow], tau[slow])
 
 
+def mattering(noise: Noise, rows: Rows) -> Processes:
+    """Return the processes that make flicker noise where it is not hidden by the white noise."""
+    if noise.B == 0.0:
+        return Processes(np.empty(0), np.empty(0))
+    return processes(rows, 0.1 * (noise.N / noise.B) ** 2)
+
+
 def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whitener:
     """Factor the covariance of the noise in `rows`.
 
@@ -100,12 +107,7 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     rows : when the rows were taken.
     parts : the processes that stand for B; by default those that matter beside the white noise.
     """
-    if parts is None:
-        parts = (
-            processes(rows, 0.1 * (noise.N / noise.B) ** 2)
-            if noise.B > 0.0
-            else Processes(np.empty(0), np.empty(0))
-        )
+    parts = mattering(noise, rows) if parts is None else parts
     duration = _common(rows.duration)
     x = duration[:, None] / parts.tau
     start = rows.t[0] - 0.5 * rows.duration[0]
@@ -116,7 +118,7 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     U[:, : len(parts.tau)] = averaging
     V[:, : len(parts.tau)] = averaging * variance
     a = np.empty(len(rows.t))
-    a[:] = noise.N**2 / duration + (variance * _own(x)).sum(axis=1)
+    a[:] = noise.N**2 / duration + (variance * averaged_variance(x)).sum(axis=1)
     if walk:
         V[:, -1] = noise.K**2 * (rows.t - start)
         a += noise.K**2 * (rows.t - start - duration / 6.0)
@@ -141,7 +143,7 @@ def _averaging(x: FloatArray) -> FloatArray:
     return np.sinh(0.5 * x) / (0.5 * x)
 
 
-def _own(x: FloatArray) -> FloatArray:
+def averaged_variance(x: FloatArray) -> FloatArray:
     """Variance of the average of a unit process over x time constants: 2 (x - 1 + exp(-x)) / x^2."""
     small = 1.0 - x / 3.0 + x * x / 12.0 - x**3 / 60.0
     return np.where(x < 1e-3, small, 2.0 * (x + np.expm1(-x)) / np.maximum(x, 1e-3) ** 2)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.factor import Factor, invert_triangular
+from imubayes.inference.triad import COMPONENTS
 from imubayes.rig.inputs import Facts
+from imubayes.rig.reference import HEADS, KINDS, kind_of
 
 FloatArray = NDArray[np.float64]
 
@@ -21,7 +23,8 @@ UNSEEN = 1.0
 """Effect of a prior-sized combination, in noise sd, below which the data say less of it than the prior."""
 
 SHARE = 0.1
-"""Smallest share of the largest contribution to a cancellation that makes a term part of it."""
+"""Smallest share of the largest contribution to a cancellation that makes a term part of it, and of a term's
+posterior sd that makes it part of what an error of the test bench hides."""
 
 ROUNDING = 1e-4
 """Residual of a cancellation, relative to the columns, that the few decimals of a rig's inputs explain."""
@@ -84,12 +87,14 @@ class Observability:
         """Terms that `name` is confounded with, in the order of the model equation.
 
         Exact cancellations that share a term add up to others, so all their terms are confounded with each
-        other, whichever basis of the null space `groups` happens to be.
+        other, whichever basis of the null space `groups` happens to be. An error of the test bench that hides
+        two terms does not make them partners.
         """
         together = {name}
         for _ in self.groups:
+            shared = {name, *(term for term in together if _head(term) not in HEADS)}
             for group in self.groups:
-                if group.exact and not together.isdisjoint(group.terms):
+                if group.exact and not shared.isdisjoint(group.terms):
                     together.update(group.terms)
         together.update(*(group.terms for group in self.groups if name in group.terms))
         return tuple(other for other in self.names if other in together and other != name)
@@ -131,8 +136,11 @@ def observe(
     T = np.asarray(np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r"))
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
     largest = factor.column_norms if reach is None else np.array([reach[name] for name in factor.names])
-    exact = tuple(_exact(A, size, largest * sd))
-    combinations = (*exact, *_below_noise(A, size, exact))
+    bench = tuple(HEADS.get(_head(name), "") for name in factor.names)
+    exact = tuple(_exact(A, size, largest * sd, _late(bench)))
+    # that the data say little of an error of the test bench by itself is no news
+    faint = (c for c in _below_noise(A, size, exact) if not bench[int(np.argmax(np.abs(c.v)))])
+    combinations = (*_felt(exact, bench, ratio), *faint)
     groups = tuple(_group(factor.names, c, A, sd, facts) for c in combinations)
     alone = 1.0 / np.sqrt(1.0 + size**2)
     return Observability(factor.names, tested, ratio, alone, _inflation(A, size, tested), groups)
@@ -147,14 +155,21 @@ class _Combination:
     exact: bool
 
 
-def _exact(A: FloatArray, size: FloatArray, effect: FloatArray) -> Iterator[_Combination]:
+def _exact(
+    A: FloatArray, size: FloatArray, effect: FloatArray, late: NDArray[np.intp]
+) -> Iterator[_Combination]:
     """Combinations that cancel to the digits of the inputs, and that the data say less of than the prior.
 
-    `effect` (p,) is that of a prior-sized coefficient, for its share in the cancellation.
+    `effect` (p,) is that of a prior-sized coefficient, for its share in the cancellation; `late` (p,) are the
+    columns in the order in which they are taken for pivots, last first.
     """
     where = np.flatnonzero(size > 0.0)
     _, d, Vt = _all_singular(A[:, where] / size[where])
-    for row in _sparse(Vt[d <= ROUNDING * d[:1]]):
+    near = np.linalg.qr((Vt[d <= ROUNDING * d[:1]] / size[where]).T)[0]
+    _, seen, turn = _all_singular(A[:, where] @ near)
+    order = np.searchsorted(where, late[size[late] > 0.0])
+    basis = np.linalg.qr(size[where, None] * (near @ turn[seen < UNSEEN].T))[0].T
+    for row in _sparse(basis, order):
         v = _embed(row / size[where], where, len(size))
         v /= np.linalg.norm(v)
         share = np.abs(v) * effect
@@ -168,12 +183,41 @@ def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...
     taken = np.array([c.v[where] for c in exact]).reshape(len(exact), len(where))
     rest = np.linalg.qr(taken.T, mode="complete")[0][:, len(exact) :]
     _, d, Vt = _all_singular(A[:, where] @ rest)
-    for row in _sparse(Vt[d < UNSEEN] @ rest.T):
+    for row in _sparse(Vt[d < UNSEEN] @ rest.T, np.arange(len(where))):
         v = _embed(row / np.linalg.norm(row), where, len(size))
         effect = np.abs(v) * size
         part = (effect >= SHARE * effect.max()) & (effect >= VISIBLE * np.abs(v).max())
         if np.sum(part) >= 2:
             yield _Combination(v, part, exact=False)
+
+
+def _late(bench: tuple[str, ...]) -> NDArray[np.intp]:
+    """Columns in the order of the model equation, but those of single mounts first.
+
+    They are many: each term that they hide is told with all of them.
+    """
+    mounts = np.array([kind != "" and kind_of(kind).each == "mount" for kind in bench])
+    return np.concatenate([np.flatnonzero(mounts), np.flatnonzero(~mounts)])
+
+
+def _felt(
+    exact: tuple[_Combination, ...], bench: tuple[str, ...], ratio: FloatArray
+) -> Iterator[_Combination]:
+    """Combinations without the terms that the errors of the test bench in them hardly hide.
+
+    A rotation about the input axis moves a misalignment by the product of two small angles: that cancels as
+    exactly as others do, and matters to nobody.
+    """
+    terms = np.array([kind == "" for kind in bench])
+    directions = np.array([c.v for c in exact]).reshape(len(exact), len(ratio))
+    unseen = np.linalg.norm(np.linalg.qr(directions.T)[0], axis=1)  # (p,) of the whole null space
+    most = SHARE * np.abs(directions).max(axis=0, initial=0.0)
+    for c in exact:
+        hidden = (unseen >= SHARE * ratio) & (np.abs(c.v) >= most)
+        part = c.part if terms[c.part].all() else c.part & (hidden | ~terms)
+        kinds = {bench[k] for k in np.flatnonzero(part)}
+        if np.sum(part) > 1 and ("" in kinds or (len(kinds) > 1 and not terms[c.part].any())):
+            yield replace(c, part=part)
 
 
 def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -182,15 +226,15 @@ def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return U, np.concatenate((d, np.zeros(A.shape[1] - len(d)))), Vt
 
 
-def _sparse(basis: FloatArray) -> FloatArray:
+def _sparse(basis: FloatArray, order: NDArray[np.intp]) -> FloatArray:
     """Basis of the same span in reduced echelon form: each vector has a pivot term that no other has.
 
     Singular vectors of one singular value mix what has nothing to do with each other, and differ from machine
-    to machine; the echelon form is unique. Later terms are pivots first: they are refinements.
+    to machine; the echelon form is unique. Later columns of the order are pivots first: they are refinements.
     """
     basis, done = basis.copy(), 0
     for floor in (PIVOT, 0.0):
-        for column in range(basis.shape[1] - 1, -1, -1):
+        for column in order[::-1]:
             if done == len(basis):
                 break
             row = done + int(np.argmax(np.abs(basis[done:, column])))
@@ -213,7 +257,10 @@ def _group(
     names: tuple[str, ...], c: _Combination, A: FloatArray, sd: FloatArray, facts: Facts
 ) -> Confounded:
     terms = tuple(name for name, inside in zip(names, c.part, strict=True) if inside)
-    reason, remedy = _words(frozenset(name.rpartition(".")[2] for name in terms), facts)
+    heads = frozenset(_head(name) for name in terms)
+    if not c.exact and len(heads - HEADS.keys()) > 1:
+        heads -= HEADS.keys()  # a passenger where terms alone look alike
+    reason, remedy = _words(heads, facts)
     seen = 1.0 / float(np.sqrt(1.0 + np.linalg.norm(A @ c.v) ** 2))
     return Confounded(terms, tuple((c.v * sd)[c.part].tolist()), seen, c.exact, reason, remedy)
 
@@ -230,17 +277,48 @@ def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> Fl
     return out
 
 
+def _head(name: str) -> str:
+    """Name of a column without where it is: ``b0`` of ``ax.b0``, ``fixture_j`` of ``fixture_j.tumble.2``."""
+    first, _, rest = name.partition(".")
+    return rest if first in COMPONENTS else first
+
+
 def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     """Reason and remedy of a cancellation."""
+    bench = [kind for kind in _BENCH if any(HEADS.get(name) == kind for name in terms)]
+    if bench:
+        return _bench_words(bench, sorted(name for name in terms if name not in HEADS))
     if facts.reference_free:
         return "only |f| = g is known of each still", "a tumble with known directions would separate them"
     for applies, reason, remedy in _REASONS:
         if applies(terms, facts):
             own = "f_i" if facts.kind == "accelerometer" else "w_i"
             return reason.format(own=own), remedy[facts.kind]
-    driven = sorted(terms - {"b0"})[:2]
+    driven = sorted(terms - {"b0"} - HEADS.keys())[:2]
     return "", f"a run in which the input of {' or '.join(driven)} changes by itself would separate them"
 
+
+def _bench_words(kinds: list[str], terms: list[str]) -> tuple[str, str]:
+    """Reason and remedy where errors of the test bench take part in a cancellation."""
+    errors = " and ".join(f"the {KINDS[kind].text}" for kind in kinds)
+    acts = "acts" if len(kinds) == 1 else "act"
+    as_terms = f"as {', '.join(terms)} {'does' if len(terms) == 1 else 'do'}" if terms else "alike"
+    return f"{errors} {acts} on the output {as_terms}", f"{_BENCH[kinds[0]]} would separate them"
+
+
+_BENCH = {
+    "turn_on": "more runs, with the sensor turned off before each,",
+    "fixture_common": "a run with the case turned over in its fixture, or a survey of its faces,",
+    "fixture": "a run with the case turned over in its fixture, or a survey of its faces,",
+    "table_zero": "a tumble in three planes, or in both senses of rotation,",
+    "plane_zero": "a tumble in three planes, or in both senses of rotation,",
+    "latency": "one clock for rig and sensor",
+    "gravity": "a survey of local gravity",
+    "radius": "a tumble, or a survey of the arm,",
+    "arm_stretch": "a survey of the arm under load",
+    "rate_scale": "a count of whole turns against a clock",
+}
+"""What separates each kind of error of the test bench from the terms that it hides."""
 
 _MORE_LEVELS = {
     "accelerometer": "a centrifuge run at several levels with the input axis both ways would separate them",

@@ -26,7 +26,9 @@ __all__ = [
     "areas",
     "dots",
     "draw",
+    "draw_triangle",
     "few_ticks",
+    "log_scale",
     "no_ticks",
     "plain_logs",
     "sticks",
@@ -48,6 +50,9 @@ VERDICT_COLOURS = {
     "untested": GREY,
 }
 """Okabe and Ito's colours, which people with any colour vision tell apart; a shape goes with each."""
+
+SERIES = (ACCENT, "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
+"""Colours of ensembles or sessions beside each other, of the same two authors."""
 
 WIDTH = 350
 """px: panels flow beside each other on a desk, and one fits the width of a telephone."""
@@ -129,12 +134,47 @@ def draw(
     across, up = WIDTH - space.left - space.right, height - space.top - space.bottom
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(WIDTH / 72.0, height / 72.0), dpi=72)
-        axes = figure.add_axes((space.left / WIDTH, space.bottom / height, across / WIDTH, up / height))
-        paint(axes)
-        buffer = io.StringIO()
-        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
-    return Panel(title, _inline(buffer.getvalue(), key, alt, height))
+        paint(figure.add_axes((space.left / WIDTH, space.bottom / height, across / WIDTH, up / height)))
+        return Panel(title, _inline(_svg(figure), key, alt, (WIDTH, height)))
+
+
+def draw_triangle(
+    paint: Callable[[Axes, int, int], None],
+    n: int,
+    *,
+    title: str,
+    alt: str,
+    key: str,
+    cell: int = 108,
+) -> Panel:
+    """Draw every pair of `n` quantities: small axes in the lower triangle of a square, and its diagonal.
+
+    Parameters
+    ----------
+    paint : draws on the axes of a (row, column), ``column <= row``.
+    n : rows.
+    title, alt, key : as of `draw`.
+    cell : px of each axes' side.
+    """
+    space, gap = Margins(left=78, bottom=58), 10
+    size = n * cell + (n - 1) * gap
+    width, height = size + space.left + space.right, size + space.top + space.bottom
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
+        for row in range(n):
+            bottom = space.bottom + (n - 1 - row) * (cell + gap)
+            for column in range(row + 1):
+                left = space.left + column * (cell + gap)
+                box = (left / width, bottom / height, cell / width, cell / height)
+                paint(figure.add_axes(box), row, column)
+        return Panel(title, _inline(_svg(figure), key, alt, (width, height)))
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
+    return buffer.getvalue()
 
 
 def dots(axes: Axes, x: FloatArray, y: FloatArray, color: str = GREY, size: float = 2.4) -> None:
@@ -164,13 +204,19 @@ def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> No
 
 def plain_logs(axes: Axes) -> None:
     """Label log axes with plain numbers: at 1, 10, 100 over many decades, at 1, 2, 5 over few."""
-    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        steps = (
-            (1.0,) if high > 300.0 * low else (1.0, 3.0) if high > 10.0 * low else (1.0, 2.0, 3.0, 5.0, 7.0)
-        )
-        axis.set_major_locator(LogLocator(subs=steps, numticks=12))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_locator(NullLocator())
+    log_scale(axes, "x")
+    log_scale(axes, "y")
+
+
+def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
+    """Give one axis a log scale with at most so many plain numbers."""
+    axis, limits = (axes.xaxis, axes.get_xlim) if which == "x" else (axes.yaxis, axes.get_ylim)
+    axes.set(**{f"{which}scale": "log"})
+    low, high = limits()
+    steps = (1.0,) if high > 300.0 * low else (1.0, 3.0) if high > 10.0 * low else (1.0, 2.0, 3.0, 5.0, 7.0)
+    axis.set_major_locator(LogLocator(subs=steps, numticks=numbers))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
 
 
 def no_ticks(axes: Axes, which: str = "y") -> None:
@@ -184,7 +230,7 @@ def _broken(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.column_stack([first, second, np.full(len(first), np.nan)]).ravel()
 
 
-def _inline(svg: str, key: str, alt: str, height: int) -> str:
+def _inline(svg: str, key: str, alt: str, size: tuple[int, int]) -> str:
     """Strip what a page does not need, and make the ids unique in it."""
     body = svg[svg.index(">", svg.index("<svg")) + 1 :]
     for pattern, replacement in _STRIPPED:
@@ -194,8 +240,9 @@ def _inline(svg: str, key: str, alt: str, height: int) -> str:
     body = body.replace('href="#', f'href="#{key}').replace("url(#", f"url(#{key}")
     body = _LONG_NUMBER.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), body)
     body = _EMPTY_GROUP.sub(r"\1", body)
-    size = f'viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}"'
-    return f'<svg {size} role="img" aria-label="{escape(alt)}">{body}'
+    width, height = size
+    box = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
+    return f'<svg {box} role="img" aria-label="{escape(alt)}">{body}'
 
 
 _STRIPPED = (

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imubayes.errors import InputError
-from imubayes.reporting.posterior import write_posterior
+from imubayes.reporting.posterior import write_posterior, written_draws
 from imubayes.reporting.results import command, result_json, versions
 from imubayes.reporting.rounding import pretty, superscript
 from imubayes.reporting.rows import MARKS, shortened
-from imubayes.reporting.views import overview, run_groups, sensor_views, sources
+from imubayes.reporting.session_views import session_view
+from imubayes.reporting.views import MANY, overview, run_groups, sensor_views, sources
 from imubayes.reporting.words import probability
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def report_html(result: StudyResult) -> str:
         "chance": probability,
         "short": shortened,
         "amount": _amount,
+        "numeric": _is_numeric,
         "plain": lambda value: f"{value:.7g}",
     }
     return environment.get_template("report.html.j2").render(
@@ -87,6 +89,9 @@ def report_html(result: StudyResult) -> str:
         versions=versions(),
         command=command(result.study),
         overview=overview(result) if len(result.sensors) > 1 else (),
+        many=len(result.sensors) > MANY,
+        sessions=session_view(result),
+        draws=written_draws(result),
     )
 
 
@@ -101,3 +106,14 @@ def _amount(value: float) -> str:
     if value < 600.0:
         return f"{value:.4g} s"
     return f"{value / 60.0:.3g} min" if value < 36000.0 else f"{value / 3600.0:.3g} h"
+
+
+def _is_numeric(text: str) -> bool:
+    """Whether a cell from elsewhere holds a number, to be aligned on the right.
+
+    Examples
+    --------
+    >>> _is_numeric("12,000"), _is_numeric("3.1 s"), _is_numeric("full")
+    (True, True, False)
+    """
+    return text.strip().lstrip("+-−<>~ ")[:1].isdigit()

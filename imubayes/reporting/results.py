@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
-from imubayes.reporting.rows import best_models, candidates, own_groups, own_names
+from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
+from imubayes.reporting.sampled_results import (
+    column_moments,
+    distrusted_entry,
+    extra_entry,
+    mcmc_block,
+    noise_posterior,
+    session_entry,
+)
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, Study, StudyResult
@@ -31,6 +39,8 @@ def result_dict(result: StudyResult) -> dict[str, Any]:
         "seed": result.study.seed,
         "sensors": [_sensor(sensor) for sensor in result.sensors],
         "scenes": [],
+        "sessions": [session_entry(found) for found in result.sessions],
+        "appendices": [{"title": a.title, "command": a.command} for a in result.study.appendices],
         "provenance": provenance(result.study),
     }
     return _plain(document)
@@ -52,8 +62,9 @@ def provenance(study: Study) -> dict[str, Any]:
 
 
 def command(study: Study) -> str:
-    """Command that repeats the study."""
-    return f"imubayes run {study.path}"
+    """Command that repeats the study; with the method where one was asked for."""
+    asked = study.sampling.method
+    return f"imubayes run {study.path}" + ("" if asked == "auto" else f" --method {asked}")
 
 
 @cache
@@ -62,7 +73,7 @@ def versions() -> dict[str, str]:
     return {
         "imubayes": imubayes.__version__,
         "python": platform.python_version(),
-        **{name: _version(name) for name in ("numpy", "celerite2", "numba")},
+        **{name: _version(name) for name in ("numpy", "celerite2", "numba", "emcee")},
     }
 
 
@@ -75,18 +86,27 @@ def _version(distribution: str) -> str:
 
 def _sensor(sensor: SensorResult) -> dict[str, Any]:
     selection = sensor.selection
+    moments, plug_in = column_moments(sensor), plug_in_inclusion(selection)
     return {
         "id": sensor.id,
         "kind": sensor.kind,
         "class": sensor.class_id or None,
         "samples": sensor.samples,
         "noise": {run.name: {"N": run.noise.N, "B": run.noise.B, "K": run.noise.K} for run in sensor.runs},
-        "terms": [_term(term) for term in selection.terms],
+        "noise_posterior": noise_posterior(sensor.chains),
+        "method": sensor.method,
+        "method_reason": sensor.method_reason,
+        "terms": [
+            _term(term) | _sampled_term(moments.get(term.name), plug_in.get(term.name))
+            for term in selection.terms
+        ],
         "model": list(selection.model),
         "log_evidence": selection.log_evidence,
         "criteria": {},
         "sindy": {},
-        "mcmc": _draws(sensor),
+        "mcmc": mcmc_block(sensor),
+        "extras": [extra_entry(entry) for entry in sensor.extras],
+        "distrusted": [distrusted_entry(dwell) for dwell in sensor.distrusted],
         "n_models": selection.models.n_models,
         "best_models": [{"terms": list(names), "probability": p} for names, p in best_models(selection)],
         "by_size": selection.models.by_size,
@@ -126,17 +146,10 @@ def _term(term: TermVerdict) -> dict[str, Any]:
     }
 
 
-def _draws(sensor: SensorResult) -> dict[str, Any]:
-    """Diagnostics of independent draws: each one counts in full, and there is nothing to accept or to mix."""
-    m = len(sensor.draws)
-    return {
-        "sampler": "exact",
-        "draws": m,
-        "ess_min": float(m),
-        "rhat_max": 1.0,
-        "acceptance": 1.0,
-        "seconds": sensor.seconds,
-    }
+def _sampled_term(moments: tuple[float, float] | None, plug_in: float | None) -> dict[str, Any]:
+    """Add what the chains say of a term; null where there are none."""
+    mean, sd = moments or (None, None)
+    return {"plug_in_inclusion": plug_in, "mcmc_mean": mean, "mcmc_sd": sd}
 
 
 def _confounded(group: Confounded) -> dict[str, Any]:

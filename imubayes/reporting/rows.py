@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
@@ -25,10 +26,14 @@ from imubayes.units import factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
+    from imubayes.inference.linear import Extra
+    from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.summary import RunSummary
     from imubayes.planning.observability import Confounded
     from imubayes.selection.decision import Selection
     from imubayes.selection.verdicts import TermVerdict
+
+FloatArray = NDArray[np.float64]
 
 MARKS = {
     "needed": ("●", "*", "bold green"),
@@ -79,6 +84,7 @@ class TermRow:
 def term_rows(sensor: SensorResult) -> tuple[TermRow, ...]:
     """Rows of the term table, in the order of the model equation."""
     labels = {term.name: label(term) for term in sensor.selection.terms}
+    labels |= {entry.extra.name: bench_label(entry.extra) for entry in sensor.extras}
     return tuple(_term_row(term, sensor.kind, labels) for term in sensor.selection.terms)
 
 
@@ -91,7 +97,8 @@ def _term_row(term: TermVerdict, kind: Kind, labels: dict[str, str]) -> TermRow:
     elif shows == "limit":
         size = below(term.limit95 / unit, term.printed)
     effect = _effect(term.effect, kind) if shows == "value" else None
-    return TermRow(term, size, shows, effect, tuple(labels.get(name, name) for name in term.confounded_with))
+    partners = dict.fromkeys(labels.get(name, name) for name in term.confounded_with)
+    return TermRow(term, size, shows, effect, tuple(partners))
 
 
 _SHOWS = {"not needed": "limit", "inseparable": "shared", "unresolved": "none", "untested": "none"}
@@ -107,13 +114,17 @@ def own_names(selection: Selection) -> dict[str, str]:
 
 
 def own_groups(selection: Selection) -> tuple[Confounded, ...]:
-    """Pick the groups that hold a term of this component (a triad has more), by the terms' names."""
+    """Pick the groups that hold a term of this component (a triad has more), by the terms' names.
+
+    Several directions may hold the same terms: they are said once.
+    """
     names = own_names(selection)
-    return tuple(
-        replace(group, terms=tuple(names.get(column, column) for column in group.terms))
-        for group in selection.observability.groups
-        if any(column in names for column in group.terms)
-    )
+    found: dict[tuple[str, ...], Confounded] = {}
+    for group in selection.observability.groups:
+        if any(column in names for column in group.terms):
+            terms = tuple(names.get(column, column) for column in group.terms)
+            found.setdefault(terms, replace(group, terms=terms))
+    return tuple(found.values())
 
 
 def candidates(selection: Selection) -> tuple[str, ...]:
@@ -126,6 +137,19 @@ def best_models(selection: Selection) -> tuple[tuple[tuple[str, ...], float], ..
     """Most probable models, best first: (names of the terms, probability)."""
     names = own_names(selection)
     return tuple((tuple(names.get(c, c) for c in model), p) for model, p in selection.models.best)
+
+
+def bench_label(extra: Extra) -> str:
+    """Short label of a column that is no term: what it is an instance of, such as ``fixture``."""
+    return extra.kind.replace("_", " ")
+
+
+def plug_in_inclusion(selection: Selection) -> dict[str, float]:
+    """Inclusion of each term at the estimated noise, where it is averaged over the noise's posterior."""
+    if not selection.plug_in:
+        return {}
+    names = (term.name for term in selection.terms)
+    return dict(zip(names, selection.plug_in, strict=True))
 
 
 def label(term: TermVerdict) -> str:
@@ -169,15 +193,19 @@ class NoiseRow:
         return tuple(f"{name} below {cell}" if limit else f"{name} {cell}" for name, cell, limit in pairs)
 
 
-def noise_row(run: RunSummary, kind: Kind) -> NoiseRow:
-    """Noise of a run as its row in the noise table."""
-    values = (run.noise.N, run.noise.B, run.noise.K)
-    scales = [per_unit(unit, si) for unit, si in zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True)]
-    vague = tuple(sd > VAGUE for sd in run.noise_sd)
-    cells = tuple(
-        _noise_cell(value / scale, sd, unit)
-        for value, scale, sd, unit in zip(values, scales, run.noise_sd, NOISE_UNITS[kind], strict=True)
-    )
+def noise_row(run: RunSummary, kind: Kind, chains: Chains | None = None) -> NoiseRow:
+    """Noise of a run as its row in the noise table: by its chains where it was sampled."""
+    units = NOISE_UNITS[kind]
+    scales = [per_unit(unit, si) for unit, si in zip(units, NOISE_SI[kind], strict=True)]
+    draws = noise_draws(run, chains)
+    if draws is None:
+        values = zip((run.noise.N, run.noise.B, run.noise.K), scales, run.noise_sd, units, strict=True)
+        told = [_noise_cell(value / scale, sd, unit) for value, scale, sd, unit in values]
+    else:
+        parts = zip(draws.T, scales, units, strict=True)
+        told = [_sampled_cell(part / scale, unit) for part, scale, unit in parts]
+    (N, no_N), (B, no_B), (K, no_K) = told
+    origin = run.noise_origin if draws is None else "chains"
     expected = tuple(
         (
             str(measured(median / scale * math.exp(-ENDS * sd), 0.0)),
@@ -185,14 +213,30 @@ def noise_row(run: RunSummary, kind: Kind) -> NoiseRow:
         )
         for (median, sd), scale in zip(run.noise_prior, scales, strict=False)
     )
-    return NoiseRow(
-        run.name, run.noise_origin, (cells[0], cells[1], cells[2]), (vague[0], vague[1], vague[2]), expected
-    )
+    return NoiseRow(run.name, origin, (N, B, K), (no_N, no_B, no_K), expected)
 
 
-def _noise_cell(value: float, sd: float, unit: str) -> Measured:
+def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:
+    """Draws (m, 3) of a run's N, B, K in SI; None where they were not sampled."""
+    if chains is None or run.noise_run not in chains.runs:
+        return None
+    draws = chains.noise[:, :, chains.runs.index(run.noise_run)].reshape(-1, 3)
+    return draws if np.any(draws != draws[0]) else None
+
+
+def _noise_cell(value: float, sd: float, unit: str) -> tuple[Measured, bool]:
     """Print a log-normal estimate: with its sd, or as a limit where a factor of two is within one sd."""
-    return below(value * math.exp(ENDS * sd), unit) if sd > VAGUE else measured(value, value * sd, unit)
+    if sd > VAGUE:
+        return below(value * math.exp(ENDS * sd), unit), True
+    return measured(value, value * sd, unit), False
+
+
+def _sampled_cell(draws: FloatArray, unit: str) -> tuple[Measured, bool]:
+    """Print draws: mean and sd, or what 95 % are below where a factor of two is within one sd."""
+    positive = draws[draws > 0.0]
+    if len(positive) and float(np.std(np.log(positive))) > VAGUE:
+        return below(float(np.quantile(draws, 0.95)), unit), True
+    return measured(float(draws.mean()), float(draws.std()), unit), False
 
 
 def noise_floor(sensor: SensorResult) -> Measured:

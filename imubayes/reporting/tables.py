@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -12,11 +12,14 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from imubayes.reporting.rows import MARKS, TermRow, noise_row, own_groups, shortened, term_rows
+from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
+from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
+from imubayes.reporting.session_words import session_sentence
 from imubayes.reporting.words import (
     confounded_sentences,
     fit_sentence,
     models_text,
+    sensor_groups,
     strain_sentence,
 )
 from imubayes.rig.runs import ABSENT
@@ -24,12 +27,16 @@ from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.inference.linear import Extra
     from imubayes.planning.observability import Observability
     from imubayes.sensors.terms import Library
 
 MOST_RUNS = 6
 """Noise lines before the rest is left to the report."""
 
+
+MOST_GROUPS = 3
+"""Groups of confounded terms whose numbers a verdict carries."""
 
 MOST_PARTNERS = 3
 """Confounded terms that a row names."""
@@ -48,23 +55,34 @@ class _Verdict:
 
 
 def terminal_summary(result: StudyResult) -> Group:
-    """Verdict table of each sensor, with its groups, its noise and its fit, for a rich console.
+    """Verdict table of each sensor, with groups, noise and fit, and what sessions differ in, for a console.
 
     It fits 80 columns; without a terminal it is plain text.
     """
-    return Group(*(part for sensor in result.sensors for part in _sensor(sensor)))
+    parts = [part for sensor in result.sensors for part in _sensor(sensor)]
+    if result.sessions:
+        parts += [
+            Text("between sessions", style="bold"),
+            _indented(session_sentence(result.sessions)),
+            Text(),
+        ]
+    return Group(*parts)
 
 
 def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     yield Text(_clean(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
     yield _indented(_data_line(sensor), "dim")
+    if method := method_sentence(sensor):
+        yield _indented(method, "dim")
     yield _term_table(sensor)
-    if strained := strain_sentence(sensor):
-        yield _indented(strained, "bold red")
-    groups = own_groups(sensor.selection)
-    yield from map(_indented, confounded_sentences(groups, sensor.selection.terms, numbered=True))
+    for warning in (unconverged_sentence(sensor), strain_sentence(sensor)):
+        if warning:
+            yield _indented(warning, "bold red")
+    yield from map(_indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
+    if distrusted := distrust_sentence(sensor):
+        yield _indented(distrusted)
     for run in sensor.runs[:MOST_RUNS]:
-        row = noise_row(run, sensor.kind)
+        row = noise_row(run, sensor.kind, sensor.chains)
         yield _indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
     if len(sensor.runs) > MOST_RUNS:
         yield _indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
@@ -78,7 +96,16 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
 def _data_line(sensor: SensorResult) -> str:
     runs = f"{len(sensor.runs)} run{'s' if len(sensor.runs) != 1 else ''}"
     models = models_text(sensor.selection.models.n_models)
-    return f"{sensor.samples:,} samples in {runs}; exact, {models} models, {sensor.seconds:.1f} s"
+    how = f"{_how(sensor)}, {models} models"
+    return f"{sensor.samples:,} samples in {runs}; {how}, {sensor.seconds:.1f} s"
+
+
+def _how(sensor: SensorResult) -> str:
+    """Name the method; of chains with the diagnostics that say whether to trust them."""
+    if sensor.chains is None:
+        return "exact"
+    found = sensor.chains.diagnostics
+    return f"{sensor.chains.sampler}, ESS {found.ess.min():,.0f}, R-hat {found.rhat.max():.3f}"
 
 
 def _term_table(sensor: SensorResult) -> Table:
@@ -111,10 +138,13 @@ def _value(row: TermRow, width: int) -> Text:
 
 def _group_numbers(sensor: SensorResult, name: str) -> str:
     numbers = [str(n) for n, group in enumerate(own_groups(sensor.selection), 1) if name in group.terms]
-    return f" [{','.join(numbers)}]" if numbers else ""
+    more = [f"+{len(numbers) - MOST_GROUPS}"] if len(numbers) > MOST_GROUPS else []
+    return f" [{','.join([*numbers[:MOST_GROUPS], *more])}]" if numbers else ""
 
 
-def terminal_check(sensor_id: str, observability: Observability, lib: Library) -> Group:
+def terminal_check(
+    sensor_id: str, observability: Observability, lib: Library, extras: Sequence[Extra] = ()
+) -> Group:
     """Say what the test can tell of each term before anything is fitted, for a rich console.
 
     Parameters
@@ -122,6 +152,7 @@ def terminal_check(sensor_id: str, observability: Observability, lib: Library) -
     sensor_id : its last part names the component where `observability` is a triad's (``ax.b0``, ...).
     observability : of the terms of `lib`, or of all terms of a triad.
     lib : the component's library.
+    extras : columns of `observability` that are no terms.
     """
     table = _table()
     table.add_column("term")
@@ -131,8 +162,13 @@ def terminal_check(sensor_id: str, observability: Observability, lib: Library) -
         table.add_column(title, justify="right")
     table.add_column("confounded with")
     columns = _columns(sensor_id, observability, lib)
+    kinds = {extra.name: bench_label(extra) for extra in extras}
     for term, (column, j) in zip(lib.terms, columns.items(), strict=True):
-        partners = tuple(_local(name, columns, lib) for name in observability.partners(column))
+        partners = tuple(
+            dict.fromkeys(
+                kinds.get(name, _local(name, columns, lib)) for name in observability.partners(column)
+            )
+        )
         table.add_row(
             Text(term.name),
             Text(term.symbol),
@@ -151,7 +187,7 @@ def terminal_check(sensor_id: str, observability: Observability, lib: Library) -
             style="bold",
         ),
         table,
-        *(_indented(sentence) for sentence in _check_words(observability, columns, lib)),
+        *(_indented(sentence) for sentence in _check_words(observability, columns, lib, extras)),
         Text(),
     )
 
@@ -169,7 +205,9 @@ def _local(name: str, columns: dict[str, int], lib: Library) -> str:
     return dict(zip(columns, lib.names, strict=True)).get(name, name)
 
 
-def _check_words(observability: Observability, columns: dict[str, int], lib: Library) -> Iterator[str]:
+def _check_words(
+    observability: Observability, columns: dict[str, int], lib: Library, extras: Sequence[Extra]
+) -> Iterator[str]:
     untested = [_local(name, columns, lib) for name, j in columns.items() if not observability.tested[j]]
     groups = [
         replace(group, terms=tuple(_local(name, columns, lib) for name in group.terms))
@@ -178,7 +216,7 @@ def _check_words(observability: Observability, columns: dict[str, int], lib: Lib
     ]
     if untested:
         yield f"No run excites {listed(untested)}."
-    yield from confounded_sentences(groups, ())
+    yield from confounded_sentences(groups, (), extras)
     if not untested and not groups:
         yield "Every term is excited and separable."
 

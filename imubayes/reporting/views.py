@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from imubayes.reporting import figures, fit_figures
+from imubayes.reporting.chain_views import SampledView, sampled_view
+from imubayes.reporting.chain_words import unconverged_sentence
 from imubayes.reporting.rounding import NOISE_UNITS, Measured
 from imubayes.reporting.rows import (
     NoiseRow,
     TermRow,
+    fit_scale,
     noise_floor,
     noise_row,
     own_groups,
     range_texts,
     term_rows,
 )
-from imubayes.reporting.words import answer, confounded_sentences, fit_sentence, models_text
+from imubayes.reporting.words import answer, fit_sentence, models_text, sensor_groups
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -33,6 +37,13 @@ MOST_CURVE_POINTS = 9000
 
 MOST_RUNS, MOST_RUNS_OF_MANY = 8, 3
 """Runs whose residuals are drawn: of one or two components, and of each of more."""
+
+MANY = 12
+"""Components whose figures and answers a report holds; of more, each answer stands with its component, and
+figures are drawn of `MOST_DRAWN` only."""
+
+MOST_DRAWN = 3
+"""Components of many that have figures: those whose rows fit worst."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +81,7 @@ class SensorView:
     sensor : the component.
     answer : first paragraph, by sentence.
     likely : excited terms with an inclusion of one half or more.
-    groups : rows of the term table by part of the model equation.
+    groups : rows of the term table by part of the model equation; without figures only of excited terms.
     digits : decimals of the longest value and of the longest sd, which align the columns.
     floor : noise floor beside which effects stand.
     confounded : each group of confounded terms, in words.
@@ -78,6 +89,9 @@ class SensorView:
     fit, choice, posterior, correlations : figures and words.
     models : how many were weighed.
     noise, noise_units : rows of the noise table.
+    drawn : whether there are figures; not of every component where they are many.
+    doubtful : whether the answer needs a warning: a run that does not fit, chains that have not converged.
+    sampled : what stands beside the exact posterior.
     """
 
     anchor: str
@@ -96,22 +110,54 @@ class SensorView:
     correlations: Panel | None
     noise: tuple[NoiseRow, ...]
     noise_units: tuple[str, str, str]
+    drawn: bool
+    doubtful: bool
+    sampled: SampledView
 
 
 def sensor_views(result: StudyResult) -> tuple[SensorView, ...]:
     """Prepare every component for the template."""
-    first: dict[tuple[int, ...], tuple[str, str]] = {}
+    drawn = _drawn(result.sensors)
+    first: dict[tuple[int, ...], int] = {}
     views = []
-    for number, sensor in enumerate(result.sensors, 1):
-        anchor = f"s{number}"
-        earliest = first.setdefault(tuple(map(id, sensor.checks)), (anchor, sensor.id))
-        twin = None if earliest[0] == anchor or not sensor.checks else earliest
-        views.append(_view(sensor, anchor, _fit_view(sensor, anchor, twin, len(result.sensors))))
+    for k, sensor in enumerate(result.sensors):
+        earliest = first.setdefault(tuple(map(id, sensor.checks)), k)
+        if k not in drawn:
+            fit = FitView(fit_sentence(sensor), (), (), None)
+        elif earliest in drawn and earliest != k and sensor.checks:
+            fit = FitView(fit_sentence(sensor), (), (), (_anchor(earliest), result.sensors[earliest].id))
+        else:
+            fit = _fit_view(sensor, _anchor(k), len(drawn))
+        sampled = sampled_view(sensor, _anchor(k), len(drawn) if k in drawn else 0)
+        views.append(_view(sensor, _anchor(k), fit, sampled, drawn=k in drawn))
     return tuple(views)
 
 
-def _view(sensor: SensorResult, key: str, fit: FitView) -> SensorView:
+def _anchor(k: int) -> str:
+    return f"s{k + 1}"
+
+
+def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
+    """Components that have figures: all of a few; of many the worst ones, no two of the same rows."""
+    if len(sensors) <= MANY:
+        return set(range(len(sensors)))
+    rows = {tuple(map(id, sensor.checks)): k for k, sensor in reversed(list(enumerate(sensors)))}
+    return set(sorted(rows.values(), key=lambda k: _trust(sensors[k]))[:MOST_DRAWN])
+
+
+def _trust(sensor: SensorResult) -> tuple[bool, float]:
+    """Order components from the worst: chains that have not converged or runs that do not fit come first."""
+    return not _is_doubtful(sensor), -abs(math.log(max(fit_scale(sensor), 1e-12)))
+
+
+def _is_doubtful(sensor: SensorResult) -> bool:
+    return not all(check.fits for check in sensor.checks) or bool(unconverged_sentence(sensor))
+
+
+def _view(sensor: SensorResult, key: str, fit: FitView, sampled: SampledView, *, drawn: bool) -> SensorView:
     rows, selection = term_rows(sensor), sensor.selection
+    if not drawn:
+        rows = tuple(row for row in rows if row.verdict.verdict != "untested")
     sizes = [row.size for row in rows if row.size]
     return SensorView(
         anchor=key,
@@ -121,15 +167,18 @@ def _view(sensor: SensorResult, key: str, fit: FitView) -> SensorView:
         groups=tuple((name, tuple(part)) for name, part in groupby(rows, key=lambda row: row.verdict.group)),
         digits=(_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes])),
         floor=noise_floor(sensor),
-        confounded=confounded_sentences(own_groups(selection), selection.terms),
+        confounded=sensor_groups(sensor, own_groups(selection)),
         reasons=tuple(_reasons(sensor)),
         fit=fit,
-        choice=_choice(sensor, key),
+        choice=_choice(sensor, key) if drawn else (),
         models=models_text(selection.models.n_models),
-        posterior=tuple(figures.posteriors(sensor, key)),
-        correlations=figures.correlations(sensor, f"{key}d"),
-        noise=tuple(noise_row(run, sensor.kind) for run in sensor.runs),
+        posterior=tuple(figures.posteriors(sensor, key)) if drawn else (),
+        correlations=figures.correlations(sensor, f"{key}d") if drawn else None,
+        noise=tuple(noise_row(run, sensor.kind, sensor.chains) for run in sensor.runs),
         noise_units=NOISE_UNITS[sensor.kind],
+        drawn=drawn,
+        doubtful=_is_doubtful(sensor),
+        sampled=sampled,
     )
 
 
@@ -153,9 +202,7 @@ def _choice(sensor: SensorResult, key: str) -> tuple[Panel, ...]:
     )
 
 
-def _fit_view(sensor: SensorResult, key: str, twin: tuple[str, str] | None, sensors: int) -> FitView:
-    if twin:
-        return FitView(fit_sentence(sensor), (), (), twin)
+def _fit_view(sensor: SensorResult, key: str, sensors: int) -> FitView:
     most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
     inputs = {channel for check in sensor.checks for channel in check.inputs}
     curves = sensors * (min(len(sensor.checks), most_runs) + len(inputs))

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.inference.residuals import OFF, SUSPECT
+from imubayes.reporting.chain_words import (
+    distrust_sentence,
+    method_sentence,
+    sentence,
+    unconverged_sentence,
+)
 from imubayes.reporting.rows import fit_scale, label, own_groups
 from imubayes.selection.verdicts import STRAINED, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
+    from imubayes.inference.linear import Extra
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.planning.observability import Confounded
     from imubayes.selection.verdicts import TermVerdict
@@ -22,17 +29,26 @@ MOST_STRAINED = 3
 MOST_NAMES = 6
 """Names that a sentence holds."""
 
+MOST_CAUSES = 2
+"""Causes that the first paragraph says in full."""
+
+MOST_ALIKE = 2
+"""Errors of the test bench of one kind that a sentence says one by one."""
+
 
 def answer(sensor: SensorResult) -> tuple[str, ...]:
-    """First paragraph of the report by sentence: needed, not told and why, does the model fit."""
+    """First paragraph of the report by sentence: needed, how it was found, what is not told, does it fit."""
     sentences = (
+        unconverged_sentence(sensor),
         strain_sentence(sensor),
         _opening(sensor),
+        method_sentence(sensor),
         *_rest(sensor),
         *_cannot_tell(sensor),
+        distrust_sentence(sensor),
         fit_sentence(sensor),
     )
-    return tuple(sentence for sentence in sentences if sentence)
+    return tuple(text for text in sentences if text)
 
 
 def strain_sentence(sensor: SensorResult) -> str:
@@ -70,12 +86,9 @@ def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
         count = f"{len(inseparable)} {_are(inseparable)} inseparable in this test"
         groups = [group for group in own_groups(sensor.selection) if set(inseparable) & set(group.terms)]
         if len(groups) == 1:
-            yield f"{count}: {confounded_sentences(groups, sensor.selection.terms)[0]}"
+            yield f"{count}: {sensor_groups(sensor, groups)[0]}"
         else:
-            causes = dict.fromkeys(_cause(group) for group in groups)
-            yield " ".join(
-                (f"{count} ({_some(inseparable)}).", *(f"Groups of them {cause}" for cause in causes))
-            )
+            yield f"{count} ({_some(inseparable)}). {_causes(groups)}"
     unresolved, untested = _named(sensor, "unresolved"), _named(sensor, "untested")
     if unresolved:
         yield (
@@ -87,8 +100,29 @@ def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
         yield f"{count} ({_some(untested)}): no run excites {_them(untested)}."
 
 
+def _causes(groups: Sequence[Confounded]) -> str:
+    """Say why groups of terms are confounded; of many causes only what would tell."""
+    causes = dict.fromkeys(_cause(group) for group in groups)
+    if len(causes) <= MOST_CAUSES:
+        return " ".join(f"Groups of them {cause}" for cause in causes)
+    remedies = dict.fromkeys(group.remedy.rstrip(".") for group in groups if group.remedy)
+    return f"What would tell: {'; '.join(remedies)}." if remedies else "Each cause stands below."
+
+
+def sensor_groups(
+    sensor: SensorResult, groups: Sequence[Confounded], *, numbered: bool = False
+) -> tuple[str, ...]:
+    """Say which terms and errors of the test bench each of a component's groups holds."""
+    extras = [entry.extra for entry in sensor.extras]
+    return confounded_sentences(groups, sensor.selection.terms, extras, numbered=numbered)
+
+
 def confounded_sentences(
-    groups: Sequence[Confounded], terms: Iterable[TermVerdict], *, numbered: bool = False
+    groups: Sequence[Confounded],
+    terms: Iterable[TermVerdict],
+    extras: Iterable[Extra] = (),
+    *,
+    numbered: bool = False,
 ) -> tuple[str, ...]:
     """Say which terms each group holds, why, and what would tell them apart: a sentence a cause.
 
@@ -96,13 +130,14 @@ def confounded_sentences(
     ----------
     groups : by the terms' names.
     terms : where their symbols are known.
+    extras : columns that are no terms, where they are known.
     numbered : whether each group has its number, from ``[1]``.
     """
     symbols = {term.name: label(term) for term in terms}
+    bench = {extra.name: extra for extra in extras}
     causes: dict[str, list[str]] = {}
     for number, group in enumerate(groups, 1):
-        named = [_both(name, symbols.get(name, name)) for name in group.terms]
-        members = listed(named if len(named) <= MOST_NAMES else group.terms)
+        members = _members(group.terms, symbols, bench)
         causes.setdefault(_cause(group), []).append(f"[{number}] {members}" if numbered else members)
     return tuple(
         f"{'; '.join(members)}{' each ' if len(members) > 1 else ' '}{cause}"
@@ -110,10 +145,27 @@ def confounded_sentences(
     )
 
 
+def _members(names: Sequence[str], symbols: Mapping[str, str], bench: Mapping[str, Extra]) -> str:
+    """Name what a group holds: terms with their symbols, errors of the test bench in words.
+
+    Many terms go without symbols; many errors of one kind are counted.
+    """
+    terms = [name for name in names if name not in bench]
+    long = len(names) > MOST_NAMES
+    said = terms if long else [_both(name, symbols.get(name, name)) for name in terms]
+    kinds: dict[str, list[str]] = {}
+    for extra in (bench[name] for name in names if name in bench):
+        kinds.setdefault(extra.kind, []).append(f"the {extra.text.removeprefix('the ')}")
+    for kind, texts in kinds.items():
+        counted = f"{len(texts)} errors of the test bench ({kind.replace('_', ' ')})"
+        said = [*said, counted] if len(texts) > MOST_ALIKE else [*said, *texts]
+    return listed(said)
+
+
 def _cause(group: Confounded) -> str:
     how = "appear only in one combination" if group.exact else "cannot be told apart above the noise"
     why = f": {group.reason}" if group.reason else ""
-    remedy = f" What would tell: {_sentence(group.remedy)}" if group.remedy else ""
+    remedy = f" What would tell: {sentence(group.remedy)}" if group.remedy else ""
     return f"{how}{why}.{remedy}"
 
 
@@ -201,7 +253,3 @@ def _them(names: Collection[str]) -> str:
 
 def _both(name: str, symbol: str) -> str:
     return name if symbol == name else f"{name} ({symbol})"
-
-
-def _sentence(text: str) -> str:
-    return text if text.endswith((".", "!", "?")) else f"{text}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from imubayes.rig.formats import Table, bare, bracketed
 from imubayes.sensors.terms import CHANNEL_UNITS
 
 FloatArray = NDArray[np.float64]
+
+_OWN_UNITS = {"t": "s", "mount": ""}
+"""SI units of the channels that are no input and no output; a count needs none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +29,14 @@ class ColumnSpec:
     unit : unit of the file's numbers; None for the one in the file's header.
     scale : SI per file unit; None for the factor of the unit.
     offset : in file units, subtracted before scaling; None for 0.
+    wraps : in file units, where a clock starts again from its lowest value; None for one that does not.
     """
 
     column: str | int | None = None
     unit: str | None = None
     scale: float | None = None
     offset: float | None = None
+    wraps: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +50,7 @@ class Column:
     unit : of the file's numbers.
     raw : (n,) the file's numbers, in the file's own type.
     scale, offset, zero : SI value of a number x is ``(x - offset) * scale + zero``.
+    wraps : in the file's unit, where a clock starts again; None for one that does not.
     """
 
     channel: str
@@ -54,10 +60,45 @@ class Column:
     scale: float
     offset: float
     zero: float
+    wraps: float | None = None
 
     def si(self) -> FloatArray:
         """Return the column in SI, a fresh array."""
         return (self.raw.astype(np.float64) - self.offset) * self.scale + self.zero
+
+
+def unwrapped(table: Table, column: Column) -> tuple[Column, int]:
+    """Let a clock that wraps around count on: each step is taken modulo the wrap.
+
+    Parameters
+    ----------
+    table : the file, for messages.
+    column : a clock of finite numbers; integers stay integers, so that no step is rounded.
+
+    Returns
+    -------
+    (column, count) : the clock without wraps, and how often it wrapped.
+
+    Raises
+    ------
+    DataError : if the clock goes further than its wrap allows, or counts integers to a wrap that is none.
+    """
+    if column.wraps is None or len(column.raw) < 2:
+        return column, 0
+    whole = column.raw.dtype.kind in "iu"
+    wraps = int(column.wraps) if whole else column.wraps
+    low, high = column.raw.min().item(), column.raw.max().item()
+    if wraps != column.wraps or high - low >= wraps:
+        raise DataError(
+            f"{table.file}: clock '{column.address}' runs from {low:.15g} to {high:.15g}"
+            f"{' in integers' if whole else ''}, so that it cannot wrap around at {column.wraps:.15g}: "
+            "correct 'wraps' in the study"
+        )
+    clock = column.raw.astype(np.int64 if whole else np.float64)
+    # a sum of whole wraps on top of the file's own numbers, which keeps these as they are
+    steps = np.diff(clock)
+    turns = np.concatenate(([0], np.cumsum(steps < 0)))
+    return replace(column, raw=clock + turns * wraps), int(turns[-1])
 
 
 def channel_unit(channel: str, output_unit: str) -> str:
@@ -68,9 +109,7 @@ def channel_unit(channel: str, output_unit: str) -> str:
     >>> channel_unit("dw_k", "m/s^2")
     'rad/s^2'
     """
-    if channel == "t":
-        return "s"
-    return CHANNEL_UNITS.get(channel.partition("_")[0], output_unit)
+    return {**CHANNEL_UNITS, **_OWN_UNITS}.get(channel.partition("_")[0], output_unit)
 
 
 def resolve(
@@ -110,15 +149,15 @@ def _has(table: Table, channel: str) -> bool:
 def _column(table: Table, channel: str, spec: ColumnSpec, like: str) -> Column:
     address, raw = table.locate(channel if spec.column is None else spec.column, channel)
     unit = spec.unit or bracketed(address)
-    if unit is None:
+    if unit is None and like:
         raise DataError(
             f"{table.file}: column '{address}' has no unit: write it in the header, "
             f"'{bare(address)} [{like}]', "
             f'or in the study, {channel} = {{ column = "{address}", unit = "{like}" }}'
         )
     try:
-        scale = units.factor(unit, like) if spec.scale is None else spec.scale
+        scale = units.factor(unit or "", like) if spec.scale is None else spec.scale
     except UnitError as error:
         raise DataError(f"{table.file}: column '{address}', channel {channel}: {error}") from None
-    zero = units.offset(unit, like) if spec.scale is None else 0.0
-    return Column(channel, address, unit, raw, scale, spec.offset or 0.0, zero)
+    zero = units.offset(unit or "", like) if spec.scale is None else 0.0
+    return Column(channel, address, unit or "", raw, scale, spec.offset or 0.0, zero, spec.wraps)

@@ -31,11 +31,14 @@ class Inputs:
     channels : (n,) arrays by channel name (``f_i`` ... ``dw_k``, ``T``, ``dT``); an absent channel was not
         excited and counts as zero.
     interval : averaging time of one sample, s.
+    mount : (n,) number of each row's plane (tumble) or mount (rate table, centrifuge): between rows of one
+        number the case stayed in its fixture; None for one mounting of the whole run.
     """
 
     t: FloatArray
     channels: Mapping[str, FloatArray]
     interval: float
+    mount: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.t)

@@ -120,7 +120,8 @@ def tumble(
     for plane, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))[:planes]):
         up[plane, :, a], up[plane, :, b] = first, second
     t = _dwells(planes * angles, dwell, rate, settle)
-    return Plan("tumble", "tumble", _at_rest(gravity * up.reshape(-1, 3), t, 1.0 / rate))
+    f = gravity * up.reshape(-1, 3)
+    return Plan("tumble", "tumble", _at_rest(f, t, 1.0 / rate, _numbers(planes, len(t))))
 
 
 def rate_table(
@@ -294,12 +295,17 @@ def _turning(
     )
     w, dw = (rate[:, None] * up[:, None, :] for rate in (spin.w, spin.dw))
     t = (np.arange(len(mounts))[:, None] * (spin.total + settle) + spin.t).ravel()
-    return Inputs(t, _channels({"f": f, "w": w, "dw": dw}), interval)
+    return Inputs(t, _channels({"f": f, "w": w, "dw": dw}), interval, _numbers(len(mounts), len(t)))
 
 
-def _at_rest(f: FloatArray, t: FloatArray, interval: float) -> Inputs:
+def _at_rest(f: FloatArray, t: FloatArray, interval: float, mount: NDArray[np.int64] | None = None) -> Inputs:
     """One dwell at each row of `f`."""
-    return Inputs(t, _channels({"f": np.repeat(f, len(t) // len(f), axis=0)}), interval)
+    return Inputs(t, _channels({"f": np.repeat(f, len(t) // len(f), axis=0)}), interval, mount)
+
+
+def _numbers(mounts: int, rows: int) -> NDArray[np.int64]:
+    """Number of the mount of each row, where all have equally many rows."""
+    return np.repeat(np.arange(mounts), rows // mounts)
 
 
 def _channels(vectors: dict[str, FloatArray]) -> dict[str, FloatArray]:

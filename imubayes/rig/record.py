@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from imubayes.rig.columns import channel_unit
 from imubayes.rig.inputs import Run
-from imubayes.rig.runs import OUTPUT_UNIT
+from imubayes.rig.runs import MOUNT, OUTPUT_UNIT
 from imubayes.sensors.terms import Kind
 
 DERIVED = ("dT",)
@@ -35,14 +35,19 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     from pyarrow import csv
 
     inputs = {name: values for name, values in run.inputs.channels.items() if name not in DERIVED}
-    columns = {"t": run.inputs.t, **inputs, "output": run.output}
-    header = ",".join(f"{name} [{channel_unit(name, OUTPUT_UNIT[kind])}]" for name in columns)
+    mount = {} if run.inputs.mount is None else {MOUNT: run.inputs.mount}
+    columns = {"t": run.inputs.t, **mount, **inputs, "output": run.output}
+    header = ",".join(_header(name, channel_unit(name, OUTPUT_UNIT[kind])) for name in columns)
 
     def write(stream: BinaryIO) -> None:
         stream.write(f"{header}\n".encode())
         csv.write_csv(pa.table(columns), stream, csv.WriteOptions(include_header=False))
 
     write_whole(path, write)
+
+
+def _header(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imubayes.errors import DataError, InputError, StudyError
 from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump, saturation
-from imubayes.rig.columns import Column, ColumnSpec, resolve
+from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import Inputs, Run, Source, TriadRun, sampling_interval
 from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
@@ -37,11 +37,17 @@ TRIAD = ("ax", "ay", "az")
 """Outputs of a reference-free run, along the case axes."""
 
 _INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T")
-RUN_CHANNELS = ("t", "output", *_INPUTS)
+MOUNT = "mount"
+"""Column with the number of each row's plane or mount."""
+
+RUN_CHANNELS = ("t", "output", *_INPUTS, MOUNT)
 """Columns of a run with known inputs."""
 
 PROFILES = {"static": static, "tumble": tumble, "rate-table": rate_table, "centrifuge": centrifuge}
 """Procedures that can be simulated, by the function that plans them."""
+
+_MOST_MOUNTS = 2**31
+"""A number of a mount beyond this is something else."""
 
 _LATE_EPOCH = 1e6
 """s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
@@ -88,7 +94,8 @@ def read_run(spec: RunSpec, kind: Kind) -> Run | TriadRun:
     -------
     a `TriadRun` for the procedure ``free-tumble``, else a `Run`. The channel ``dT`` is the derivative of
     the recorded temperature (central differences), where there is one. Input channels that the file does
-    not have are absent (zero), and the source's notes say so.
+    not have are absent (zero), and the source's notes say so; without a column ``mount`` the whole run is
+    one mounting.
 
     Raises
     ------
@@ -154,17 +161,23 @@ def simulate_runs(
 
 def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     columns = resolve(
-        table, spec.columns, required=("t", "output"), optional=_INPUTS, output_unit=OUTPUT_UNIT[kind]
+        table,
+        spec.columns,
+        required=("t", "output"),
+        optional=(*_INPUTS, MOUNT),
+        output_unit=OUTPUT_UNIT[kind],
     )
     t, epoch = _time(table, columns["t"])
     values = {name: _values(table, columns[name], len(t)) for name in columns if name != "t"}
-    output = values.pop("output")
+    output, mount = values.pop("output"), values.pop(MOUNT, None)
     check_output(table, columns["output"])
     notes = (*epoch, *_notes(t, {"output": output}), *_assumed(kind, values))
     if "T" in values:
         values["dT"] = np.gradient(values["T"], t)
         notes = (*notes, "dT/dt is the derivative of the recorded temperature")
-    inputs = Inputs(t, {name: _frozen(column) for name, column in values.items()}, sampling_interval(t))
+    channels = {name: _frozen(column) for name, column in values.items()}
+    whole = None if mount is None else _whole(table, columns[MOUNT], mount)
+    inputs = Inputs(t, channels, sampling_interval(t), whole)
     return Run(spec.name, spec.procedure, inputs, _frozen(output), _source(table, sha256, columns, notes))
 
 
@@ -186,11 +199,14 @@ def _triad_run(spec: RunSpec, table: Table, sha256: str) -> TriadRun:
 def _time(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
     """Time in s; a clock that counts from an epoch is referred to its first reading before it is scaled."""
     check_values(table, column)
-    t, notes = column.si(), ()
+    running, turns = unwrapped(table, column)
+    t, notes = running.si(), ()
+    if turns:
+        notes = (f"the clock wrapped around {turns} time{'s' if turns > 1 else ''}",)
     if abs(t[0]) > _LATE_EPOCH:
-        clock = column.raw.astype(np.int64 if column.raw.dtype.kind in "iu" else np.float64)
+        clock = running.raw.astype(np.int64 if running.raw.dtype.kind in "iu" else np.float64)
         t = (clock - clock[0]).astype(np.float64) * column.scale
-        notes = ("time is counted from the first sample",)
+        notes = (*notes, "time is counted from the first sample")
     check_time(table, column, t)
     return _frozen(t), notes
 
@@ -203,6 +219,20 @@ def _values(table: Table, column: Column, n: int) -> FloatArray:
         )
     check_values(table, column)
     return column.si()
+
+
+def _whole(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64]:
+    """Numbers of mounts, which are whole."""
+    wrong = (np.rint(values) != values) | (np.abs(values) > _MOST_MOUNTS)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise DataError(
+            f"{table.file}, {table.place(row)}: column '{column.address}' holds {float(values[row]):g}: "
+            "expected a whole number, the same in all rows between which the case stayed in its fixture"
+        )
+    numbers = values.astype(np.int64)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def _notes(t: FloatArray, outputs: Mapping[str, FloatArray]) -> tuple[str, ...]:

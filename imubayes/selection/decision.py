@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import TermError
-from imubayes.factor import noise_scale, posterior, reorder
+from imubayes.factor import Factor, noise_scale, posterior, reorder
+from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
-from imubayes.selection.enumerate import Models, components_given, enumerate_models, inclusion_given
+from imubayes.selection.enumerate import Models, average, components_given, enumerate_models, inclusion_given
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.verdicts import TENTH, Evidence, TermVerdict, decide, untested
 from imubayes.sensors.terms import Library, Term
@@ -97,6 +98,8 @@ def select(
     lib: Library | None = None,
     *,
     component: str = "",
+    noises: Sequence[NoiseDraw] = (),
+    log_evidence: float = 0.0,
 ) -> Selection:
     """Decide which terms of a component the data need.
 
@@ -107,6 +110,9 @@ def select(
     lib : the component's library; by default the one that `summary` was made with.
     component : name of a triad's component. Its terms are ``<component>.<term>`` in the summary, and the
         other components' terms stay in every model, under their priors.
+    noises : draws of the noise's posterior under the full library, to average over; none takes the noise
+        that whitened the summary, and averages over its common scale alone.
+    log_evidence : of the full library, with the noise of these draws integrated out.
 
     Raises
     ------
@@ -118,10 +124,11 @@ def select(
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
     scale = noise_scale(summary.factor, prior.sd)
     seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
-    free, strain = _without_prior(summary, prior, scale)
+    free, strain = _without_prior(summary, prior)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
-    widths = _at_every_width(summary, sd, seen, own)
+    excited = _excited(summary, sd, seen, own)
+    widths = _at_every_width(excited, noises, log_evidence)
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
     verdicts = tuple(
@@ -139,14 +146,23 @@ def select(
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
         free=np.array([free[name] for name in own]),
+        plug_in=_at_plug_in(excited, own) if noises else (),
     )
 
 
-def _without_prior(
-    summary: Summary, prior: ScalePrior, scale: float
-) -> tuple[dict[str, float], dict[str, float]]:
+def loose_fit(summary: Summary, prior: ScalePrior) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (p,) of all columns where the prior of the terms only holds what the data leave open.
+
+    What is no term (an error of the bench) keeps its prior: it is known from elsewhere.
+    """
+    extras = {extra.name for extra in summary.extras}
+    loose = np.array([1.0 if name in extras else LOOSE for name in summary.names])
+    return posterior(summary.factor, loose * prior.sd, noise_scale(summary.factor, prior.sd))
+
+
+def _without_prior(summary: Summary, prior: ScalePrior) -> tuple[dict[str, float], dict[str, float]]:
     """What the data alone say of each term, and its size in prior sds where they are sure of it."""
-    mean, sd = posterior(summary.factor, LOOSE * prior.sd, scale)
+    mean, sd = loose_fit(summary, prior)
     strain = np.where(np.abs(mean) > SURE_PULL * sd, np.abs(mean) / prior.sd, 0.0)
     return (
         dict(zip(summary.names, mean.tolist(), strict=True)),
@@ -154,19 +170,53 @@ def _without_prior(
     )
 
 
-def _at_every_width(
+@dataclass(frozen=True, slots=True, eq=False)
+class _Excited:
+    """What the test excites: the factor of these columns, their prior, and which are always in the model."""
+
+    factor: Factor
+    prior: ScalePrior
+    always: tuple[str, ...]
+
+    def weighed(self, width: float, noise: Factor | None = None) -> Models:
+        """Weigh every submodel at a prior width; with `noise`, on rows whitened by it, whose scale is 1."""
+        prior = self.prior.wider(width)
+        if noise is None:
+            whole = Summary(self.factor)
+            return enumerate_models(whole, prior, always=self.always, scale_limit=SCALE_LIMIT)
+        whole = Summary(reorder(noise, self.factor.names))
+        return enumerate_models(whole, prior, always=self.always, scale=1.0)
+
+
+def _excited(
     summary: Summary, sd: Mapping[str, float], seen: Observability, own: Collection[str]
-) -> _Widths:
-    """Weigh the submodels of the `own` terms that the test excites, at every prior width."""
-    excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
-    part = Summary(reorder(summary.factor, excited))
-    nominal = ScalePrior([sd[name] for name in excited])
-    always = tuple(name for name in excited if name not in own)
+) -> _Excited:
+    names = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
+    always = tuple(name for name in names if name not in own)
+    return _Excited(reorder(summary.factor, names), ScalePrior([sd[name] for name in names]), always)
+
+
+def _at_every_width(excited: _Excited, noises: Sequence[NoiseDraw], log_evidence: float) -> _Widths:
+    """Weigh the submodels at every prior width.
+
+    Draws come from the noise's posterior under the full library; dividing by that library's evidence at each
+    draw makes them count as draws of the prior.
+    """
+    if not noises:
+        return _Widths(tuple(excited.weighed(width) for width in WIDTHS), {})
+    log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
     models = (
-        enumerate_models(part, nominal.wider(width), always=always, scale_limit=SCALE_LIMIT)
-        for width in WIDTHS
+        average([excited.weighed(width, noise.factor) for noise in noises], log_weight) for width in WIDTHS
     )
     return _Widths(tuple(models), {})
+
+
+def _at_plug_in(excited: _Excited, own: Collection[str]) -> tuple[float, ...]:
+    """Inclusion of every own term at the estimated noise."""
+    models = excited.weighed(1.0)
+    untested = _prior_inclusion(models)
+    inclusion = dict(zip(models.candidates.names, inclusion_given(models, ()).tolist(), strict=True))
+    return tuple(inclusion.get(name, untested) for name in own)
 
 
 def _tested(

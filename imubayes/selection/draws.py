@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.selection.decision import Selection
+from imubayes.selection.enumerate import Models
 from imubayes.selection.mixture import draw
 
 FloatArray = NDArray[np.float64]
@@ -17,12 +18,22 @@ def posterior_draws(selection: Selection, size: int, rng: np.random.Generator) -
     Terms that the test never excited are drawn from their prior, with the inclusion that the others suggest.
     """
     models = selection.models
-    drawn = draw(models.candidates, models.components, size, rng)
+    drawn = _model_draws(models, size, rng)
     columns = {name: drawn[:, j] for j, name in enumerate(models.candidates.columns)}
     out = np.empty((size, len(selection.terms)))
     for j, (term, name) in enumerate(zip(selection.terms, selection.columns, strict=True)):
         out[:, j] = columns[name] if name in columns else _sparse(term.inclusion, term.prior_sd, size, rng)
     return out
+
+
+def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatArray:
+    """Draws of the candidates' columns; over draws of the noise each has as many as it counts."""
+    if not models.parts:
+        return draw(models.candidates, models.components, size, rng)
+    counts = rng.multinomial(size, [share for share, _ in models.parts])
+    parts = zip(models.parts, counts.tolist(), strict=True)
+    drawn = [draw(part.candidates, part.components, count, rng) for (_, part), count in parts if count]
+    return rng.permutation(np.concatenate(drawn))
 
 
 def prior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:

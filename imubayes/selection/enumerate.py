@@ -8,7 +8,8 @@ integrated analytically and one walk serves all models.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,14 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.factor import VANISHED
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary
+from imubayes.selection.masks import fold, sizes
 from imubayes.selection.mixture import (
     Candidates,
     Components,
     candidates,
     g_components,
     log_flat,
+    merged,
     scale_components,
 )
 
@@ -72,6 +75,7 @@ class Models:
     scales : (q,) nodes of the noise scale; one NaN with the g-family, which integrates it.
     weight : (n_models,) posterior probability of each model, by mask.
     components : the mixture behind `mean` and `sd`.
+    parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
     """
 
     names: tuple[str, ...]
@@ -86,6 +90,7 @@ class Models:
     scales: FloatArray
     weight: FloatArray
     components: Components
+    parts: tuple[tuple[float, Models], ...] = ()
 
 
 def enumerate_models(
@@ -96,6 +101,7 @@ def enumerate_models(
     forced: tuple[str, ...] | list[str] = (),
     always: tuple[str, ...] | list[str] = (),
     scale_limit: float = math.inf,
+    scale: float | None = None,
 ) -> Models:
     """Evidence of every submodel, inclusion probabilities and model-averaged coefficients.
 
@@ -110,6 +116,7 @@ def enumerate_models(
     always : terms that are in every model with their own physical prior (`ScalePrior` only).
     scale_limit : largest noise scale, relative to that of the full library (`ScalePrior` only): noise that
         was estimated with the library in the mean cannot be far stronger, whatever the prior makes of it.
+    scale : the noise scale where it is known, 1 for rows whitened by the true noise (`ScalePrior` only).
 
     Raises
     ------
@@ -127,7 +134,9 @@ def enumerate_models(
     c = _prepare(summary, prior, tuple(forced), tuple(always))
     log_prior = _log_model_prior(model_prior, len(c.names))
     if isinstance(prior, ScalePrior):
-        scales, weight, peak = _over_scales(c, log_prior, scale_limit)
+        scales, weight, peak = (
+            _over_scales(c, log_prior, scale_limit) if scale is None else _at_scale(c, log_prior, scale)
+        )
         parts = scale_components(c, scales, weight)
     else:
         scales, weight, peak, parts = _over_g(c, prior, log_prior)
@@ -142,31 +151,36 @@ def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
 
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
     """Return the mixture over the models that contain `required`, for a physical prior."""
+    if models.parts:
+        shares = [weight * float(_containing(part, required).sum()) for weight, part in models.parts]
+        return merged(shares, [components_given(part, required) for _, part in models.parts])
     return scale_components(models.candidates, models.scales, _containing(models, required))
 
 
-def fold(weight: FloatArray, p: int) -> tuple[FloatArray, float]:
-    """Sum of the weights (2^p,) of the masks that contain each bit, and of all: 2^(p+1) additions in all.
+def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
+    """Posterior over the models of one library, averaged over draws of the noise.
 
-    Examples
-    --------
-    >>> fold(np.array([1.0, 2.0, 3.0, 4.0]), 2)
-    (array([6., 7.]), 10.0)
+    Parameters
+    ----------
+    models : at each draw, of the same candidates.
+    log_weight : logarithm of what each draw counts, beside the evidence that its models give it.
+
+    Returns
+    -------
+    with ``log_evidence`` the logarithm of the mean of all ``exp(log_weight + log_evidence)``.
     """
-    sums = np.zeros(p)
-    for j in range(p - 1, -1, -1):
-        half = len(weight) // 2
-        sums[j] = weight[half:].sum()
-        weight = weight[:half] + weight[half:]
-    return sums, float(weight[0])
-
-
-def sizes(p: int) -> NDArray[np.int64]:
-    """Return the number of included columns of each mask: (2^p,)."""
-    count = np.zeros(1, dtype=np.int64)
-    for _ in range(p):
-        count = np.concatenate((count, count + 1))
-    return count
+    logs = np.array([m.log_evidence for m in models]) + log_weight
+    share = np.exp(logs - logs.max())
+    evidence = float(logs.max() + math.log(share.mean()))
+    share /= share.sum()
+    first = models[0]
+    weight = np.sum([w * m.weight for w, m in zip(share, models, strict=True)], axis=0)
+    parts = merged(share.tolist(), [m.components for m in models])
+    return replace(
+        _posterior(first.names, first.candidates, np.array([math.nan]), weight, evidence, parts),
+        log_evidence=evidence,
+        parts=tuple(zip(share.tolist(), models, strict=True)),
+    )
 
 
 def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
@@ -255,6 +269,13 @@ def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> tuple[Fl
             while lowest <= m < highest and visit(m) > sums.peak - negligible:
                 m += direction
     return start * np.exp(np.array(sorted(heights)) * step), sums.weight, sums.peak
+
+
+def _at_scale(c: Candidates, log_prior: FloatArray, scale: float) -> tuple[FloatArray, FloatArray, float]:
+    """One noise scale, which is known."""
+    log_joint = _log_joint(c, scale) + log_prior[sizes(len(c.names))]
+    peak = float(log_joint.max())
+    return np.array([scale]), np.exp(log_joint - peak), peak
 
 
 def _disagree(c: Candidates, scale: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +86,19 @@ def candidates(factor: Factor, names: tuple[str, ...], always: tuple[str, ...], 
     whole = factor if factor.names == (*always, *names) else reorder(factor, (*always, *names))
     flat = int(np.sum(np.isinf(sd[: len(always)])))
     return Candidates(names, always, sd, whole.R, factor.n - flat, factor.log_det)
+
+
+def merged(shares: Sequence[float], parts: Sequence[Components]) -> Components:
+    """Return one mixture of several over the same columns, each with its share."""
+    total = sum(shares)
+    weights = [share / total * part.weight for share, part in zip(shares, parts, strict=True)]
+    return Components(
+        weight=np.concatenate(weights),
+        mask=np.concatenate([part.mask for part in parts]),
+        scale=np.concatenate([part.scale for part in parts]),
+        mean=np.concatenate([part.mean for part in parts]),
+        sd=np.concatenate([part.sd for part in parts]),
+    )
 
 
 def scale_components(c: Candidates, scales: FloatArray, weight: FloatArray) -> Components:

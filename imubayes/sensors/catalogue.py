@@ -169,10 +169,27 @@ def draw_unit(sensor_class: SensorClass, lib: Library, rng: np.random.Generator)
 
 
 @cache
+def reference_errors() -> Mapping[str, Range]:
+    """Errors of test equipment by the catalogue's key (``index_table``, ``gravity``), one sigma, SI.
+
+    Examples
+    --------
+    >>> low, typical, high = reference_errors()["centrifuge_radius"]
+    >>> round(typical * 1e6)
+    50
+    """
+    return {key: _range(figure) for key, figure in _tables()["reference"]["figures"].items()}
+
+
+@cache
+def _tables() -> Mapping[str, Any]:
+    return tomllib.loads(files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8"))
+
+
+@cache
 def _catalogue() -> tuple[SensorClass, ...]:
-    tables = tomllib.loads(files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8"))
     kinds: tuple[Kind, ...] = ("accelerometer", "gyroscope")
-    return tuple(_entry(id, kind, table) for kind in kinds for id, table in tables[kind].items())
+    return tuple(_entry(id, kind, table) for kind in kinds for id, table in _tables()[kind].items())
 
 
 def _entry(id: str, kind: Kind, table: Mapping[str, Any]) -> SensorClass:

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from imubayes.campaign import Appendix, Sampling
 from imubayes.config import read_study
 from imubayes.errors import StudyError
 from imubayes.rig.gravity import normal_gravity
+from imubayes.rig.reference import KINDS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
+from imubayes.units import factor
 
 G = 9.80665
 UG = G * 1e-6
@@ -51,6 +54,84 @@ def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
     assert run.file == tmp_path / "tumble.csv"
     assert run.noise == NoiseRule()
     assert study.text == study.path.read_text()
+    assert (study.sampling, study.appendices) == (Sampling(), ())
+    assert (sensor.reference, sensor.robust, sensor.unit, sensor.session) == ({}, False, "", "")
+
+
+def test_sampling_is_that_of_the_study(tmp_path):
+    text = '[study]\nmethod = "full"\n[sampling]\ness = 250\ntime_limit = "1.5 h"\n'
+    assert _read(tmp_path, text + HEAD + RUN).sampling == Sampling("full", 250.0, 5400.0)
+
+
+def test_errors_of_the_bench_are_the_catalogues_or_the_studys_in_si(tmp_path):
+    text = (
+        'gravity = true\ntable_zero = "2 arcsec"\nfixture = false\n'
+        'arm_stretch = "1 ppm/g"\nradius = "9 ppm"\n'
+    )
+    sensor = _sensor(tmp_path, HEAD + "[sensor.reference]\n" + text + RUN)
+    arcsec = math.pi / 180.0 / 3600.0
+    assert sensor.reference == pytest.approx(
+        {"gravity": UG, "table_zero": 2.0 * arcsec, "arm_stretch": 1e-6 / G, "radius": 9e-6}, rel=ULPS
+    )
+
+
+def test_turn_on_is_in_the_unit_of_the_output(tmp_path):
+    gyro = HEAD.replace('"accelerometer"', '"gyroscope"')
+    for head, text, expected in ((HEAD, "5 ug", 5.0 * UG), (gyro, "0.1 deg/h", math.radians(0.1) / 3600.0)):
+        sensor = _sensor(tmp_path, head + f'reference = {{ turn_on = "{text}" }}\n' + RUN)
+        assert sensor.reference == pytest.approx({"turn_on": expected}, rel=ULPS)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_error_of_the_bench_is_taken_as_printed_and_by_default_where_there_is_one(name, tmp_path):
+    kind = KINDS[name]
+    quantity = _sensor(tmp_path, HEAD + f'reference = {{ {name} = "1 {kind.printed}" }}\n' + RUN)
+    assert quantity.reference == pytest.approx({name: factor(kind.printed, kind.unit)}, rel=ULPS)
+    text = HEAD + f"reference = {{ {name} = true }}\n" + RUN
+    if kind.default is None:
+        with pytest.raises(StudyError, match=rf'reference.{name}: .* quantity such as "1 {kind.printed}"'):
+            _read(tmp_path, text)
+    else:
+        assert _sensor(tmp_path, text).reference == {name: kind.default}
+
+
+def test_free_tumble_may_allow_for_gravity_alone(tmp_path):
+    free = RUN.replace('procedure = "tumble"', 'procedure = "free-tumble"\ngravity = "1 g"')
+    text = 'reference = { gravity = "3 ug", fixture = false }\n'
+    assert _sensor(tmp_path, HEAD + text + free).reference == pytest.approx({"gravity": 3.0 * UG}, rel=ULPS)
+
+
+def test_sessions_of_one_unit_are_told_apart(tmp_path):
+    heads = [
+        HEAD.replace('"A"', f'"{id}"') + f'unit = "{id[0]}"\nsession = "{id[1]}"\nrobust = true\n'
+        for id in ("U1", "U2", "V1")
+    ]
+    sensors = _read(tmp_path, "".join(head + RUN for head in heads)).sensors
+    assert [(one.unit, one.session) for one in sensors] == [("U", "1"), ("U", "2"), ("V", "1")]
+    assert all(one.robust for one in sensors)
+
+
+def test_appendix_holds_the_texts_of_its_file(tmp_path):
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "speed.csv").write_text('\ufeffsampler, "ESS/s"\n\n"a, b",  430\nc,\n', "utf-8")
+    keys = 'title = "T"\nnote = "N"\ncommand = "C"\nfile = "tables/speed.csv"\n'
+    (table,) = _read(tmp_path, f"[[appendix]]\n{keys}" + HEAD + RUN).appendices
+    assert table == Appendix("T", "N", "C", ("sampler", "ESS/s"), (("a, b", "430"), ("c", "")))
+
+
+@pytest.mark.parametrize(
+    ("table", "wraps"),
+    [
+        ('unit = "count", scale = "15.625 ns/count", wraps = "4294967296 count"', 2.0**32),
+        ('unit = "us", wraps = "4294967296 us"', 2.0**32),
+        ('unit = "us", wraps = "4294.967296 s"', 2.0**32),
+        ('unit = "ms", wraps = "1 min"', 60000.0),
+        ('unit = "s", wraps = "67.108864 s"', 67.108864),
+    ],
+)
+def test_wrap_of_a_clock_is_exact_in_the_unit_of_the_file(table, wraps, tmp_path):
+    sensor = _sensor(tmp_path, HEAD + RUN + f'[sensor.run.columns]\nt = {{ column = "x", {table} }}\n')
+    assert sensor.runs[0].columns["t"].wraps == wraps
 
 
 def test_library_keys_are_the_arguments_of_library(tmp_path):
@@ -80,10 +161,12 @@ def test_scale_and_offset_are_read_in_their_units(table, expected, tmp_path):
 
 def test_column_can_be_given_by_name_or_number_alone(tmp_path):
     sensor = _sensor(
-        tmp_path, HEAD + RUN + '[sensor.run.columns]\noutput = "adc"\nf_i = 3\nt = { unit = "ms" }\n'
+        tmp_path,
+        HEAD + RUN + '[sensor.run.columns]\noutput = "adc"\nf_i = 3\nmount = "plane"\nt = { unit = "ms" }\n',
     )
     columns = sensor.runs[0].columns
     assert (columns["output"].column, columns["f_i"].column) == ("adc", 3)
+    assert columns["mount"].column == "plane"
     assert (columns["t"].column, columns["t"].unit) == (None, "ms")
 
 

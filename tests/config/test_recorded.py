@@ -10,19 +10,30 @@ from hypothesis import strategies as st
 
 from imubayes.config import read_study, record_study
 from imubayes.config.recorded import toml_lines
+from imubayes.preparation import simulate_sensor
 from imubayes.rig.runs import read_run
-from imubayes.study import simulate_sensor
 
 STUDY = """
 [study]
 title = "two \\"sensors\\""
 seed = 7
+method = "collapsed"
+[sampling]
+ess = 400.5
+time_limit = "20 s"
+[[appendix]]
+title = "speed"
+file = "tables/speed.csv"
 
 [[sensor]]
 id = "A/1"
 kind = "accelerometer"
 class = "mems_tactical"
 noise = { run = "log" }
+robust = true
+unit = "A"
+session = "1"
+reference = { gravity = true, fixture = "20 arcsec", table_zero = false }
 [sensor.library]
 powers = 2
 [sensor.truth]
@@ -54,6 +65,8 @@ file = "kept.csv"
 @pytest.fixture
 def study(tmp_path):
     (tmp_path / "two.toml").write_text(STUDY)
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "speed.csv").write_text("sampler,ESS/s\na,430\n")
     return read_study(tmp_path / "two.toml")
 
 
@@ -72,8 +85,14 @@ def test_recorded_study_holds_the_simulated_runs_to_the_last_bit(study, tmp_path
 
 
 def test_recorded_study_keeps_what_was_not_simulated(study, tmp_path):
-    record_study(study, tmp_path)
-    recorded = read_study(tmp_path / "two.toml")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    record_study(study, folder)
+    recorded = read_study(folder / "two.toml")
+    assert (recorded.sampling, recorded.appendices) == (study.sampling, study.appendices)
+    for before, after in zip(study.sensors, recorded.sensors, strict=True):
+        assert (after.reference, after.robust) == (before.reference, before.robust)
+        assert (after.unit, after.session) == (before.unit, before.session)
     assert (recorded.title, recorded.seed) == (study.title, study.seed)
     assert [run.noise for run in recorded.sensors[0].runs] == [run.noise for run in study.sensors[0].runs]
     assert recorded.sensors[1].runs[1].file == (tmp_path / "kept.csv").resolve()

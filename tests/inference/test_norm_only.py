@@ -1,13 +1,16 @@
 """A triad in the hand: simulated ones of known truth, and the recording that imu_tk published figures of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import rq
 
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.factor import invert_triangular, with_prior_rows
+from imubayes.factor import invert_triangular, posterior, with_prior_rows
+from imubayes.inference.linear import Extra
 from imubayes.inference.norm_only import solve_free_tumble
-from imubayes.inference.prior import ScalePrior
+from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import COMPONENTS, Triad, calibration, triad_of
 from imubayes.rig.inputs import TriadRun
 from imubayes.selection.decision import select
@@ -226,3 +229,30 @@ def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(xsens)
         }
         for term in (t for t in chosen.terms if t.name not in LINEAR):
             assert term.verdict in ("unresolved", "inseparable", "untested"), (component, term.name)
+
+
+def test_unknown_gravity_leaves_the_common_scale_to_its_prior(hand_tumble):
+    """Gravity stated 300 ppm too low: every scale factor looks as much too large."""
+    hand = hand_tumble()
+    wrong = replace(hand.run, gravity=hand.run.gravity / (1.0 + 3e-4))
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    sensor_class = sensor("mems_tactical", kind="accelerometer")
+    sds = [class_sd(sensor_class, part) for part in triad_of(lib).libraries]
+    prior = ScalePrior(np.concatenate(sds))
+    gravity = Extra("gravity", "gravity", 5e-3, "m/s^2", "ug", "local gravity")
+    found = {
+        extra: solve_free_tumble([wrong], lib, prior, sensor=sensor_class, gravity=extra)
+        for extra in (None, gravity)
+    }
+    scales = {}
+    for extra, one in found.items():
+        summary = one.summary
+        sds = np.concatenate((prior.sd, [e.sd for e in summary.extras]))
+        mean, sd = posterior(summary.factor, sds)
+        j = summary.names.index("ax.b1")
+        scales[extra] = mean[j], sd[j]
+    assert abs(scales[None][0]) > 10.0 * scales[None][1]
+    assert abs(scales[gravity][0]) < 4.0 * scales[gravity][1]
+    assert found[gravity].summary.names[-1] == "gravity"
+    # one gravity for three axes: their scale factors share its error
+    assert scales[gravity][1] > 5.0 * scales[None][1]

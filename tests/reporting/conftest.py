@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from imubayes.campaign import SensorResult, SensorSpec, Study, StudyResult
+from imubayes.campaign import (
+    Appendix,
+    Distrusted,
+    ExtraPosterior,
+    SensorResult,
+    SensorSpec,
+    Study,
+    StudyResult,
+)
+from imubayes.factor import factor_of
+from imubayes.inference.linear import Extra
+from imubayes.inference.mcmc.chains import Chains, Diagnostics
 from imubayes.inference.residuals import ResidualCheck
+from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
 from imubayes.planning.observability import Confounded, Observability
 from imubayes.rig.inputs import Source
@@ -112,8 +124,8 @@ def _run(name: str, procedure: str, noise: Noise, columns: tuple[tuple[str, str,
     priors = tuple((1.3 * value if value else 1e-6, 0.6) for value in (noise.N, noise.B, noise.K))
     return _partly(
         RunSummary, name=name, procedure=procedure, samples=2880, duration=2880.0, interval=1.0, noise=noise,
-        noise_sd=(0.02, 0.2, 1.4), noise_prior=priors, noise_origin="REML", ranges=ranges, source=source,
-        stills=(),
+        noise_sd=(0.02, 0.2, 1.4), noise_prior=priors, noise_origin="REML", noise_run=name, ranges=ranges,
+        source=source, stills=(),
     )  # fmt: skip
 
 
@@ -173,6 +185,118 @@ def study_result(*sensors: SensorResult, title: str = "ACC-07 acceptance") -> St
     return StudyResult(Study(title, 1, specs, Path("studies/acc07.toml"), text), sensors)
 
 
+EXTRAS = (
+    Extra("gravity", "gravity", 50.0 * UG, "m/s^2", "ug", "error of local gravity"),
+    Extra("fixture_j.tumble.1", "fixture", 1e-4, "rad", "urad", "rotation of the fixture about j, mount 1"),
+    Extra("fixture_j.tumble.2", "fixture", 1e-4, "rad", "urad", "rotation of the fixture about j, mount 2"),
+)
+STUCK = 2.5
+"""sd by which the first ensemble stays off the others where the chains have not converged."""
+
+
+def chains_of(sensor: SensorResult, *, converged: bool = True, draws: int = 500) -> Chains:
+    """Four ensembles of a component: b1 and b3 nearly cancel, K of the first run is hardly known."""
+    rng = np.random.default_rng(7)
+    terms, extras = sensor.selection.terms, tuple(entry.extra for entry in sensor.extras)
+    mean = np.array([*(t.full_mean for t in terms), *(e.mean for e in sensor.extras)])
+    sd = np.array([*(t.full_sd for t in terms), *(e.sd for e in sensor.extras)])
+    z = rng.standard_normal((4, draws, len(mean)))
+    z[..., 3] = -0.96 * z[..., 1] + 0.28 * z[..., 3]
+    if extras:  # the error of gravity and b1; two mounts and m_k
+        z[..., -3] = 0.8 * z[..., 1] + 0.6 * z[..., -3]
+        z[..., -2] = -0.6 * z[..., 8] + 0.8 * z[..., -2]
+    if not converged:
+        z[0, :, 2] += STUCK
+    runs = tuple(run.name for run in sensor.runs)
+    typical = np.array([[run.noise.N, run.noise.B, run.noise.K] for run in sensor.runs])
+    spread = np.array([0.02, 0.2, 1.4])
+    dwells = tuple((run, 30.0 * k, 30.0 * k + 30.0) for run in runs for k in range(12))
+    observed = 1e-3 * rng.standard_normal(len(dwells))
+    names = (*sensor.selection.columns, *(extra.name for extra in extras))
+    prior_sd = np.array([*(t.prior_sd for t in terms), *(extra.sd for extra in extras)])
+    return Chains(
+        sampler="collapsed", names=names, units=(*(t.unit for t in terms), *(e.unit for e in extras)),
+        theta=mean + sd * z, runs=runs,
+        noise=typical * np.exp(spread * rng.standard_normal((4, draws, len(runs), 3))),
+        log_density=-0.5 * (z**2).sum(axis=-1), dwells=dwells,
+        log_likelihood=5.0 - 0.5 * rng.standard_normal((4, draws, len(dwells))) ** 2, observed=observed,
+        predicted=observed + 1e-5 * rng.standard_normal((4, draws, len(dwells))),
+        prior_theta=prior_sd * rng.standard_normal((800, len(names))),
+        prior_noise=typical * np.exp(0.6 * rng.standard_normal((800, len(runs), 3))),
+        diagnostics=_diagnostics(names, runs, converged), interpolation_error=0.004,
+        log_evidence=(8120.4, 0.05),
+    )  # fmt: skip
+
+
+def _diagnostics(names: tuple[str, ...], runs: tuple[str, ...], converged: bool) -> Diagnostics:
+    parameters = (*names, *(f"{letter}.{run}" for run in runs for letter in "NBK"))
+    d = len(parameters)
+    ess, rhat = np.linspace(1800.0, 1240.0, d), np.full(d, 1.002)
+    if not converged:
+        ess[2], rhat[2] = 31.0, 1.83
+    text = "every parameter has mixed" if converged else "not converged: b2 has R-hat 1.83"
+    return Diagnostics(
+        parameters=parameters, ess=ess, rhat=rhat, tau=np.linspace(20.0, 60.0, d), acceptance=0.31,
+        steps=4000, walkers=24, ensembles=4, seconds=12.4, converged=converged, text=text,
+    )  # fmt: skip
+
+
+def sampled_result(sensor_id: str = "ACC-07", *, converged: bool = True, **options: object) -> SensorResult:
+    """One component whose posterior was sampled, with errors of the test bench and two distrusted dwells."""
+    sensor = sensor_result(sensor_id, **options)
+    extras = tuple(
+        ExtraPosterior(extra, 0.3 * extra.sd, share * extra.sd, partners)
+        for extra, share, partners in zip(
+            EXTRAS, (0.98, 0.6, 0.7), (("b1",), ("m_k",), ("m_k",)), strict=True
+        )
+    )
+    plug_in = [t.inclusion for t in sensor.selection.terms]
+    plug_in[4] -= 0.08
+    sensor = replace(
+        sensor,
+        selection=replace(sensor.selection, plug_in=tuple(plug_in)),
+        method="collapsed",
+        method_reason="the noise is estimated from the runs themselves",
+        extras=extras,
+        distrusted=(
+            Distrusted("tumble", 120.0, 150.0, 0.9998, 812.0 * UG, 9.0 * UG),
+            Distrusted("centrifuge", 900.0, 930.0, 0.61, -40.0 * UG, 15.0 * UG),
+        ),
+    )
+    sensor = replace(sensor, runs=tuple(_with_factor(run, sensor) for run in sensor.runs))
+    return replace(sensor, chains=chains_of(sensor, converged=converged))
+
+
+def _with_factor(run: RunSummary, sensor: SensorResult) -> RunSummary:
+    """Whitened rows of a run that see every column three times as well as its prior."""
+    rng = np.random.default_rng(len(run.name))
+    prior_sd = [*(t.prior_sd for t in sensor.selection.terms), *(entry.extra.sd for entry in sensor.extras)]
+    names = (*sensor.selection.columns, *(entry.extra.name for entry in sensor.extras))
+    X = 0.3 * rng.standard_normal((90, len(names))) / np.array(prior_sd)
+    return replace(run, factor=factor_of(X, rng.standard_normal(90), names, log_det=-700.0))
+
+
+def repeatability(parameter: str = "b0", *, exceeds: bool = True, units: int = 3) -> Repeatability:
+    """Three sessions of the same units; the last unit missed the last session."""
+    rng = np.random.default_rng(len(parameter) + units)
+    names = tuple(f"IMU-{k}" for k in range(1, units + 1))
+    sd = np.full((units, 3), 10.0 * UG)
+    mean = 500.0 * UG + (60.0 * UG if exceeds else 9.0 * UG) * rng.standard_normal((units, 3))
+    mean[-1, -1] = sd[-1, -1] = np.nan
+    pulls = (mean[:, :, None] - mean[:, None, :]) / np.sqrt(sd[:, :, None] ** 2 + sd[:, None, :] ** 2)
+    between = (55.0 * UG, 31.0 * UG, 96.0 * UG) if exceeds else (3.0 * UG, 0.2 * UG, 9.0 * UG)
+    return Repeatability(
+        parameter, "m/s^2", "ug", names, ("monday", "tuesday", "friday"), mean, sd, pulls,
+        1e-9 if exceeds else 0.41, between, exceeds,
+    )  # fmt: skip
+
+
+APPENDIX = Appendix(
+    "Effective samples a second", "One machine, one thread.", "pytest tests/benchmarks -m benchmark",
+    ("sampler", "ess/s"), (("ours", "12,000"), ("stretch", "40")),
+)  # fmt: skip
+
+
 @pytest.fixture
 def result() -> StudyResult:
     return study_result()
@@ -186,3 +310,18 @@ def make_sensor() -> Callable[..., SensorResult]:
 @pytest.fixture
 def make_study() -> Callable[..., StudyResult]:
     return study_result
+
+
+@pytest.fixture
+def make_sampled() -> Callable[..., SensorResult]:
+    return sampled_result
+
+
+@pytest.fixture
+def make_sessions() -> Callable[..., Repeatability]:
+    return repeatability
+
+
+@pytest.fixture
+def appendix() -> Appendix:
+    return APPENDIX

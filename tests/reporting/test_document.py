@@ -171,3 +171,73 @@ def test_folder_that_is_a_file_is_refused_with_its_name(tmp_path, result) -> Non
     with pytest.raises(InputError, match=r"out: the results cannot be written"):
         write_results(result, tmp_path / "out")
     assert (tmp_path / "out").read_text() == "a file" and len(list(tmp_path.iterdir())) == 1
+
+
+def everything(make_sampled, make_study, make_sessions, appendix, **options):
+    study = make_study(make_sampled(**options))
+    return replace(
+        study,
+        study=replace(study.study, appendices=(appendix,)),
+        sessions=(make_sessions("b0"), make_sessions("b1", exceeds=False)),
+    )
+
+
+def test_report_with_chains_test_bench_sessions_and_appendices_is_well_formed(
+    make_sampled, make_study, make_sessions, appendix
+) -> None:
+    html = report_html(everything(make_sampled, make_study, make_sessions, appendix))
+    parsed = structure(html)
+    assert len(parsed.ids) == len(set(parsed.ids)) and set(parsed.links) <= set(parsed.ids)
+    assert not parsed.tags & {"script", "link", "img", "iframe", "image"} and len(html.encode()) < 500_000
+    wanted = (
+        "Between sessions", "Errors of the test bench", "Dwells that are not trusted",
+        "Inclusion with uncertain noise", "The chains", "log evidence by bridge sampling", "Appendices",
+    )  # fmt: skip
+    places = [html.index(f">{text}<") for text in wanted]
+    assert places[1:5] == sorted(places[1:5]) and 'href="#sessions"' in html and 'href="#appendices"' in html
+    assert "pytest tests/benchmarks -m benchmark" in html and "distrusted.tumble" not in html
+
+
+def test_exact_report_has_none_of_the_sections_of_chains(result) -> None:
+    html = report_html(result)
+    for text in ("The chains", "Errors of the test bench", "Dwells that are not trusted", "Between sessions"):
+        assert text not in html
+
+
+def test_chains_that_have_not_converged_are_said_first_and_marked(
+    make_sampled, make_study, make_sessions, appendix
+) -> None:
+    html = report_html(everything(make_sampled, make_study, make_sessions, appendix, converged=False))
+    assert '<p class="answer misfit"><strong>ACC-07: the chains have not converged' in html
+
+
+def test_words_of_the_test_bench_and_of_appendices_are_escaped(make_sampled, make_study, appendix) -> None:
+    sensor = make_sampled(ATTACK, runs=(ATTACK, "b"))
+    extras = tuple(replace(e, extra=replace(e.extra, text=ATTACK)) for e in sensor.extras)
+    study = make_study(replace(sensor, extras=extras, method_reason=ATTACK))
+    table = replace(appendix, title=ATTACK, note=ATTACK, command=ATTACK, header=(ATTACK, "b"))
+    html = report_html(replace(study, study=replace(study.study, appendices=(table,))))
+    assert "<script" not in html and 'alert("' not in html
+    structure(html)
+
+
+def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sensor, make_study) -> None:
+    lib = library("accelerometer", powers=2, asymmetry=-1)
+    names = [f"imu{k}-session{s}" for k in range(8) for s in range(3)]
+    misfit = {"imu3-session1": "stills"}
+    triads = [make_sensor(f"{n}.ax", lib=lib, runs=("stills",), misfit=misfit.get(n, "")) for n in names]
+    sensors = [replace(t, id=f"{t.id[:-2]}{axis}") for t in triads for axis in ("ax", "ay", "az")]
+    html = report_html(make_study(*sensors))
+    assert len(html.encode()) < 2_000_000
+    parsed = structure(html)
+    assert len(parsed.ids) == len(set(parsed.ids)) and set(parsed.links) <= set(parsed.ids)
+    assert html.count("Autocorrelation of the whitened") == 3
+    drawn = html[html.index("Figures are drawn of 3 of the 72 components") :]
+    assert "imu3-session1.ax" in drawn[: drawn.index("</p>")]
+    assert html.index('<section id="s1">') < html.index("terms are needed")
+
+
+def test_report_says_how_many_draws_the_file_holds(make_sampled, make_sensor, make_study) -> None:
+    # 600 averaged draws are 150 in each of four chains, and as many are kept of each chain's 500
+    assert "600 draws of the full library, and as many averaged" in report_html(make_study(make_sampled()))
+    assert "600 independent draws" in report_html(make_study(make_sensor()))

@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from imubayes.reporting.posterior import variable_names, write_posterior
+from imubayes.reporting.posterior import LARGEST, SUFFIXES, variable_names, write_posterior, written_draws
 
 
 @pytest.fixture
@@ -45,3 +46,90 @@ def test_writing_again_replaces_the_file(tmp_path, result) -> None:
     size = path.stat().st_size
     write_posterior(result, path)
     assert path.stat().st_size == size
+
+
+def test_component_with_chains_fills_every_group_with_its_own_draws(
+    tmp_path, make_sampled, make_study, arviz
+) -> None:
+    sensor = make_sampled()
+    write_posterior(make_study(sensor), tmp_path / "posterior.nc")
+    tree, chains = arviz.from_netcdf(tmp_path / "posterior.nc"), sensor.chains
+    posterior = tree["posterior"]
+    assert posterior.sizes["chain"] == 4
+    # 600 model-averaged draws give 150 for each of four chains
+    kept = np.linspace(0, 499, 150).round().astype(int)
+    np.testing.assert_array_equal(posterior["ACC_07"].values.reshape(600, -1), sensor.draws)
+    np.testing.assert_array_equal(posterior["ACC_07_full"].values, chains.theta[:, kept])
+    np.testing.assert_array_equal(posterior["ACC_07_noise"].values, chains.noise[:, kept])
+    assert posterior["ACC_07_full"].sel(ACC_07_column="gravity").shape == (4, 150)
+    assert posterior["ACC_07_noise"].dims == ("chain", "draw", "ACC_07_run", "noise")
+    np.testing.assert_array_equal(tree["sample_stats"]["ACC_07_lp"].values, chains.log_density[:, kept])
+    np.testing.assert_array_equal(tree["prior"]["ACC_07_full"].values[0], chains.prior_theta[:600])
+    np.testing.assert_array_equal(tree["prior"]["ACC_07_noise"].values[0], chains.prior_noise[:600])
+    np.testing.assert_array_equal(tree["posterior_predictive"]["ACC_07"].values, chains.predicted[:, kept])
+
+
+def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(
+    tmp_path, make_sampled, make_study, arviz
+) -> None:
+    sensor = make_sampled()
+    write_posterior(make_study(sensor), tmp_path / "posterior.nc")
+    tree = arviz.from_netcdf(tmp_path / "posterior.nc")
+    observed, full = tree["observed_data"]["ACC_07"], tree["posterior"]["ACC_07_full"]
+    np.testing.assert_array_equal(observed.values, sensor.chains.observed)
+    coordinates = (observed[f"ACC_07_dwell_{name}"].values.tolist() for name in ("run", "start", "stop"))
+    assert tuple(zip(*coordinates, strict=True)) == sensor.chains.dwells
+    assert tuple(full["ACC_07_column_unit"].values.tolist()) == sensor.chains.units
+    assert full.attrs["units"].endswith("fixture_j.tumble.2: rad") and observed.attrs["units"] == "m/s^2"
+    assert tree["posterior"]["ACC_07_noise_unit"].values.tolist()[0] == "m/s^2/sqrt(Hz)"
+
+
+def test_arviz_summarises_and_scores_what_was_written(tmp_path, make_sampled, make_study, arviz) -> None:
+    write_posterior(make_study(make_sampled(converged=False)), tmp_path / "posterior.nc")
+    tree = arviz.from_netcdf(tmp_path / "posterior.nc")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # terms that are in no model are constant
+        table = arviz.summary(tree, var_names=["ACC_07_full"])
+        score = arviz.loo(tree, var_name="ACC_07")
+    stuck, mixed = table["r_hat"]["ACC_07_full[b2]"], table["r_hat"]["ACC_07_full[b0]"]
+    assert float(stuck) > 1.2 and float(mixed) < 1.05
+    assert score.n_data_points == 24
+
+
+def test_components_of_any_shape_share_one_file_cut_to_the_smallest(
+    tmp_path, make_sensor, make_sampled, make_study, arviz
+) -> None:
+    one, two = make_sampled("A"), make_sampled("B")
+    part = replace(two.chains, theta=two.chains.theta[:3, :100], noise=two.chains.noise[:3, :100])
+    part = replace(
+        part,
+        log_density=two.chains.log_density[:3, :100],
+        log_likelihood=two.chains.log_likelihood[:3, :100],
+        predicted=two.chains.predicted[:3, :100],
+    )
+    study = make_study(one, replace(two, chains=part), make_sensor("C"))
+    write_posterior(study, tmp_path / "posterior.nc")
+    posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
+    assert (posterior.sizes["chain"], posterior.sizes["draw"]) == (3, 100)
+    assert {"A_full", "B_full", "C"} <= set(posterior.data_vars) and "C_full" not in posterior.data_vars
+    # a thinned chain reaches from its first draw to its last
+    np.testing.assert_array_equal(posterior["A_full"].values[:, -1], one.chains.theta[:3, -1])
+
+
+def test_no_name_of_a_component_is_a_variable_of_another(make_sensor, make_study) -> None:
+    study = make_study(*(make_sensor(name) for name in ("A", "A_full", "chain", "A_2", "A")))
+    derived = [name + suffix for name in variable_names(study) for suffix in SUFFIXES]
+    assert len(set(derived)) == len(derived) and not set(derived) & {"chain", "draw", "noise"}
+
+
+def test_file_of_many_components_keeps_fewer_draws_and_stays_small(
+    tmp_path, make_sensor, make_sampled, make_study
+) -> None:
+    one, two = make_sampled("A"), make_sensor("B")
+    many = replace(two, draws=np.tile(two.draws, (200, 1)), prior_draws=np.tile(two.prior_draws, (200, 1)))
+    study = make_study(replace(one, chains=None), *(many for _ in range(2)))
+    assert written_draws(study) == 600
+    study = make_study(many, many)
+    write_posterior(study, tmp_path / "posterior.nc")
+    assert 10_000 < written_draws(study) < 120_000
+    assert (tmp_path / "posterior.nc").stat().st_size < 1.1 * LARGEST

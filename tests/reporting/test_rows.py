@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, per_unit
-from imubayes.reporting.rows import noise_floor, noise_row, range_texts, shortened, term_rows
+from imubayes.reporting.rows import noise_floor, noise_row, own_groups, range_texts, shortened, term_rows
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import library
 
@@ -102,3 +102,49 @@ def test_gyroscope_rows_use_rates(make_sensor) -> None:
 def test_many_names_are_counted() -> None:
     assert shortened(("a", "b", "c"), 3) == "a, b, c"
     assert shortened(("a", "b", "c", "d"), 3) == "a, b, c +1"
+
+
+def test_noise_of_the_chains_is_printed_by_their_mean_and_sd(make_sampled) -> None:
+    sensor = make_sampled()
+    run, chains = sensor.runs[0], sensor.chains
+    row = noise_row(run, sensor.kind, chains)
+    draws = chains.noise[:, :, 0, 0] / (1e-6 * G)
+    assert row.origin == "chains" and row.is_limit == (False, False, True)
+    assert float(row.cells[0].value) == pytest.approx(draws.mean(), abs=0.05)
+    assert float(row.cells[0].sd) == pytest.approx(draws.std(), rel=0.05)
+    # the limit is rounded up: 95 % of the draws are below it
+    below = chains.noise[:, :, 0, 2] / (1e-6 * G) < float(row.cells[2].value)
+    assert 0.95 <= below.mean() < 0.97
+
+
+def test_noise_of_another_run_is_printed_by_that_run_s_chains(make_sampled) -> None:
+    sensor = make_sampled()
+    shared = replace(sensor.runs[1], noise_run="tumble")
+    assert noise_row(shared, sensor.kind, sensor.chains).cells == (
+        noise_row(sensor.runs[0], sensor.kind, sensor.chains).cells
+    )
+
+
+def test_noise_that_was_not_sampled_is_printed_as_before(make_sampled) -> None:
+    sensor = make_sampled()
+    still = replace(sensor.chains, noise=np.ones_like(sensor.chains.noise))
+    assert noise_row(sensor.runs[0], sensor.kind, still) == noise_row(sensor.runs[0], sensor.kind)
+
+
+def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once(make_sampled) -> None:
+    sensor = make_sampled()
+    partners = ("m_j", "fixture_j.tumble.1", "fixture_j.tumble.2", "gravity")
+    terms = tuple(
+        replace(term, confounded_with=partners) if term.name == "m_k" else term
+        for term in sensor.selection.terms
+    )
+    changed = replace(sensor, selection=replace(sensor.selection, terms=terms))
+    assert rows_by_name(changed)["m_k"].partners == ("d_o", "fixture", "gravity")
+
+
+def test_directions_of_the_same_terms_are_one_group(make_sensor) -> None:
+    selection = make_sensor().selection
+    (group,) = selection.observability.groups
+    other = replace(group, terms=("b0", "b2"))
+    seen = replace(selection.observability, groups=(group, other, replace(group, direction=(1.0, 0.5))))
+    assert own_groups(replace(selection, observability=seen)) == (group, other)

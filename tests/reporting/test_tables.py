@@ -102,3 +102,55 @@ def test_check_of_a_triad_component_reads_its_own_columns(make_sensor) -> None:
     lines = {line.split()[0]: line.split() for line in reversed(text.splitlines()) if line.split()}
     assert lines["b0"][2] == "yes" and lines["S_ij"][2] == "no" and lines["c_jj"][-1] == "ax.b2"
     assert "c_jj and ax.b2 appear" in text and "ay." not in text.replace("IMU.ay", "")
+
+
+def test_summary_says_the_method_the_diagnostics_and_that_the_chains_have_not_converged(
+    make_sampled, make_study
+) -> None:
+    text = printed(terminal_summary(make_study(make_sampled(converged=False))))
+    words = " ".join(text.split())
+    assert "collapsed, ESS 31, R-hat 1.830" in words and "Posterior: collapsed chains, because" in words
+    assert (
+        "the chains have not converged (b2 has R-hat 1.83)" in words and "2 dwells are not trusted" in words
+    )
+    assert max(len(line) for line in text.splitlines()) <= 80
+    good = printed(terminal_summary(make_study(make_sampled())))
+    assert "not converged" not in good
+
+
+def test_check_says_errors_of_the_test_bench_in_words(make_sampled) -> None:
+    lib = library("accelerometer", powers=3, asymmetry=2)
+    sensor = make_sampled()
+    seen = sensor.selection.observability
+    names = (*seen.names, "gravity")
+    group = replace(seen.groups[0], terms=("b1", "gravity"))
+    wide = replace(
+        seen,
+        names=names,
+        tested=np.append(seen.tested, True),
+        ratio=np.append(seen.ratio, 1.0),
+        alone=np.append(seen.alone, 0.1),
+        vif=np.append(seen.vif, 1.0),
+        groups=(group,),
+    )
+    extras = [entry.extra for entry in sensor.extras]
+    text = " ".join(printed(terminal_check("ACC-07", wide, lib, extras)).split())
+    assert "b1 and the error of local gravity appear only in one combination" in text
+
+
+def test_summary_ends_with_what_changes_between_sessions(make_study, make_sessions) -> None:
+    study = replace(make_study(), sessions=(make_sessions("b0"),))
+    text = " ".join(printed(terminal_summary(study), encoding="ascii").split())
+    assert text.index("between sessions 1 of 1 parameter changes") > text.index("to the noise floor")
+    assert "b0 (sd 55 ug)" in text
+
+
+def test_term_of_many_groups_names_three_of_them(make_sensor, make_study) -> None:
+    sensor = make_sensor()
+    seen = sensor.selection.observability
+    groups = tuple(
+        replace(seen.groups[0], terms=("c_jj", name)) for name in ("b0", "b2", "m_j", "m_k", "c_kk")
+    )
+    selection = replace(sensor.selection, observability=replace(seen, groups=groups))
+    text = printed(terminal_summary(make_study(replace(sensor, selection=selection))))
+    assert "inseparable [1,2,3,+2]" in text and "inseparable [5]" in text

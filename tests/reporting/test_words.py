@@ -102,3 +102,17 @@ def test_answer_on_a_triad_names_its_own_terms_by_their_plain_names(make_sensor)
         and "ay." not in text.replace("IMU.ay", "")
         and "az." not in text
     )
+
+
+def test_answer_with_many_causes_says_only_what_would_tell(make_sensor) -> None:
+    sensor = make_sensor()
+    seen = sensor.selection.observability
+    causes = ("a centrifuge", "a rate table", "a chamber", "a centrifuge")
+    groups = tuple(
+        Confounded(("c_jj", name), (1.0, -1.0), 1.0, True, f"cause {name}", what)
+        for name, what in zip(("b0", "b2", "m_j", "c_kk"), causes, strict=True)
+    )
+    selection = replace(sensor.selection, observability=replace(seen, groups=groups))
+    text = " ".join(answer(replace(sensor, selection=selection)))
+    told = "(c_jj and c_kk). What would tell: a centrifuge; a rate table; a chamber."
+    assert told in text and "cause b0" not in text

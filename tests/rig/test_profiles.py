@@ -73,6 +73,31 @@ def test_tumble_turns_by_equal_angles_from_the_first_axis_to_the_second():
         np.testing.assert_allclose(turned, np.radians(15.0) * np.arange(24), atol=1e-14)
 
 
+def test_a_tumble_numbers_its_planes_and_a_log_is_one_mounting():
+    plan = tumble(angles=8, planes=3, **SHORT)
+    f = _vectors(plan, "f")
+    for mount, normal in enumerate(([0, 0, 1], [0, 1, 0], [1, 0, 0])):
+        rows = f[plan.inputs.mount == mount]
+        assert len(rows) == 8
+        assert not (rows @ normal).any()
+    assert static(9.0, 1.0).inputs.mount is None
+
+
+@pytest.mark.parametrize(
+    "plan", [rate_table([-1.0, 2.0], mounts=9), centrifuge([1, 20], mounts=12, ramp=True)]
+)
+def test_in_one_mount_the_axis_stands_still_in_the_case_and_no_two_mounts_are_alike(plan):
+    w, mount = _vectors(plan, "w"), plan.inputs.mount
+    assert mount.tolist() == sorted(mount)
+    for number in np.unique(mount):
+        rows = w[mount == number]
+        assert np.linalg.matrix_rank(rows, tol=1e-12 * np.abs(rows).max()) == 1
+    first = [int(np.argmax(mount == number)) for number in np.unique(mount)]
+    last = np.append(first[1:], len(mount)) - 1
+    states = np.hstack([_vectors(plan, "f"), w])[last]
+    assert len(np.unique(states.round(9), axis=0)) == len(first)
+
+
 @every_plan
 def test_nominally_zero_component_is_exactly_zero(plan):
     for name, values in plan.inputs.channels.items():

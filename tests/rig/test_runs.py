@@ -10,7 +10,7 @@ import pytest
 from imubayes.errors import DataError, StudyError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run, TriadRun
-from imubayes.rig.profiles import centrifuge, rate_table, tumble
+from imubayes.rig.profiles import centrifuge, rate_table, static, tumble
 from imubayes.rig.record import write_run
 from imubayes.rig.runs import PROFILES, RunSpec, plan_run, read_run, simulate_runs
 from imubayes.rig.simulate import simulate
@@ -52,8 +52,37 @@ def test_written_run_reads_back_to_the_last_bit(kind, plan, tmp_path):
     assert back.inputs.channels.keys() == run.inputs.channels.keys()
     for name, values in run.inputs.channels.items():
         np.testing.assert_array_equal(back.inputs.channels[name], values)
+    np.testing.assert_array_equal(back.inputs.mount, run.inputs.mount)
     # the median of differences of times of some 100 s
     assert back.inputs.interval == pytest.approx(run.inputs.interval, rel=1e-11)
+
+
+def test_a_run_of_one_mounting_is_written_and_read_without_a_column_of_mounts(tmp_path):
+    (run,) = simulate(sensor("mems_tactical", kind="accelerometer"), [static(9.0, 1.0)], seed=3)
+    write_run(run, tmp_path / "run.csv", kind="accelerometer")
+    assert "mount" not in (tmp_path / "run.csv").read_text(encoding="utf-8")
+    assert read_run(RunSpec("a", "static", tmp_path / "run.csv"), "accelerometer").inputs.mount is None
+
+
+def test_mounts_are_found_under_the_name_that_the_study_gives(tmp_path):
+    rows = _rows(3)
+    rows[:, 2] = np.arange(50) // 20 - 1
+    path = _csv(tmp_path, "t [s],output [g],plane", rows)
+    columns = {"mount": ColumnSpec("plane")}
+    run = read_run(RunSpec("a", "tumble", path, columns=columns), "accelerometer")
+    np.testing.assert_array_equal(run.inputs.mount, np.arange(50) // 20 - 1)
+    assert run.inputs.mount.dtype == np.int64 and not run.inputs.mount.flags.writeable
+    assert set(run.inputs.channels) == set()
+
+
+@pytest.mark.parametrize("wrong", [0.5, 1e12])
+def test_a_mount_that_is_no_whole_number_is_refused_at_its_line(wrong, tmp_path):
+    rows = _rows(3)
+    rows[:, 2] = 1.0
+    rows[7, 2] = wrong
+    path = _csv(tmp_path, "t [s],output [g],mount", rows)
+    with pytest.raises(DataError, match=r"run.csv, line 9: column 'mount' holds .* expected a whole number"):
+        read_run(RunSpec("a", "tumble", path), "accelerometer")
 
 
 def test_failed_write_leaves_no_file(tmp_path):

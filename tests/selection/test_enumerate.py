@@ -16,7 +16,8 @@ from scipy.special import logsumexp
 from imubayes.errors import TermError, UnobservableError
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
-from imubayes.selection.enumerate import components_given, enumerate_models, fold, inclusion_given
+from imubayes.selection.enumerate import components_given, enumerate_models, inclusion_given
+from imubayes.selection.masks import fold
 
 NAMES = ("a", "b", "c", "d", "e", "f")
 seeds = st.integers(0, 2**32 - 1)

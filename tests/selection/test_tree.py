@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.factor import factor_of, with_prior_rows
-from imubayes.selection.enumerate import sizes
+from imubayes.selection.masks import sizes
 from imubayes.selection.tree import walk
 
 seeds = st.integers(0, 2**32 - 1)

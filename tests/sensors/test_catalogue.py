@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from imubayes.errors import TermError
-from imubayes.sensors.catalogue import classes, draw_unit, noise_prior, prior_sd, sensor
+from imubayes.sensors.catalogue import (
+    classes,
+    draw_unit,
+    noise_prior,
+    prior_sd,
+    reference_errors,
+    sensor,
+)
 from imubayes.sensors.terms import Library, Term, library
 from imubayes.units import factor
 
@@ -163,6 +170,23 @@ def test_random_units_spread_like_their_prior():
         scaled = np.array([unit[term.name] for unit in units]) / prior_sd(entry, term)[0]
         assert abs(scaled.mean()) < 4.0 / math.sqrt(number)
         assert abs((scaled**2).mean() - 1.0) < 4.0 * math.sqrt(2.0 / number)
+
+
+ARCSEC = DEG / 3600.0
+
+REFERENCE = {
+    "index_table": 2.0 * ARCSEC, "table_orthogonality": 3.0 * ARCSEC, "level_tilt": 2.0 * ARCSEC,
+    "fixture_mount": 20.0 * ARCSEC, "gravity": 1e-6 * G, "north_azimuth": 30.0 * ARCSEC,
+    "rate_accuracy": 5e-6, "rate_stability": 1e-6, "centrifuge_radius": 50e-6, "centrifuge_rate": 5e-6,
+    "centrifuge_arm_stretch": 1e-6 / G, "centrifuge_subtable": 60.0 * ARCSEC, "chamber": 0.1,
+    "seismic_floor": 3e-6 * G, "shaker_acceleration": 5e-3,
+}  # fmt: skip
+
+
+def test_errors_of_test_equipment_rise_from_low_to_high_and_are_typical_in_si():
+    found = reference_errors()
+    assert {key: typical for key, (_, typical, _) in found.items()} == pytest.approx(REFERENCE, rel=1e-12)
+    assert all(0.0 < low < typical < high for low, typical, high in found.values())
 
 
 def test_class_of_both_kinds_is_told_apart_by_kind():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,18 @@ class Chains:
     diagnostics: Diagnostics
     interpolation_error: float
     log_evidence: tuple[float, float]
+
+
+def of_columns(chains: Chains, columns: Sequence[str]) -> Chains:
+    """Chains of some columns: a component of a triad, with what is no term of any."""
+    places = [chains.names.index(name) for name in columns]
+    return replace(
+        chains,
+        names=tuple(columns),
+        units=tuple(chains.units[k] for k in places),
+        theta=chains.theta[..., places],
+        prior_theta=chains.prior_theta[..., places],
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,172 @@
+"""One ``[[sensor]]`` table becomes a `SensorSpec`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from imubayes.campaign import SensorSpec
+from imubayes.config.run_tables import noise_rule, run_spec
+from imubayes.config.shapes import LibraryTable, Place, SensorTable, hint, quantity, shaped, shown, unique
+from imubayes.rig.reference import KINDS, for_sensor
+from imubayes.rig.reference import Kind as BenchError
+from imubayes.rig.runs import FREE_TUMBLE, RunSpec
+from imubayes.rig.simulate import library_of
+from imubayes.sensors.catalogue import SensorClass, sensor
+from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.terms import Kind, Library, library
+
+
+def sensor_spec(raw: object, folder: Path, place: Place) -> SensorSpec:
+    """Check one sensor of a study.
+
+    Parameters
+    ----------
+    raw : the table.
+    folder : of the study's file.
+    place : of the table, for errors.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    table = shaped(SensorTable, raw, place)
+    if table.kind == "imu":
+        raise place.at("kind").error(
+            "'imu' cannot be characterised in one piece yet: expected accelerometer or gyroscope; "
+            "list the accelerometer and the gyroscope as two [[sensor]] tables"
+        )
+    if not table.run:
+        raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
+    with place.at("class").blamed():
+        sensor_class = None if table.class_ is None else sensor(table.class_, kind=table.kind)
+    lib = _candidates(table.kind, table.library, place.at("library"))
+    runs = tuple(_runs(table, table.kind, folder, place))
+    _check_runs(runs, sensor_class, place)
+    _check_robust(table, runs, place.at("robust"))
+    _check_session(table, place)
+    return SensorSpec(
+        table.id,
+        table.kind,
+        sensor_class,
+        lib,
+        runs,
+        _truth(table.truth, table.kind, runs, place.at("truth")),
+        _prior(table.prior, lib, place.at("prior")),
+        _reference(table.reference, table.kind, runs, place.at("reference")),
+        table.robust,
+        table.unit or "",
+        table.session or "",
+    )
+
+
+def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterator[RunSpec]:
+    """Read the runs of a sensor; a run without a noise rule has the sensor's."""
+    usual = noise_rule(table.noise, kind, place.at("noise"))
+    for k, raw in enumerate(table.run):
+        run = run_spec(raw, kind, folder, place.at("run").at(k))
+        if isinstance(raw, dict) and "noise" not in raw:
+            # the static log that the others lean on cannot lean on itself
+            run = replace(run, noise=NoiseRule() if usual.like == run.name else usual)
+        yield run
+
+
+def _candidates(kind: Kind, raw: object, place: Place) -> Library:
+    options = shaped(LibraryTable, raw, place)
+    with place.blamed():
+        return library(kind, **asdict(options))
+
+
+def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
+    """Coefficients of simulated runs; they may go beyond the library, to see what a missing term does."""
+    truth = {}
+    for name, text in raw.items():
+        with place.at(name).blamed():
+            (term,) = library_of(kind, [name]).terms
+        truth[name] = quantity(text, term.unit, place.at(name))
+    if truth and not any(run.simulate for run in runs):
+        raise place.error("no run is simulated: expected a [sensor.run.simulate] table, or no truth")
+    return truth
+
+
+def _prior(raw: dict[str, Any], lib: Library, place: Place) -> dict[str, float]:
+    """Prior sds that take the place of the class's."""
+    terms = {term.name: term for term in lib.terms}
+    for name in raw:
+        if name not in terms:
+            raise place.at(name).error(f"is not a term of the library: {hint(name, list(terms))}")
+    return {
+        name: quantity(text, terms[name].unit, place.at(name), positive=True) for name, text in raw.items()
+    }
+
+
+def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
+    """Sds of the errors of the test bench that are allowed for."""
+    free = runs[0].procedure == FREE_TUMBLE
+    wanted = {name: value for name, value in raw.items() if value is not False}
+    for name in raw:
+        if name not in KINDS:
+            raise place.at(name).error(f"is no error of a test bench: {hint(name, list(KINDS))}")
+        if free and name in wanted and name != "gravity":
+            raise place.at(name).error("a free tumble leans on nothing but gravity: leave it out")
+    return {
+        name: _uncertainty(value, for_sensor(KINDS[name], kind), place.at(name))
+        for name, value in wanted.items()
+    }
+
+
+def _uncertainty(value: object, error: BenchError, place: Place) -> float:
+    """Sd of an error of the bench: its own, or with ``true`` the catalogue's."""
+    usual = f'a quantity such as "1 {error.printed}"'
+    if value is True:
+        if error.default is None:
+            raise place.error(f"the catalogue has no usual size of it: expected {usual}, came true")
+        return error.default
+    if not isinstance(value, str):
+        raise place.error(f"expected true, false or {usual}, came {shown(value)}")
+    return quantity(value, error.unit, place, positive=True)
+
+
+def _check_robust(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> None:
+    if table.robust and runs[0].procedure == FREE_TUMBLE:
+        raise place.error(
+            "a free tumble has no dwells that could be contaminated: its positions are found where it rests; "
+            "leave it out"
+        )
+
+
+def _check_session(table: SensorTable, place: Place) -> None:
+    if (table.unit is None) != (table.session is None):
+        given, missing = ("session", "unit") if table.unit is None else ("unit", "session")
+        raise place.at(missing).error(
+            f"the key is missing: beside {given} it says which sensors are one unit; give both or neither"
+        )
+
+
+def _check_runs(runs: tuple[RunSpec, ...], sensor_class: SensorClass | None, place: Place) -> None:
+    unique([run.name for run in runs], "name", place.at("run"))
+    for k, run in enumerate(runs):
+        here = place.at("run").at(k)
+        _check_noise(run, runs, here.at("noise"))
+        if run.simulate is not None and sensor_class is None:
+            raise here.at("simulate").error(f"needs the noise of a class: expected the key {place.key}.class")
+        if (run.procedure == FREE_TUMBLE) != (runs[0].procedure == FREE_TUMBLE):
+            raise here.at("procedure").error(
+                f"'{run.procedure}' beside '{runs[0].procedure}': a free tumble tests three components "
+                "at once, the other procedures one; expected two [[sensor]] tables"
+            )
+
+
+def _check_noise(run: RunSpec, runs: tuple[RunSpec, ...], place: Place) -> None:
+    """Refuse a noise like that of a run which is not there, or which itself is like another."""
+    like, by_name = run.noise.like, {other.name: other for other in runs}
+    if like is None:
+        return
+    if like not in by_name:
+        raise place.error(f"no run is called '{like}': {hint(like, list(by_name))}")
+    if by_name[like].noise.like is not None:
+        raise place.error(
+            f"run '{like}' takes its noise from a run too: expected one with a noise of its own"
+        )

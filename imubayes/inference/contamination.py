@@ -1,0 +1,197 @@
+"""Which dwells are contaminated: a two-component mixture, coefficients and offsets integrated out.
+
+Dwell means obey ``y = X theta + noise + sum_d gamma_d delta_d e_d`` with ``theta ~ N(0, sd^2)``, noise of
+known covariance, ``gamma_d ~ Bernoulli(eps)``, ``eps ~ Beta`` and gross offsets ``delta_d ~ N(0, tau_d^2)``.
+With theta integrated out the clean means have a precision Q, and all that the data say of offsets is in Q and
+``r = Q y``: those of a set g have the posterior precision ``1/tau^2 + Q_gg`` and the mean that solves
+``(1/tau^2 + Q_gg) delta = r_g``. The odds of one more, or of one less, follow from the density of its own
+offset at zero (Savage and Dickey), which keeps the digits that an update of the covariance by ``-tau^2``
+would cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.dwells import Dwells
+from imubayes.inference.whiten import whiten, whitener
+from imubayes.sensors.noise import Noise
+
+FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SHARE = (1.0, 49.0)
+"""Beta prior of the share of contaminated dwells: mean 2 %, below 6 % with 95 %."""
+
+SWEEPS = 400
+"""Sweeps over all dwells: a probability of a half is then known to a few percent."""
+
+BURN_IN = 100
+"""Sweeps that are dropped."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """All that m dwell means say of their offsets.
+
+    Attributes
+    ----------
+    Q : (m, m) precision of the means where none is contaminated, coefficients integrated out.
+    r : (m,) Q y.
+    tau : (m,) prior sd of each offset, SI.
+    certain : (m,) precision of each mean, given the others, where the coefficients are known.
+    """
+
+    Q: FloatArray
+    r: FloatArray
+    tau: FloatArray
+    certain: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Offsets:
+    """What each of m dwells' offset would be.
+
+    Attributes
+    ----------
+    probability : (m,) that the dwell is contaminated.
+    mean, sd : (m,) of its offset if it is, SI.
+    harm : (m,) expected square of the pull, in sd, on the coefficients if the dwell is kept: what of its
+        offset the terms would follow, zero where the dwell is not contaminated.
+    """
+
+    probability: FloatArray
+    mean: FloatArray
+    sd: FloatArray
+    harm: FloatArray
+
+
+def evidence(
+    dwells: Sequence[Dwells], noise: Sequence[Noise], prior_sd: FloatArray, tau: FloatArray
+) -> Evidence:
+    """Integrate the coefficients out of the dwell means of all runs.
+
+    Parameters
+    ----------
+    dwells, noise : of each run; runs are independent, the dwells of a run are not.
+    prior_sd : (p,) of the coefficients, SI.
+    tau : (m,) prior sd of the offset of each dwell, SI.
+    """
+    W = _whitening(dwells, noise)
+    X, y = np.concatenate([d.X for d in dwells]), np.concatenate([d.y for d in dwells])
+    # in units of the prior sd a column is no larger than what it may explain
+    basis = np.linalg.qr(np.concatenate((W @ X * prior_sd, np.eye(len(prior_sd)))))[0][: len(y)]
+    left = W - basis @ (basis.T @ W)
+    Q = W.T @ left
+    return Evidence(0.5 * (Q + Q.T), left.T @ (W @ y), tau, np.einsum("ij,ij->j", W, W))
+
+
+def _whitening(dwells: Sequence[Dwells], noise: Sequence[Noise]) -> FloatArray:
+    """Inverse (m, m) of the lower factor of the covariance of all dwell means."""
+    m = sum(len(d) for d in dwells)
+    W, first = np.zeros((m, m)), 0
+    for d, n in zip(dwells, noise, strict=True):
+        last = first + len(d)
+        W[first:last, first:last] = whiten(whitener(n, d.rows), np.eye(len(d)))
+        first = last
+    return W
+
+
+def conditional(e: Evidence, on: Mask) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance (m,) of each dwell's offset if it and those that are `on` (m,) are contaminated."""
+    g = np.flatnonzero(on)
+    among = e.Q[:, g]
+    T = np.linalg.inv(np.diag(e.tau[g] ** -2.0) + among[g])
+    delta = T @ e.r[g]
+    known = np.maximum(np.diag(e.Q) - np.einsum("ij,jk,ik->i", among, T, among), 0.0)
+    variance = 1.0 / (e.tau**-2.0 + known)
+    mean = variance * (e.r - among @ delta)
+    variance[g], mean[g] = np.diag(T), delta
+    return mean, variance
+
+
+def log_odds(e: Evidence, on: Mask, moments: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Log odds (m,) that each dwell is contaminated, given which others are `on`."""
+    mean, variance = moments
+    others = on.sum() - on
+    prior = np.log(SHARE[0] + others) - np.log(SHARE[1] + len(on) - 1 - others)
+    return prior + 0.5 * np.log(variance / e.tau**2) + 0.5 * mean**2 / variance
+
+
+def log_posterior(e: Evidence, on: Mask) -> float:
+    """Log posterior, up to a constant, that exactly the dwells that are `on` (m,) are contaminated."""
+    from scipy.special import betaln
+
+    g = np.flatnonzero(on)
+    precision = np.diag(e.tau[g] ** -2.0) + e.Q[np.ix_(g, g)]
+    likelihood = 0.5 * e.r[g] @ np.linalg.solve(precision, e.r[g]) - 0.5 * np.linalg.slogdet(precision)[1]
+    prior = betaln(SHARE[0] + len(g), SHARE[1] + len(on) - len(g))
+    return float(prior + likelihood - np.sum(np.log(e.tau[g])))
+
+
+def sample(
+    e: Evidence, start: Mask, rng: np.random.Generator, *, sweeps: int = SWEEPS, burn_in: int = BURN_IN
+) -> Offsets:
+    """Probabilities and offsets by Gibbs sampling over the indicators, share of contaminated integrated out.
+
+    Parameters
+    ----------
+    e : of the dwell means.
+    start : (m,) which dwells are taken for contaminated at first.
+    rng : the source of randomness.
+    sweeps, burn_in : over all dwells; those of the burn-in are dropped.
+    """
+    on = start.copy()
+    seen = []
+    for _ in range(burn_in + sweeps):
+        _relocate(e, on, rng)
+        seen.append(_sweep(e, on, rng))
+    mean, variance, odds = np.array(seen[burn_in:]).swapaxes(0, 1)
+    probability = np.exp(-np.logaddexp(0.0, -odds))
+    weight = probability / probability.sum(axis=0)
+    middle = np.sum(weight * mean, axis=0)
+    followed = np.maximum(e.certain + e.tau**-2.0 - 1.0 / variance, 0.0)
+    return Offsets(
+        probability=probability.mean(axis=0),
+        mean=middle,
+        sd=np.sqrt(np.sum(weight * (variance + (mean - middle) ** 2), axis=0)),
+        harm=np.mean(probability * mean**2 * followed, axis=0),
+    )
+
+
+def _relocate(e: Evidence, on: Mask, rng: np.random.Generator) -> None:
+    """Draw anew, in place, where one of the contaminated dwells is.
+
+    Where the terms can follow either of two offsets, the data tell that a dwell is off, but not which one:
+    flips of one indicator would have to pass through states without any or with both.
+    """
+    g = np.flatnonzero(on)
+    if not len(g):
+        return
+    on[rng.choice(g)] = False
+    free = np.flatnonzero(~on)
+    odds = log_odds(e, on, conditional(e, on))[free]
+    weight = np.exp(odds - odds.max())
+    on[rng.choice(free, p=weight / weight.sum())] = True
+
+
+def _sweep(e: Evidence, on: Mask, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Draw every indicator once, in place; give mean and variance of the offsets, and the odds, at the end.
+
+    The odds change only where an indicator does: they are found once for each change, not for each dwell.
+    """
+    u = rng.random(len(on))
+    level, done = np.log(u) - np.log1p(-u), 0
+    while True:
+        mean, variance = conditional(e, on)
+        odds = log_odds(e, on, (mean, variance))
+        changes = np.flatnonzero((level < odds)[done:] != on[done:])
+        if not len(changes):
+            return mean, variance, odds
+        d = done + int(changes[0])
+        on[d] = not on[d]
+        done = d + 1

@@ -1,0 +1,174 @@
+"""Dwells of a run: the stretches of rows that are trusted or distrusted as a whole."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.linear import Linear, reach_of
+from imubayes.inference.whiten import Rows
+from imubayes.rig.inputs import Run, Source, between_gaps
+
+FloatArray = NDArray[np.float64]
+
+LONG = 8
+"""A part between gaps that is longer than one in so many rows of its run is a log, not a dwell: it is cut."""
+
+STEADY = 0.2
+"""Change of the inputs within a dwell: root mean square over the columns that the run excites, each over its
+largest size. With more, inputs vary and the part is cut. A sign that flickers where its axis is horizontal is
+one column of many."""
+
+QUARTERS = 4
+"""Means whose change is looked at: that of single rows would be noise, where an input was measured."""
+
+PIECES = 200
+"""Pieces that a run without gaps is cut to."""
+
+MOST = 400
+"""Dwells of a run: with more gaps than that (lost samples), neighbouring parts are taken together."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dwells:
+    """Averages over the q dwells of a run.
+
+    Attributes
+    ----------
+    run : its name.
+    edges : (q + 1,) first row of each dwell, and the number of rows.
+    start, stop : (q,) s.
+    rows : when the dwells were taken.
+    X : (q, p) mean of each column.
+    y : (q,) mean response, SI.
+    """
+
+    run: str
+    edges: NDArray[np.int64]
+    start: FloatArray
+    stop: FloatArray
+    rows: Rows
+    X: FloatArray
+    y: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+
+def dwells_of(rows: Linear) -> Dwells:
+    """Average the rows of a run over its dwells.
+
+    A dwell is what two gaps enclose. A part of more than an eighth of the run (a static log), or during which
+    the inputs vary (a ramp), is cut to pieces of a two-hundredth of the run: a shock does not cost all of it.
+    """
+    size = reach_of(rows)
+    excited = size > 0.0
+
+    def varies(start: int, stop: int) -> bool:
+        edges = np.linspace(start, stop, QUARTERS + 1).astype(int).tolist()
+        means = [rows.columns(a, b).mean(axis=0) for a, b in pairwise(edges) if b > a]
+        change = np.ptp(means, axis=0)[excited] / size[excited]
+        return bool(np.sum(change**2) > STEADY**2 * len(change))
+
+    edges = dwell_edges(rows.t, rows.interval, varies)
+    first, counts = edges[:-1], np.diff(edges)
+    lasting = np.add.reduceat(rows.duration, first)
+    half = 0.5 * rows.duration
+    axes = None if rows.axes is None else np.add.reduceat(rows.axes, first) / counts[:, None]
+    return Dwells(
+        run=rows.name,
+        edges=edges,
+        start=(rows.t - half)[first],
+        stop=(rows.t + half)[edges[1:] - 1],
+        rows=Rows(np.add.reduceat(rows.t, first) / counts, lasting, axes),
+        X=np.array([rows.columns(a, b).mean(axis=0) for a, b in pairwise(edges.tolist())]),
+        y=np.add.reduceat(rows.y, first) / counts,
+    )
+
+
+def dwell_edges(
+    t: FloatArray, interval: float, varies: Callable[[int, int], bool] = lambda start, stop: False
+) -> NDArray[np.int64]:
+    """First row of each dwell, and the number of rows: (q + 1,).
+
+    Parameters
+    ----------
+    t, interval : (n,) time and averaging time of the samples, s.
+    varies : whether the inputs do between two rows.
+
+    Examples
+    --------
+    >>> three_rows_each = np.add.outer(60.0 * np.arange(9), np.arange(3.0)).ravel()
+    >>> dwell_edges(three_rows_each, 1.0).tolist()
+    [0, 3, 6, 9, 12, 15, 18, 21, 24, 27]
+    >>> len(dwell_edges(np.arange(1000.0), 1.0)) - 1
+    200
+    """
+    n = len(t)
+    cuts = [
+        _cut(a, b, n) if (b - a) * LONG > n or varies(a, b) else [a] for a, b in between_gaps(t, interval)
+    ]
+    edges = np.concatenate([*cuts, [n]]).astype(np.int64)
+    return edges if len(edges) <= MOST + 1 else _thinned(edges)
+
+
+def _cut(start: int, stop: int, n: int) -> NDArray[np.int64]:
+    """First rows of the pieces of one part of a run of `n` rows."""
+    pieces = math.ceil((stop - start) / math.ceil(n / PIECES))
+    return np.linspace(start, stop, pieces, endpoint=False).astype(np.int64)
+
+
+def _thinned(cuts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges at least a share `MOST` of the rows apart."""
+    least = int(cuts[-1]) / MOST
+    kept = [0]
+    for cut in cuts[1:-1].tolist():
+        if cut - kept[-1] >= least:
+            kept.append(cut)
+    return np.array([*kept, cuts[-1]])
+
+
+def rows_outside(dwells: Dwells, bad: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows (n,) of the run do not belong to the dwells that are `bad` (q,)."""
+    return np.repeat(~bad, np.diff(dwells.edges))
+
+
+def rows_kept(rows: Linear, kept: NDArray[np.bool_]) -> Linear:
+    """The rows of a run that are `kept` (n,)."""
+    where = np.flatnonzero(kept)
+    first = rows.columns
+
+    def columns(start: int, stop: int) -> FloatArray:
+        inside = where[start:stop]
+        return first(int(inside[0]), int(inside[-1]) + 1)[inside - inside[0]]
+
+    return replace(
+        rows,
+        t=rows.t[kept],
+        duration=rows.duration[kept],
+        y=rows.y[kept],
+        axes=None if rows.axes is None else rows.axes[kept],
+        columns=columns,
+    )
+
+
+def run_kept(run: Run, kept: NDArray[np.bool_]) -> Run:
+    """The samples of a run that are `kept` (n,); its notes say how many are not."""
+    inputs = replace(
+        run.inputs,
+        t=run.inputs.t[kept],
+        channels={name: values[kept] for name, values in run.inputs.channels.items()},
+        mount=None if run.inputs.mount is None else run.inputs.mount[kept],
+    )
+    return replace(run, inputs=inputs, output=run.output[kept], source=_noted(run.source, kept))
+
+
+def _noted(source: Source, kept: NDArray[np.bool_]) -> Source:
+    lost = int(np.count_nonzero(~kept))
+    note = f"{lost:,} of {len(kept):,} samples are left out: their dwells are not trusted"
+    return replace(source, notes=(*source.notes, note)) if lost else source

@@ -1,0 +1,207 @@
+"""One log density for both samplers: coefficients phi and logarithms x of the noise parameters.
+
+With A(x) the Gram matrix of all rows and of the prior's rows, in blocks ``[[A, b], [b', c]]``::
+
+    log p(y, phi, x) = log p(x) - (log det C(x) + n log 2 pi)/2 + log p0 - (c - 2 b'phi + phi'A phi)/2
+
+and with the coefficients integrated out ``(c - b'A^-1 b + log det A)/2`` stands in the place of the last term
+(p0 is the prior's normalisation). Both come from one Cholesky factor of the whole matrix.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.linear import Linear
+from imubayes.inference.mcmc.whitenings import (
+    Coordinates,
+    Whitenings,
+    coordinates,
+    fixed_whitening,
+    grams,
+    whitenings,
+)
+from imubayes.inference.summary import RunSummary, Summary
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Density:
+    """Posterior of one component, up to no constant.
+
+    Attributes
+    ----------
+    coordinates : of the coefficients.
+    names : p columns.
+    sd : (p,) their prior sds.
+    runs : whitenings of every run.
+    places : of every run, which entries of x are its ln N, ln B, ln K; None where its noise is known.
+    known : of every run, (3,) or (1,) logarithms that stand in for entries of x.
+    parameters : d names of the noise parameters, such as ``N.tumble``.
+    center, width : (d,) mean and sd of their normal prior, in logarithms.
+    """
+
+    coordinates: Coordinates
+    names: tuple[str, ...]
+    sd: FloatArray
+    runs: tuple[Whitenings, ...]
+    places: tuple[tuple[int, ...] | None, ...]
+    known: tuple[FloatArray, ...]
+    parameters: tuple[str, ...]
+    center: FloatArray
+    width: FloatArray
+
+    @property
+    def p(self) -> int:
+        """Number of coefficients."""
+        return len(self.names)
+
+    @property
+    def d(self) -> int:
+        """Number of noise parameters."""
+        return len(self.parameters)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditional:
+    """The normal posterior of phi given m noises: Cholesky factors, and what does not depend on phi.
+
+    Attributes
+    ----------
+    L : (m, p + 1, p + 1) lower triangular, of the Gram matrix with the response last.
+    base : (m,) log density without the quadratic form and log det A.
+    """
+
+    L: FloatArray
+    base: FloatArray
+
+    @property
+    def log_det(self) -> FloatArray:
+        """(m,) log det A."""
+        return 2.0 * np.sum(np.log(np.diagonal(self.L, axis1=1, axis2=2)[:, :-1]), axis=1)
+
+
+def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np.random.Generator) -> Density:
+    """Prepare the log density.
+
+    Parameters
+    ----------
+    summary : of the runs.
+    rows : of each run.
+    sd : (p,) prior sds of all columns.
+    rng : for probes of the interpolation.
+    """
+    c = coordinates(summary.factor, sd)
+    parameters: list[str] = []
+    prior: list[tuple[float, float]] = []
+    first: dict[str, tuple[int, ...]] = {}
+    for run in summary.runs:
+        if run.steering and run.noise_run not in first:
+            first[run.noise_run] = tuple(range(len(prior), len(prior) + len(run.steering)))
+            parameters += [f"{name}.{run.noise_run}" for name, _ in zip("NBK", run.steering, strict=False)]
+            prior += [(math.log(median), spread) for median, spread in run.steering]
+    center, width = np.array(prior).reshape(-1, 2).T
+    return Density(
+        coordinates=c,
+        names=summary.factor.names,
+        sd=sd,
+        runs=tuple(_whitenings(r, s, c, rng) for r, s in zip(rows, summary.runs, strict=True)),
+        places=tuple(first.get(run.noise_run) if run.steering else None for run in summary.runs),
+        known=tuple(np.log([run.noise.N]) for run in summary.runs),
+        parameters=tuple(parameters),
+        center=center,
+        width=width,
+    )
+
+
+def _whitenings(rows: Linear, run: RunSummary, c: Coordinates, rng: np.random.Generator) -> Whitenings:
+    return whitenings(rows, run, c, rng) if len(run.steering) == 3 else fixed_whitening(run, c)
+
+
+def condition(density: Density, x: FloatArray) -> Conditional:
+    """Condition on m noises x (m, d), logarithms; `base` is -inf where they are beyond what was computed.
+
+    Where nothing of the noise is unknown, one condition stands for all m.
+    """
+    c, m = density.coordinates, min(len(x), 1) if density.d == 0 else len(x)
+    x = x[:m]
+    A = np.repeat(c.prior[None], m, axis=0)
+    base = -0.5 * np.sum(((x - density.center) / density.width) ** 2, axis=1)
+    base -= float(np.sum(np.log(density.width))) + 0.5 * density.d * math.log(2.0 * math.pi)
+    base += c.log_volume - float(np.sum(np.log(density.sd))) - 0.5 * density.p * math.log(2.0 * math.pi)
+    for run, places, known in zip(density.runs, density.places, density.known, strict=True):
+        noise = np.repeat(known[None], m, axis=0) if places is None else x[:, places]
+        gram, log_det, inside = grams(run, noise)
+        A += gram
+        base -= 0.5 * (log_det + run.n * math.log(2.0 * math.pi))
+        base = np.where(inside, base, -np.inf)
+    A[~np.isfinite(base)] = np.eye(A.shape[1])
+    L, sound = _cholesky(A)
+    return Conditional(L, np.where(sound, base, -np.inf))
+
+
+def conditioner(density: Density) -> Callable[[FloatArray], Conditional]:
+    """Return `condition` for a density, done once and for all where nothing of the noise is unknown."""
+    if density.d:
+        return lambda x: condition(density, x)
+    only = condition(density, np.empty((1, 0)))
+    return lambda x: only
+
+
+def _cholesky(A: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Factors (m, k, k), and which matrices have one; the others get the identity.
+
+    Far from where the posterior is, the polynomials may leave the positive definite matrices.
+    """
+    sound = np.ones(len(A), dtype=bool)
+    try:
+        return np.asarray(np.linalg.cholesky(A), dtype=float), sound
+    except np.linalg.LinAlgError:
+        sound = np.linalg.eigvalsh(A)[:, 0] > 0.0
+        A = np.where(sound[:, None, None], A, np.eye(A.shape[1]))
+        return np.asarray(np.linalg.cholesky(A), dtype=float), sound
+
+
+def log_marginal(density: Density, x: FloatArray) -> FloatArray:
+    """Log p(y, x) (m,), the coefficients integrated out."""
+    given = condition(density, x)
+    rest = given.L[:, -1, -1] ** 2 + given.log_det
+    return given.base - 0.5 * rest + 0.5 * density.p * math.log(2.0 * math.pi)
+
+
+def log_joint(density: Density, given: Conditional, phi: FloatArray) -> FloatArray:
+    """Log p(y, phi, x) (m,) of coefficients phi (m, p), in the coordinates of the density."""
+    return given.base - 0.5 * (given.L[:, -1, -1] ** 2 + np.sum(_standard(given, phi) ** 2, axis=1))
+
+
+def log_conditional(given: Conditional, phi: FloatArray) -> FloatArray:
+    """Log p(phi | y, x) (m,)."""
+    z = _standard(given, phi)
+    return 0.5 * (given.log_det - np.sum(z**2, axis=1) - z.shape[1] * math.log(2.0 * math.pi))
+
+
+def draw_conditional(given: Conditional, z: FloatArray) -> FloatArray:
+    """Coefficients phi (m, p) from standard normal z (m, p): an exact draw for each noise."""
+    upper = np.swapaxes(given.L[:, :-1, :-1], 1, 2)
+    if len(upper) == 1:
+        return np.asarray(np.linalg.solve(upper[0], (z + given.L[:, -1, :-1]).T).T, dtype=float)
+    solved = np.linalg.solve(upper, (z + given.L[:, -1, :-1])[:, :, None])[:, :, 0]
+    return np.asarray(solved, dtype=float)
+
+
+def theta_of(density: Density, phi: FloatArray) -> FloatArray:
+    """Coefficients in SI of phi (..., p)."""
+    return density.coordinates.origin + phi @ density.coordinates.inverse.T
+
+
+def _standard(given: Conditional, phi: FloatArray) -> FloatArray:
+    """L'phi - z: standard normal under the conditional posterior."""
+    if len(given.L) == 1:
+        return phi @ given.L[0, :-1, :-1] - given.L[:, -1, :-1]
+    return np.einsum("mji,mj->mi", given.L[:, :-1, :-1], phi) - given.L[:, -1, :-1]

@@ -1,0 +1,189 @@
+"""Independent ensembles of walkers, run by turns until they agree."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.mcmc.diagnostics import LONG, effective_size, split_rhat
+from imubayes.inference.mcmc.engine import Shape, Target, load, sampler_of, save
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+AT_ONCE, MOST_AT_ONCE = 50, 400
+"""Steps of an ensemble before the next one has its turn, and is looked at: as it gets longer, a quarter to a
+half of it, so that the looking costs little. They depend on nothing but the steps that are done."""
+
+EVERY = 1.0
+"""s between checkpoints, at least."""
+
+RHAT = 1.01
+"""Split R-hat below which ensembles agree (Vehtari et al. 2021)."""
+
+DROPPED = 0.1
+"""Share of the chain that is dropped at its start: the walkers start from the fitted proposal."""
+
+BAR = 10
+"""Characters of the progress bar."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When chains end, and where they are kept.
+
+    Attributes
+    ----------
+    ess : effective sample size asked of every parameter.
+    time_limit : s.
+    seed : of the walkers' random numbers.
+    ensembles : how many, independent of each other; four at least for R-hat.
+    walkers : of each ensemble; 0 takes a little more than twice the parameters, 32 at least.
+    checkpoint : file that holds the chains; None keeps them in memory.
+    resume : go on from that file.
+    fingerprint : of the problem: a file with another one is not resumed.
+    """
+
+    ess: float = 1000.0
+    time_limit: float = 600.0
+    seed: int = 0
+    ensembles: int = 4
+    walkers: int = 0
+    checkpoint: Path | None = None
+    resume: bool = False
+    fingerprint: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """Chains as they were drawn, without their start.
+
+    Attributes
+    ----------
+    chains : of each ensemble, (steps, walkers, d).
+    log_prob : of each ensemble, (steps, walkers).
+    ess, rhat, tau : (d,) of the readable parameters.
+    acceptance : mean share of accepted proposals.
+    seconds : that all turns took.
+    converged : whether the limits were met.
+    text : why the chains ended.
+    """
+
+    chains: tuple[FloatArray, ...]
+    log_prob: tuple[FloatArray, ...]
+    ess: FloatArray
+    rhat: FloatArray
+    tau: FloatArray
+    acceptance: float
+    seconds: float
+    converged: bool
+    text: str
+
+
+def walkers_for(d: int) -> int:
+    """Walkers of an ensemble in d dimensions: even, more than emcee's least of 2 d."""
+    return max(32, 2 * (d + 1))
+
+
+def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda message: None) -> History:
+    """Run ensembles until every parameter has mixed, or the time is up.
+
+    Raises
+    ------
+    InputError : if the checkpoint is of another problem, or cannot be read or written.
+    """
+    walkers = limits.walkers or walkers_for(len(target.names))
+    shape = Shape(limits.ensembles, walkers, len(target.names))
+    kept = load(limits.checkpoint, shape, limits.fingerprint) if limits.resume and limits.checkpoint else None
+    samplers = [sampler_of(target, walkers, kept and kept.backends[k]) for k in range(limits.ensembles)]
+    seeds = np.random.SeedSequence(limits.seed).spawn(limits.ensembles)
+    before, started, due = kept.seconds if kept else 0.0, time.perf_counter(), 0.0
+    while True:
+        elapsed = time.perf_counter() - started
+        done = _judged(target, samplers, before + elapsed, limits)
+        ended = done.converged or (elapsed > limits.time_limit and len(done.chains[0]) > 1)
+        if limits.checkpoint and samplers[0].iteration and (ended or elapsed > due):
+            save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
+            # writing takes a tenth of the time at most
+            due = elapsed + max(EVERY, 10.0 * (time.perf_counter() - started - elapsed))
+        if ended:
+            return done
+        progress(_message(done, limits, elapsed))
+        for sampler, seed in zip(samplers, seeds, strict=True):
+            _advance(sampler, target, seed)
+
+
+def _advance(sampler: Any, target: Target, seed: np.random.SeedSequence) -> None:
+    """Run one turn of an ensemble, from its last state or from the start."""
+    state = None
+    if sampler.iteration == 0:
+        state = target.start(np.random.default_rng(seed), sampler.nwalkers)
+        sampler.random_state = np.random.RandomState(seed.generate_state(4)).get_state()
+    sampler.run_mcmc(state, _turn(sampler.iteration), skip_initial_state_check=True)
+
+
+def _turn(steps: int) -> int:
+    """Steps of the next turn after so many."""
+    doubled = AT_ONCE * 2 ** (max(int(steps) // AT_ONCE, 2).bit_length() - 2)
+    return min(doubled, MOST_AT_ONCE)
+
+
+def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Limits) -> History:
+    """What the chains are so far."""
+    steps = min(sampler.iteration for sampler in samplers)
+    d = len(target.names)
+    if steps == 0:
+        nothing, empty = np.zeros(d), np.zeros((0, samplers[0].nwalkers, d))
+        return History(
+            (empty,), (empty[..., 0],), nothing, nothing + np.inf, nothing, 0.0, seconds, False, ""
+        )
+    drop = int(DROPPED * steps)
+    chains = tuple(sampler.get_chain()[drop:] for sampler in samplers)
+    readable = [target.readable(chain) for chain in chains]
+    ess, tau = effective_size(readable)
+    rhat = split_rhat(readable)
+    missing = _missing(ess, rhat, tau, steps - drop, limits)
+    return History(
+        chains=chains,
+        log_prob=tuple(sampler.get_log_prob()[drop:] for sampler in samplers),
+        ess=ess,
+        rhat=rhat,
+        tau=tau,
+        acceptance=float(np.mean([sampler.acceptance_fraction for sampler in samplers])),
+        seconds=seconds,
+        converged=not missing,
+        text=f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed",
+    )
+
+
+def _missing(ess: FloatArray, rhat: FloatArray, tau: FloatArray, steps: int, limits: Limits) -> list[str]:
+    """What is still missing, in words; nothing when the chains may end."""
+    found = []
+    if ess.min() < limits.ess:
+        found.append(f"{ess.min():.0f} of {limits.ess:.0f} effective samples")
+    if not rhat.max() < RHAT:
+        found.append(f"R-hat {rhat.max():.3f} where {RHAT} is asked")
+    if steps < LONG * tau.max():
+        found.append(f"{steps} steps are fewer than {LONG:.0f} autocorrelation times of {tau.max():.1f}")
+    return found
+
+
+def _message(done: History, limits: Limits, elapsed: float) -> str:
+    """One line for somebody who waits."""
+    steps = len(done.chains[0])
+    if steps == 0:
+        return "starting the walkers"
+    share = min(1.0, float(done.ess.min()) / limits.ess, steps / (LONG * float(done.tau.max())))
+    left = min(elapsed * (1.0 / max(share, 1e-3) - 1.0), limits.time_limit - elapsed)
+    bar = "#" * round(BAR * share)
+    return (
+        f"[{bar:-<{BAR}}] accepted {done.acceptance:.0%}, tau {done.tau.max():.1f} of {steps} steps,"
+        f" ESS {done.ess.min():.0f}/{limits.ess:.0f}, R-hat {done.rhat.max():.3f},"
+        f" {max(left, 0.0):.0f} s left"
+    )

@@ -1,0 +1,145 @@
+"""Proposals that fit the problem: noise from a fitted Student distribution, coefficients exactly.
+
+The proposal does not depend on where a walker is. Given the noise the coefficients come from their exact
+conditional posterior, so that they cancel from the acceptance, which is as good as the fit to the noise's own
+posterior, in few dimensions.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import ConvergenceError
+from imubayes.inference.mcmc.density import (
+    Density,
+    conditioner,
+    draw_conditional,
+    log_conditional,
+    log_marginal,
+)
+
+FloatArray = NDArray[np.float64]
+
+TAIL = 6.0
+"""Degrees of freedom of the Student distribution: its tails are heavier than the posterior's."""
+
+SAMPLE = 2000
+"""Points of each round of the fit."""
+
+ROUNDS = 40
+"""Most rounds of the fit by importance sampling; three or four are usual."""
+
+GOOD = 0.5
+"""Share of the points that must count for the fit to be good enough."""
+
+FLOOR = 1e-3
+"""Smallest sd of the fit relative to the prior's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Student:
+    """Multivariate Student distribution of x (d,): center + L t."""
+
+    center: FloatArray
+    L: FloatArray
+
+
+def log_student(q: Student, x: FloatArray) -> FloatArray:
+    """Log density (m,) at x (m, d)."""
+    d = len(q.center)
+    z = np.linalg.solve(q.L, (x - q.center).T)
+    norm = math.lgamma(0.5 * (TAIL + d)) - math.lgamma(0.5 * TAIL) - 0.5 * d * math.log(math.pi * TAIL)
+    norm -= float(np.sum(np.log(np.diag(q.L))))
+    return norm - 0.5 * (TAIL + d) * np.log1p(np.sum(z**2, axis=0) / TAIL)
+
+
+def draw_student(q: Student, size: int, random: Any) -> FloatArray:
+    """Draws (size, d); `random` has numpy's `standard_normal` and `chisquare`."""
+    z = random.standard_normal((size, len(q.center)))
+    return q.center + (z / np.sqrt(random.chisquare(TAIL, (size, 1)) / TAIL)) @ q.L.T
+
+
+def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Student:
+    """Student distribution with the moments of the noise's posterior, by repeated importance sampling.
+
+    Parameters
+    ----------
+    density : of the problem.
+    start, sd : (d,) logarithms to start from, and how far to look.
+    rng : of the points.
+
+    Raises
+    ------
+    ConvergenceError : if no noise that was looked at has any probability.
+    """
+    q = Student(_maximum(density, start, sd), np.diag(sd))
+    for _ in range(ROUNDS):
+        x = draw_student(q, SAMPLE, rng)
+        log_weight = log_marginal(density, x) - log_student(q, x)
+        if not np.isfinite(log_weight).any():
+            raise ConvergenceError(
+                "the noise of the runs cannot be told together: by themselves they agree with none that suits"
+                " all; look at the residuals with the method exact",
+                dict(zip(density.parameters, np.exp(q.center).tolist(), strict=True)),
+            )
+        weight = np.exp(log_weight - log_weight.max())
+        weight /= weight.sum()
+        count = 1.0 / float(np.sum(weight**2))
+        enough = min(count / (10.0 * x.shape[1]), 1.0)
+        center = weight @ x
+        spread = ((x - center) * weight[:, None]).T @ (x - center)
+        # few points that count give a poor covariance: keep some of the one before
+        spread = enough * spread + (1.0 - enough) * q.L @ q.L.T
+        q = Student(center, np.linalg.cholesky(spread + np.diag((FLOOR * density.width) ** 2)))
+        if count > GOOD * SAMPLE:
+            break
+    return q
+
+
+def _maximum(density: Density, start: FloatArray, sd: FloatArray) -> FloatArray:
+    """Noise (d,) at the maximum of the posterior, or near it."""
+    from scipy.optimize import minimize
+
+    corners = start + np.vstack((np.zeros(len(start)), np.diag(sd)))
+    options = {"initial_simplex": corners, "xatol": 1e-2, "fatol": 0.1, "maxiter": 100 * len(start)}
+
+    def cost(x: FloatArray) -> float:
+        return -float(np.nan_to_num(log_marginal(density, x[None])[0], neginf=-1e300))
+
+    return minimize(cost, start, method="Nelder-Mead", options=options).x
+
+
+def independent(density: Density, q: Student):
+    """Proposal of noise and coefficients at once, for emcee's Metropolis-Hastings move in (phi, x).
+
+    Returns
+    -------
+    function of (random, coordinates (m, p + d)), in emcee's order: (new coordinates, log q(old)/q(new)).
+    """
+    given = conditioner(density)
+
+    def log_q(phi: FloatArray, x: FloatArray) -> FloatArray:
+        return log_conditional(given(x), phi) + (log_student(q, x) if density.d else 0.0)
+
+    def propose(coords: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
+        x = draw_student(q, len(coords), random) if density.d else np.empty((len(coords), 0))
+        phi = draw_conditional(given(x), random.standard_normal((len(coords), density.p)))
+        old = log_q(coords[:, : density.p], coords[:, density.p :])
+        return np.column_stack((phi, x)), old - log_q(phi, x)
+
+    return propose
+
+
+def independent_noise(q: Student):
+    """Proposal of the noise alone, for the collapsed sampler in x."""
+
+    def propose(coords: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
+        x = draw_student(q, len(coords), random)
+        return x, log_student(q, coords) - log_student(q, x)
+
+    return propose

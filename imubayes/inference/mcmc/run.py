@@ -1,0 +1,379 @@
+"""The two samplers: from a summary and its rows to chains.
+
+*collapsed* samples the noise parameters with the coefficients integrated out, and draws the coefficients
+exactly afterwards; *full* samples both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import ConvergenceError
+from imubayes.factor import add, with_prior_rows
+from imubayes.inference.linear import Linear, whitened_factor
+from imubayes.inference.mcmc import bridge
+from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw
+from imubayes.inference.mcmc.density import (
+    Density,
+    condition,
+    conditioner,
+    density_of,
+    draw_conditional,
+    log_joint,
+    log_marginal,
+    theta_of,
+)
+from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
+from imubayes.inference.mcmc.engine import Target
+from imubayes.inference.mcmc.ensembles import (
+    History,
+    Limits,
+    Progress,
+    run_ensembles,
+)
+from imubayes.inference.mcmc.moves import Student, draw_student, fit_noise, independent, independent_noise
+from imubayes.inference.mcmc.pointwise import by_dwell
+from imubayes.inference.summary import Summary
+from imubayes.inference.whiten import mattering
+from imubayes.sensors.noise import Noise
+
+FloatArray = NDArray[np.float64]
+Method = Literal["collapsed", "full"]
+
+DRAWS = 250
+"""Draws of each ensemble that the result keeps."""
+
+INDEPENDENT, DIFFERENTIAL = 0.7, 0.3
+"""Shares of the two moves: the first is as good as its fit, the second does not depend on it."""
+
+AT_ONCE = 512
+"""Draws whose matrices are held at a time."""
+
+BRIDGE = 8000
+"""About so many draws go into the bridge."""
+
+NOISE_DRAWS = 16
+"""Draws of the noise at which every submodel is weighed again."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """Chains of a component, and the linear Gaussian problem at some of their noises."""
+
+    chains: Chains
+    noises: tuple[NoiseDraw, ...]
+
+
+def sample(
+    summary: Summary,
+    rows: Sequence[Linear],
+    sd: FloatArray,
+    *,
+    method: Method = "collapsed",
+    limits: Limits | None = None,
+    progress: Progress = lambda message: None,
+) -> Sampled:
+    """Sample the posterior of all columns and of the noise that is not known.
+
+    Parameters
+    ----------
+    summary : of the runs.
+    rows : of each run, as they went into the summary.
+    sd : (p,) prior sds of all columns, SI.
+    method : ``collapsed`` or ``full``.
+    limits : when the chains end, and where they are kept.
+    progress : is told how far they are, now and then.
+
+    Raises
+    ------
+    ConvergenceError : at the time limit; `estimate` has what the chains are until then.
+    InputError : if the checkpoint cannot be used.
+
+    Examples
+    --------
+    >>> from imubayes.inference.linear import linear_of
+    >>> from imubayes.inference.prior import prior
+    >>> from imubayes.inference.summary import summarize
+    >>> from imubayes.rig.profiles import tumble
+    >>> from imubayes.rig.simulate import simulate
+    >>> from imubayes.sensors.catalogue import sensor
+    >>> from imubayes.sensors.terms import library
+    >>> tactical = sensor("mems_tactical", kind="accelerometer")
+    >>> lib = library("accelerometer", powers=1, asymmetry=-1)
+    >>> runs = simulate(tactical, [tumble(angles=12, dwell=5.0)], seed=1)
+    >>> summary = summarize(runs, lib, sensor=tactical)
+    >>> rows = [linear_of(run, lib) for run in runs]
+    >>> sample(summary, rows, prior(tactical, lib).sd).chains.diagnostics.converged
+    True
+    """
+    from threadpoolctl import threadpool_limits
+
+    # many small matrices: threads of the linear algebra only wait for each other
+    with threadpool_limits(1, user_api="blas"):
+        return _sampled((summary, rows, sd), method, limits or Limits(), progress)
+
+
+def _sampled(
+    given: tuple[Summary, Sequence[Linear], FloatArray], method: Method, limits: Limits, progress: Progress
+) -> Sampled:
+    """Sample, whatever the threads."""
+    summary, rows, sd = given
+    rng = np.random.default_rng([limits.seed, 1])
+    progress("whitening the runs over a range of noises")
+    density = density_of(summary, rows, sd, rng)
+    q = _fitted(density, summary, rng)
+    limits = replace(limits, fingerprint=_fingerprint(summary, rows, sd, method))
+    if method == "collapsed" and density.d == 0:
+        history = _without_noise(limits)
+    else:
+        history = run_ensembles(_target(density, q, method), limits, progress)
+    progress("drawing from the chains")
+    noises, error = _noise_draws(density, history, summary, rows)
+    chains = _chains((density, summary, rows), history, method, error, rng)
+    sampled = Sampled(chains, noises)
+    if not history.converged:
+        raise ConvergenceError(f"the {method} sampler has {history.text}", sampled)
+    return sampled
+
+
+def _target(density: Density, q: Student, method: Method) -> Target:
+    p = density.p
+    if method == "collapsed":
+        return Target(
+            names=density.parameters,
+            log_prob=_log_prob(density, method),
+            moves=(("independent", independent_noise(q), INDEPENDENT), ("differential", None, DIFFERENTIAL)),
+            start=lambda rng, size: _first(density, q, size, rng),
+            readable=lambda x: x,
+        )
+
+    def start(rng: np.random.Generator, size: int) -> FloatArray:
+        x = _first(density, q, size, rng)
+        return np.column_stack((draw_conditional(condition(density, x), rng.standard_normal((size, p))), x))
+
+    return Target(
+        names=(*density.names, *density.parameters),
+        log_prob=_log_prob(density, method),
+        moves=(
+            ("independent", independent(density, q), INDEPENDENT),
+            ("differential", None, DIFFERENTIAL),
+        ),
+        start=start,
+        readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
+    )
+
+
+def _first(density: Density, q: Student, size: int, rng: np.random.Generator) -> FloatArray:
+    """First noises (size, d) of the walkers, where the density is not zero."""
+    if density.d == 0:
+        return np.empty((size, 0))
+    found = np.empty((0, density.d))
+    while len(found) < size:
+        x = draw_student(q, size, rng)
+        found = np.concatenate((found, x[np.isfinite(log_marginal(density, x))]))
+    return found[:size]
+
+
+def _log_prob(density: Density, method: Method) -> Callable[[FloatArray], FloatArray]:
+    p = density.p
+    if method == "collapsed":
+        return lambda x: log_marginal(density, x)
+    given = conditioner(density)
+    return lambda c: log_joint(density, given(c[:, p:]), c[:, :p])
+
+
+def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Student:
+    """Proposal for the noise, fitted from where each run by itself has it."""
+    start, spread = np.empty(density.d), np.empty(density.d)
+    for run, made, places in zip(summary.runs, density.runs, density.places, strict=True):
+        if places is not None:
+            start[list(places)] = made.top
+            spread[list(places)] = np.maximum(run.noise_sd[: len(places)], 1.0 / np.sqrt(2.0 * run.samples))
+    return fit_noise(density, start, spread, rng) if density.d else Student(start, np.empty((0, 0)))
+
+
+def _without_noise(limits: Limits) -> History:
+    """Every draw is exact and independent where there is no noise to sample."""
+    nothing = np.empty((-(-int(limits.ess) // limits.ensembles), 1, 0))
+    chains = (nothing,) * limits.ensembles
+    empty = np.zeros(0)
+    log_prob = (np.zeros(nothing.shape[:2]),) * limits.ensembles
+    text = "nothing but coefficients: every draw is exact and independent"
+    return History(chains, log_prob, empty, empty, empty, 1.0, 0.0, True, text)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """Every step of every ensemble: phi (steps, walkers, p) and logarithms x (steps, walkers, d)."""
+
+    phi: tuple[FloatArray, ...]
+    x: tuple[FloatArray, ...]
+
+
+def _drawn(density: Density, history: History, method: Method, rng: np.random.Generator) -> _Drawn:
+    """Chains as coefficients and noises; the collapsed sampler's coefficients are drawn here, exactly."""
+    p = density.p
+    if method == "full":
+        return _Drawn(tuple(c[..., :p] for c in history.chains), tuple(c[..., p:] for c in history.chains))
+    drawn = []
+    for chain in history.chains:
+        x = _flat(chain)
+        parts = (x[i : i + AT_ONCE] for i in range(0, len(x), AT_ONCE))
+        phi = [
+            draw_conditional(condition(density, part), rng.standard_normal((len(part), p))) for part in parts
+        ]
+        drawn.append(np.concatenate(phi).reshape(*chain.shape[:2], p))
+    return _Drawn(tuple(drawn), history.chains)
+
+
+def _chains(
+    problem: tuple[Density, Summary, Sequence[Linear]],
+    history: History,
+    method: Method,
+    error: float,
+    rng: np.random.Generator,
+) -> Chains:
+    density, summary, rows = problem
+    drawn = _drawn(density, history, method, rng)
+    phi, x = (np.array([_thinned(part) for part in parts]) for parts in (drawn.phi, drawn.x))
+    theta, noise = theta_of(density, phi), _noise_of(density, summary, x)
+    scored = by_dwell(
+        rows, [run.noise for run in summary.runs], _flat(theta), noise.reshape(-1, *noise.shape[2:])
+    )
+    prior_x = density.center + density.width * rng.standard_normal((DRAWS, density.d))
+    log_density = log_joint(density, condition(density, _flat(x)), _flat(phi))
+    shape = theta.shape[:2]
+    return Chains(
+        sampler=method,
+        names=density.names,
+        units=_units(summary),
+        theta=theta,
+        runs=tuple(run.name for run in summary.runs),
+        noise=noise,
+        log_density=log_density.reshape(shape),
+        dwells=scored.dwells,
+        log_likelihood=scored.log_likelihood.reshape(*shape, -1),
+        observed=scored.observed,
+        predicted=scored.predicted.reshape(*shape, -1),
+        prior_theta=density.sd * rng.standard_normal((DRAWS, density.p)),
+        prior_noise=_noise_of(density, summary, prior_x),
+        diagnostics=_diagnosed(density, history, drawn),
+        interpolation_error=error,
+        log_evidence=_bridged(density, history, method, rng),
+    )
+
+
+def _diagnosed(density: Density, history: History, drawn: _Drawn) -> Diagnostics:
+    """Judge coefficients and noise alike, however they were sampled."""
+    pairs = zip(drawn.phi, drawn.x, strict=True)
+    whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in pairs]
+    ess, tau = effective_size(whole)
+    return Diagnostics(
+        parameters=(*density.names, *density.parameters),
+        ess=ess,
+        rhat=split_rhat(whole),
+        tau=tau,
+        acceptance=history.acceptance,
+        steps=len(whole[0]),
+        walkers=whole[0].shape[1],
+        ensembles=len(whole),
+        seconds=history.seconds,
+        converged=history.converged,
+        text=history.text,
+    )
+
+
+def _noise_draws(
+    density: Density, history: History, summary: Summary, rows: Sequence[Linear]
+) -> tuple[tuple[NoiseDraw, ...], float]:
+    """Exact whitenings at some draws, and the spread of the log density's error over them.
+
+    A constant error would not matter: it changes no probability but the evidence, which is exact here.
+    """
+    if density.d == 0:
+        return (), 0.0
+    every = np.concatenate([_flat(chain[..., -density.d :]) for chain in history.chains])
+    chosen = every[np.linspace(0, len(every) - 1, NOISE_DRAWS).astype(int)]
+    draws = tuple(_noise_draw(density, summary, rows, x) for x in chosen)
+    exact = np.array([draw.log_marginal for draw in draws])
+    prior = -0.5 * np.sum(((chosen - density.center) / density.width) ** 2, axis=1)
+    prior -= float(np.sum(np.log(density.width))) + 0.5 * density.d * np.log(2.0 * np.pi)
+    return draws, float(np.max(np.abs(log_marginal(density, chosen) - prior - exact)))
+
+
+def _noise_draw(density: Density, summary: Summary, rows: Sequence[Linear], x: FloatArray) -> NoiseDraw:
+    noises = _noise_of(density, summary, x[None])[0]
+    factors = [
+        whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))[0]
+        for part, values, run in zip(rows, noises, summary.runs, strict=True)
+    ]
+    whole = reduce(add, factors)
+    T = with_prior_rows(whole.R, 1.0 / density.sd)
+    log_det = 2.0 * float(np.sum(np.log(np.abs(np.diag(T)[:-1])))) + 2.0 * float(np.sum(np.log(density.sd)))
+    fit = whole.log_det + log_det + float(T[-1, -1] ** 2) + whole.n * float(np.log(2.0 * np.pi))
+    return NoiseDraw(whole, -0.5 * fit)
+
+
+def _bridged(
+    density: Density, history: History, method: Method, rng: np.random.Generator
+) -> tuple[float, float]:
+    """Log evidence of the full library by bridge sampling; exact where there is nothing to sample."""
+    if history.chains[0].shape[2] == 0:
+        return float(log_marginal(density, np.empty((1, 0)))[0]), 0.0
+    # steps of all ensembles by turns, so that both halves have every ensemble
+    samples = _flat(np.concatenate(history.chains, axis=1))
+    log_prob = np.concatenate(history.log_prob, axis=1).ravel()
+    log_prob_of = _log_prob(density, method)
+
+    def in_parts(c: FloatArray) -> FloatArray:
+        return np.concatenate([log_prob_of(c[i : i + AT_ONCE]) for i in range(0, len(c), AT_ONCE)])
+
+    step = max(1, len(samples) // BRIDGE)
+    tau = float(history.tau.max())
+    return bridge.log_evidence(samples[::step], log_prob[::step], in_parts, tau=tau, rng=rng)
+
+
+def _noise_of(density: Density, summary: Summary, x: FloatArray) -> FloatArray:
+    """N, B, K (..., g, 3) of every run, from logarithms (..., d)."""
+    out = np.empty((*x.shape[:-1], len(summary.runs), 3))
+    for k, (run, places) in enumerate(zip(summary.runs, density.places, strict=True)):
+        out[..., k, :] = (run.noise.N, run.noise.B, run.noise.K)
+        if places is not None:
+            out[..., k, : len(places)] = np.exp(x[..., list(places)])
+    return out
+
+
+def _units(summary: Summary) -> tuple[str, ...]:
+    """SI units of the columns; a triad's library is that of its components."""
+    of_terms = {term.name: term.unit for term in summary.library.terms} if summary.library else {}
+    of_extras = {extra.name: extra.unit for extra in summary.extras}
+    return tuple(
+        of_extras.get(name, "") or of_terms.get(name.rpartition(".")[2], "") for name in summary.names
+    )
+
+
+def _flat(values: FloatArray) -> FloatArray:
+    return values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
+
+
+def _thinned(chain: FloatArray) -> FloatArray:
+    """Draws (DRAWS, k) of an ensemble (steps, walkers, k), evenly over its steps and walkers."""
+    every = _flat(chain)
+    return every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]
+
+
+def _fingerprint(summary: Summary, rows: Sequence[Linear], sd: FloatArray, method: Method) -> str:
+    """Hash of what the chains depend on, blind to the last digits."""
+    hashed = hashlib.sha256(repr((method, summary.names, [run.name for run in summary.runs])).encode())
+    hashed.update(np.asarray(sd, dtype=np.float32).tobytes())
+    for part in rows:
+        hashed.update(np.asarray(part.y, dtype=np.float32).tobytes())
+    return hashed.hexdigest()

@@ -1,0 +1,234 @@
+"""From a sensor's entry in a study to a linear Gaussian problem: runs, priors, noise, and the test bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imubayes.campaign import SensorSpec
+from imubayes.errors import StudyError
+from imubayes.inference.linear import Extra, Linear, deviation, linear_of, reach_of
+from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
+from imubayes.inference.nuisances import extras_for, rows_with, solve
+from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
+from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
+from imubayes.inference.summary import Summary, summarize
+from imubayes.inference.triad import triad_of
+from imubayes.rig.inputs import Run, TriadRun
+from imubayes.rig.reference import KINDS
+from imubayes.rig.runs import read_run, simulate_runs
+from imubayes.sensors.catalogue import typical_noise
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import Library
+from imubayes.units import factor
+
+
+def runs_of(spec: SensorSpec, seed: int, index: int) -> tuple[Run | TriadRun, ...]:
+    """Read the recorded runs of a sensor and simulate the others, in the study's order."""
+    simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
+    return tuple(simulated[s.name] if s.simulate else read_run(s, spec.kind) for s in spec.runs)
+
+
+def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:
+    """Simulate the runs of one sensor of a study; give them with the coefficients behind them.
+
+    Parameters
+    ----------
+    spec : of the sensor.
+    seed : of the study.
+    index : of the sensor in the study, so that sensors are independent draws.
+
+    Raises
+    ------
+    StudyError : if the options of a run make no run.
+    """
+    wanted = [s for s in spec.runs if s.simulate is not None]
+    if not wanted or spec.sensor_class is None:
+        return (), {}
+    rng = np.random.default_rng([seed, index])
+    return simulate_runs(wanted, spec.sensor_class, spec.library, truth=spec.truth, rng=rng)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """Runs as a linear Gaussian problem: factor, rows, prior of every column, and where it comes from."""
+
+    runs: Sequence[Run | TriadRun]
+    summary: Summary
+    rows: Sequence[Linear]
+    prior: ScalePrior
+    source: str
+    distrusted: tuple[Distrusted, ...] = ()
+
+
+def prepare(
+    spec: SensorSpec, runs: Sequence[Run], tell: Callable[[str], None], rng: np.random.Generator
+) -> Prepared:
+    """Noise, errors of the bench, and distrusted dwells of a component's runs.
+
+    Parameters
+    ----------
+    spec : of the component.
+    runs : its runs.
+    tell : is told what goes on.
+    rng : for the search for distrusted dwells.
+    """
+    prior, source = component_prior(spec, runs)
+    found = _summarized(spec, runs, prior, tell)
+    distrusted: tuple[Distrusted, ...] = ()
+    if spec.robust:
+        tell("dwells that cannot be trusted")
+        kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
+        runs, distrusted = kept.runs, kept.distrusted
+        found = _summarized(spec, runs, prior, tell)
+        found = replace(found, summary=_noted(found.summary, kept.notes))
+    return replace(found, source=source, distrusted=distrusted)
+
+
+def _summarized(
+    spec: SensorSpec, runs: Sequence[Run], prior: ScalePrior, tell: Callable[[str], None]
+) -> Prepared:
+    """Factor of the runs, with the errors of the bench that the study allows for."""
+    if spec.reference:
+        tell("errors of the test bench")
+        summary, rows = solve(
+            runs, spec.library, prior.sd, spec.reference, sensor=spec.sensor_class, rules=_rules(spec)
+        )
+    else:
+        rows = tuple(linear_of(run, spec.library) for run in runs)
+        summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=_rules(spec), rows=rows)
+    return Prepared(tuple(runs), summary, rows, _with_extras(prior, summary.extras), "")
+
+
+def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:
+    """Give the noise of parts of the runs, by the study's rules."""
+
+    def noise_of(runs: Sequence[Run], rows: Sequence[Linear]) -> list[Noise]:
+        summary = summarize(
+            runs,
+            spec.library,
+            sensor=spec.sensor_class,
+            rules=_rules(spec),
+            rows=rows,
+            extras=found.summary.extras,
+        )
+        return [run.noise for run in summary.runs]
+
+    return noise_of
+
+
+def _noted(summary: Summary, notes: tuple[str, ...]) -> Summary:
+    """Summary whose first run's source says what did not go as usual."""
+    if not notes:
+        return summary
+    first, *others = summary.runs
+    source = replace(first.source, notes=(*first.source.notes, *notes))
+    return replace(summary, runs=(replace(first, source=source), *others))
+
+
+def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
+    """Runs as a linear problem without a look at what the sensor said."""
+    prior, source = component_prior(spec, runs)
+    rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
+    extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
+    if extras:
+        rows = rows_with(runs, spec.library, extras, np.zeros(len(prior.sd)), np.zeros(len(extras)))
+    summary = summarize(
+        runs,
+        spec.library,
+        sensor=spec.sensor_class,
+        rules=_noise_before_fit(spec),
+        rows=rows,
+        extras=extras,
+    )
+    return Prepared(runs, summary, rows, _with_extras(prior, extras), source)
+
+
+def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
+    return ScalePrior([*prior.sd, *(extra.sd for extra in extras)])
+
+
+def prepare_triad(spec: SensorSpec, runs: Sequence[TriadRun]) -> tuple[FreeTumble, Prepared]:
+    """Linearise the free tumbles of a triad, and give the linear problem that comes of it.
+
+    Raises
+    ------
+    StudyError : if the study names no class.
+    ConvergenceError : if the linearisation does not settle.
+    """
+    prior, source = _triad_prior(spec)
+    found = solve_free_tumble(
+        runs, spec.library, prior, sensor=spec.sensor_class, rules=_rules(spec), gravity=_gravity(spec)
+    )
+    whole = _with_extras(prior, found.summary.extras)
+    return found, Prepared(runs, found.summary, found.rows, whole, source)
+
+
+def _gravity(spec: SensorSpec) -> Extra | None:
+    """Error of the local gravity of a free tumble, where the study allows for one."""
+    sd = spec.reference.get("gravity")
+    if sd is None:
+        return None
+    kind = KINDS["gravity"]
+    return Extra(kind.name, kind.name, sd, kind.unit, kind.printed, kind.text)
+
+
+def _rules(spec: SensorSpec) -> dict[str, NoiseRule]:
+    return {s.name: s.noise for s in spec.runs}
+
+
+def _noise_before_fit(spec: SensorSpec) -> dict[str, NoiseRule]:
+    """Noise rules that need no fit: what the study gives, else the class's typical noise, else white."""
+    typical = typical_noise(spec.sensor_class) if spec.sensor_class else None
+    usual = NoiseRule("fixed", typical) if typical else NoiseRule("white")
+    return {s.name: s.noise if s.noise.rule == "fixed" and s.noise.value else usual for s in spec.runs}
+
+
+def component_prior(spec: SensorSpec, runs: Sequence[Run]) -> tuple[ScalePrior, str]:
+    """Physical prior of a component, and where it comes from in words."""
+    if spec.sensor_class:
+        return _overridden(class_sd(spec.sensor_class, spec.library), spec, [spec.library])
+    swing = max(float(np.max(np.abs(deviation(r, spec.library)))) for r in runs)
+    reach = np.max([reach_of(linear_of(run, spec.library)) for run in runs], axis=0)
+    return _overridden(weak_sd(reach, swing), spec, [spec.library])
+
+
+def _triad_prior(spec: SensorSpec) -> tuple[ScalePrior, str]:
+    """Physical prior of the terms of all three components, and where it comes from in words.
+
+    Raises
+    ------
+    StudyError : if the study names no class.
+    """
+    libraries = triad_of(spec.library).libraries
+    if spec.sensor_class is None:
+        raise StudyError(
+            f"sensor '{spec.id}': a free tumble needs a class: the directions alone give no prior"
+        )
+    return _overridden(
+        np.concatenate([class_sd(spec.sensor_class, lib) for lib in libraries]), spec, libraries
+    )
+
+
+def _overridden(sd: np.ndarray, spec: SensorSpec, libraries: Sequence[Library]) -> tuple[ScalePrior, str]:
+    """Prior with the study's own sds in place of the class's."""
+    names = [name for lib in libraries for name in lib.names]
+    values = [spec.prior.get(name, usual) for name, usual in zip(names, sd.tolist(), strict=True)]
+    given = [name for name in dict.fromkeys(names) if name in spec.prior]
+    source = (
+        f"typical magnitudes of class {spec.sensor_class.id}"
+        if spec.sensor_class
+        else "no class is named: each term alone may move the output by its whole range"
+    )
+    return ScalePrior(values), f"{source}; {', '.join(given)} from the study" if given else source
+
+
+def nominal_columns(spec: SensorSpec, component: str) -> tuple[float, float]:
+    """Scale (SI per file unit) and offset (file units) that the study gives a component's column."""
+    column = spec.runs[0].columns.get(component)
+    if column is None:
+        return 1.0, 0.0
+    unit = factor(column.unit, "m/s^2") if column.unit and column.scale is None else 1.0
+    return column.scale or unit, column.offset or 0.0

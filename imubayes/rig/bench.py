@@ -1,0 +1,156 @@
+"""A run on equipment with errors: what was applied in truth, where the rig says something else.
+
+An analysis and a simulation use the same functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import DataError, TermError
+from imubayes.rig.inputs import Inputs, Run, facts_of
+from imubayes.rig.latency import delayed
+from imubayes.rig.motion import components, motion_of, vectors
+from imubayes.rig.profiles import Plan
+from imubayes.rig.reference import HEADS, KINDS, TURNING, Error, errors_of, kind_of
+from imubayes.sensors.terms import AXES
+
+FloatArray = NDArray[np.float64]
+Errors = Mapping[str, FloatArray]
+"""Size of each kind of error in each mount of a run: arrays (mounts, parts) by kind."""
+
+FLAT = 0.1
+"""Positions that leave their plane by less than this share of their spread turn in it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """A run on equipment with errors.
+
+    Attributes
+    ----------
+    run : what was applied if there were none.
+    mounts : numbers of its mounts.
+    place : (n,) index of each row's mount in `mounts`.
+    normals : (mounts, 3) of the planes of a tumble, where an error about them is asked for; else zero.
+    turning : whether f across the axis of w comes from turning; else all of f is gravity.
+    """
+
+    run: Run | Plan
+    mounts: tuple[int, ...]
+    place: NDArray[np.intp]
+    normals: FloatArray
+    turning: bool
+
+    def sizes(self, errors: Sequence[Error], values: Sequence[float] | FloatArray) -> dict[str, FloatArray]:
+        """Sizes (mounts, parts) of each kind that applies to the run, from the values (SI) of the errors."""
+        tables: dict[str, FloatArray] = {}
+        for error, value in zip(errors, values, strict=True):
+            if error.applies(self.run):
+                shape = len(self.mounts), len(kind_of(error.kind).parts)
+                table = tables.setdefault(error.kind, np.zeros(shape))
+                rows = slice(None) if error.mount is None else self.mounts.index(error.mount)
+                table[rows, error.part] += value
+        return tables
+
+    def channels(self, sizes: Errors, start: int = 0, stop: int | None = None) -> dict[str, FloatArray]:
+        """What was applied in the rows from start to stop, in truth, if the errors have these sizes."""
+        stop = len(self.place) if stop is None else stop
+        latency = float(sizes["latency"][0, 0]) if "latency" in sizes else 0.0
+        channels = delayed(self.run.inputs, latency, start, stop)
+        wanted = [kind for kind in KINDS.values() if kind.apply and sizes.get(kind.name, np.zeros(1)).any()]
+        if not wanted:
+            return channels
+        place = self.place[start:stop]
+        motion = motion_of(channels, self.normals[place], turning=self.turning)
+        for kind in wanted:
+            if kind.apply:
+                motion = kind.apply(motion, sizes[kind.name][place])
+        return {**channels, **components(motion, channels)}
+
+
+def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
+    """Bench of a run.
+
+    Parameters
+    ----------
+    run : with known inputs.
+    kinds : of the errors that will be asked for.
+
+    Raises
+    ------
+    DataError : if an error needs what the run does not tell: the plane that a mount of a tumble turns in, or
+        the axis that a centrifuge turns about.
+    """
+    wanted = {name for name in kinds if run.procedure in kind_of(name).procedures}
+    numbers = np.zeros(len(run.inputs), dtype=np.int64) if run.inputs.mount is None else run.inputs.mount
+    mounts, place = np.unique(numbers, return_inverse=True)
+    normals = np.zeros((len(mounts), 3))
+    if wanted & {"table_zero", "plane_zero"}:
+        f = vectors(run.inputs.channels, "f", len(run.inputs))
+        normals = np.array([_normal(f[place == k], run.name, m) for k, m in enumerate(mounts.tolist())])
+    return Bench(run, tuple(mounts.tolist()), place, normals, _turning(run, wanted))
+
+
+def _turning(run: Run | Plan, wanted: set[str]) -> bool:
+    """Tell whether part of f comes from turning, which w must then tell."""
+    channels = run.inputs.channels
+    if run.procedure not in TURNING or facts_of([channels], "gyroscope").constant_force:
+        return False
+    lacking = sorted(wanted & {"gravity", "rate_scale", "radius", "arm_stretch"})
+    if lacking and not any(f"w_{axis}" in channels for axis in AXES):
+        raise DataError(
+            f"run '{run.name}': without the rate (w_i, w_j, w_k) nobody knows which part of f is centripetal,"
+            f" and {' and '.join(lacking)} cannot be allowed for: record the rate, or leave them out"
+        )
+    return True
+
+
+def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
+    """What a rig with errors applied while it said that it applied the run's inputs.
+
+    Parameters
+    ----------
+    run : as the rig says.
+    errors : values in SI by name (see `Error`); those of other runs are passed over. An offset of the output
+        (``turn_on``) is no input.
+
+    Raises
+    ------
+    TermError : if a name is none of a test bench's.
+
+    Examples
+    --------
+    >>> from imubayes.rig.profiles import tumble
+    >>> plan = tumble(angles=4, planes=1, dwell=1.0, rate=1.0)
+    >>> true_inputs(plan, {"table_zero": 1e-6}).channels["f_j"].round(7).tolist()
+    [9.8e-06, 9.80665, -9.8e-06, -9.80665]
+    """
+    strange = [name for name in errors if name.partition(".")[0] not in HEADS]
+    if strange:
+        raise TermError(f"'{strange[0]}' is no error of a test bench: names begin with {', '.join(HEADS)}")
+    kinds = {HEADS[name.partition(".")[0]] for name in errors}
+    known = errors_of([run], kinds)
+    bench = bench_of(run, kinds)
+    channels = bench.channels(bench.sizes(known, [errors.get(error.name, 0.0) for error in known]))
+    return replace(run.inputs, channels=channels)
+
+
+def _normal(f: FloatArray, run: str, mount: int) -> FloatArray:
+    """Normal (3,) of the plane in which positions f (n, 3) turn, right-handed in the sense that they do."""
+    new = np.any(np.diff(f, axis=0) != 0.0, axis=1)
+    positions = f[np.concatenate(([True], new))]
+    _, spread, axes = np.linalg.svd(np.concatenate((positions, np.zeros((3, 3)))), full_matrices=False)
+    if spread[1] <= FLAT * spread[0] or spread[2] > FLAT * spread[1]:
+        raise DataError(
+            f"run '{run}': the positions of mount {mount} do not turn in one plane, so that the zero of the"
+            " table has no axis: give a column 'mount' with the number of each row's plane, or leave"
+            " table_zero and plane_zero out"
+        )
+    turns = np.cross(positions[:-1], positions[1:]) @ axes[2]
+    large = turns[np.abs(turns) > 0.5 * np.abs(turns).max()]
+    return axes[2] * np.sign(large[0])

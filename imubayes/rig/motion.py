@@ -1,0 +1,149 @@
+"""What a rig did as vectors in case axes, and how an error of its equipment changes them.
+
+Each error is applied exactly: rotations keep every length, a rate acts by its powers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.sensors.terms import AXES
+
+FloatArray = NDArray[np.float64]
+Channels = Mapping[str, FloatArray]
+
+SLOW = 1e-3
+"""rad/s; below it w is the Earth's rate rather than the rig's, and centripetal force does not count."""
+
+
+FELT = 1.0
+"""m/s^2; less of gravity along the axis than this is rounding, and has no direction."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What the rig did in n rows: vectors in case axes, SI.
+
+    Attributes
+    ----------
+    f, w, dw : (n, 3).
+    axis : (n, 3) unit vector that the rig turns about; zero where it is at rest.
+    normal : (n, 3) normal of the plane of a tumble; zero elsewhere.
+    """
+
+    f: FloatArray
+    w: FloatArray
+    dw: FloatArray
+    axis: FloatArray
+    normal: FloatArray
+
+    @property
+    def along(self) -> FloatArray:
+        """Part of f that is gravity: along the axis, or all of it where nothing turns."""
+        turns = self.axis.any(axis=1, keepdims=True)
+        return np.where(turns, _dot(self.f, self.axis) * self.axis, self.f)
+
+    @property
+    def across(self) -> FloatArray:
+        """Part of f that comes from turning."""
+        return self.f - self.along
+
+
+def vectors(channels: Channels, quantity: str, n: int) -> FloatArray:
+    """Vectors (n, 3) of a quantity (f, w, dw), zero where a channel is absent."""
+    out = np.zeros((n, 3))
+    for column, axis in enumerate(AXES):
+        out[:, column] = channels.get(f"{quantity}_{axis}", 0.0)
+    return out
+
+
+def motion_of(channels: Channels, normal: FloatArray, *, turning: bool) -> Motion:
+    """Motion that channels tell, about the axis of w (of dw where the rate is hardly any) if `turning`."""
+    f, w, dw = (vectors(channels, quantity, len(normal)) for quantity in ("f", "w", "dw"))
+    axis = np.zeros_like(w)
+    if turning:
+        axis = _unit(np.where(np.linalg.norm(w, axis=1, keepdims=True) > SLOW, w, dw))
+    return Motion(f, w, dw, axis, normal)
+
+
+def components(m: Motion, channels: Channels) -> dict[str, FloatArray]:
+    """Channels of the vectors of which any component is among `channels`."""
+    return {
+        f"{quantity}_{axis}": np.ascontiguousarray(values[:, column])
+        for quantity, values in (("f", m.f), ("w", m.w), ("dw", m.dw))
+        if any(f"{quantity}_{axis}" in channels for axis in AXES)
+        for column, axis in enumerate(AXES)
+    }
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.einsum("na,na->n", a, b)[:, None]
+
+
+def _unit(v: FloatArray, least: float = 0.0) -> FloatArray:
+    """Unit vectors (n, 3); zero where the length is not above the least."""
+    length = np.linalg.norm(v, axis=1, keepdims=True)
+    return np.where(length > least, v / np.where(length > 0.0, length, 1.0), 0.0)
+
+
+def turned(v: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Turn vectors (n, 3) by rotation vectors (n, 3), by Rodrigues' formula.
+
+    Examples
+    --------
+    >>> turned(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, np.pi / 2.0]])).round(12).tolist()
+    [[0.0, 1.0, 0.0]]
+    """
+    turns = np.linalg.norm(rotation, axis=1, keepdims=True) / np.pi
+    once = np.cross(rotation, v)
+    return v + np.sinc(turns) * once + 0.5 * np.sinc(0.5 * turns) ** 2 * np.cross(rotation, once)
+
+
+def _all_turned(m: Motion, rotation: FloatArray) -> Motion:
+    f, w, dw = (turned(v, rotation) if v.any() else v for v in (m.f, m.w, m.dw))
+    return replace(m, f=f, w=w, dw=dw)
+
+
+def on_table(m: Motion, angle: FloatArray) -> Motion:
+    """Table at a zero that is off by an angle (n, 1)."""
+    return _all_turned(m, angle * m.normal)
+
+
+def in_fixture(m: Motion, rotation: FloatArray) -> Motion:
+    """Case turned in its fixture by a rotation vector (n, 3)."""
+    return _all_turned(m, -rotation)
+
+
+def heavier(m: Motion, change: FloatArray) -> Motion:
+    """Gravity stronger by `change` (n, 1), m/s^2."""
+    return replace(m, f=m.f + change * _unit(m.along, FELT))
+
+
+def longer(m: Motion, share: FloatArray) -> Motion:
+    """Arm longer by a share (n, 1)."""
+    return replace(m, f=m.f + share * m.across)
+
+
+def stretched(m: Motion, by_level: FloatArray) -> Motion:
+    """Arm longer by a share that is `by_level` (n, 1), 1/(m/s^2), of the force across the axis."""
+    across = m.across
+    return replace(m, f=m.f + by_level * np.linalg.norm(across, axis=1, keepdims=True) * across)
+
+
+def faster(m: Motion, share: FloatArray) -> Motion:
+    """Rate and its derivative greater by a share (n, 1), at the same radius.
+
+    In the plane across the axis, with complex numbers for directions, the force at radius r is
+    ``(-w^2 + i dw) r``.
+    """
+    along, across, gain = m.along, m.across, 1.0 + share
+    rate, slope = _dot(m.w, m.axis), _dot(m.dw, m.axis)
+    was = -(rate**2) + 1j * slope
+    still = was == 0.0
+    ratio = np.where(still, 1.0, (-((gain * rate) ** 2) + 1j * gain * slope) / np.where(still, 1.0, was))
+    f = along + np.real(ratio) * across + np.imag(ratio) * np.cross(m.axis, across)
+    return replace(m, f=f, w=gain * m.w, dw=gain * m.dw)

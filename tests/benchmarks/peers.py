@@ -1,0 +1,124 @@
+"""Samplers of others on the likelihood of every row.
+
+What costs time and can be done for them beforehand is not counted: their coordinates, imports, compilation,
+and, for the stretch move, the way to the posterior, from which its walkers start. Each core has a chain, or
+an ensemble, of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from unittest.mock import patch
+
+import numpy as np
+from full_data import FullData, OnFactor
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+CORES = 2
+WALKERS_A_PARAMETER = 4
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Threads of the linear algebra would only take the cores from each other's chains."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """Draws of a peer.
+
+    Attributes
+    ----------
+    draws : (cores, steps, walkers, d) parameters; NUTS has one walker.
+    seconds : of the slowest core, warm-up included.
+    """
+
+    draws: FloatArray
+    seconds: float
+
+
+def stretch(problem: FullData | OnFactor, seconds: float, seed: int) -> Sampled:
+    """Return what emcee's default, the stretch move, draws in so many seconds."""
+    return _on_all_cores(partial(_stretch, problem, seconds), seed)
+
+
+def nuts(problem: FullData, tune: int, draws: int, seed: int, *, low_rank: bool = False) -> Sampled:
+    """Draws of nutpie's NUTS; with `low_rank` its mass matrix learns correlations too."""
+    return _on_all_cores(partial(_nuts, problem, tune, draws, low_rank), seed)
+
+
+def stretch_ess(sampled: Sampled) -> tuple[FloatArray, FloatArray]:
+    """Effective sample sizes (d,), and emcee's autocorrelation times (d,) in steps that they come from."""
+    from emcee.autocorr import integrated_time
+
+    cores, steps, walkers = sampled.draws.shape[:3]
+    tau = np.mean([integrated_time(chain, tol=0) for chain in sampled.draws], axis=0)
+    return cores * steps * walkers / tau, tau
+
+
+def nuts_ess(sampled: Sampled) -> FloatArray:
+    """Effective sample sizes (d,): ArviZ' bulk value over all chains."""
+    import arviz
+
+    chains = sampled.draws[:, :, 0]
+    return np.array([arviz.ess(chains[:, :, j], method="bulk") for j in range(chains.shape[-1])])
+
+
+def _on_all_cores(sample, seed: int) -> Sampled:
+    seeds = np.random.default_rng(seed).integers(2**31, size=CORES).tolist()
+    with (
+        patch.dict(os.environ, ONE_THREAD),
+        ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool,
+    ):
+        done = list(pool.map(sample, seeds))
+    shortest = min(len(draws) for draws, _ in done)
+    return Sampled(np.array([draws[:shortest] for draws, _ in done]), max(taken for _, taken in done))
+
+
+def _stretch(problem: FullData | OnFactor, seconds: float, seed: int) -> tuple[FloatArray, float]:
+    import emcee
+
+    d = len(problem.coordinates)
+    walkers = WALKERS_A_PARAMETER * d
+    ensemble = emcee.EnsembleSampler(walkers, d, problem.values, vectorize=True)
+    ensemble.random_state = np.random.MT19937(seed).state
+    first = np.random.default_rng(seed).normal(size=(walkers, d))
+    chain, start = [], time.perf_counter()
+    for state in ensemble.sample(first, iterations=None, store=False):
+        chain.append(state.coords.copy())
+        if (taken := time.perf_counter() - start) >= seconds:
+            break
+    return problem.coordinates.parameters(np.array(chain)), taken
+
+
+def _nuts(problem: FullData, tune: int, draws: int, low_rank: bool, seed: int) -> tuple[FloatArray, float]:
+    import nutpie
+
+    d = len(problem.coordinates)
+    model = nutpie.compiled_pyfunc.from_pyfunc(
+        ndim=d,
+        make_logp_fn=lambda: problem.gradient,
+        make_expand_fn=lambda *_: lambda x: {"x": x},
+        expanded_dtypes=[np.dtype("float64")],
+        expanded_shapes=[(d,)],
+        expanded_names=["x"],
+        make_initial_point_fn=lambda seed: np.random.default_rng(seed).normal(size=d),
+    )
+    start = time.perf_counter()
+    trace = nutpie.sample(
+        model,
+        draws=draws,
+        tune=tune,
+        chains=1,
+        cores=1,
+        seed=seed,
+        save_warmup=False,
+        progress_bar=False,
+        low_rank_modified_mass_matrix=low_rank,
+    )
+    seconds = time.perf_counter() - start
+    return problem.coordinates.parameters(trace.posterior["x"].values[0])[:, None], seconds

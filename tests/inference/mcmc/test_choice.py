@@ -1,0 +1,43 @@
+"""The method that is right where the study leaves it open, and the reason that is given."""
+
+from dataclasses import replace
+
+import pytest
+from campaigns import campaign_of
+
+import imubayes as ib
+from imubayes.inference.mcmc.choice import chosen_method
+
+
+def test_given_noise_is_exact(given):
+    method, reason = chosen_method("auto", given.summary)
+    assert method == "exact"
+    assert "given" in reason
+
+
+def test_estimated_noise_is_sampled_and_the_runs_are_named(campaign):
+    method, reason = chosen_method("auto", campaign.summary)
+    assert method == "collapsed"
+    assert "tumble, centrifuge" in reason
+
+
+def test_one_estimated_run_is_enough():
+    rules = {"tumble": ib.NoiseRule("fixed", ib.Noise(6e-4, 4e-4, 3e-6))}
+    method, reason = chosen_method("auto", campaign_of(rules).summary)
+    assert method == "collapsed"
+    assert "run centrifuge is" in reason
+
+
+def test_so_many_rows_that_sampling_takes_long_are_exact_and_say_so(campaign):
+    huge = replace(campaign.summary, factor=replace(campaign.summary.factor, n=3_000_000))
+    method, reason = chosen_method("auto", huge)
+    assert method == "exact"
+    assert "3,000,000" in reason
+
+
+@pytest.mark.parametrize("wanted", ["exact", "collapsed", "full"])
+def test_what_the_study_asks_for_is_done(campaign, given, wanted):
+    for c in (campaign, given):
+        method, reason = chosen_method(wanted, c.summary)
+        assert method == wanted
+        assert wanted in reason

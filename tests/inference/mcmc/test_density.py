@@ -1,0 +1,98 @@
+"""The log density against dense normal distributions, and against its own integrals."""
+
+import math
+
+import numpy as np
+import pytest
+from campaigns import near
+from scipy.stats import multivariate_normal, norm
+
+from imubayes.inference.linear import whitened_factor
+from imubayes.inference.mcmc.density import (
+    condition,
+    draw_conditional,
+    log_conditional,
+    log_joint,
+    log_marginal,
+    theta_of,
+)
+from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.sensors.noise import Noise
+
+
+def noises(x):
+    return [Noise(*np.exp(part)) for part in np.split(x, len(x) // 3)]
+
+
+def dense_log_likelihood(campaign, x):
+    """Normal density of all whitened rows with the coefficients' covariance in it, n by n."""
+    parts, total = [], 0.0
+    for rows, run, noise in zip(campaign.rows, campaign.summary.runs, noises(x), strict=True):
+        w = whitener(noise, rows.rows, mattering(run.noise, rows.rows))
+        parts.append(whiten(w, np.column_stack((rows.columns(0, len(rows)), rows.y))))
+        total -= 0.5 * w.log_det
+    white = np.concatenate(parts)
+    C = np.eye(len(white)) + (white[:, :-1] * campaign.sd**2) @ white[:, :-1].T
+    return total + float(multivariate_normal(cov=C).logpdf(white[:, -1]))
+
+
+def test_marginal_is_the_dense_normal_density_of_the_rows(campaign):
+    # fewer rows than blocks: the split into averages and the rest is exact, only the interpolation is not
+    x = near(campaign, 3)
+    prior = norm(campaign.density.center, campaign.density.width).logpdf(x).sum(axis=1)
+    expected = prior + [dense_log_likelihood(campaign, one) for one in x]
+    np.testing.assert_allclose(log_marginal(campaign.density, x), expected, atol=0.02)
+
+
+def test_joint_is_marginal_times_conditional(campaign):
+    rng = np.random.default_rng(1)
+    x, density = near(campaign, 5), campaign.density
+    given = condition(density, x)
+    phi = rng.standard_normal((5, density.p))
+    product = log_marginal(density, x) + log_conditional(given, phi)
+    np.testing.assert_allclose(log_joint(density, given, phi), product, rtol=1e-12)
+
+
+def test_conditional_draws_have_the_moments_of_the_factor_at_that_noise(campaign):
+    x, density = near(campaign, 1, seed=5), campaign.density
+    noise = noises(x[0])
+    parts = [
+        whitened_factor(rows, n, mattering(run.noise, rows.rows))[0]
+        for rows, run, n in zip(campaign.rows, campaign.summary.runs, noise, strict=True)
+    ]
+    R = np.vstack(
+        [*(part.R for part in parts), np.column_stack((np.diag(1.0 / campaign.sd), 0.0 * campaign.sd))]
+    )
+    covariance = np.linalg.inv(R[:, :-1].T @ R[:, :-1])
+    mean, sd = covariance @ R[:, :-1].T @ R[:, -1], np.sqrt(np.diag(covariance))
+    size = 20_000
+    z = np.random.default_rng(3).standard_normal((size, density.p))
+    given = condition(density, np.repeat(x, size, axis=0))
+    theta = theta_of(density, draw_conditional(given, z))
+    # four standard errors, and what the interpolation may be off (0.01 nats move a mean by 0.02 sd at most)
+    np.testing.assert_array_less(np.abs(theta.mean(0) - mean) / sd, 4.0 / math.sqrt(size) + 0.02)
+    np.testing.assert_allclose(theta.std(0) / sd, 1.0, atol=4.0 / math.sqrt(2.0 * size) + 0.02)
+
+
+def test_given_noise_leaves_only_coefficients(given):
+    density = given.density
+    assert density.d == 0
+    x = np.empty((1, 0))
+    noise = [run.noise for run in given.summary.runs]
+    flat = np.log([value for one in noise for value in (one.N, one.B, one.K)])
+    expected = dense_log_likelihood(given, flat)
+    assert log_marginal(density, x)[0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_noise_beyond_what_was_computed_is_refused(campaign):
+    x = near(campaign, 2)
+    x[1, 1] += 20.0  # B a billion times too large
+    assert np.isfinite(log_marginal(campaign.density, x)).tolist() == [True, False]
+
+
+def test_process_too_weak_to_show_changes_nothing_when_it_gets_weaker(campaign):
+    x = np.repeat(near(campaign, 1), 2, axis=0)
+    x[:, 2] = [-40.0, -60.0]  # K of the first run, far below what it can show
+    prior = norm(campaign.density.center, campaign.density.width).logpdf(x).sum(axis=1)
+    likelihood = log_marginal(campaign.density, x) - prior
+    assert likelihood[0] == pytest.approx(likelihood[1], abs=1e-6)

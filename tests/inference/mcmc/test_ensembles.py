@@ -1,0 +1,167 @@
+"""Running, stopping and resuming of ensembles, on a density whose moments are known."""
+
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.inference.mcmc.engine import Target
+from imubayes.inference.mcmc.ensembles import Limits, run_ensembles
+
+SD = np.array([1.0, 3.0, 0.1])
+
+
+def target_of(*moves):
+    def independent(coords, random):
+        new = 1.2 * SD * random.standard_normal(coords.shape)
+        quadratic = lambda x: -0.5 * np.sum((x / (1.2 * SD)) ** 2, axis=1)  # noqa: E731
+        return new, quadratic(coords) - quadratic(new)
+
+    return Target(
+        names=("a", "b", "c"),
+        log_prob=lambda x: -0.5 * np.sum((x / SD) ** 2, axis=1),
+        moves=moves or (("independent", independent, 0.7), ("differential", None, 0.3)),
+        start=lambda rng, size: SD * rng.standard_normal((size, 3)),
+        readable=lambda x: x,
+    )
+
+
+def test_ensembles_stop_by_themselves_with_the_right_moments():
+    done = run_ensembles(target_of(), Limits(seed=1))
+    assert done.converged
+    assert done.ess.min() >= 1000.0
+    assert done.rhat.max() < 1.01
+    x = np.concatenate([chain.reshape(-1, 3) for chain in done.chains])
+    error = SD / np.sqrt(done.ess)
+    assert np.all(np.abs(x.mean(axis=0)) < 4.0 * error)
+    np.testing.assert_allclose(x.std(axis=0) / SD, 1.0, atol=4.0 / np.sqrt(done.ess.min()))
+
+
+def test_independence_move_mixes_faster_than_stretch():
+    tau = [
+        run_ensembles(target_of(*moves), Limits(seed=1, ess=3000.0)).tau.max()
+        for moves in ((), (("stretch", None, 1.0),))
+    ]
+    assert tau[0] < 0.2 * tau[1]
+
+
+def test_same_seed_gives_the_same_chains_and_another_seed_others():
+    one, same, other = (run_ensembles(target_of(), Limits(seed=seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.chains[0], same.chains[0])
+    assert not np.array_equal(one.chains[0][:5], other.chains[0][:5])
+    assert not np.array_equal(one.chains[0][:5], one.chains[1][:5])
+
+
+def test_time_limit_ends_the_chains_and_says_what_is_missing():
+    slow = Limits(seed=1, ess=1e9, time_limit=0.3)
+    done = run_ensembles(target_of(), slow)
+    assert not done.converged
+    assert "effective samples" in done.text
+    assert len(done.chains[0]) > 1
+
+
+def test_progress_tells_acceptance_autocorrelation_and_time_left():
+    told = []
+    run_ensembles(target_of(), Limits(seed=1, ess=20_000.0), told.append)
+    assert all(word in told[-1] for word in ("accepted", "tau", "ESS", "R-hat", "s left"))
+
+
+def test_resumed_chain_is_the_chain_that_was_not_interrupted(tmp_path):
+    whole = run_ensembles(target_of(), Limits(seed=1, ess=20_000.0))
+    file = tmp_path / "chains" / "a.h5"
+    first = run_ensembles(target_of(), Limits(seed=1, checkpoint=file))
+    assert len(first.chains[0]) < len(whole.chains[0])
+    again = run_ensembles(target_of(), Limits(seed=1, ess=20_000.0, checkpoint=file, resume=True))
+    for k in range(4):
+        np.testing.assert_array_equal(again.chains[k], whole.chains[k])
+    assert again.seconds > first.seconds
+    assert [path.name for path in file.parent.iterdir()] == ["a.h5"]
+
+
+def test_new_run_without_resume_starts_anew(tmp_path):
+    limits = Limits(seed=1, checkpoint=tmp_path / "a.h5")
+    first, second = (run_ensembles(target_of(), limits) for _ in range(2))
+    np.testing.assert_array_equal(first.chains[0], second.chains[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"fingerprint": "another"}, "another study, seed or method"),
+        ({"walkers": 40}, "another study, seed or method"),
+        ({"ensembles": 5}, "another study, seed or method"),
+    ],
+)
+def test_checkpoint_of_another_problem_is_refused(tmp_path, change, words):
+    limits = Limits(seed=1, checkpoint=tmp_path / "a.h5")
+    run_ensembles(target_of(), limits)
+    before = (tmp_path / "a.h5").read_bytes()
+    with pytest.raises(InputError, match=words):
+        run_ensembles(target_of(), replace(limits, resume=True, **change))
+    assert (tmp_path / "a.h5").read_bytes() == before
+
+
+def test_resume_without_a_checkpoint_says_so(tmp_path):
+    with pytest.raises(InputError, match="no checkpoint to resume"):
+        run_ensembles(target_of(), Limits(checkpoint=tmp_path / "a.h5", resume=True))
+
+
+def test_damaged_checkpoint_is_an_error_that_names_the_file(tmp_path):
+    file = tmp_path / "a.h5"
+    file.write_bytes(b"not a chain")
+    with pytest.raises(InputError, match=r"a\.h5"):
+        run_ensembles(target_of(), Limits(checkpoint=file, resume=True))
+
+
+SCRIPT = """
+import sys, time
+sys.path.insert(0, sys.argv[1])
+from dataclasses import replace
+from pathlib import Path
+from test_ensembles import target_of
+from imubayes.inference.mcmc import ensembles
+from imubayes.inference.mcmc.ensembles import Limits, run_ensembles
+file = Path(sys.argv[2])
+target = target_of()
+slow = lambda x: (time.sleep(0.004), target.log_prob(x))[1]
+ensembles.EVERY = 0.2
+limits = Limits(seed=5, ess=100_000.0, checkpoint=file, resume=file.exists())
+run_ensembles(replace(target, log_prob=slow), limits)
+"""
+
+
+@pytest.mark.parametrize("wanted", [2, pytest.param(20, marks=pytest.mark.slow)])
+def test_killed_again_and_again_the_chain_is_the_one_that_was_not(tmp_path, wanted):
+    file, rng = tmp_path / "a.h5", np.random.default_rng(8)
+    command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(file)]
+    kills = 0
+    while kills < wanted:
+        process = subprocess.Popen(command)
+        deadline = time.monotonic() + 60.0
+        before = file.stat().st_mtime_ns if file.exists() else 0
+        while time.monotonic() < deadline and process.poll() is None:
+            # let it come to a checkpoint at least, then kill it at a random moment
+            if file.exists() and file.stat().st_mtime_ns != before:
+                time.sleep(float(rng.uniform(0.0, 0.4)))
+                process.kill()
+                break
+            time.sleep(0.005)
+        assert process.wait() in (0, -9)
+        if process.returncode == 0:
+            break
+        kills += 1
+        with h5py.File(file) as readable:
+            assert {len(group["chain"]) for group in readable.values()} == {len(readable["ensemble_0/chain"])}
+    subprocess.run(command, check=True, timeout=120)
+    assert kills == wanted
+    whole = run_ensembles(target_of(), Limits(seed=5, ess=100_000.0))
+    with h5py.File(file) as readable:
+        steps = len(whole.chains[0])
+        for k in range(4):
+            np.testing.assert_array_equal(readable[f"ensemble_{k}/chain"][-steps:], whole.chains[k])

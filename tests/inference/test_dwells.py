@@ -1,0 +1,103 @@
+"""Dwells: a partition of the rows, and averages with the covariance that averaging gives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes.inference.dwells import MOST, PIECES, dwell_edges, dwells_of, rows_kept, rows_outside, run_kept
+from imubayes.inference.linear import linear_of, whitened_factor
+from imubayes.inference.whiten import processes, whiten, whitener
+from imubayes.sensors.noise import Noise
+
+TACTICAL = ib.sensor("mems_tactical", kind="accelerometer")
+LIBRARY = ib.library("accelerometer")
+COLOURED = Noise(6e-4, 4e-4, 3e-5)
+
+
+def tumble(rate=1.0):
+    (run,) = ib.simulate(TACTICAL, [ib.tumble(angles=12, planes=1, rate=rate)], seed=1)
+    return run
+
+
+def covariance(rows, parts):
+    W = whiten(whitener(COLOURED, rows, parts), np.eye(len(rows.t)))
+    L = np.linalg.inv(W)
+    return L @ L.T
+
+
+def test_dwells_of_a_tumble_are_its_positions():
+    dwells = dwells_of(linear_of(tumble(), LIBRARY))
+    np.testing.assert_array_equal(dwells.edges, 30 * np.arange(13))
+    # the first sample is at 0 and lasts a second, 5 s pass between dwells
+    np.testing.assert_allclose(dwells.start, 35.0 * np.arange(12) - 0.5)
+    np.testing.assert_allclose(dwells.stop - dwells.start, 30.0)
+
+
+def test_means_and_their_covariance_are_those_of_the_averaged_samples():
+    rows = linear_of(tumble(), LIBRARY)
+    dwells = dwells_of(rows)
+    average = np.kron(np.eye(12), np.full(30, 1.0 / 30.0))
+    np.testing.assert_allclose(dwells.X, average @ rows.columns(0, len(rows)), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(dwells.y, average @ rows.y, rtol=1e-12)
+    parts = processes(rows.rows)
+    of_samples = average @ covariance(rows.rows, parts) @ average.T
+    # averages of averages: to rounding of the inverse
+    np.testing.assert_allclose(covariance(dwells.rows, parts), of_samples, rtol=1e-9)
+
+
+@pytest.mark.parametrize("parts", [1, 2, 5, 9, 50, 1000, 5000])
+def test_dwells_partition_the_rows_and_are_never_many(parts):
+    rng = np.random.default_rng(parts)
+    lengths = rng.integers(1, 40, parts) if parts > 5 else rng.integers(500, 4000, parts)
+    t = np.concatenate([1e5 * k + np.arange(float(n)) for k, n in enumerate(lengths)])
+    edges = dwell_edges(t, 1.0)
+    assert (edges[0], edges[-1]) == (0, len(t))
+    assert np.all(np.diff(edges) > 0)
+    assert len(edges) - 1 <= MOST
+    if parts <= PIECES:  # then none reaches across a gap
+        assert all(np.all(np.diff(piece) == 1.0) for piece in np.split(t, edges[1:-1]))
+
+
+def test_a_log_is_cut_so_that_a_shock_costs_little_of_it():
+    edges = dwell_edges(np.arange(36_000.0), 1.0)
+    assert np.diff(edges).max() <= 36_000 / PIECES
+
+
+def test_a_mount_with_ramps_and_levels_is_cut_and_noisy_inputs_are_not():
+    plan = ib.centrifuge([1, 5, 20], rate=2.0, ramp=True)
+    (run,) = ib.simulate(TACTICAL, [plan], seed=1, truth={})
+    dwells = dwells_of(linear_of(run, LIBRARY))
+    assert PIECES / 2 < len(dwells) <= 2 * PIECES
+    still = tumble(rate=10.0)
+    noisy = {
+        name: values + 1e-3 * np.random.default_rng(1).normal(size=len(values)) * np.abs(values).max()
+        for name, values in still.inputs.channels.items()
+    }
+    measured = replace(still, inputs=replace(still.inputs, channels=noisy))
+    assert len(dwells_of(linear_of(measured, LIBRARY))) == 12
+
+
+def test_rows_without_a_dwell_are_the_rows_of_the_run_without_it():
+    run = tumble()
+    rows = linear_of(run, LIBRARY)
+    bad = np.isin(np.arange(12), [0, 5, 11])
+    kept = rows_outside(dwells_of(rows), bad)
+    assert np.count_nonzero(kept) == 9 * 30
+    ours, reach = whitened_factor(rows_kept(rows, kept), COLOURED)
+    less = run_kept(run, kept)
+    theirs, their_reach = whitened_factor(linear_of(less, LIBRARY), COLOURED)
+    np.testing.assert_array_equal(ours.R, theirs.R)
+    np.testing.assert_array_equal(reach, their_reach)
+    assert "90 of 360 samples" in less.source.notes[-1]
+    assert run_kept(run, np.ones(360, dtype=bool)).source.notes == run.source.notes
+
+
+def test_mounts_go_with_the_samples_that_are_kept():
+    run, numbers = tumble(), np.repeat(np.arange(12), 30)
+    run = replace(run, inputs=replace(run.inputs, mount=numbers))
+    kept = np.arange(360) >= 30
+    less = run_kept(run, kept)
+    np.testing.assert_array_equal(less.inputs.mount, numbers[30:])
+    np.testing.assert_array_equal(less.inputs.t, run.inputs.t[30:])

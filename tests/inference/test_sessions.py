@@ -1,0 +1,207 @@
+"""Repeatability between sessions: closed forms, other routes, and frequencies that the numbers promise."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from imubayes.errors import StudyError
+from imubayes.factor import Factor, factor_of, posterior
+from imubayes.inference.sessions import (
+    Parameter,
+    Repeatability,
+    SessionEstimate,
+    between_sd,
+    compare_sessions,
+    repeatability,
+    without_prior,
+)
+
+BIAS = Parameter("b0", "m/s^2", "mg")
+PRIOR = 0.4
+
+
+def compared(value, error, prior_sd=PRIOR) -> Repeatability:
+    """Compare likelihoods: what their posteriors under the prior give."""
+    precision = 1.0 / error**2 + 1.0 / prior_sd**2
+    units, sessions = (tuple(map(str, range(count))) for count in value.shape)
+    mean, sd = value / error**2 / precision, 1.0 / np.sqrt(precision)
+    return compare_sessions(BIAS, mean, sd, prior_sd, units=units, sessions=sessions)
+
+
+def drawn(rng, tau, *, units=8, sessions=3):
+    """Likelihoods of units with unlike means, errors that differ, and a scatter of tau between sessions."""
+    error = rng.uniform(0.5e-3, 2e-3, (units, sessions))
+    value = 0.3 * rng.normal(size=(units, 1)) + tau * rng.normal(size=error.shape)
+    return value + error * rng.normal(size=error.shape), error
+
+
+def test_prior_is_divided_out_of_a_marginal_posterior():
+    """Second route: the posterior of the same rows with that coefficient's prior a million times wider."""
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(12, 3)) @ np.array([[1.0, 0.6, 0.0], [0.0, 1.0, 0.3], [0.0, 0.0, 1.0]])
+    data: Factor = factor_of(X, X @ np.array([0.5, -0.3, 0.2]) + rng.normal(size=12), ("a", "b", "c"))
+    prior, wide = np.array([0.3, 0.2, 0.4]), np.array([0.3e6, 0.2, 0.4])
+    mean, sd = posterior(data, prior)
+    value, error = without_prior(mean, sd, prior)
+    free_mean, free_sd = posterior(data, wide)
+    assert value[0] == pytest.approx(free_mean[0], rel=1e-9)
+    assert error[0] == pytest.approx(free_sd[0], rel=1e-9)
+
+
+def test_shrunk_posteriors_of_different_sharpness_do_not_pull():
+    """One value seen with different errors: its posteriors differ by what the prior shrinks them."""
+    found = compared(np.array([[0.5, 0.5, 0.5]]), np.array([[0.02, 0.2, 0.4]]))
+    assert np.ptp(found.mean) > 0.2
+    np.testing.assert_allclose(found.pulls, 0.0, atol=1e-12)
+    assert found.p_value == pytest.approx(1.0, abs=1e-12)
+
+
+def test_two_sessions_of_one_unit_have_a_closed_form():
+    value, error = np.array([[0.010, 0.016]]), np.array([[0.002, 0.003]])
+    found = compared(value, error)
+    pull = 0.006 / math.hypot(0.002, 0.003)
+    assert found.pulls[0, 1, 0] == pytest.approx(pull, rel=1e-9)
+    assert found.p_value == pytest.approx(math.erfc(pull / math.sqrt(2.0)), rel=1e-9)
+
+    def density(tau):
+        spread = math.sqrt(0.002**2 + 0.003**2 + 2.0 * tau**2)
+        return stats.norm.pdf(0.006, 0.0, spread) / (1.0 + (tau / PRIOR) ** 2)
+
+    edges = [0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, np.inf]
+
+    def integral(f):
+        return sum(integrate.quad(f, a, b, epsabs=0.0, epsrel=1e-9)[0] for a, b in pairwise(edges))
+
+    whole = integral(density)
+    assert found.between[0] == pytest.approx(integral(lambda tau: tau * density(tau)) / whole, rel=1e-4)
+    for point, share in zip(found.between[1:], (0.05, 0.95), strict=True):
+        below = integral(lambda tau, point=point: density(tau) * (tau < point)) / whole
+        assert below == pytest.approx(share, abs=1e-3)
+
+
+def test_exact_sessions_leave_the_inverse_chi_law():
+    """Without errors tau^2 is S / chi2 with one degree of freedom less, for tau comes in flat."""
+    rng = np.random.default_rng(2)
+    value = rng.normal(size=(8, 3))
+    S = float(((value - value.mean(axis=1, keepdims=True)) ** 2).sum())
+    mean, q05, q95 = between_sd(value, np.full(value.shape, 1e-6), 1e4)
+    freedom = 8 * 2 - 1
+    # the grid's step of 0.01 in ln tau squared, times the slope of the density (about 10), over 8
+    assert q05 == pytest.approx(math.sqrt(S / stats.chi2.ppf(0.95, freedom)), rel=1e-3)
+    assert q95 == pytest.approx(math.sqrt(S / stats.chi2.ppf(0.05, freedom)), rel=1e-3)
+    # E[chi^-1] in closed form
+    ratio = math.exp(math.lgamma(0.5 * (freedom - 1)) - math.lgamma(0.5 * freedom)) / math.sqrt(2.0)
+    assert mean == pytest.approx(math.sqrt(S) * ratio, rel=1e-4)
+
+
+@pytest.mark.parametrize("factor", [1e6, 1.0 / 9.80665e-6, 1e-9])
+def test_unit_of_the_numbers_changes_nothing_but_the_unit(factor):
+    value, error = drawn(np.random.default_rng(3), 2e-3)
+    one, other = compared(value, error), compared(factor * value, factor * error, factor * PRIOR)
+    np.testing.assert_allclose(other.pulls, one.pulls, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.array(other.between) / factor, one.between, rtol=1e-6)
+    assert other.p_value == pytest.approx(one.p_value, rel=1e-8)
+    assert other.shared == pytest.approx(one.shared, rel=1e-9)
+
+
+def test_order_of_sessions_and_values_of_units_do_not_matter():
+    value, error = drawn(np.random.default_rng(4), 2e-3)
+    one = compared(value, error, 1e6)
+    moved = value + np.random.default_rng(5).normal(size=(8, 1))
+    other = compared(moved[::-1, [2, 0, 1]], error[::-1, [2, 0, 1]], 1e6)
+    assert other.p_value == pytest.approx(one.p_value, rel=1e-6)
+    np.testing.assert_allclose(other.between, one.between, rtol=1e-6)
+
+
+def test_probability_of_the_scatter_is_uniform_where_sessions_repeat():
+    rng = np.random.default_rng(6)
+    p = [compared(*drawn(rng, 0.0)).p_value for _ in range(400)]
+    assert stats.kstest(p, "uniform").pvalue > 0.01
+
+
+def test_interval_of_the_sd_between_sessions_covers_as_often_as_it_says():
+    """Truths from the prior: 90 % intervals then cover in 86 to 94 % of 200 sets, two standard errors."""
+    rng, scale = np.random.default_rng(7), 2e-3
+    hits = 0
+    for _ in range(200):
+        tau = scale * abs(rng.standard_cauchy())
+        value, error = drawn(rng, tau)
+        _, low, high = between_sd(value, error, scale)
+        hits += low < tau < high
+    assert 0.86 <= hits / 200 <= 0.94
+
+
+@pytest.mark.parametrize("tau", [1e-3, 4e-3])
+def test_interval_covers_a_given_sd_between_sessions(tau):
+    """At one truth beside a prior that is far wider than it, as the class's size of a coefficient is."""
+    rng, hits = np.random.default_rng(8), 0
+    for _ in range(200):
+        _, low, high = between_sd(*drawn(rng, tau), PRIOR)
+        hits += low < tau < high
+    assert 0.86 <= hits / 200 <= 0.94
+
+
+def test_missing_session_is_left_out_and_nothing_else():
+    value, error = drawn(np.random.default_rng(9), 2e-3)
+    value[0, 1] = np.nan
+    whole = compared(value, error)
+    without = compared(value[1:], error[1:])
+    alone = compared(value[:1, [0, 2]], error[:1, [0, 2]])
+    assert np.isnan(whole.pulls[0, 1]).all()
+    assert whole.pulls[0, 2, 0] == pytest.approx(alone.pulls[0, 1, 0], rel=1e-12)
+    chi2 = stats.chi2.isf(without.p_value, 14) + stats.chi2.isf(alone.p_value, 1)
+    assert whole.p_value == pytest.approx(stats.chi2.sf(chi2, 15), rel=1e-6)
+
+
+def test_common_shift_is_shared_and_independent_ones_are_not():
+    rng = np.random.default_rng(10)
+    error = np.full((40, 3), 1e-6)
+    alike = compared(rng.normal(size=(40, 1)) + np.array([0.0, 1.0, 3.0]), error, 1e3)
+    own = compared(rng.normal(size=(40, 3)), error, 1e3)
+    assert alike.shared == pytest.approx(1.0, abs=1e-9)
+    # by chance 1/u of the scatter, chi-square with 2 of 80 degrees of freedom: below 0.13 in 99.5 %
+    assert own.shared < 0.13
+
+
+def estimates(components=("ax", "ay"), sessions=("1", "2", "3"), seed=11):
+    rng = np.random.default_rng(seed)
+    return [
+        SessionEstimate(unit, session, component, term, "m/s^2", "mg", rng.normal(0.0, 1e-3), sd, PRIOR)
+        for unit in ("A", "B")
+        for session in sessions
+        for component in components
+        for term, sd in (("b0", 1e-3), ("b2", 0.98 * PRIOR), ("S_ij", PRIOR))
+    ]
+
+
+def test_axes_of_a_triad_are_compared_together_and_one_by_one():
+    every = estimates()
+    found = {one.parameter: one for one in repeatability(every)}
+    assert list(found) == ["b0", "ax.b0", "ay.b0", "b2", "ax.b2", "ay.b2"]
+    assert found["b0"].units == ("A.ax", "A.ay", "B.ax", "B.ay")
+    chi2 = sum(stats.chi2.isf(found[f"{axis}.b0"].p_value, 4) for axis in ("ax", "ay"))
+    assert found["b0"].p_value == pytest.approx(stats.chi2.sf(chi2, 8), rel=1e-9)
+    assert found["ay.b0"].mean[1, 2] == next(
+        e.mean for e in every if (e.unit, e.session, e.component, e.term) == ("B", "3", "ay", "b0")
+    )
+
+
+def test_parameter_that_the_data_hardly_touch_cannot_be_told():
+    found = {one.parameter: one for one in repeatability(estimates())}
+    assert found["b0"].told and not found["b2"].told
+    assert not found["b2"].exceeds and np.isnan(found["b2"].between).all()
+
+
+def test_one_session_compares_with_nothing():
+    assert repeatability(estimates(sessions=("1",))) == ()
+    assert [one.parameter for one in repeatability(estimates(components=("",)))] == ["b0", "b2"]
+
+
+def test_session_that_is_there_twice_is_refused():
+    every = estimates()
+    with pytest.raises(StudyError, match="session '2' of unit 'A' is there twice"):
+        repeatability([*every, replace(every[0], session="2")])

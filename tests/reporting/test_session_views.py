@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from imubayes.reporting.session_views import largest_pull, session_view
+
+
+def viewed(result, *found):
+    return session_view(replace(result, sessions=found))
+
+
+def untold(one):
+    nothing = (math.nan, math.nan, math.nan)
+    return replace(
+        one, p_value=math.nan, between=nothing, pulls=np.full_like(one.pulls, np.nan), exceeds=False
+    )
+
+
+def test_study_without_sessions_has_no_section(result) -> None:
+    assert session_view(result) is None
+
+
+def test_largest_pull_is_the_largest_difference_over_its_sd(make_sessions) -> None:
+    one = make_sessions("b0", units=4)
+    by_hand = {
+        (u, s, r): abs(one.mean[u, s] - one.mean[u, r]) / math.hypot(one.sd[u, s], one.sd[u, r])
+        for u in range(4)
+        for s in range(3)
+        for r in range(s + 1, 3)
+        if math.isfinite(one.mean[u, s] + one.mean[u, r])
+    }
+    (u, s, r), size = max(by_hand.items(), key=lambda entry: entry[1])
+    pull, where = largest_pull(one)
+    assert pull == pytest.approx(size, rel=1e-12)
+    assert where == f"{one.units[u]}, {one.sessions[s]} to {one.sessions[r]}"
+
+
+def test_rows_are_in_printed_units_the_worst_first(result, make_sessions) -> None:
+    view = viewed(result, make_sessions("b1", exceeds=False), make_sessions("b0"))
+    first, second = view.rows
+    assert (first.parameter, second.parameter) == ("b0", "b1") and first.exceeds and not second.exceeds
+    assert (str(first.between), first.low.value, first.high.value) == ("55 ug", "31", "96")
+    assert str(first.posterior) == "10 ug"
+
+
+def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result, make_sessions) -> None:
+    alone = viewed(result, make_sessions("ax.b0"), make_sessions("ay.b0"))
+    together = viewed(result, make_sessions("b0"), make_sessions("ax.b0"), make_sessions("ay.b0"))
+    assert [row.parameter for row in alone.rows] == ["ax.b0", "ay.b0"]
+    assert [row.parameter for row in together.rows] == ["b0"] and together.left_out == 2
+
+
+def test_at_most_twelve_parameters_are_drawn_as_small_vector_svg(result, make_sessions) -> None:
+    found = [replace(make_sessions("b0", units=24), parameter=f"p{k}") for k in range(14)]
+    view = viewed(result, *found)
+    assert len(view.rows) == 14 and len(view.panels) == 12
+    for panel in view.panels:
+        root = ElementTree.fromstring(panel.svg)
+        assert len(panel.svg) < 16_000 and not list(root.iter("image"))
+    assert "unit, 1 IMU-1 to 24 IMU-24" in view.panels[0].svg
+
+
+def test_parameters_of_which_the_sessions_cannot_tell_are_not_drawn(result, make_sessions) -> None:
+    view = viewed(result, untold(make_sessions("c_jj")))
+    assert view.rows == () and view.panels == () and view.left_out == 1
+    assert "cannot tell of c_jj" in view.sentence

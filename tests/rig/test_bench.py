@@ -1,0 +1,186 @@
+"""What a rig with errors applies, held against the profile of a rig that is built that way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.errors import DataError, TermError
+from imubayes.rig.bench import bench_of, true_inputs
+from imubayes.rig.inputs import Inputs
+from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.reference import KINDS, errors_of
+
+seeds = st.integers(0, 2**32 - 1)
+SHORT = {"dwell": 2.0, "rate": 2.0}
+RAMPED = centrifuge([1, 5, 20], ramp=True, settle=4.0, **SHORT)
+TABLE = rate_table([-2.0, 0.0, 3.0], mounts=9, radius=0.2, latitude=0.0, **SHORT)
+PLANS = {"tumble": tumble(angles=24, **SHORT), "centrifuge": RAMPED, "rate-table": TABLE}
+ROUNDING = 1e-11
+"""Of components of some 200 m/s^2."""
+
+
+def same(found: Inputs, plan: Plan) -> None:
+    """Check that the inputs are those of a plan; an absent channel is zero."""
+    zero = np.zeros(len(found))
+    for name in found.channels.keys() | plan.inputs.channels.keys():
+        np.testing.assert_allclose(
+            found.channels.get(name, zero), plan.inputs.channels.get(name, zero), atol=ROUNDING, err_msg=name
+        )
+
+
+def vectors(inputs: Inputs, quantity: str) -> np.ndarray:
+    zero = np.zeros(len(inputs))
+    return np.stack([inputs.channels.get(f"{quantity}_{axis}", zero) for axis in "ijk"], axis=1)
+
+
+@given(seeds)
+def test_angles_of_table_and_fixture_keep_every_length(seed):
+    rng = np.random.default_rng(seed)
+    for plan in PLANS.values():
+        kinds = [k for k in ("table_zero", "plane_zero", "fixture_common", "fixture")
+                 if plan.procedure in KINDS[k].procedures]  # fmt: skip
+        moved = true_inputs(plan, {e.name: rng.normal() for e in errors_of([plan], kinds)})
+        for quantity in ("f", "w", "dw"):
+            before, after = (np.linalg.norm(vectors(i, quantity), axis=1) for i in (plan.inputs, moved))
+            np.testing.assert_allclose(after, before, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["table_zero", "plane_zero.tumble.0"])
+def test_the_zero_of_a_table_adds_to_its_angles(name):
+    plan, zero = tumble(angles=24, planes=1, **SHORT), 0.3
+    f = vectors(true_inputs(plan, {name: zero}), "f")
+    angle = np.repeat(2.0 * np.pi * np.arange(24) / 24, 4) + zero
+    expected = 9.80665 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    np.testing.assert_allclose(f, expected, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("mounts", [[0], [0, 1, 2]])
+def test_a_table_that_turns_the_other_way_has_its_zero_the_other_way(mounts):
+    plan = tumble(angles=24, planes=len(mounts), **SHORT)
+    channels = {name: values[::-1].copy() for name, values in plan.inputs.channels.items()}
+    back = replace(plan, inputs=replace(plan.inputs, channels=channels, mount=plan.inputs.mount[::-1].copy()))
+    forth, other = (vectors(true_inputs(p, {"table_zero": 0.2}), "f") for p in (plan, back))
+    reversed_sense = vectors(true_inputs(plan, {"table_zero": -0.2}), "f")
+    np.testing.assert_allclose(other[::-1], reversed_sense, atol=ROUNDING)
+    assert not np.allclose(forth, reversed_sense)
+
+
+def test_a_rotated_case_sees_its_vectors_turned_back():
+    rho = np.array([1e-4, -2e-4, 3e-4])
+    for plan in PLANS.values():
+        moved = true_inputs(plan, dict(zip([f"fixture_common_{a}" for a in "ijk"], rho, strict=True)))
+        for quantity in ("f", "w", "dw"):
+            v = vectors(plan.inputs, quantity)
+            size = np.abs(v).max()
+            np.testing.assert_allclose(
+                vectors(moved, quantity) - v, -np.cross(rho, v), atol=size * np.sum(rho**2) + 1e-15
+            )
+
+
+@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
+def test_an_error_of_one_mount_leaves_the_others_alone(plan):
+    moved = vectors(true_inputs(plan, {f"fixture_j.{plan.name}.1": 0.1}), "f")
+    changed = np.any(moved != vectors(plan.inputs, "f"), axis=1)
+    assert changed.any()
+    assert not changed[plan.inputs.mount != 1].any()
+
+
+@pytest.mark.parametrize(
+    ("plan", "errors", "built"),
+    [
+        (tumble(**SHORT), {"gravity": 0.02}, tumble(gravity=9.82665, **SHORT)),
+        (static(9.0, 1.0, up=(1, 2, 3)), {"gravity": 0.02}, static(9.0, 1.0, up=(1, 2, 3), gravity=9.82665)),
+        (RAMPED, {"radius": 0.01}, centrifuge([1.01, 5.05, 20.2], arm=1.01, ramp=True, settle=4.0, **SHORT)),
+        (
+            RAMPED,
+            {"rate_scale.centrifuge": 0.1},
+            centrifuge(np.array([1, 5, 20]) * 1.1**2, ramp=True, settle=4.0, **SHORT),
+        ),
+        (
+            TABLE,
+            {"rate_scale.rate-table": 0.1},
+            rate_table(np.array([-2.2, 0.0, 3.3]), mounts=9, radius=0.2, latitude=0.0, **SHORT),
+        ),
+    ],
+    ids=["gravity-tumble", "gravity-static", "radius", "rate-centrifuge", "rate-table"],
+)
+def test_an_error_makes_the_rig_that_is_built_that_way(plan, errors, built):
+    same(true_inputs(plan, errors), built)
+
+
+def test_gravity_is_along_the_axis_of_a_rig_that_turns():
+    w = vectors(RAMPED.inputs, "w")
+    fastest = [np.argmax(np.abs(w[RAMPED.inputs.mount == m]).max(axis=1)) for m in range(12)]
+    up = np.array([w[RAMPED.inputs.mount == m][row] for m, row in enumerate(fastest)])
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    moved = vectors(true_inputs(RAMPED, {"gravity": 0.02}), "f") - vectors(RAMPED.inputs, "f")
+    np.testing.assert_allclose(moved, 0.02 * up[RAMPED.inputs.mount], atol=ROUNDING)
+
+
+def test_an_arm_is_longer_by_its_level():
+    plan, stretch = centrifuge([1, 5, 20], mounts=1, **SHORT), 1e-6
+    f = vectors(true_inputs(plan, {"arm_stretch": stretch}), "f")
+    level = np.repeat(np.array([1, 5, 20]) * 9.80665, 4)
+    np.testing.assert_allclose(f[:, 0], -level * (1.0 + stretch * level), rtol=1e-14)
+    np.testing.assert_allclose(f[:, 1], 9.80665, rtol=1e-14)
+
+
+def test_where_the_force_is_gravity_alone_a_turning_table_changes_none_of_it():
+    t = np.arange(40.0)
+    tilted = {"f_i": 9.8 * np.sin(t), "f_j": 9.8 * np.cos(t), "w_k": np.ones(40)}
+    plan = Plan("horizontal axis", "rate-table", Inputs(t, tilted, 1.0))
+    moved = true_inputs(plan, {"rate_scale.rate-table": 0.1, "gravity": 0.02})
+    np.testing.assert_allclose(vectors(moved, "f"), vectors(plan.inputs, "f") * (9.82 / 9.8), atol=ROUNDING)
+    np.testing.assert_allclose(moved.channels["w_k"], 1.1)
+
+
+@given(seeds)
+def test_a_part_of_the_rows_is_what_the_whole_has_there(seed):
+    rng = np.random.default_rng(seed)
+    plan = [*PLANS.values()][int(rng.integers(3))]
+    kinds = [name for name, kind in KINDS.items() if plan.procedure in kind.procedures]
+    errors = errors_of([plan], kinds)
+    bench = bench_of(plan, kinds)
+    sizes = bench.sizes(errors, 1e-3 * rng.normal(size=len(errors)))
+    start = int(rng.integers(0, len(plan.inputs) - 1))
+    stop = int(rng.integers(start + 1, len(plan.inputs) + 1))
+    whole, part = bench.channels(sizes), bench.channels(sizes, start, stop)
+    for name, values in whole.items():
+        np.testing.assert_allclose(part[name], values[start:stop], atol=ROUNDING, err_msg=name)
+
+
+def test_no_errors_change_no_bit():
+    for plan in PLANS.values():
+        found = true_inputs(plan, {e.name: 0.0 for e in errors_of([plan], ["fixture", "gravity"])})
+        for name, values in plan.inputs.channels.items():
+            np.testing.assert_array_equal(found.channels[name], values)
+
+
+def test_errors_of_other_runs_are_passed_over_and_unknown_ones_refused():
+    plan = PLANS["tumble"]
+    found = true_inputs(plan, {"radius": 1.0, "fixture_i.elsewhere.0": 1.0, "plane_zero.tumble.9": 1.0})
+    same(found, plan)
+    with pytest.raises(TermError, match=r"'gravty'.*begin with"):
+        true_inputs(plan, {"gravty": 1.0})
+
+
+def test_planes_that_are_not_told_apart_are_refused_with_what_to_do():
+    plan = replace(PLANS["tumble"], inputs=replace(PLANS["tumble"].inputs, mount=None))
+    with pytest.raises(DataError, match=r"run 'tumble'.*column 'mount'"):
+        true_inputs(plan, {"table_zero": 1e-5})
+
+
+def test_opposite_positions_alone_have_no_plane():
+    with pytest.raises(DataError, match="do not turn in one plane"):
+        true_inputs(tumble(angles=2, planes=1, **SHORT), {"table_zero": 1e-5})
+
+
+@pytest.mark.parametrize("name", ["gravity", "radius", "arm_stretch", "rate_scale.centrifuge"])
+def test_a_centrifuge_without_its_rate_is_refused(name):
+    channels = {n: v for n, v in RAMPED.inputs.channels.items() if not n.startswith("w_")}
+    plan = replace(RAMPED, inputs=replace(RAMPED.inputs, channels=channels))
+    with pytest.raises(DataError, match=r"without the rate.*record the rate"):
+        true_inputs(plan, {name: 1e-5})

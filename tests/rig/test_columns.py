@@ -1,0 +1,95 @@
+"""A clock that wraps around tells the time of one that does not."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.errors import DataError
+from imubayes.rig.columns import ColumnSpec, resolve, unwrapped
+from imubayes.rig.formats import Table
+from imubayes.rig.runs import RunSpec, read_run
+
+DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))
+
+
+def _unwrapped(raw: np.ndarray, wraps: float):
+    table = Table("clock.npz", ("t [count]",), (raw,), ordered=False)
+    specs = {"t": ColumnSpec(scale=1.0, wraps=wraps)}
+    column = resolve(table, specs, required=("t",), optional=(), output_unit="m/s^2")["t"]
+    return unwrapped(table, column)
+
+
+@given(
+    st.sampled_from([np.uint8, np.uint16, np.int16, np.uint32, np.int32]),
+    st.integers(0, 2**31),
+    st.lists(st.integers(0, 2**32 - 1), min_size=1, max_size=60),
+)
+def test_counter_that_overflows_counts_on_exactly(sort, start, steps):
+    wraps = 2 ** (8 * np.dtype(sort).itemsize)
+    whole = start + np.cumsum([0, *(step % wraps for step in steps)], dtype=np.int64)
+    column, turns = _unwrapped(whole.astype(sort), float(wraps))
+    # a cast to the shorter type is the overflow itself; what it kept of the start is where the clock starts
+    offset = int(whole[0]) - int(whole[:1].astype(sort)[0])
+    np.testing.assert_array_equal(column.raw, whole - offset)
+    low = np.iinfo(sort).min
+    assert turns == (int(whole[-1]) - offset - low) // wraps
+
+
+@given(st.floats(0.01, 59.9), st.integers(2, 300))
+def test_seconds_of_the_minute_become_time(step, n):
+    time = step * np.arange(n)
+    column, turns = _unwrapped(np.mod(time, 60.0), 60.0)
+    # a last bit of the time may fall to either side of a wrap, where the second of the minute is 0 or 60
+    np.testing.assert_allclose(column.raw, time, rtol=1e-13, atol=1e-10)
+    assert turns == pytest.approx(time[-1] // 60.0, abs=1)
+
+
+def test_clock_without_wraps_is_left_alone():
+    raw = np.array([5, 6, 2], dtype=np.uint16)
+    table = Table("clock.npz", ("t [s]",), (raw,), ordered=False)
+    column = resolve(table, {}, required=("t",), optional=(), output_unit="m/s^2")["t"]
+    assert unwrapped(table, column) == (column, 0)
+
+
+@pytest.mark.parametrize(
+    ("raw", "wraps", "fragment"),
+    [
+        (np.array([0, 70, 3], dtype=np.int64), 60.0, "from 0 to 70"),
+        (np.array([0.0, 60.0, 3.0]), 60.0, "from 0 to 60"),
+        (np.array([0, 1, 2], dtype=np.uint32), 10.5, "in integers"),
+    ],
+    ids=["beyond", "at", "no whole number"],
+)
+def test_wrap_that_the_clock_contradicts_is_refused(raw, wraps, fragment):
+    with pytest.raises(DataError, match=f"clock.npz: clock 't \\[count\\]' .*{fragment}"):
+        _unwrapped(raw, wraps)
+
+
+def test_wraps_are_noted_and_the_time_is_strictly_increasing(tmp_path):
+    ticks = 4294000000 + 64000 * np.arange(200000, dtype=np.int64)
+    np.savez(tmp_path / "run.npz", ticks=ticks.astype(np.uint32), output=np.sin(np.arange(200000.0)))
+    columns = {
+        "t": ColumnSpec("ticks", "count", scale=1.0 / 64e6, wraps=2.0**32),
+        "output": ColumnSpec("output", "m/s^2"),
+    }
+    run = read_run(RunSpec("log", "static", tmp_path / "run.npz", columns=columns), "accelerometer")
+    np.testing.assert_array_equal(run.inputs.t, ticks * (1.0 / 64e6))
+    assert "the clock wrapped around 3 times" in run.source.notes
+
+
+def test_clock_of_a_public_recording_runs_on():
+    file = DATA / "mimu4444" / "exp_1.npz"
+    if not file.exists():
+        pytest.skip("the public recording is not here")
+    columns = {"t": ColumnSpec("t_clk64MHz", "count", scale=1.0 / 64e6, wraps=2.0**32)}
+    columns |= {f"a{axis}": ColumnSpec(f"raw[:,0,{k}]", "count", scale=1.0) for k, axis in enumerate("xyz")}
+    run = read_run(RunSpec("one", "free-tumble", file, columns=columns, gravity=9.8), "accelerometer")
+    # second route: differences of unsigned integers are modulo 2^32 by themselves
+    with np.load(file) as archive:
+        steps = np.diff(archive["t_clk64MHz"])
+    np.testing.assert_allclose(np.diff(run.t) * 64e6, steps, rtol=1e-9)
+    assert "the clock wrapped around 9 times" in run.source.notes

@@ -1,0 +1,133 @@
+"""Kinds of errors of the test bench: units, sizes, names, and which runs they concern."""
+
+import numpy as np
+import pytest
+
+from imubayes.errors import TermError, UnobservableError
+from imubayes.rig.inputs import Inputs
+from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.reference import (
+    HEADS,
+    KINDS,
+    TILT,
+    errors_of,
+    for_sensor,
+    kind_of,
+    refuse_idle,
+)
+from imubayes.sensors.catalogue import reference_errors
+from imubayes.units import factor
+
+SHORT = {"dwell": 1.0, "rate": 1.0}
+TUMBLE, ARM = tumble(angles=6, **SHORT), centrifuge([1, 5], mounts=3, **SHORT)
+TABLE = rate_table([-1.0, 1.0], mounts=2, **SHORT)
+SWING = Plan("swing", "oscillation", Inputs(np.arange(9.0), {"w_i": np.sin(np.arange(9.0))}, 1.0))
+BENCH = (TUMBLE, ARM, TABLE, SWING)
+
+
+@pytest.mark.parametrize("kind", [*KINDS.values(), TILT], ids=lambda kind: kind.name)
+def test_printed_unit_measures_what_the_si_unit_does(kind):
+    assert factor(kind.unit, like=kind.unit) == pytest.approx(1.0, rel=1e-12)
+    assert factor(kind.printed, like=kind.unit) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("gravity", 1e-6 * 9.80665),
+        ("rate_scale", 5e-6),
+        ("radius", 50e-6),
+        ("arm_stretch", 1e-6 / 9.80665),
+        ("table_zero", 2.0 * np.pi / 648000.0),
+        ("plane_zero", 2.0 * np.pi / 648000.0),
+        ("fixture", 20.0 * np.pi / 648000.0),
+        ("fixture_common", 20.0 * np.pi / 648000.0),
+        ("latency", None),
+        ("turn_on", None),
+    ],
+)
+def test_default_is_the_typical_size_in_the_catalogue(name, size):
+    if size is None:
+        assert KINDS[name].default is None
+    else:
+        assert KINDS[name].default == pytest.approx(size, rel=1e-12)
+        low, _, high = reference_errors()[KINDS[name].key]
+        assert low < size < high
+
+
+def test_only_the_offset_of_the_bias_has_the_unit_of_the_output():
+    changed = [name for name, kind in KINDS.items() if for_sensor(kind, "gyroscope") != kind]
+    assert changed == ["turn_on"]
+    assert for_sensor(KINDS["turn_on"], "accelerometer").unit == "m/s^2"
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("latency", ["latency"]),
+        ("gravity", ["gravity"]),
+        ("rate_scale", ["rate_scale.centrifuge", "rate_scale.rate-table", "rate_scale.oscillation"]),
+        ("radius", ["radius"]),
+        ("arm_stretch", ["arm_stretch"]),
+        ("table_zero", ["table_zero"]),
+        ("plane_zero", ["plane_zero.tumble.0", "plane_zero.tumble.1", "plane_zero.tumble.2"]),
+        ("fixture_common", ["fixture_common_i", "fixture_common_j", "fixture_common_k"]),
+        ("turn_on", ["turn_on.tumble", "turn_on.centrifuge", "turn_on.rate-table", "turn_on.swing"]),
+    ],
+)
+def test_one_unknown_for_each_place_that_an_error_is_confined_to(kind, names):
+    assert [error.name for error in errors_of(BENCH, [kind])] == names
+
+
+def test_a_fixture_has_three_rotations_in_each_mount():
+    errors = errors_of(BENCH, ["fixture"])
+    assert len(errors) == 3 * (3 + 3 + 2 + 1)
+    assert {error.run: error.mount for error in errors} == {
+        "tumble": 2, "centrifuge": 2, "rate-table": 1, "swing": 0
+    }  # fmt: skip
+    assert errors[5].name == "fixture_k.tumble.1"
+    assert errors[5].text == "rotation of the case in its fixture about k in mount 1 of run tumble"
+
+
+def test_names_are_unique_and_their_heads_tell_the_kind():
+    errors = errors_of(BENCH, KINDS)
+    assert len({error.name for error in errors}) == len(errors)
+    assert all(HEADS[error.name.partition(".")[0]] == error.kind for error in errors)
+
+
+def test_an_error_applies_to_the_runs_that_it_is_confined_to():
+    for error in errors_of(BENCH, KINDS):
+        runs = [run.name for run in BENCH if error.applies(run)]
+        if error.run:
+            assert runs == [error.run]
+        elif error.procedure:
+            assert [run.procedure for run in BENCH if run.name in runs] == [error.procedure]
+        else:
+            assert runs == [run.name for run in BENCH if run.procedure in kind_of(error.kind).procedures]
+
+
+@pytest.mark.parametrize(
+    ("kind", "runs", "needs"),
+    [
+        ("radius", [TUMBLE, TABLE], "procedure centrifuge"),
+        ("arm_stretch", [static(10.0, 1.0)], "procedure centrifuge"),
+        ("table_zero", [ARM], "procedure tumble"),
+        ("plane_zero", [TABLE], "procedure tumble"),
+        ("rate_scale", [TUMBLE], "centrifuge or rate-table or oscillation"),
+        ("latency", [TUMBLE, static(10.0, 1.0)], "an input changes while it is recorded"),
+    ],
+)
+def test_an_error_that_moves_no_run_is_refused_with_the_run_that_it_needs(kind, runs, needs):
+    with pytest.raises(UnobservableError, match=needs) as caught:
+        refuse_idle(runs, ["gravity", kind])
+    assert caught.value.terms == (kind,)
+
+
+def test_a_ramp_and_a_swing_show_a_latency():
+    refuse_idle([SWING], ["latency"])
+    refuse_idle([centrifuge([1, 5], ramp=True)], ["latency"])
+
+
+def test_an_unknown_kind_is_refused_with_what_is_known():
+    with pytest.raises(TermError, match=r"'gravty' is no error.*gravity"):
+        errors_of(BENCH, ["gravty"])
