@@ -17,7 +17,7 @@ from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Run, TriadRun
-from imubayes.rig.reference import KINDS
+from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.runs import read_run, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -82,23 +82,29 @@ def prepare(
         tell("dwells that cannot be trusted")
         kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
         runs, distrusted = kept.runs, kept.distrusted
-        found = _summarized(spec, runs, prior, tell)
+        # a run that is left out takes the errors with it that no other run has
+        kinds = {name: sd for name, sd in spec.reference.items() if errors_of(runs, [name])}
+        found = _summarized(spec, runs, prior, tell, kinds)
         found = replace(found, summary=_noted(found.summary, kept.notes))
     return replace(found, source=source, distrusted=distrusted)
 
 
 def _summarized(
-    spec: SensorSpec, runs: Sequence[Run], prior: ScalePrior, tell: Callable[[str], None]
+    spec: SensorSpec,
+    runs: Sequence[Run],
+    prior: ScalePrior,
+    tell: Callable[[str], None],
+    kinds: Mapping[str, float] | None = None,
 ) -> Prepared:
-    """Factor of the runs, with the errors of the bench that the study allows for."""
-    if spec.reference:
+    """Factor of the runs, with the errors of the bench that the study allows for, or `kinds` of them."""
+    rules = _rules(spec, runs)
+    wanted = spec.reference if kinds is None else kinds
+    if wanted:
         tell("errors of the test bench")
-        summary, rows = solve(
-            runs, spec.library, prior.sd, spec.reference, sensor=spec.sensor_class, rules=_rules(spec)
-        )
+        summary, rows = solve(runs, spec.library, prior.sd, wanted, sensor=spec.sensor_class, rules=rules)
     else:
         rows = tuple(linear_of(run, spec.library) for run in runs)
-        summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=_rules(spec), rows=rows)
+        summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules, rows=rows)
     return Prepared(tuple(runs), summary, rows, _with_extras(prior, summary.extras), "")
 
 
@@ -110,7 +116,7 @@ def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:
             runs,
             spec.library,
             sensor=spec.sensor_class,
-            rules=_rules(spec),
+            rules=_rules(spec, runs),
             rows=rows,
             extras=found.summary.extras,
         )
@@ -160,7 +166,7 @@ def prepare_triad(spec: SensorSpec, runs: Sequence[TriadRun]) -> tuple[FreeTumbl
     """
     prior, source = _triad_prior(spec)
     found = solve_free_tumble(
-        runs, spec.library, prior, sensor=spec.sensor_class, rules=_rules(spec), gravity=_gravity(spec)
+        runs, spec.library, prior, sensor=spec.sensor_class, rules=_rules(spec, runs), gravity=_gravity(spec)
     )
     whole = _with_extras(prior, found.summary.extras)
     return found, Prepared(runs, found.summary, found.rows, whole, source)
@@ -175,8 +181,10 @@ def _gravity(spec: SensorSpec) -> Extra | None:
     return Extra(kind.name, kind.name, sd, kind.unit, kind.printed, kind.text)
 
 
-def _rules(spec: SensorSpec) -> dict[str, NoiseRule]:
-    return {s.name: s.noise for s in spec.runs}
+def _rules(spec: SensorSpec, runs: Sequence[Run | TriadRun]) -> dict[str, NoiseRule]:
+    """Noise rules of the study; a run whose noise was to be that of a run left out has its own."""
+    there = {run.name for run in runs}
+    return {s.name: s.noise if (s.noise.like or s.name) in there else NoiseRule() for s in spec.runs}
 
 
 def _noise_before_fit(spec: SensorSpec) -> dict[str, NoiseRule]:

@@ -27,7 +27,7 @@ from imubayes.campaign import (
     StudyResult,
 )
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.mcmc.chains import of_columns
+from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
@@ -241,14 +241,16 @@ def _result(
         method=posterior.method,
         method_reason=posterior.reason,
         chains=of_columns(chains, columns) if chains else None,
-        extras=_extras(ready, selection),
+        extras=_extras(ready, selection, chains),
         distrusted=ready.distrusted,
     )
 
 
-def _extras(ready: Prepared, selection: Selection) -> tuple[ExtraPosterior, ...]:
+def _extras(ready: Prepared, selection: Selection, chains: Chains | None) -> tuple[ExtraPosterior, ...]:
     """What the data say of the columns that are no terms, under the full library."""
     mean, sd = algebra.posterior(ready.summary.factor, ready.prior.sd)
+    if chains:
+        mean, sd = chains.theta.mean(axis=(0, 1)), chains.theta.std(axis=(0, 1))
     found = dict(zip(ready.summary.names, zip(mean.tolist(), sd.tolist(), strict=True), strict=True))
     return tuple(
         ExtraPosterior(extra, *found[extra.name], selection.observability.partners(extra.name))

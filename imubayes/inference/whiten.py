@@ -109,6 +109,9 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     """
     parts = mattering(noise, rows) if parts is None else parts
     duration = _common(rows.duration)
+    hidden = parts.tau * FASTEST < rows.duration.min()
+    fast = Processes(parts.variance[hidden], parts.tau[hidden])
+    parts = Processes(parts.variance[~hidden], parts.tau[~hidden])
     x = duration[:, None] / parts.tau
     start = rows.t[0] - 0.5 * rows.duration[0]
     walk = noise.K**2 > 0.0
@@ -119,6 +122,8 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     V[:, : len(parts.tau)] = averaging * variance
     a = np.empty(len(rows.t))
     a[:] = noise.N**2 / duration + (variance * averaged_variance(x)).sum(axis=1)
+    # what is over within a row is white
+    a += noise.B**2 * (fast.variance * averaged_variance(duration[:, None] / fast.tau)).sum(axis=1)
     if walk:
         V[:, -1] = noise.K**2 * (rows.t - start)
         a += noise.K**2 * (rows.t - start - duration / 6.0)

@@ -196,10 +196,14 @@ def areas(axes: Axes, boxes: list[tuple[float, float, float, float]], color: str
         axes.fill(*corners.reshape(-1, 2).T, color=color, linewidth=0.0)
 
 
-def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> None:
-    """Keep at most `x` and `y` intervals between ticks; whole numbers only along an axis that counts."""
-    axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts))
-    axes.yaxis.set_major_locator(MaxNLocator(y))
+def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False, inside: bool = False) -> None:
+    """Keep at most `x` and `y` intervals between ticks.
+
+    Whole numbers only along an axis that counts; none at the ends where axes stand side by side.
+    """
+    prune = "both" if inside else None
+    axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts, prune=prune))
+    axes.yaxis.set_major_locator(MaxNLocator(y, prune=prune))
 
 
 def plain_logs(axes: Axes) -> None:

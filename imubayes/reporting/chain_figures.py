@@ -277,7 +277,7 @@ def _paint_cell(axes: Axes, shown: list[Watched], row: int, across: int) -> None
 
 def _label_cell(axes: Axes, shown: list[Watched], row: int, across: int) -> None:
     """Numbers and names along the left and the lower edge of the triangle only."""
-    few_ticks(axes, 2, 2)
+    few_ticks(axes, 3, 3, inside=True)
     if row == across:
         no_ticks(axes)
     last = row == len(shown) - 1

@@ -111,7 +111,7 @@ def select(
     component : name of a triad's component. Its terms are ``<component>.<term>`` in the summary, and the
         other components' terms stay in every model, under their priors.
     noises : draws of the noise's posterior under the full library, to average over; none takes the noise
-        that whitened the summary, and averages over its common scale alone.
+        that whitened the summary, and averages over its common scale alone; one is the noise that is given.
     log_evidence : of the full library, with the noise of these draws integrated out.
 
     Raises
@@ -146,7 +146,7 @@ def select(
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
         free=np.array([free[name] for name in own]),
-        plug_in=_at_plug_in(excited, own) if noises else (),
+        plug_in=_at_plug_in(excited, own) if len(noises) > 1 else (),
     )
 
 
@@ -172,15 +172,19 @@ def _without_prior(summary: Summary, prior: ScalePrior) -> tuple[dict[str, float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Excited:
-    """What the test excites: the factor of these columns, their prior, and which are always in the model."""
+    """What the test excites: the factor of these columns, their prior, and which are always in the model.
+
+    `known` (columns,) are no terms: how well the bench is known is not in question with the prior's width.
+    """
 
     factor: Factor
     prior: ScalePrior
     always: tuple[str, ...]
+    known: NDArray[np.bool_]
 
     def weighed(self, width: float, noise: Factor | None = None) -> Models:
         """Weigh every submodel at a prior width; with `noise`, on rows whitened by it, whose scale is 1."""
-        prior = self.prior.wider(width)
+        prior = ScalePrior(np.where(self.known, 1.0, width) * self.prior.sd)
         if noise is None:
             whole = Summary(self.factor)
             return enumerate_models(whole, prior, always=self.always, scale_limit=SCALE_LIMIT)
@@ -193,7 +197,9 @@ def _excited(
 ) -> _Excited:
     names = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
     always = tuple(name for name in names if name not in own)
-    return _Excited(reorder(summary.factor, names), ScalePrior([sd[name] for name in names]), always)
+    extras = {extra.name for extra in summary.extras}
+    known = np.array([name in extras for name in names])
+    return _Excited(reorder(summary.factor, names), ScalePrior([sd[name] for name in names]), always, known)
 
 
 def _at_every_width(excited: _Excited, noises: Sequence[NoiseDraw], log_evidence: float) -> _Widths:

@@ -18,7 +18,7 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.factor import VANISHED
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary
-from imubayes.selection.masks import fold, sizes
+from imubayes.selection.masks import fold, mass, sizes
 from imubayes.selection.mixture import (
     Candidates,
     Components,
@@ -152,7 +152,9 @@ def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
     """Return the mixture over the models that contain `required`, for a physical prior."""
     if models.parts:
-        shares = [weight * float(_containing(part, required).sum()) for weight, part in models.parts]
+        bits = [models.candidates.names.index(name) for name in required]
+        inside = [weight * mass(part.weight, bits) for weight, part in models.parts]
+        shares = inside if sum(inside) > 0.0 else [weight for weight, _ in models.parts]
         return merged(shares, [components_given(part, required) for _, part in models.parts])
     return scale_components(models.candidates, models.scales, _containing(models, required))
 

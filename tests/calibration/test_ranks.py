@@ -21,8 +21,8 @@ from imubayes.inference.mcmc.run import sample
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise
 
-CAMPAIGNS = 240
-BINS = 12
+CAMPAIGNS = 200
+BINS = 10
 DRAWS = 20 * BINS - 1
 """Draws that the truth is ranked among: DRAWS + 1 ranks fall into BINS alike bins."""
 
@@ -39,8 +39,8 @@ def ranks_of(seed: int) -> dict[str, int]:
     sd = ib.prior(SENSOR, LIBRARY).sd
     theta = sd * rng.standard_normal(len(sd))
     plans = (
-        ib.tumble(angles=12, dwell=20.0, rate=5.0),
-        ib.centrifuge([1, 5, 10], mounts=12, dwell=20.0, rate=5.0),
+        ib.tumble(angles=12, dwell=12.0, rate=5.0),
+        ib.centrifuge([1, 5, 10], mounts=12, dwell=12.0, rate=5.0),
     )
     unit = dict(zip(LIBRARY.names, theta.tolist(), strict=True))
     truth, runs = dict(unit), []

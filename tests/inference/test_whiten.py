@@ -189,3 +189,16 @@ def test_processes_that_are_white_within_a_row_are_left_to_the_white_noise():
     rows = Rows(np.array([0.5, 600.5]), np.array([1.0, 1000.0]))
     assert processes(rows).tau.min() > 1000.0 / 20.0
     assert processes(equal_rows(), shortest=10.0).tau.min() == pytest.approx(1.0)
+
+
+def test_processes_that_are_over_within_a_row_are_white():
+    """Rows of 100 s of a sensor whose fastest process lasts 0.02 s: no overflow, and the dense variance."""
+    t = 50.0 + 100.0 * np.arange(40.0)
+    rows, noise = Rows(t, np.full(40, 100.0)), Noise(1e-3, 5e-4, 1e-6)
+    parts = Processes(np.full(6, 0.7329), 0.02 * 10.0 ** np.arange(6.0))
+    w = whitener(noise, rows, parts)
+    assert np.isfinite(w.d).all()
+    sign, log_det = np.linalg.slogdet(dense(noise, rows, parts))
+    # neighbours are correlated by 2.5 % at most through what is taken for white: r^2 of each row, twice
+    assert sign == 1.0
+    assert w.log_det == pytest.approx(log_det, abs=2.0 * 40 * 0.025**2)

@@ -1,19 +1,19 @@
 """Verdicts where errors of the test bench share a column with a term: the prior of the error decides."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from benches import measured
 
 import imubayes as ib
+from imubayes.factor import reorder
 from imubayes.inference.nuisances import solve
 from imubayes.inference.prior import ScalePrior, class_sd
+from imubayes.inference.summary import Summary
+from imubayes.selection.decision import select
+from imubayes.selection.enumerate import enumerate_models, inclusion_given
 from imubayes.sensors.catalogue import draw_unit
-
-sys.path.append(str(Path(__file__).parents[1] / "inference"))
-from benches import measured
 
 ARCSEC = math.pi / 648000.0
 SENSOR = ib.sensor("mems_industrial", kind="accelerometer")
@@ -61,3 +61,26 @@ def test_a_scale_factor_is_as_sure_as_local_gravity(doubt, verdict):
     if verdict == "inseparable":
         assert found["b1"].confounded_with == ("gravity",)
         assert found["b1"].reason.endswith("a survey of local gravity would separate them")
+
+
+def test_width_of_the_prior_is_that_of_the_terms_and_not_of_the_bench():
+    """Gravity known to 1e-3 leaves b1 that much, however wide b1's own prior is."""
+    sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", powers=1)
+    runs = ib.simulate(sensor, [ib.tumble(angles=12, dwell=5.0)], seed=1, truth={"b1": 3e-4})
+    prior = ib.prior(sensor, lib)
+    summary, _ = solve(runs, lib, prior.sd, {"gravity": 1e-3}, sensor=sensor)
+    whole = ScalePrior([*prior.sd, 1e-3])
+    selection = select(summary, whole)
+    wide = dict(selection.by_width)[3.0]
+    by_hand = enumerate_models(
+        Summary(reorder(summary.factor, selection.models.candidates.columns)),
+        ScalePrior(
+            [
+                3.0 * whole.sd[summary.names.index(n)] if n != "gravity" else 1e-3
+                for n in selection.models.candidates.columns
+            ]
+        ),
+        always=("gravity",),
+        scale_limit=10.0,
+    )
+    np.testing.assert_allclose(wide, inclusion_given(by_hand, ()), rtol=1e-9)

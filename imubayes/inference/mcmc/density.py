@@ -18,14 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.whitenings import (
-    Coordinates,
-    Whitenings,
-    coordinates,
-    fixed_whitening,
-    grams,
-    whitenings,
-)
+from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
+from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import RunSummary, Summary
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +36,6 @@ class Density:
     sd : (p,) their prior sds.
     runs : whitenings of every run.
     places : of every run, which entries of x are its ln N, ln B, ln K; None where its noise is known.
-    known : of every run, (3,) or (1,) logarithms that stand in for entries of x.
     parameters : d names of the noise parameters, such as ``N.tumble``.
     center, width : (d,) mean and sd of their normal prior, in logarithms.
     """
@@ -52,7 +45,6 @@ class Density:
     sd: FloatArray
     runs: tuple[Whitenings, ...]
     places: tuple[tuple[int, ...] | None, ...]
-    known: tuple[FloatArray, ...]
     parameters: tuple[str, ...]
     center: FloatArray
     width: FloatArray
@@ -111,17 +103,27 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
         coordinates=c,
         names=summary.factor.names,
         sd=sd,
-        runs=tuple(_whitenings(r, s, c, rng) for r, s in zip(rows, summary.runs, strict=True)),
+        runs=_whitenings(rows, summary.runs, c, rng),
         places=tuple(first.get(run.noise_run) if run.steering else None for run in summary.runs),
-        known=tuple(np.log([run.noise.N]) for run in summary.runs),
         parameters=tuple(parameters),
         center=center,
         width=width,
     )
 
 
-def _whitenings(rows: Linear, run: RunSummary, c: Coordinates, rng: np.random.Generator) -> Whitenings:
-    return whitenings(rows, run, c, rng) if len(run.steering) == 3 else fixed_whitening(run, c)
+def _whitenings(
+    rows: Sequence[Linear], runs: Sequence[RunSummary], c: Coordinates, rng: np.random.Generator
+) -> tuple[Whitenings, ...]:
+    """Whitenings of every run, those that share their noise on the same grid."""
+    made: dict[str, Whitenings] = {}
+    for name in dict.fromkeys(run.noise_run for run in runs):
+        pairs = [(r, s) for r, s in zip(rows, runs, strict=True) if s.noise_run == name]
+        if len(pairs[0][1].steering) == 3:
+            found = whitenings([r for r, _ in pairs], [s for _, s in pairs], c, rng)
+        else:
+            found = tuple(fixed_whitening(s, c) for _, s in pairs)
+        made |= {s.name: one for (_, s), one in zip(pairs, found, strict=True)}
+    return tuple(made[run.name] for run in runs)
 
 
 def condition(density: Density, x: FloatArray) -> Conditional:
@@ -135,8 +137,8 @@ def condition(density: Density, x: FloatArray) -> Conditional:
     base = -0.5 * np.sum(((x - density.center) / density.width) ** 2, axis=1)
     base -= float(np.sum(np.log(density.width))) + 0.5 * density.d * math.log(2.0 * math.pi)
     base += c.log_volume - float(np.sum(np.log(density.sd))) - 0.5 * density.p * math.log(2.0 * math.pi)
-    for run, places, known in zip(density.runs, density.places, density.known, strict=True):
-        noise = np.repeat(known[None], m, axis=0) if places is None else x[:, places]
+    for run, places in zip(density.runs, density.places, strict=True):
+        noise = np.zeros((m, 1)) if places is None else x[:, places]
         gram, log_det, inside = grams(run, noise)
         A += gram
         base -= 0.5 * (log_det + run.n * math.log(2.0 * math.pi))

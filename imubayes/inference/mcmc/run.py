@@ -60,6 +60,9 @@ AT_ONCE = 512
 BRIDGE = 8000
 """About so many draws go into the bridge."""
 
+TRUSTED = 1.0
+"""Nats: largest error of the log density that leaves the noise's posterior where it is, to an sd or so."""
+
 NOISE_DRAWS = 16
 """Draws of the noise at which every submodel is weighed again."""
 
@@ -130,13 +133,16 @@ def _sampled(
     progress("whitening the runs over a range of noises")
     density = density_of(summary, rows, sd, rng)
     q = _fitted(density, summary, rng)
-    limits = replace(limits, fingerprint=_fingerprint(summary, rows, sd, method))
+    limits = replace(limits, fingerprint=_fingerprint(summary, rows, sd, method, limits.seed))
     if method == "collapsed" and density.d == 0:
         history = _without_noise(limits)
     else:
         history = run_ensembles(_target(density, q, method), limits, progress)
     progress("drawing from the chains")
     noises, error = _noise_draws(density, history, summary, rows)
+    if error > TRUSTED:
+        text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
+        history = replace(history, converged=False, text=text)
     chains = _chains((density, summary, rows), history, method, error, rng)
     sampled = Sampled(chains, noises)
     if not history.converged:
@@ -299,7 +305,7 @@ def _noise_draws(
     A constant error would not matter: it changes no probability but the evidence, which is exact here.
     """
     if density.d == 0:
-        return (), 0.0
+        return (NoiseDraw(summary.factor, float(log_marginal(density, np.empty((1, 0)))[0])),), 0.0
     every = np.concatenate([_flat(chain[..., -density.d :]) for chain in history.chains])
     chosen = every[np.linspace(0, len(every) - 1, NOISE_DRAWS).astype(int)]
     draws = tuple(_noise_draw(density, summary, rows, x) for x in chosen)
@@ -370,9 +376,14 @@ def _thinned(chain: FloatArray) -> FloatArray:
     return every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]
 
 
-def _fingerprint(summary: Summary, rows: Sequence[Linear], sd: FloatArray, method: Method) -> str:
+def _fingerprint(summary: Summary, rows: Sequence[Linear], sd: FloatArray, method: Method, seed: int) -> str:
     """Hash of what the chains depend on, blind to the last digits."""
-    hashed = hashlib.sha256(repr((method, summary.names, [run.name for run in summary.runs])).encode())
+    known = [(run.name, run.noise_run, len(run.steering)) for run in summary.runs]
+    hashed = hashlib.sha256(repr((method, seed, summary.names, known)).encode())
+    for run in summary.runs:
+        noise = (run.noise.N, run.noise.B, run.noise.K) if not run.steering else np.ravel(run.steering)
+        hashed.update(np.asarray(noise, dtype=np.float32).tobytes())
+        hashed.update(np.asarray(run.reach, dtype=np.float32).tobytes())
     hashed.update(np.asarray(sd, dtype=np.float32).tobytes())
     for part in rows:
         hashed.update(np.asarray(part.y, dtype=np.float32).tobytes())

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from campaigns import Campaign, campaign_of  # noqa: E402: the folder has to be known first
+from campaigns import Campaign, campaign_of
 
 import imubayes as ib
 

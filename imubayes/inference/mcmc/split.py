@@ -1,0 +1,205 @@
+"""A run's rows as averages over short blocks and what they leave: any noise in a millisecond.
+
+The averages are whitened exactly; what they leave is white but for a small rise of its variance by B and K.
+The sum is mended by three exact whitenings of all rows near the maximum of the run's posterior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.linear import Linear, blocks_of, whitened_factor, within_blocks
+from imubayes.inference.mcmc.coordinates import Coordinates
+from imubayes.inference.reml import Blocks, block_edges
+from imubayes.inference.summary import RunSummary
+from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten, whitener
+from imubayes.sensors.noise import Noise
+
+FloatArray = NDArray[np.float64]
+
+NEVER = 1e300
+"""Stands for an infinite cost in a search."""
+
+FARTHEST = 2.0
+"""Most of ln(B/N) and ln(K/N) to which the correction to exact whitenings is followed on both sides."""
+
+REACH = 6.0
+"""Sds of the ratios' logarithms to which it is followed."""
+
+CROSS = np.array([[0.0, 0.0], [-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+"""Exact whitenings, in units of that reach about the maximum."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Split:
+    """A run as block averages and what they leave.
+
+    What exact whitenings have more is a polynomial, `correction` (k, e), in the distances of ln(B/N) and
+    ln(K/N) from `middle` (2,), which are followed to `reach` (2,): a matrix E, packed, such that with the
+    factor L of rows and prior at the white noise `level` the Gram matrix is ``L (I + E) L'``, and the log
+    determinant's rest. As a share of the matrix it stays small where the matrix does: it can be carried on.
+    """
+
+    blocks: Blocks
+    stacked: FloatArray
+    parts: Processes
+    within: FloatArray
+    inside: int
+    rise: tuple[float, float]
+    c: Coordinates
+    level: float
+    correction: FloatArray
+    middle: FloatArray
+    reach: FloatArray
+
+
+def splits_of(
+    rows: Sequence[Linear], runs: Sequence[RunSummary], c: Coordinates
+) -> tuple[tuple[Split, ...], FloatArray]:
+    """Splits of runs that share their noise, and ln N, ln B, ln K (3,) at the maximum of their posterior."""
+    bare = tuple(_split(part, run, c) for part, run in zip(rows, runs, strict=True))
+    start = np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K])
+    top, nowhere = _top(bare, runs[0], start), np.zeros(2)
+    once = tuple(_corrected(s, part, top, nowhere) for s, part in zip(bare, rows, strict=True))
+    top = _top(once, runs[0], top)
+    sd = np.hypot(runs[0].noise_sd[1:], runs[0].noise_sd[0])
+    reach = np.minimum(REACH * sd, FARTHEST)
+    return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
+
+
+def log_likelihood(splits: Sequence[Split], x: FloatArray) -> float:
+    """Log marginal likelihood of runs with the noise x (3,), each by itself, up to a constant."""
+    ratios = (float(x[1] - x[0]), float(x[2] - x[0]))
+    return sum(log_density_of(values_at(split, *ratios), split, float(x[0])) for split in splits)
+
+
+def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatArray:
+    from scipy.optimize import minimize
+
+    center, width = np.array([(math.log(m), s) for m, s in run.steering]).T
+
+    def cost(x: FloatArray) -> float:
+        pull = 0.5 * float(np.sum(((x - center) / width) ** 2))
+        return min(pull - log_likelihood(splits, x), NEVER)
+
+    corners = start + np.vstack((np.zeros(3), np.diag(run.noise_sd)))
+    options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-2, "maxiter": 150}
+    return minimize(cost, start, method="Nelder-Mead", options=options).x
+
+
+def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -> Split:
+    """Split that is right at the maximum, and, with a reach, about it."""
+    middle = top[1:] - top[0]
+    places = middle + reach * (CROSS if reach.any() else CROSS[:1])
+    missing = [_missing(split, values_at(split, *at), _exact(rows, split, *at)) for at in places.tolist()]
+    basis = np.array([_powers(at - middle) for at in places])
+    correction = np.linalg.lstsq(basis, np.array(missing), rcond=None)[0]
+    return replace(split, correction=np.asarray(correction), middle=middle, reach=reach)
+
+
+def _powers(away: FloatArray) -> FloatArray:
+    """Terms of the polynomial: 1, b, b^2, k, k^2."""
+    b, k = away.tolist()
+    return np.array([1.0, b, b * b, k, k * k])
+
+
+def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
+    blocks = blocks_of(rows)
+    parts = mattering(run.noise, rows.rows)
+    return Split(
+        blocks=blocks,
+        stacked=np.column_stack((blocks.X, blocks.y)),
+        parts=parts,
+        within=c.gram(within_blocks(rows)),
+        inside=len(rows) - len(blocks.y),
+        rise=_rise(rows, blocks, parts) if len(blocks.y) < len(rows) else (0.0, 0.0),
+        c=c,
+        level=run.noise.N,
+        correction=np.zeros((0, 0)),
+        middle=np.zeros(2),
+        reach=np.zeros(2),
+    )
+
+
+def _exact(rows: Linear, split: Split, log_b: float, log_k: float) -> FloatArray:
+    """Packed Gram and log determinant of all rows at N = 1."""
+    noise = Noise(1.0, math.exp(log_b), math.exp(log_k))
+    f, _ = whitened_factor(rows, noise, split.parts)
+    return np.append(packed_of(split.c.gram(f.R)), f.log_det)
+
+
+def _rise(rows: Linear, blocks: Blocks, parts: Processes) -> tuple[float, float]:
+    """Variance within a block by unit B and by unit K, relative to that of unit white noise in a sample.
+
+    Of blocks of the mean number of rows, those of a single row (beside lost samples) left aside.
+    """
+    counts = np.diff(np.append(block_edges(rows.t, rows.interval), len(rows)))
+    count = float(counts[counts > 1].mean())
+    sample = float(rows.duration.mean())
+    gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
+    flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
+    return sample * flicker, sample * sample * (count + 1.0) / 6.0
+
+
+def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:
+    """Packed Gram and log determinant at N = 1, of the split with its correction."""
+    b, k = math.exp(log_b), math.exp(log_k)
+    w = whitener(Noise(1.0, b, k), split.blocks.rows, split.parts)
+    white = whiten(w, split.stacked.copy())
+    gram = split.c.gram(np.asarray(np.linalg.qr(white, mode="r")))
+    level = 1.0 + split.rise[0] * b * b + split.rise[1] * k * k
+    log_det = w.log_det + split.inside * math.log(level)
+    packed = np.append(packed_of(gram + split.within / level), log_det)
+    if not len(split.correction):
+        return packed
+    away = np.clip(np.array([log_b, log_k]) - split.middle, -split.reach, split.reach)
+    return _mended(split, packed, _powers(away) @ split.correction)
+
+
+def _missing(split: Split, packed: FloatArray, exact: FloatArray) -> FloatArray:
+    """What `_mended` needs to make the exact values of the packed ones."""
+    L = _with_prior(split, packed)
+    half = np.linalg.solve(L, unpacked(exact[:-1] - packed[:-1]) / split.level**2)
+    more = np.asarray(np.linalg.solve(L, half.T), dtype=float)
+    return np.append(packed_of(more), exact[-1] - packed[-1])
+
+
+def _mended(split: Split, packed: FloatArray, missing: FloatArray) -> FloatArray:
+    L = _with_prior(split, packed)
+    more = L @ unpacked(missing[:-1]) @ L.T * split.level**2
+    return packed + np.append(packed_of(more), missing[-1])
+
+
+def _with_prior(split: Split, packed: FloatArray) -> FloatArray:
+    """Cholesky factor of the Gram matrix at the white noise `level`, with the prior's."""
+    return np.asarray(np.linalg.cholesky(unpacked(packed[:-1]) / split.level**2 + split.c.prior), dtype=float)
+
+
+def unpacked(triangle: FloatArray) -> FloatArray:
+    """Whole symmetric matrix of a packed lower triangle."""
+    size = math.isqrt(2 * len(triangle))
+    gram = np.zeros((size, size))
+    gram[np.tril_indices(size)] = triangle
+    return gram + np.tril(gram, -1).T
+
+
+def packed_of(gram: FloatArray) -> FloatArray:
+    """Lower triangle of a symmetric matrix, row by row."""
+    return gram[np.tril_indices(len(gram))]
+
+
+def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
+    """Log marginal likelihood of the run alone at white noise N, up to a constant; -inf if there is none."""
+    gram = unpacked(packed[:-1]) * math.exp(-2.0 * log_n) + split.c.prior
+    try:
+        diagonal = np.diag(np.linalg.cholesky(gram))
+    except np.linalg.LinAlgError:
+        return -math.inf
+    rows = split.inside + len(split.blocks.y)
+    log_det = float(packed[-1]) + 2.0 * rows * log_n
+    return -0.5 * log_det - float(np.sum(np.log(diagonal[:-1]))) - 0.5 * float(diagonal[-1] ** 2)
