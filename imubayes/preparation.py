@@ -17,7 +17,7 @@ from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Run, TriadRun
-from imubayes.rig.reference import KINDS, errors_of
+from imubayes.rig.reference import KINDS, effective
 from imubayes.rig.runs import read_run, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -83,7 +83,7 @@ def prepare(
         kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
         runs, distrusted = kept.runs, kept.distrusted
         # a run that is left out takes the errors with it that no other run has
-        kinds = {name: sd for name, sd in spec.reference.items() if errors_of(runs, [name])}
+        kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
         found = _summarized(spec, runs, prior, tell, kinds)
         found = replace(found, summary=_noted(found.summary, kept.notes))
     return replace(found, source=source, distrusted=distrusted)

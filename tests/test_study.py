@@ -230,6 +230,30 @@ def test_sessions_of_a_unit_are_compared():
     assert method.run(small()).sessions == ()
 
 
+def test_distrusted_run_leaves_its_noise_and_its_bench_errors_behind(monkeypatch):
+    """Every dwell of the centrifuge is spoilt; the tumble was to have its noise, and the arm its radius."""
+    arm = {"profile": "centrifuge", "levels": [1.0, 5.0], "dwell": 10.0, "rate": 1.0}
+    like = NoiseRule("fixed", like="arm")
+    wanted = spec(
+        runs=(
+            RunSpec("tumble", "tumble", simulate=TUMBLE, noise=like),
+            RunSpec("arm", "centrifuge", simulate=arm),
+        ),
+        reference={"gravity": 1e-4, "radius": 1e-4},
+        robust=True,
+    )
+    runs = method.runs_of(wanted, 1, 0)
+    rng = np.random.default_rng(3)
+    shocks = np.repeat(rng.choice([-1.0, 1.0], 24) * rng.uniform(0.5, 2.0, 24), 10)
+    spoilt = replace(runs[1], output=runs[1].output + shocks)
+    monkeypatch.setattr(method, "runs_of", lambda *_: (runs[0], spoilt))
+    (sensor,) = method.run(small(wanted)).sensors
+    assert [run.name for run in sensor.runs] == ["tumble"]
+    assert sensor.runs[0].noise_origin == "REML"
+    assert [entry.extra.kind for entry in sensor.extras] == ["gravity"]
+    assert any("arm" in note for note in sensor.runs[0].source.notes)
+
+
 def test_errors_of_the_bench_become_columns_with_a_posterior():
     (sensor,) = method.run(small(spec(reference={"gravity": 1e-3}))).sensors
     (gravity,) = sensor.extras

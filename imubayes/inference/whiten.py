@@ -26,6 +26,10 @@ FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
 
 
+OVER = 500.0
+"""Processes that much shorter than a row are white to 0.1 %, and their exponentials would overflow."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
     """When the rows were taken.
@@ -109,7 +113,7 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     """
     parts = mattering(noise, rows) if parts is None else parts
     duration = _common(rows.duration)
-    hidden = parts.tau * FASTEST < rows.duration.min()
+    hidden = parts.tau * OVER < rows.duration.min()
     fast = Processes(parts.variance[hidden], parts.tau[hidden])
     parts = Processes(parts.variance[~hidden], parts.tau[~hidden])
     x = duration[:, None] / parts.tau

@@ -188,17 +188,26 @@ def refuse_idle(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> None:
     UnobservableError : naming the first such kind, and what run it needs.
     """
     for kind in map(kind_of, kinds):
-        needed = ""
-        if not any(run.procedure in kind.procedures for run in runs):
-            needed = f"of procedure {' or '.join(kind.procedures)}"
-        elif kind.name == "latency" and not any(_moves(run.inputs) for run in runs):
-            needed = "in which an input changes while it is recorded"
-        if needed:
+        if needed := _needed(runs, kind):
             raise UnobservableError(
                 f"'{kind.name}' ({kind.text}) changes nothing in any run: it needs a run {needed};"
                 " add one, or leave it out of the errors of the reference",
                 (kind.name,),
             )
+
+
+def effective(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[str, ...]:
+    """Those of the kinds that change something in a run."""
+    return tuple(name for name in kinds if not _needed(runs, kind_of(name)))
+
+
+def _needed(runs: Sequence[Run | Plan], kind: Kind) -> str:
+    """What run a kind of error lacks, in words; empty where it has one."""
+    if not any(run.procedure in kind.procedures for run in runs):
+        return f"of procedure {' or '.join(kind.procedures)}"
+    if kind.name == "latency" and not any(_moves(run.inputs) for run in runs):
+        return "in which an input changes while it is recorded"
+    return ""
 
 
 def kind_of(name: str) -> Kind:

@@ -21,7 +21,7 @@ from imubayes.inference.mcmc.run import sample
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise
 
-CAMPAIGNS = 200
+CAMPAIGNS = 320
 BINS = 10
 DRAWS = 20 * BINS - 1
 """Draws that the truth is ranked among: DRAWS + 1 ranks fall into BINS alike bins."""
@@ -35,7 +35,7 @@ OUT = Path(__file__).parents[2] / "reports" / "ranks"
 
 def ranks_of(seed: int) -> dict[str, int]:
     """Ranks of one campaign's coefficients and noise parameters."""
-    rng = np.random.default_rng([11, seed])
+    rng = np.random.default_rng([12, seed])
     sd = ib.prior(SENSOR, LIBRARY).sd
     theta = sd * rng.standard_normal(len(sd))
     plans = (

@@ -192,13 +192,17 @@ def test_processes_that_are_white_within_a_row_are_left_to_the_white_noise():
 
 
 def test_processes_that_are_over_within_a_row_are_white():
-    """Rows of 100 s of a sensor whose fastest process lasts 0.02 s: no overflow, and the dense variance."""
-    t = 50.0 + 100.0 * np.arange(40.0)
-    rows, noise = Rows(t, np.full(40, 100.0)), Noise(1e-3, 5e-4, 1e-6)
+    """Rows of 100 s of a sensor whose fastest process lasts 0.02 s: no overflow, and the dense covariance."""
+    T, t = 100.0, 50.0 + 100.0 * np.arange(40.0)
+    rows, noise = Rows(t, np.full(40, T)), Noise(1e-3, 5e-4, 0.0)
     parts = Processes(np.full(6, 0.7329), 0.02 * 10.0 ** np.arange(6.0))
     w = whitener(noise, rows, parts)
     assert np.isfinite(w.d).all()
-    sign, log_det = np.linalg.slogdet(dense(noise, rows, parts))
-    # neighbours are correlated by 2.5 % at most through what is taken for white: r^2 of each row, twice
-    assert sign == 1.0
-    assert w.log_det == pytest.approx(log_det, abs=2.0 * 40 * 0.025**2)
+    lag = np.abs(t[:, None] - t) - T
+    C = noise.N**2 / T * np.eye(40)
+    for variance, tau in zip(noise.B**2 * parts.variance, parts.tau, strict=True):
+        x = T / tau
+        apart = variance * np.exp(-np.maximum(lag, 0.0) / tau) * ((1.0 - np.exp(-x)) / x) ** 2
+        C += np.where(lag < 0.0, variance * 2.0 * (x - 1.0 + np.exp(-x)) / x**2, apart)
+    # neighbours are correlated by 0.1 % at most through what is taken for white: r^2 of each row, twice
+    assert w.log_det == pytest.approx(np.linalg.slogdet(C)[1], abs=2.0 * 40 * 0.001**2)

@@ -29,11 +29,10 @@ def unit():
 def test_runs_that_share_a_noise_which_suits_neither_are_sampled_where_both_can_be():
     """The log's bias instability is 2.6 times the tumble's, but the study says that they are alike."""
     quiet, loud = ib.Noise(6e-4, 4e-4, 3e-6), ib.Noise(6e-4, 2.6 * 4e-4, 3e-6)
+    tumble, arm = ib.tumble(angles=12, dwell=20.0, rate=2.0), ib.centrifuge([1, 10], dwell=20.0, rate=2.0)
     runs = (
-        *ib.simulate(SENSOR, [ib.tumble(angles=12, dwell=20.0, rate=2.0)], seed=1, truth=unit(), noise=quiet),
-        *ib.simulate(
-            SENSOR, [ib.centrifuge([1, 10], dwell=20.0, rate=2.0)], seed=2, truth=unit(), noise=loud
-        ),
+        *ib.simulate(SENSOR, [tumble], seed=1, truth=unit(), noise=quiet),
+        *ib.simulate(SENSOR, [arm], seed=2, truth=unit(), noise=loud),
     )
     found = sampled(runs, {"centrifuge": ib.NoiseRule("fixed", like="tumble")}).chains
     B = found.noise[..., 0, 1]
