@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.inference.linear import BLOCKS
 from imubayes.inference.whiten import Processes, Rows, processes, whiten, whitener
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import Noise
 
 FloatArray = NDArray[np.float64]
 LogNormal = tuple[float, float]
-
-BLOCKS = 1500
-"""Blocks that a run is averaged to: N is then known to 2 %, and an evaluation takes milliseconds."""
 
 VAGUE = math.log(30.0)
 """Prior sd of ln N, ln B, ln K where no class is known: a factor of 30 either way."""

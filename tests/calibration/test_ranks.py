@@ -21,7 +21,7 @@ from imubayes.inference.mcmc.run import sample
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise
 
-CAMPAIGNS = 320
+CAMPAIGNS = 240
 BINS = 10
 DRAWS = 20 * BINS - 1
 """Draws that the truth is ranked among: DRAWS + 1 ranks fall into BINS alike bins."""

@@ -60,7 +60,7 @@ AT_ONCE = 512
 BRIDGE = 8000
 """About so many draws go into the bridge."""
 
-TRUSTED = 1.0
+TRUSTED = 2.0
 """Nats: largest error of the log density that leaves the noise's posterior where it is, to an sd or so."""
 
 NOISE_DRAWS = 16
@@ -300,9 +300,9 @@ def _diagnosed(density: Density, history: History, drawn: _Drawn) -> Diagnostics
 def _noise_draws(
     density: Density, history: History, summary: Summary, rows: Sequence[Linear]
 ) -> tuple[tuple[NoiseDraw, ...], float]:
-    """Exact whitenings at some draws, and the spread of the log density's error over them.
+    """Exact whitenings at some draws, and how far the log density's error there is off its median.
 
-    A constant error would not matter: it changes no probability but the evidence, which is exact here.
+    A constant error changes no probability, and the evidence by bridge sampling by as much.
     """
     if density.d == 0:
         return (NoiseDraw(summary.factor, float(log_marginal(density, np.empty((1, 0)))[0])),), 0.0
@@ -312,7 +312,8 @@ def _noise_draws(
     exact = np.array([draw.log_marginal for draw in draws])
     prior = -0.5 * np.sum(((chosen - density.center) / density.width) ** 2, axis=1)
     prior -= float(np.sum(np.log(density.width))) + 0.5 * density.d * np.log(2.0 * np.pi)
-    return draws, float(np.max(np.abs(log_marginal(density, chosen) - prior - exact)))
+    error = log_marginal(density, chosen) - prior - exact
+    return draws, float(np.max(np.abs(error - np.median(error))))
 
 
 def _noise_draw(density: Density, summary: Summary, rows: Sequence[Linear], x: FloatArray) -> NoiseDraw:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.inference.linear import Linear, blocks_of, whitened_factor, within_blocks
+from imubayes.inference.linear import BLOCKS, Linear, blocks_of, whitened_factor, within_blocks
 from imubayes.inference.mcmc.coordinates import Coordinates
 from imubayes.inference.reml import Blocks, block_edges
 from imubayes.inference.summary import RunSummary
@@ -21,6 +21,9 @@ from imubayes.inference.whiten import Processes, averaged_variance, mattering, w
 from imubayes.sensors.noise import Noise
 
 FloatArray = NDArray[np.float64]
+
+WHOLE = 4000
+"""Rows up to which a run is whitened as it is: each row is its own block."""
 
 NEVER = 1e300
 """Stands for an infinite cost in a search."""
@@ -109,13 +112,13 @@ def _powers(away: FloatArray) -> FloatArray:
 
 
 def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
-    blocks = blocks_of(rows)
+    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE else BLOCKS)
     parts = mattering(run.noise, rows.rows)
     return Split(
         blocks=blocks,
         stacked=np.column_stack((blocks.X, blocks.y)),
         parts=parts,
-        within=c.gram(within_blocks(rows)),
+        within=c.gram(within_blocks(rows)) if len(blocks.y) < len(rows) else np.zeros_like(c.prior),
         inside=len(rows) - len(blocks.y),
         rise=_rise(rows, blocks, parts) if len(blocks.y) < len(rows) else (0.0, 0.0),
         c=c,
