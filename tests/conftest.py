@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# two workers share two cores: threads of the linear algebra, which starts later, would wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # the same examples on every machine; no deadline, for a first call compiles and machines are busy
 settings.register_profile("imubayes", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=2000)
