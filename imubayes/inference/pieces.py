@@ -1,0 +1,98 @@
+"""A run cut to its dwells: one small factor each, which can be left out, doubled, and added up again.
+
+The rows are whitened as a whole, in their order, so that a dwell's rows are what it adds to the dwells before
+it: the pieces are independent given the coefficients, and their factors stack to the factor of the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes import factor as algebra
+from imubayes.factor import Factor
+from imubayes.inference.dwells import dwells_of
+from imubayes.inference.linear import CHUNK, Linear
+from imubayes.inference.whiten import whiten, whitener
+from imubayes.sensors.noise import Noise
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pieces:
+    """Factors of the q dwells of a run.
+
+    Attributes
+    ----------
+    run : its name.
+    names : the p columns.
+    start, stop : (q,) s.
+    rows : (q,) samples of each dwell.
+    R : (q, p + 1, p + 1) triangular factor of the whitened ``[X y]`` of each dwell.
+    log_det : (q,) log determinant of the noise covariance of each dwell, given those before it.
+    """
+
+    run: str
+    names: tuple[str, ...]
+    start: FloatArray
+    stop: FloatArray
+    rows: NDArray[np.int64]
+    R: FloatArray
+    log_det: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def pieces_of(rows: Linear, noise: Noise) -> Pieces:
+    """Whiten a run as a whole and factor each of its dwells.
+
+    Parameters
+    ----------
+    rows : of the run.
+    noise : that whitens it, SI.
+    """
+    n, p = len(rows), len(rows.names)
+    dwells = dwells_of(rows)
+    table = np.empty((n, p + 1))
+    for a in range(0, n, CHUNK):
+        b = min(a + CHUNK, n)
+        table[a:b, :p] = rows.columns(a, b)
+    table[:, p] = rows.y
+    w = whitener(noise, rows.rows)
+    whiten(w, table)
+    log_d = np.log(w.d)
+    return Pieces(
+        run=rows.name,
+        names=rows.names,
+        start=dwells.start,
+        stop=dwells.stop,
+        rows=np.diff(dwells.edges),
+        R=np.array([algebra.triangular([table[a:b]], p + 1) for a, b in pairwise(dwells.edges.tolist())]),
+        log_det=np.add.reduceat(log_d, dwells.edges[:-1]),
+    )
+
+
+def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None = None) -> Factor:
+    """Factor of dwells, each taken as often as `counts` says; once without counts.
+
+    Parameters
+    ----------
+    pieces : of one or more runs, over the same columns.
+    counts : (q,) repetitions of each dwell, by run: 0 leaves it out, 2 doubles it.
+    """
+    times = [np.ones(len(p), dtype=np.int64) for p in pieces] if counts is None else list(counts)
+    names = pieces[0].names
+    kept = [np.sqrt(c[c > 0])[:, None, None] * p.R[c > 0] for p, c in zip(pieces, times, strict=True)]
+    tall = np.concatenate([part.reshape(-1, len(names) + 1) for part in kept])
+    return Factor(
+        names=names,
+        R=algebra.triangular([tall], len(names) + 1),
+        n=int(sum(np.sum(c * p.rows) for p, c in zip(pieces, times, strict=True))),
+        log_det=float(sum(np.sum(c * p.log_det) for p, c in zip(pieces, times, strict=True))),
+    )
