@@ -15,8 +15,9 @@ from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
-from imubayes.selection.enumerate import Models, average, components_given, enumerate_models, inclusion_given
+from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
+from imubayes.selection.models import Models, average, components_given, inclusion_given
 from imubayes.selection.verdicts import TENTH, Evidence, TermVerdict, decide, untested
 from imubayes.sensors.terms import Library, Term
 
@@ -258,7 +259,7 @@ def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
     inclusion = _prior_inclusion(models)
     alone = Components(
         weight=np.array([inclusion, 1.0 - inclusion]),
-        mask=np.array([1, 0]),
+        inside=np.array([[True], [False]]),
         scale=np.ones(2),
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.selection.decision import Selection
-from imubayes.selection.enumerate import Models
 from imubayes.selection.mixture import draw
+from imubayes.selection.models import Models
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +18,21 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.factor import VANISHED
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary
-from imubayes.selection.masks import fold, mass, sizes
+from imubayes.selection.beyond import search_models
+from imubayes.selection.masks import sizes
 from imubayes.selection.mixture import (
     Candidates,
     Components,
     candidates,
     g_components,
     log_flat,
-    merged,
     scale_components,
 )
+from imubayes.selection.model_prior import ModelPrior, Needs, admissible, log_model_prior
+from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
+from imubayes.selection.spaces import Every
 
 FloatArray = NDArray[np.float64]
-ModelPrior = str | float
-
 LARGEST = 26
 """Most candidates that are enumerated: 2^26 models of 8 bytes are half a gigabyte a noise scale."""
 
@@ -58,41 +59,6 @@ EXACT = 1e-10
 """Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Models:
-    """Posterior over all submodels, and model-averaged coefficients.
-
-    Attributes
-    ----------
-    names : the summary's terms, p of them, forced ones included.
-    inclusion : (p,) posterior probability of each term; 1 where forced.
-    mean, sd : (p,) model-averaged.
-    log_evidence : of the data, averaged over the models' prior (noise scale under the Jeffreys prior).
-    best : the ten most probable models, best first: (candidates in it, probability).
-    by_size : log of the summed joint probability of all models of 0, 1, ... candidates.
-    n_models : how many were visited.
-    candidates : what was enumerated.
-    scales : (q,) nodes of the noise scale; one NaN with the g-family, which integrates it.
-    weight : (n_models,) posterior probability of each model, by mask.
-    components : the mixture behind `mean` and `sd`.
-    parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
-    """
-
-    names: tuple[str, ...]
-    inclusion: FloatArray
-    mean: FloatArray
-    sd: FloatArray
-    log_evidence: float
-    best: tuple[tuple[tuple[str, ...], float], ...]
-    by_size: FloatArray
-    n_models: int
-    candidates: Candidates
-    scales: FloatArray
-    weight: FloatArray
-    components: Components
-    parts: tuple[tuple[float, Models], ...] = ()
-
-
 def enumerate_models(
     summary: Summary,
     prior: Prior,
@@ -102,6 +68,7 @@ def enumerate_models(
     always: tuple[str, ...] | list[str] = (),
     scale_limit: float = math.inf,
     scale: float | None = None,
+    needs: Sequence[tuple[str, str]] = (),
 ) -> Models:
     """Evidence of every submodel, inclusion probabilities and model-averaged coefficients.
 
@@ -117,10 +84,12 @@ def enumerate_models(
     scale_limit : largest noise scale, relative to that of the full library (`ScalePrior` only): noise that
         was estimated with the library in the mean cannot be far stronger, whatever the prior makes of it.
     scale : the noise scale where it is known, 1 for rows whitened by the true noise (`ScalePrior` only).
+    needs : (child, parent): only models that hold the parent of every child are weighed.
 
     Raises
     ------
-    TermError : if a name is unknown, the prior does not fit the terms, or there are over 26 candidates.
+    TermError : if a name is unknown, the prior does not fit the terms, or there are over 26 candidates under
+        a prior of the g-family.
     UnobservableError : with the g-family, if a candidate depends linearly on others.
 
     Examples
@@ -132,72 +101,16 @@ def enumerate_models(
     ('a',)
     """
     c = _prepare(summary, prior, tuple(forced), tuple(always))
-    log_prior = _log_model_prior(model_prior, len(c.names))
-    if isinstance(prior, ScalePrior):
-        scales, weight, peak = (
-            _over_scales(c, log_prior, scale_limit) if scale is None else _at_scale(c, log_prior, scale)
-        )
-        parts = scale_components(c, scales, weight)
-    else:
-        scales, weight, peak, parts = _over_g(c, prior, log_prior)
-    return _posterior(summary.names, c, scales, weight, peak, parts)
-
-
-def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
-    """Inclusion of each candidate, given that the terms `required` are in the model: (p,)."""
-    sums, total = fold(_containing(models, required), len(models.candidates.names))
-    return np.minimum(sums / total, 1.0)
-
-
-def components_given(models: Models, required: tuple[str, ...]) -> Components:
-    """Return the mixture over the models that contain `required`, for a physical prior."""
-    if models.parts:
-        bits = [models.candidates.names.index(name) for name in required]
-        inside = [weight * mass(part.weight, bits) for weight, part in models.parts]
-        shares = inside if sum(inside) > 0.0 else [weight for weight, _ in models.parts]
-        return merged(shares, [components_given(part, required) for _, part in models.parts])
-    return scale_components(models.candidates, models.scales, _containing(models, required))
-
-
-def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
-    """Posterior over the models of one library, averaged over draws of the noise.
-
-    Parameters
-    ----------
-    models : at each draw, of the same candidates.
-    log_weight : logarithm of what each draw counts, beside the evidence that its models give it.
-
-    Returns
-    -------
-    with ``log_evidence`` the logarithm of the mean of all ``exp(log_weight + log_evidence)``.
-    """
-    logs = np.array([m.log_evidence for m in models]) + log_weight
-    share = np.exp(logs - logs.max())
-    evidence = float(logs.max() + math.log(share.mean()))
-    share /= share.sum()
-    first = models[0]
-    weight = np.sum([w * m.weight for w, m in zip(share, models, strict=True)], axis=0)
-    parts = merged(share.tolist(), [m.components for m in models])
-    return replace(
-        _posterior(first.names, first.candidates, np.array([math.nan]), weight, evidence, parts),
-        log_evidence=evidence,
-        parts=tuple(zip(share.tolist(), models, strict=True)),
-    )
-
-
-def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
-    """Weights of the models that contain `required`; zero for the others.
-
-    If the data all but exclude them, so that every such weight has underflowed, the largest of them is taken
-    alone: the model with every candidate.
-    """
-    weight = models.weight
-    if required:
-        mask = sum(1 << models.candidates.names.index(name) for name in required)
-        weight = np.where((np.arange(len(weight)) & mask) == mask, weight, 0.0)
-    if not weight.any():
-        weight[-1] = 1.0
-    return weight
+    numbered = _numbered(c, needs)
+    by_size = log_model_prior(model_prior, len(c.names), numbered)
+    if len(c.names) > LARGEST:
+        return search_models(summary.names, c, by_size, numbered, scale)
+    log_prior = _by_mask(by_size, numbered)
+    if not isinstance(prior, ScalePrior):
+        w, parts = _over_g(c, prior, log_prior)
+        return posterior_of(summary.names, w, parts)
+    w = _over_scales(c, log_prior, scale_limit) if scale is None else _at_scale(c, log_prior, scale)
+    return posterior_of(summary.names, w, scale_components(c, w.space, w.scales, w.weight))
 
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:
@@ -206,10 +119,10 @@ def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tu
     if unknown:
         raise TermError(f"term '{unknown[0]}' is not in the summary: its terms are {', '.join(names)}")
     free = tuple(name for name in names if name not in forced and name not in always)
-    if len(free) > LARGEST:
+    if len(free) > LARGEST and not isinstance(prior, ScalePrior):
         raise TermError(
-            f"{len(free)} candidate terms are more than the {LARGEST} that are enumerated: lower powers,"
-            " asymmetry or temperature, or use the slide set"
+            f"{len(free)} candidate terms are more than the {LARGEST} that a g-prior is enumerated for: give"
+            " a physical prior, or fewer terms"
         )
     sd = _sd_by_name(prior, names, forced)
     order = (*forced, *always, *free)
@@ -230,21 +143,21 @@ def _sd_by_name(prior: Prior, names: tuple[str, ...], forced: tuple[str, ...]) -
     return {name: math.inf if name in forced else sds[name] for name in names}
 
 
-def _log_model_prior(model_prior: ModelPrior, p: int) -> FloatArray:
-    """Log prior probability of one model of each size 0 ... p."""
-    k = np.arange(p + 1)
-    if model_prior == "beta-binomial":
-        return -math.log(p + 1) - np.array([math.log(math.comb(p, i)) for i in k])
-    share = 0.5 if model_prior == "uniform" else model_prior
-    if isinstance(share, str) or not 0.0 < share < 1.0:
-        raise TermError(
-            f"model_prior = {share!r}: expected 'beta-binomial', 'uniform' or a probability between 0 and 1"
-        )
-    return k * math.log(share) + (p - k) * math.log1p(-share)
+def _numbered(c: Candidates, needs: Sequence[tuple[str, str]]) -> Needs:
+    """Needs by the candidates' numbers; a parent that is always in, or not there, is not asked for."""
+    number = {name: j for j, name in enumerate(c.names)}
+    return [(number[a], number[b]) for a, b in needs if a in number and b in number]
 
 
-def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> tuple[FloatArray, FloatArray, float]:
-    """Nodes of the noise scale, and each model's probability over all of them, ``weight * exp(peak)``.
+def _by_mask(by_size: FloatArray, needs: Needs) -> FloatArray:
+    """Log prior probability of all 2^p models."""
+    p = len(by_size) - 1
+    log_prior = by_size[sizes(p)]
+    return np.where(admissible(p, needs), log_prior, -math.inf) if needs else log_prior
+
+
+def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> Weighed:
+    """Weigh each model over all noise scales.
 
     From the scale of the full library outwards, until both ends are negligible. Where data and prior differ,
     a second peak can lie at a larger scale, at which the prior wins: seeds up to the data's size find it.
@@ -252,7 +165,7 @@ def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> tuple[Fl
     fine = len(c.names) <= FINE_STEPS
     start, largest, step = _first_scale(c)
     step, negligible = (step, NEGLIGIBLE) if fine else (1.5 * step, COARSE)
-    model_prior = log_prior[sizes(len(c.names))] + math.log(step)
+    model_prior = log_prior + math.log(step)
     sums = _Sums(np.zeros(len(model_prior)), -math.inf)
     heights: dict[int, float] = {}
 
@@ -270,14 +183,15 @@ def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> tuple[Fl
             m = seed
             while lowest <= m < highest and visit(m) > sums.peak - negligible:
                 m += direction
-    return start * np.exp(np.array(sorted(heights)) * step), sums.weight, sums.peak
+    scales = start * np.exp(np.array(sorted(heights)) * step)
+    return Weighed(c, Every(len(c.names)), scales, sums.weight, sums.peak)
 
 
-def _at_scale(c: Candidates, log_prior: FloatArray, scale: float) -> tuple[FloatArray, FloatArray, float]:
-    """One noise scale, which is known."""
-    log_joint = _log_joint(c, scale) + log_prior[sizes(len(c.names))]
+def _at_scale(c: Candidates, log_prior: FloatArray, scale: float) -> Weighed:
+    """Weigh each model at one noise scale, which is known."""
+    log_joint = _log_joint(c, scale) + log_prior
     peak = float(log_joint.max())
-    return np.array([scale]), np.exp(log_joint - peak), peak
+    return Weighed(c, Every(len(c.names)), np.array([scale]), np.exp(log_joint - peak), peak)
 
 
 def _disagree(c: Candidates, scale: float) -> bool:
@@ -326,9 +240,7 @@ def _log_joint(c: Candidates, scale: float) -> FloatArray:
     return log_flat(c, T, scale) - rss / (2.0 * scale**2) - log_det + log_rows
 
 
-def _over_g(
-    c: Candidates, prior: GFamily, log_prior: FloatArray
-) -> tuple[FloatArray, FloatArray, float, Components]:
+def _over_g(c: Candidates, prior: GFamily, log_prior: FloatArray) -> tuple[Weighed, Components]:
     """The g-family: noise scale integrated analytically, one walk for all models."""
     from imubayes.selection.moments import g_integrals
     from imubayes.selection.tree import walk
@@ -341,10 +253,10 @@ def _over_g(
     integrals = g_integrals(np.clip(rss / total, 0.0, 1.0), count, float(c.dof), g, log_weight)
     null = math.lgamma(c.dof / 2) - c.dof / 2 * math.log(math.pi * total) - math.log(2.0) - 0.5 * c.log_det
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))
-    log_joint = null + integrals[:, 0] + log_prior[count]
+    log_joint = null + integrals[:, 0] + log_prior
     peak = float(log_joint.max())
-    weight = np.exp(log_joint - peak)
-    return np.array([math.nan]), weight, peak, g_components(c, total, integrals, weight)
+    w = Weighed(c, Every(len(c.names)), NO_SCALE, np.exp(log_joint - peak), peak)
+    return w, g_components(c, w.space, total, integrals, w.weight)
 
 
 def _check_independent(c: Candidates) -> None:
@@ -355,42 +267,3 @@ def _check_independent(c: Candidates) -> None:
         raise UnobservableError(
             f"a g-prior needs independent columns: {', '.join(terms)} depends on others", terms
         )
-
-
-def _posterior(
-    names: tuple[str, ...],
-    c: Candidates,
-    scales: FloatArray,
-    weight: FloatArray,
-    peak: float,
-    parts: Components,
-) -> Models:
-    p = len(c.names)
-    sums, total = fold(weight, p)
-    certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
-    mean, sd = parts.moments()
-    order = [c.columns.index(name) for name in names]
-    share = np.bincount(sizes(p), weights=weight, minlength=p + 1)
-    with np.errstate(divide="ignore"):
-        by_size = peak + np.log(share)
-    return Models(
-        names=names,
-        inclusion=certain[order],
-        mean=mean[order],
-        sd=sd[order],
-        log_evidence=peak + math.log(total),
-        best=_best(c.names, weight / total),
-        by_size=by_size,
-        n_models=1 << p,
-        candidates=c,
-        scales=scales,
-        weight=weight / total,
-        components=parts,
-    )
-
-
-def _best(names: tuple[str, ...], weight: FloatArray) -> tuple[tuple[tuple[str, ...], float], ...]:
-    count = min(10, len(weight))
-    top = np.argpartition(weight, -count)[-count:]
-    top = top[np.argsort(-weight[top], kind="stable")]
-    return tuple((tuple(name for j, name in enumerate(names) if m >> j & 1), float(weight[m])) for m in top)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,9 +30,3 @@ def sizes(p: int) -> NDArray[np.int64]:
     for _ in range(p):
         count = np.concatenate((count, count + 1))
     return count
-
-
-def mass(weight: FloatArray, bits: Iterable[int]) -> float:
-    """Sum of the weights (2^p,) of the models that contain every one of the candidates `bits`."""
-    mask = sum(1 << bit for bit in bits)
-    return float(weight[(np.arange(len(weight)) & mask) == mask].sum())

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from imubayes.factor import Factor, reorder, solve_triangular, with_prior_rows
+from imubayes.selection.spaces import Space
 
 FloatArray = NDArray[np.float64]
-MaskArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 CHOSEN = 2_000
 """Most models that moments are computed for; beyond, a systematic sample of them stands for all."""
@@ -63,14 +64,14 @@ class Components:
     Attributes
     ----------
     weight : (c,) summing to 1.
-    mask : (c,) included candidates, bit j for candidate j.
+    inside : (c, p) which candidates are in.
     scale : (c,) noise scale.
     mean, sd : (c, a + p) of all columns; zero where a candidate is out, NaN for columns that are always in
         under a prior of their own, which are integrated out before the candidates are looked at.
     """
 
     weight: FloatArray
-    mask: MaskArray
+    inside: BoolArray
     scale: FloatArray
     mean: FloatArray
     sd: FloatArray
@@ -94,53 +95,54 @@ def merged(shares: Sequence[float], parts: Sequence[Components]) -> Components:
     weights = [share / total * part.weight for share, part in zip(shares, parts, strict=True)]
     return Components(
         weight=np.concatenate(weights),
-        mask=np.concatenate([part.mask for part in parts]),
+        inside=np.concatenate([part.inside for part in parts]),
         scale=np.concatenate([part.scale for part in parts]),
         mean=np.concatenate([part.mean for part in parts]),
         sd=np.concatenate([part.sd for part in parts]),
     )
 
 
-def scale_components(c: Candidates, scales: FloatArray, weight: FloatArray) -> Components:
+def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: FloatArray) -> Components:
     """Components for independent physical priors: each chosen model at each noise scale.
 
     Parameters
     ----------
-    c : what was enumerated.
+    c : the candidates.
+    space : models over them.
     scales : (q,) nodes of the noise scale, equally spaced in the logarithm.
-    weight : (2^p,) posterior probability of each model, up to a factor.
+    weight : (m,) posterior probability of each model, up to a factor.
     """
-    mask, share = _chosen(weight)
+    which, share = _chosen(weight)
+    inside = space.members(which)
     skip = 0 if np.isinf(c.sd).any() else len(c.always)
-    mean, sd = np.full((2, len(scales), len(mask), len(c.columns)), np.nan)
-    log_joint = np.empty((len(scales), len(mask)))
+    mean, sd = np.full((2, len(scales), len(which), len(c.columns)), np.nan)
+    log_joint = np.empty((len(scales), len(which)))
     for q, scale in enumerate(scales.tolist()):
-        log_joint[q], mean[q, :, skip:], sd[q, :, skip:] = _at_scale(c, scale, mask, skip)
+        log_joint[q], mean[q, :, skip:], sd[q, :, skip:] = _at_scale(c, scale, inside, skip)
     # within a model the scales share its probability
     given = np.exp(log_joint - log_joint.max(axis=0))
     weights = (share * given / given.sum(axis=0)).ravel()
     keep = weights > LEFT_OUT / len(weights)
     return Components(
         weight=weights[keep] / weights[keep].sum(),
-        mask=np.tile(mask, len(scales))[keep],
-        scale=np.repeat(scales, len(mask))[keep],
+        inside=np.tile(inside, (len(scales), 1))[keep],
+        scale=np.repeat(scales, len(which))[keep],
         mean=mean.reshape(len(weights), -1)[keep],
         sd=sd.reshape(len(weights), -1)[keep],
     )
 
 
 def _at_scale(
-    c: Candidates, scale: float, mask: MaskArray, skip: int
+    c: Candidates, scale: float, inside: BoolArray, skip: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log of p(data, scale | model) up to a constant, and moments of the columns from `skip` on."""
     from imubayes.selection.moments import solutions
 
     T = c.at(scale)
     b, v, rss, log_det = solutions(
-        np.ascontiguousarray(T[skip:, skip:]), mask if skip else with_always(c, mask)
+        np.ascontiguousarray(T[skip:, skip:]), inside if skip else with_always(c, inside)
     )
     rows = np.log(scale / c.sd[len(c.always) :])
-    inside = (mask[:, None] >> np.arange(len(c.names))) & 1
     # columns that are always in are part of log_det where they were not skipped
     shared = log_flat(c, T, scale) + (
         0.0 if skip else float(np.sum(np.log(np.abs(np.diag(T)[: len(c.always)]))))
@@ -148,7 +150,9 @@ def _at_scale(
     return shared - rss / (2.0 * scale**2) - log_det + inside @ rows, b, scale * np.sqrt(v)
 
 
-def g_components(c: Candidates, total: float, integrals: FloatArray, weight: FloatArray) -> Components:
+def g_components(
+    c: Candidates, space: Space, total: float, integrals: FloatArray, weight: FloatArray
+) -> Components:
     """Components under the g-family: least squares shrunk towards the fit of the forced columns alone.
 
     With s = g/(1 + g) the coefficients are ``b0 + s (b - b0)``, and only the part of their variance that
@@ -156,7 +160,8 @@ def g_components(c: Candidates, total: float, integrals: FloatArray, weight: Flo
 
     Parameters
     ----------
-    c : what was enumerated.
+    c : the candidates.
+    space : models over them.
     total : residual sum of squares of the forced columns alone.
     integrals : (2^p, 5) of `moments.g_integrals`.
     weight : (2^p,) posterior probability of each model, up to a factor.
@@ -164,19 +169,20 @@ def g_components(c: Candidates, total: float, integrals: FloatArray, weight: Flo
     from imubayes.selection.moments import solutions
 
     chosen, share = _chosen(weight)
-    b, v, _, _ = solutions(c.whole, with_always(c, chosen))
-    b0, v0, _, _ = solutions(c.whole, with_always(c, np.zeros(1, dtype=np.int64)))
+    inside = space.members(chosen)
+    b, v, _, _ = solutions(c.whole, with_always(c, inside))
+    b0, v0, _, _ = solutions(c.whole, with_always(c, np.zeros((1, len(c.names)), dtype=bool)))
     shrink, square, spread, unshrunk = integrals[chosen, 1:].T[:, :, None]
     unit = total / (c.dof - 2)
     variance = unit * (unshrunk * v0 + spread * (v - v0)) + (square - shrink**2) * (b - b0) ** 2
     return Components(
-        share, chosen, np.sqrt(unit * unshrunk[:, 0]), b0 + shrink * (b - b0), np.sqrt(variance)
+        share, inside, np.sqrt(unit * unshrunk[:, 0]), b0 + shrink * (b - b0), np.sqrt(variance)
     )
 
 
-def with_always(c: Candidates, mask: MaskArray) -> MaskArray:
-    """Masks over all columns, from masks over the candidates."""
-    return (mask << len(c.always)) | ((1 << len(c.always)) - 1)
+def with_always(c: Candidates, inside: BoolArray) -> BoolArray:
+    """Which of all columns are in models of these candidates (m, p): (m, a + p)."""
+    return np.hstack((np.ones((len(inside), len(c.always)), dtype=bool), inside))
 
 
 def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tuple[float, ...]:
@@ -211,7 +217,7 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     weight = np.where(inside, parts.weight, 0.0)
     if weight.sum() == 0.0:
         return float("nan")
-    given = Components(weight / weight.sum(), parts.mask, parts.scale, parts.mean, parts.sd)
+    given = Components(weight / weight.sum(), parts.inside, parts.scale, parts.mean, parts.sd)
     low, high = 0.0, float(np.max(np.abs(parts.mean[inside, column]) + 12.0 * parts.sd[inside, column]))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
@@ -228,7 +234,7 @@ def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) 
     for component in np.unique(which):
         rows = np.flatnonzero(which == component)
         scale = float(parts.scale[component])
-        T, columns = submodel(c.at(scale), int(with_always(c, parts.mask[component : component + 1])[0]))
+        T, columns = submodel(c.at(scale), with_always(c, parts.inside[component : component + 1])[0])
         z = T[:-1, -1:] + scale * rng.standard_normal((len(columns), len(rows)))
         out[np.ix_(rows, columns)] = solve_triangular(T[:-1, :-1], z).T
     return out
@@ -241,8 +247,8 @@ def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) ->
     return np.where(point, step, ndtr((x - mean) / np.where(point, 1.0, sd)))
 
 
-def _chosen(weight: FloatArray) -> tuple[MaskArray, FloatArray]:
-    """Masks of the models that carry the posterior, and their weights.
+def _chosen(weight: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Numbers of the models that carry the posterior, and their weights.
 
     Those that matter one by one, or, when they are more than `CHOSEN`, a systematic sample of them (unbiased,
     each with the weight of its draws).

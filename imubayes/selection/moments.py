@@ -10,14 +10,14 @@ FloatArray = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def submodel(R, mask):
-    """Triangular factor of the columns in `mask`.
+def submodel(R, inside):
+    """Triangular factor of the columns that are `inside` (p,).
 
     Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
     holds the k column numbers. Householder reflections on the selected columns of R.
     """
     p = R.shape[0] - 1
-    columns = np.array([j for j in range(p) if (mask >> j) & 1], dtype=np.int64)
+    columns = np.flatnonzero(inside)
     k = len(columns)
     A = np.empty((p + 1, k + 1))
     for c in range(k):
@@ -41,17 +41,17 @@ def submodel(R, mask):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solutions(R, masks):
-    """Least-squares coefficients and unscaled variances of each submodel; zero where a column is out.
+def solutions(R, inside):
+    """Least-squares coefficients and unscaled variances of submodels (m, p); zero where a column is out.
 
     Returns ``(mean, variance, rss, log_det)``: arrays (m, p) of ``T^-1 z`` and the diagonal of ``(T'T)^-1``,
     and (m,) of the residual sum of squares and of ``ln |T|``.
     """
     p = R.shape[0] - 1
-    mean, variance = np.zeros((len(masks), p)), np.zeros((len(masks), p))
-    rss, log_det = np.zeros(len(masks)), np.zeros(len(masks))
-    for m in range(len(masks)):
-        T, columns = submodel(R, masks[m])
+    mean, variance = np.zeros((len(inside), p)), np.zeros((len(inside), p))
+    rss, log_det = np.zeros(len(inside)), np.zeros(len(inside))
+    for m in range(len(inside)):
+        T, columns = submodel(R, inside[m])
         k = len(columns)
         rss[m] = T[k, k] ** 2
         inverse = np.zeros((k, k))

@@ -29,7 +29,7 @@ from imubayes.inference.summary import RunSummary
 from imubayes.planning.observability import Confounded, Observability
 from imubayes.rig.inputs import Source
 from imubayes.selection.decision import Selection
-from imubayes.selection.enumerate import Models
+from imubayes.selection.models import Models
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import Library, Term, library

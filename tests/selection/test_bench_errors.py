@@ -12,7 +12,8 @@ from imubayes.inference.nuisances import solve
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import select
-from imubayes.selection.enumerate import enumerate_models, inclusion_given
+from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.models import inclusion_given
 from imubayes.sensors.catalogue import draw_unit
 
 ARCSEC = math.pi / 648000.0

@@ -13,8 +13,9 @@ from scipy.stats import norm
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection import mixture
-from imubayes.selection.enumerate import Models, enumerate_models
+from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.mixture import Components, draw, limit, probability_within, quantiles
+from imubayes.selection.models import Models
 
 LEVELS = (0.001, 0.05, 0.3, 0.5, 0.8, 0.95, 0.999)
 NAMES = ("a", "b", "c", "d", "e", "f")
@@ -164,8 +165,8 @@ def test_a_systematic_sample_of_models_stands_for_all(monkeypatch):
     exact = _models(n=20, p=6)
     monkeypatch.setattr(mixture, "CHOSEN", 40)
     sampled = _models(n=20, p=6)
-    used = np.unique(sampled.components.mask)
-    assert len(used) <= 40 < len(np.unique(exact.components.mask))
+    used = np.unique(sampled.components.inside, axis=0)
+    assert len(used) <= 40 < len(np.unique(exact.components.inside, axis=0))
     last = sampled.components.sd[:, 5] > 0.0  # the last column's models are consecutive masks
     assert abs(sampled.components.weight[last].sum() - exact.inclusion[5]) < 2.0 / 40
     assert np.all(np.abs(sampled.mean - exact.mean) < 0.1 * exact.sd)
