@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
+from imubayes.inference.misfit import Misfit
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.sessions import Repeatability
@@ -18,6 +20,8 @@ from imubayes.inference.summary import RunSummary
 from imubayes.planning.observability import Observability
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.decision import Selection
+from imubayes.selection.panel import Panel
+from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library
 
@@ -106,6 +110,9 @@ class Study:
     text : the file's content, for the report.
     sampling : how the posterior is computed.
     appendices : tables from elsewhere.
+    costs : of wrong choices.
+    hierarchical : whether a term may only be in a model that has what it modifies.
+    compare : whether the other methods are run beside the decision.
     """
 
     title: str
@@ -115,6 +122,9 @@ class Study:
     text: str
     sampling: Sampling = field(default_factory=Sampling)
     appendices: tuple[Appendix, ...] = ()
+    costs: Costs = EQUAL
+    hierarchical: bool = False
+    compare: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,6 +175,8 @@ class SensorResult:
     chains : of the sampler; None for the exact method.
     extras : what the data say of the columns that are no terms.
     distrusted : dwells that the robust analysis holds for contaminated, worst first.
+    panel : what every other method says.
+    misfit : what the residuals say that the library does not contain; None where they were not asked.
     """
 
     id: str
@@ -184,6 +196,8 @@ class SensorResult:
     chains: Chains | None = None
     extras: tuple[ExtraPosterior, ...] = ()
     distrusted: tuple[Distrusted, ...] = ()
+    panel: Panel | None = None
+    misfit: Misfit | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,3 +207,14 @@ class StudyResult:
     study: Study
     sensors: tuple[SensorResult, ...]
     sessions: tuple[Repeatability, ...] = ()
+
+
+def file_name(name: str) -> str:
+    """Name of a file for a sensor or run: what file systems forbid becomes a dash.
+
+    Examples
+    --------
+    >>> file_name("ACC 07/b"), file_name("..")
+    ('ACC-07-b', 'unnamed')
+    """
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "unnamed"

@@ -7,7 +7,6 @@ test whether what is left is noise.
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,12 +18,12 @@ import numpy as np
 from imubayes import factor as algebra
 from imubayes.campaign import (
     ExtraPosterior,
-    Sampling,
     SensorCheck,
     SensorResult,
     SensorSpec,
     Study,
     StudyResult,
+    file_name,
 )
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.mcmc.chains import Chains, of_columns
@@ -66,7 +65,7 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
     """
     results: list[tuple[SensorSpec, list[SensorResult]]] = []
     for k, spec in enumerate(study.sensors):
-        job = _Job(spec, study.sampling, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
+        job = _Job(spec, study, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
         job.tell(f"reading {len(spec.runs)} runs")
         runs = runs_of(spec, study.seed, k)
         with _named(spec):
@@ -115,7 +114,7 @@ class _Job:
     """One sensor of a study, and what its stages share."""
 
     spec: SensorSpec
-    sampling: Sampling
+    study: Study
     rng: np.random.Generator
     seed: tuple[int, int]
     progress: Callable[[str], None]
@@ -141,7 +140,7 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     ready = prepare(spec, runs, job.tell, job.rng)
     posterior = _sampled(job, ready)
     job.tell(f"every model of {len(spec.library.terms)} terms")
-    selection = select(ready.summary, ready.prior, **_averaging(posterior))
+    selection = select(ready.summary, ready.prior, **_asked(job, posterior))
     job.tell("residuals")
     theta, _ = loose_fit(ready.summary, ready.prior)
     checks = tuple(
@@ -165,7 +164,7 @@ def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
     selections: list[Selection] = []
     for name, lib in zip(COMPONENTS, found.triad.libraries, strict=True):
         job.tell(f"every model of {len(lib.terms)} terms of {name}")
-        selections.append(select(ready.summary, ready.prior, lib, component=name, **_averaging(posterior)))
+        selections.append(select(ready.summary, ready.prior, lib, component=name, **_asked(job, posterior)))
     theta = np.array([term.mean for selection in selections for term in selection.terms])
     nominal = [nominal_columns(spec, name) for name in COMPONENTS]
     rows = calibration(replace(found.triad, theta=theta), nominal)
@@ -180,18 +179,19 @@ def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
 
 def _sampled(job: _Job, ready: Prepared) -> _Posterior:
     """Sample what is not linear and Gaussian, if the method asks for it."""
-    method, reason = chosen_method(job.sampling.method, ready.summary)
+    sampling = job.study.sampling
+    method, reason = chosen_method(sampling.method, ready.summary)
     if method == "exact":
         return _Posterior(method, reason, None)
-    folder = job.sampling.checkpoints
-    checkpoint = folder / f"{_file_name(job.spec.id)}.h5" if folder else None
+    folder = sampling.checkpoints
+    checkpoint = folder / f"{file_name(job.spec.id)}.h5" if folder else None
     limits = Limits(
-        ess=job.sampling.ess,
-        time_limit=job.sampling.time_limit,
+        ess=sampling.ess,
+        time_limit=sampling.time_limit,
         seed=int(np.random.SeedSequence(job.seed).generate_state(1)[0]),
         checkpoint=checkpoint,
         # a study that was interrupted at its first sensor has nothing of the second one yet
-        resume=bool(job.sampling.resume and checkpoint and checkpoint.exists()),
+        resume=bool(sampling.resume and checkpoint and checkpoint.exists()),
     )
     try:
         sampled = sample(
@@ -204,11 +204,12 @@ def _sampled(job: _Job, ready: Prepared) -> _Posterior:
     return _Posterior(method, reason, sampled)
 
 
-def _averaging(posterior: _Posterior) -> dict[str, Any]:
-    """Average the evidence over these draws of the noise."""
+def _asked(job: _Job, posterior: _Posterior) -> dict[str, Any]:
+    """What the decision takes into account: costs, hierarchy, and draws of the noise where there are any."""
+    asked = {"costs": job.study.costs, "hierarchical": job.study.hierarchical}
     if posterior.sampled is None:
-        return {}
-    return {
+        return asked
+    return asked | {
         "noises": posterior.sampled.noises,
         "log_evidence": posterior.sampled.chains.log_evidence[0],
     }
@@ -298,7 +299,3 @@ def _between_sessions(
         for term in result.selection.terms
     ]
     return repeatability(estimates)
-
-
-def _file_name(name: str) -> str:
-    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "sensor"

@@ -11,10 +11,20 @@ from typing import Any
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.config.appendix_tables import appendix
 from imubayes.config.sensor_tables import sensor_spec
-from imubayes.config.shapes import HeaderTable, Place, SamplingTable, StudyFile, hint, shaped, unique
+from imubayes.config.shapes import (
+    DecisionTable,
+    HeaderTable,
+    Place,
+    SamplingTable,
+    StudyFile,
+    hint,
+    shaped,
+    unique,
+)
 from imubayes.errors import StudyError
 from imubayes.preparation import runs_of
 from imubayes.rig.inputs import Run, TriadRun
+from imubayes.selection.verdicts import Costs
 
 
 def read_study(path: Path) -> Study:
@@ -35,6 +45,7 @@ def read_study(path: Path) -> Study:
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
     sampling = shaped(SamplingTable, tables.sampling, place.at("sampling"))
+    decision = shaped(DecisionTable, tables.decision, place.at("decision"))
     here, there = place.at("sensor"), place.at("appendix")
     sensors = tuple(sensor_spec(raw, path.parent, here.at(k)) for k, raw in enumerate(tables.sensor))
     unique([one.id for one in sensors], "id", here)
@@ -47,6 +58,9 @@ def read_study(path: Path) -> Study:
         text,
         Sampling(header.method, sampling.ess, sampling.time_limit),
         tuple(appendix(raw, path.parent, there.at(k)) for k, raw in enumerate(tables.appendix)),
+        Costs(decision.false_keep, decision.false_drop),
+        decision.hierarchy,
+        decision.compare,
     )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign import SensorSpec, Study
+from imubayes.campaign import SensorSpec, Study, file_name
 from imubayes.config.run_tables import located
 from imubayes.errors import StudyError
 from imubayes.preparation import simulate_sensor
@@ -44,7 +44,7 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
             truths[sensor.id] = dict(truth)
         prefix = f"{sensor.id}-" if several else ""
         for run in runs:
-            files.append(_free(folder / f"{_file_name(prefix + run.name)}.csv", files))
+            files.append(_free(folder / f"{file_name(prefix + run.name)}.csv", files))
             write_run(run, files[-1], kind=sensor.kind)
             _point(table, run.name, files[-1].name)
         _anchor(table, sensor)
@@ -75,10 +75,6 @@ def _written(folder: Path, study: Study, tables: dict[str, Any], truths: object)
     truth.write_text(json.dumps(truths, indent=1) + "\n", encoding="utf-8")
     toml.write_text("\n".join(toml_lines(tables)).lstrip() + "\n", encoding="utf-8")
     return truth, toml
-
-
-def _file_name(name: str) -> str:
-    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"
 
 
 def _free(path: Path, taken: list[Path]) -> Path:

@@ -100,6 +100,7 @@ class StudyFile:
     sensor: list[Table] = Field(default_factory=list)
     study: Table = Field(default_factory=dict)
     sampling: Table = Field(default_factory=dict)
+    decision: Table = Field(default_factory=dict)
     appendix: list[Table] = Field(default_factory=list)
 
 
@@ -118,6 +119,16 @@ class SamplingTable:
 
     ess: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
     time_limit: _Seconds = 600.0
+
+
+@shape(config=_STRICT, frozen=True)
+class DecisionTable:
+    """``[decision]``."""
+
+    false_keep: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    false_drop: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    hierarchy: bool = False
+    compare: bool = True
 
 
 @shape(config=_STRICT, frozen=True)

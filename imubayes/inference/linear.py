@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,19 +100,6 @@ def linear_of(run: Run, lib: Library) -> Linear:
         interval=run.inputs.interval,
         y=deviation(run, lib),
         columns=lambda start, stop: library_rows(run, lib, start, stop),
-    )
-
-
-def with_columns(
-    rows: Linear, names: Sequence[str], more: Callable[[int, int], FloatArray], y: FloatArray | None = None
-) -> Linear:
-    """Rows with further columns beside those they have, and with another response where one is given."""
-    first = rows.columns
-    return replace(
-        rows,
-        names=(*rows.names, *names),
-        y=rows.y if y is None else y,
-        columns=lambda start, stop: np.hstack((first(start, stop), more(start, stop))),
     )
 
 

@@ -17,8 +17,9 @@ from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
-from imubayes.selection.models import Models, average, components_given, inclusion_given
-from imubayes.selection.verdicts import TENTH, Evidence, TermVerdict, decide, untested
+from imubayes.selection.model_prior import hierarchy
+from imubayes.selection.models import Models, average, components_given, inclusion_given, inclusion_of_any
+from imubayes.selection.verdicts import EQUAL, TENTH, Costs, Evidence, TermVerdict, decide, untested
 from imubayes.sensors.terms import Library, Term
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +47,8 @@ class Selection:
     ----------
     terms : a verdict for every term of the library, in the order of the model equation.
     columns : name of each term's column in the summary: its own, or ``<component>.<term>`` for a triad.
-    model : names of the terms with inclusion of one half or more (median probability model).
+    model : names of the terms that cost less kept than dropped: with inclusion of one half or more (the
+        median probability model) where both errors cost the same.
     log_evidence : of the data, averaged over all models.
     models : the enumeration at the nominal prior width, over the terms that the test excites.
     by_width : (prior width factor, inclusion of the candidates) for 1/3, 1, 3.
@@ -55,6 +57,9 @@ class Selection:
         can explain of the data, whatever the prior says.
     plug_in : inclusion of each of `terms` at the estimated noise, where the others are averaged over the
         noise's posterior; empty where they are not.
+    groups : terms that the test sees in one combination only, and the probability that at least one of them
+        is in the model.
+    costs : what a wrong choice was said to cost.
     """
 
     terms: tuple[TermVerdict, ...]
@@ -66,6 +71,8 @@ class Selection:
     observability: Observability
     free: FloatArray
     plug_in: tuple[float, ...] = ()
+    groups: tuple[tuple[tuple[str, ...], float], ...] = ()
+    costs: Costs = EQUAL
 
     def table(self) -> str:
         """Verdicts as plain text, in SI units."""
@@ -101,6 +108,8 @@ def select(
     component: str = "",
     noises: Sequence[NoiseDraw] = (),
     log_evidence: float = 0.0,
+    costs: Costs = EQUAL,
+    hierarchical: bool = False,
 ) -> Selection:
     """Decide which terms of a component the data need.
 
@@ -114,10 +123,12 @@ def select(
     noises : draws of the noise's posterior under the full library, to average over; none takes the noise
         that whitened the summary, and averages over its common scale alone; one is the noise that is given.
     log_evidence : of the full library, with the noise of these draws integrated out.
+    costs : of a term kept that is zero, and of one dropped that is not; the thresholds follow.
+    hierarchical : weigh only models that hold what each of their terms calls for (`model_prior.hierarchy`).
 
     Raises
     ------
-    TermError : if more than 26 terms of the component are excited, or there is no library.
+    TermError : if there is no library.
     """
     lib = lib or summary.library
     if lib is None:
@@ -128,12 +139,15 @@ def select(
     free, strain = _without_prior(summary, prior)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
-    excited = _excited(summary, sd, seen, own)
+    excited = _excited(summary, sd, seen, own, hierarchical)
     widths = _at_every_width(excited, noises, log_evidence)
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
     verdicts = tuple(
-        replace(_tested(name, term, widths, seen, full, summary.reach.get(name, 0.0)), strain=strain[name])
+        replace(
+            _tested(_Asked(name, term, summary.reach.get(name, 0.0), costs), widths, seen, full),
+            strain=strain[name],
+        )
         if name in models.candidates.names
         else _untested(term, sd[name], models)
         for name, term in own.items()
@@ -141,13 +155,27 @@ def select(
     return Selection(
         terms=verdicts,
         columns=tuple(own),
-        model=tuple(v.name for v in verdicts if v.inclusion >= 0.5),
+        model=tuple(v.name for v in verdicts if v.inclusion >= costs.keep),
         log_evidence=models.log_evidence,
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
         free=np.array([free[name] for name in own]),
         plug_in=_at_plug_in(excited, own) if len(noises) > 1 else (),
+        groups=_groups(models, seen, own),
+        costs=costs,
+    )
+
+
+def _groups(
+    models: Models, seen: Observability, own: Mapping[str, Term]
+) -> tuple[tuple[tuple[str, ...], float], ...]:
+    """Own terms of each combination, and the probability that at least one of them is there."""
+    groups = (tuple(name for name in group.terms if name in models.candidates.names) for group in seen.groups)
+    return tuple(
+        (tuple(own[name].name for name in names), inclusion_of_any(models, names))
+        for names in groups
+        if len(names) > 1
     )
 
 
@@ -176,31 +204,41 @@ class _Excited:
     """What the test excites: the factor of these columns, their prior, and which are always in the model.
 
     `known` (columns,) are no terms: how well the bench is known is not in question with the prior's width.
+    `needs` are the terms that call for others.
     """
 
     factor: Factor
     prior: ScalePrior
     always: tuple[str, ...]
     known: NDArray[np.bool_]
+    needs: tuple[tuple[str, str], ...] = ()
 
     def weighed(self, width: float, noise: Factor | None = None) -> Models:
         """Weigh every submodel at a prior width; with `noise`, on rows whitened by it, whose scale is 1."""
         prior = ScalePrior(np.where(self.known, 1.0, width) * self.prior.sd)
         if noise is None:
             whole = Summary(self.factor)
-            return enumerate_models(whole, prior, always=self.always, scale_limit=SCALE_LIMIT)
+            return enumerate_models(
+                whole, prior, always=self.always, scale_limit=SCALE_LIMIT, needs=self.needs
+            )
         whole = Summary(reorder(noise, self.factor.names))
-        return enumerate_models(whole, prior, always=self.always, scale=1.0)
+        return enumerate_models(whole, prior, always=self.always, scale=1.0, needs=self.needs)
 
 
 def _excited(
-    summary: Summary, sd: Mapping[str, float], seen: Observability, own: Collection[str]
+    summary: Summary,
+    sd: Mapping[str, float],
+    seen: Observability,
+    own: Collection[str],
+    hierarchical: bool,
 ) -> _Excited:
     names = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
     always = tuple(name for name in names if name not in own)
     extras = {extra.name for extra in summary.extras}
     known = np.array([name in extras for name in names])
-    return _Excited(reorder(summary.factor, names), ScalePrior([sd[name] for name in names]), always, known)
+    prior = ScalePrior([sd[name] for name in names])
+    needs = hierarchy(names) if hierarchical else ()
+    return _Excited(reorder(summary.factor, names), prior, always, known, needs)
 
 
 def _at_every_width(excited: _Excited, noises: Sequence[NoiseDraw], log_evidence: float) -> _Widths:
@@ -226,11 +264,19 @@ def _at_plug_in(excited: _Excited, own: Collection[str]) -> tuple[float, ...]:
     return tuple(inclusion.get(name, untested) for name in own)
 
 
-def _tested(
-    name: str, term: Term, widths: _Widths, seen: Observability, full: Components, reach: float
-) -> TermVerdict:
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """A term that the test excites, under the name of its column, how large that is, and what errors cost."""
+
+    name: str
+    term: Term
+    reach: float
+    costs: Costs
+
+
+def _tested(asked: _Asked, widths: _Widths, seen: Observability, full: Components) -> TermVerdict:
     """Verdict on a term that the test excites."""
-    c = widths.models[NOMINAL].candidates
+    name, c = asked.name, widths.models[NOMINAL].candidates
     j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
     partners = tuple(n for n in seen.partners(name) if n in c.names)
     alone = [float(inclusion[j]) for inclusion in widths.given(())[0]]
@@ -251,7 +297,8 @@ def _tested(
         partners=tuple(_local(n, name) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
     )
-    return _verdict(term, prior_sd, told, decide(evidence), reach=reach, partners=evidence.partners)
+    decided = decide(evidence, asked.costs)
+    return _verdict(asked.term, prior_sd, told, decided, reach=asked.reach, partners=evidence.partners)
 
 
 def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:

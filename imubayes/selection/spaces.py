@@ -76,11 +76,11 @@ class Listed:
 
     def having(self, bits: Iterable[int]) -> BoolArray:
         """Which models contain every one of the candidates `bits`: (m,)."""
-        return self.inside[:, list(bits)].all(axis=1)
+        return np.asarray(self.inside[:, list(bits)].all(axis=1))
 
     def having_any(self, bits: Iterable[int]) -> BoolArray:
         """Which models contain at least one of the candidates `bits`: (m,)."""
-        return self.inside[:, list(bits)].any(axis=1)
+        return np.asarray(self.inside[:, list(bits)].any(axis=1))
 
     def members(self, which: IntArray) -> BoolArray:
         """Which candidates are in the models numbered `which` (k,): (k, p)."""
@@ -116,5 +116,6 @@ def united(spaces: Sequence[Space], weights: Sequence[FloatArray]) -> tuple[Spac
         return first, np.sum(weights, axis=0)
     inside = np.concatenate([s.members(np.arange(len(s))) for s in spaces])
     packed, which = np.unique(np.packbits(inside, axis=1), axis=0, return_inverse=True)
-    summed = np.bincount(which.ravel(), weights=np.concatenate(list(weights)), minlength=len(packed))
+    summed = np.zeros(len(packed))
+    np.add.at(summed, which.ravel(), np.concatenate(list(weights)))
     return listed(np.unpackbits(packed, axis=1, count=first.p).astype(bool), summed)

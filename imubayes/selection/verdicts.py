@@ -1,18 +1,32 @@
 """The rule that turns the evidence on one term into one verdict, and the words that go with it.
 
 Three answers are never mixed up: needed, not needed, and "this test cannot tell". Which of them holds depends
-on the prior's width only where the test leaves it to the prior, and there the verdict says so.
+on the prior's width only where the test leaves it to the prior, and there the verdict says so. For a term that
+the test excites, the first line that holds is the verdict; `needed`, `not_needed` and `keep` are the
+thresholds of the costs (see `Costs`), 0.95, 0.05 and 0.5 where the two errors cost the same::
+
+    needed        inclusion >= needed (for a term with confounded partners at every prior width from 1/3 to 3,
+                  by itself and with its partners in the model), and posterior sd <= 0.9 prior sd
+    not needed    posterior sd <= 0.9 prior sd, and either inclusion <= not_needed (with partners at every
+                  width) or below a tenth of the prior's sd with 95 %
+    inseparable   it has partners: the test sees only their sum
+    unresolved    posterior sd > 0.9 prior sd: the data say next to nothing of it
+    undecided     inclusion is between; it leans towards the term from `keep` on
+
+A term whose column was zero throughout is *untested*. What a model is chosen by is `keep` alone.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from imubayes.errors import StudyError
 from imubayes.sensors.terms import Term
 
-NEEDED, NOT_NEEDED = 0.95, 0.05
-"""Inclusion from which a term is needed, and up to which it is not."""
+ODDS = 19.0
+"""Odds that make a verdict sure where both errors cost the same: 0.95 to 0.05."""
 
 TENTH = 0.1
 """Share of the prior's sd, the class's typical size, below which a coefficient does not matter."""
@@ -25,6 +39,54 @@ STRAINED = 6.0
 
 UNRESOLVED = 0.9
 """Posterior sd over prior sd above which a test has not resolved a term."""
+
+
+@dataclass(frozen=True, slots=True)
+class Costs:
+    """What a wrong choice costs, in any unit: only the ratio counts.
+
+    Attributes
+    ----------
+    false_keep : of a term in the model that is zero.
+    false_drop : of a term left out that is not.
+
+    Examples
+    --------
+    >>> Costs().needed, Costs().keep, Costs().not_needed
+    (0.95, 0.5, 0.05)
+    >>> Costs(false_keep=1.0, false_drop=4.0).keep
+    0.2
+    """
+
+    false_keep: float = 1.0
+    false_drop: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, cost in (("false keep", self.false_keep), ("false drop", self.false_drop)):
+            if not (math.isfinite(cost) and cost > 0.0):
+                raise StudyError(f"the cost of a {name} must be positive and finite: got {cost}")
+
+    @property
+    def keep(self) -> float:
+        """Inclusion from which keeping a term costs less than dropping it: (1 - p) fk <= p fd."""
+        return self.false_keep / (self.false_keep + self.false_drop)
+
+    @property
+    def needed(self) -> float:
+        """Inclusion from which keeping costs a nineteenth of dropping: the term is needed."""
+        return ODDS * self.false_keep / (ODDS * self.false_keep + self.false_drop)
+
+    @property
+    def not_needed(self) -> float:
+        """Inclusion up to which dropping costs a nineteenth of keeping: the term is not needed."""
+        return self.false_keep / (self.false_keep + ODDS * self.false_drop)
+
+
+EQUAL = Costs()
+"""A false keep costs what a false drop does."""
+
+NEEDED, NOT_NEEDED = EQUAL.needed, EQUAL.not_needed
+"""Inclusion from which a term is needed, and up to which it is not, at equal costs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +159,7 @@ class Evidence:
     remedy: str
 
 
-def decide(e: Evidence) -> tuple[str, str]:
+def decide(e: Evidence, costs: Costs = EQUAL) -> tuple[str, str]:
     """Verdict and reason for a term that the test excites.
 
     Examples
@@ -108,13 +170,15 @@ def decide(e: Evidence) -> tuple[str, str]:
     'unresolved'
     """
     low, high = e.range if e.partners else (e.inclusion, e.inclusion)
-    if low >= NEEDED and e.ratio <= UNRESOLVED:  # else only the model prior asks for it
+    if low >= costs.needed and e.ratio <= UNRESOLVED:  # else only the model prior asks for it
         return "needed", f"inclusion {e.inclusion:.3f}, {e.pull:.0f} sd from zero"
+    if e.ratio <= UNRESOLVED and (small := _small(e, high, costs)):
+        return small
     if e.partners:
-        return _confounded(e, high)
+        return "inseparable", f"only the prior tells it from {listed(e.partners)}; {e.remedy}"
     if e.ratio > UNRESOLVED:
         return "unresolved", f"posterior sd is {e.ratio:.2f} of the prior's: measure longer, or drive harder"
-    return _small(e, high) or ("undecided", _leaning(e))
+    return "undecided", _leaning(e, costs)
 
 
 def untested(term: Term) -> tuple[str, str]:
@@ -123,23 +187,16 @@ def untested(term: Term) -> tuple[str, str]:
     return "untested", f"its input ({inputs}) was zero in every run"
 
 
-def _confounded(e: Evidence, high: float) -> tuple[str, str]:
-    others = listed(e.partners)
-    if e.ratio <= UNRESOLVED and (small := _small(e, high)):
-        return small
-    return "inseparable", f"only the prior tells it from {others}; {e.remedy}"
-
-
-def _small(e: Evidence, high: float) -> tuple[str, str] | None:
-    if high <= NOT_NEEDED:
+def _small(e: Evidence, high: float, costs: Costs) -> tuple[str, str] | None:
+    if high <= costs.not_needed:
         return "not needed", f"inclusion {e.inclusion:.3f}"
     if e.small >= SURE:
         return "not needed", f"below a tenth of the prior's sd with {100 * e.small:.0f} %"
     return None
 
 
-def _leaning(e: Evidence) -> str:
-    way = "towards it" if e.inclusion >= 0.5 else "against it"
+def _leaning(e: Evidence, costs: Costs) -> str:
+    way = "towards it" if e.inclusion >= costs.keep else "against it"
     return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
 
 

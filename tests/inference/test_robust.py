@@ -9,7 +9,7 @@ import imubayes as ib
 from imubayes.errors import UnobservableError
 from imubayes.factor import posterior
 from imubayes.inference.dwells import dwells_of
-from imubayes.inference.linear import linear_of, with_columns
+from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.summary import summarize
@@ -154,14 +154,20 @@ def test_offset_at_the_highest_level_is_found_or_widens_the_error_bars(mount):
     assert np.max(np.abs(naive - clean.truth) / usual) > 5.0
 
 
+def _with_own(run, plain):
+    """Columns of the rows, and the input after them."""
+    own = run.inputs.channels[LIBRARY.own]
+    return lambda a, b: np.column_stack((plain.columns(a, b), own[a:b]))
+
+
 def test_errors_of_the_bench_stay_in_the_rows_and_take_no_offset_for_themselves():
     """A gain of the reference, known to 1 %: its column is among those of the rows."""
     clean = campaign("mems_tactical", 4)
     runs, bad = contaminated(clean, 4)
     rows = []
     for run in runs:
-        own = run.inputs.channels[LIBRARY.own]
-        rows.append(with_columns(linear_of(run, LIBRARY), ("gain",), lambda a, b, own=own: own[a:b, None]))
+        plain = linear_of(run, LIBRARY)
+        rows.append(replace(plain, names=(*plain.names, "gain"), columns=_with_own(run, plain)))
     prior = np.append(clean.prior, 0.01)
     found = robust_rows(runs, rows, prior, clean.noise_of, rng=np.random.default_rng(1))
     assert dwells_named(found, runs) == bad

@@ -20,7 +20,14 @@ from numpy.typing import NDArray
 
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.coordinates import Coordinates
-from imubayes.inference.mcmc.split import Split, log_density_of, log_likelihood, splits_of, values_at
+from imubayes.inference.mcmc.split import (
+    Split,
+    log_density_of,
+    log_likelihood,
+    packed_of,
+    splits_of,
+    values_at,
+)
 from imubayes.inference.summary import RunSummary
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +96,7 @@ def fixed_whitening(run: RunSummary, c: Coordinates) -> Whitenings:
     N = run.noise.N if run.steering else 1.0
     gram = c.gram(run.factor.R * N)
     log_det = run.factor.log_det - 2.0 * run.factor.n * math.log(N)
-    table = np.append(gram[np.tril_indices(len(gram))], log_det)[None, :]
+    table = np.append(packed_of(gram), log_det)[None, :]
     nothing, flat = np.zeros(2), np.ones(2, dtype=bool)
     return Whitenings(run.factor.n, nothing, nothing, flat, (1, 1), table, 0.0, np.log([N]))
 
