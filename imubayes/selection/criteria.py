@@ -1,9 +1,71 @@
-"""Information criteria and predictive scores: the best subset under each, and what each says of a term."""
+"""Information criteria and predictive scores: the best subset under each, and what each says of a term.
+
+With the deviance ``D = n ln(2 pi rss/n) + n + ln|noise|`` (coefficients flat, noise scale profiled), K
+coefficients and the scale among the parameters, P candidates of which k are in, and the effective sample size
+m of the coloured noise::
+
+    AIC  = D + 2 K                        AICc = D + 2 K m / (m - K - 1)
+    BIC  = D + K ln m                     HQC  = D + 2 K ln ln m
+    EBIC = D + K ln m + 2 ln C(P, k)      (Chen and Chen 2008 with gamma = 1: every size equally likely)
+
+The scale is profiled, so that rows of unknown noise are treated like whitened ones; with many whitened rows
+it makes no difference, for ``n ln(1 + d/n)`` is then d. Of columns that depend on each other every one counts
+in K, though the residual is that of their span: the smallest subset with that span wins.
+
+WAIC and leave-one-out take the physical prior at the noise scale of the full library (see `predictive`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import TermError
+from imubayes.factor import Factor, noise_scale, with_prior_rows
+from imubayes.inference.pieces import Pieces
+from imubayes.selection.mixture import Candidates, candidates
+from imubayes.selection.predictive import (
+    RELIABLE,
+    Held,
+    by_dwell,
+    by_run,
+    fits,
+    leave_out,
+    psis_loo,
+    waic,
+)
+from imubayes.selection.spaces import Every, Listed, Space
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+Needs = tuple[tuple[str, str], ...]
+
+LARGEST = 22
+"""Most candidates of which all subsets are compared: 2^22 deviances are 34 megabytes a criterion."""
+
+WALKED = 3e7
+"""Models times parts left out that are visited by the tree: two seconds."""
+
+LISTED = 1e5
+"""Models times parts left out beyond that, each model from its own factor: about as long."""
+
+SCORED = 200
+"""Models that WAIC is computed for: those that predict a dwell left out best."""
+
+HOLD = 1e-8
+"""Rows that hold a null direction at zero, relative to the norms of the columns: of what the data tell of a
+direction of singular value s beside its columns, (HOLD/s)^2 is lost, and of what rounding (1e-16) feigns to
+tell, all but 1e-16."""
+
+EXACT = 1e-10
+"""Smallest residual relative to the response: below, rounding would be read as signal."""
+
+UNDEFINED = "no subset has a finite value: the data are too few for this criterion"
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +78,7 @@ class Criterion:
         ``leave_one_run_out``.
     model : the best subset.
     value : of that subset on the deviance scale: smaller is better.
-    lead : how much worse the next subset is.
+    lead : how much worse the next subset is; NaN where there is none.
     inclusion : of each candidate: sum of the weights ``exp(-difference / 2)`` of the subsets with it.
     compared : subsets that were compared.
     exact : whether no subset was left out.
@@ -35,3 +97,266 @@ class Criterion:
     samples: float
     pareto_k: float
     note: str = ""
+
+
+def criteria(
+    factor: Factor,
+    pieces: Sequence[Pieces],
+    sd: FloatArray,
+    candidates: tuple[str, ...],
+    *,
+    needs: Needs = (),
+    samples: float | None = None,
+    among: BoolArray | None = None,
+) -> tuple[Criterion, ...]:
+    """Compare all subsets of the candidates under every criterion.
+
+    Parameters
+    ----------
+    factor : of all rows, over the excited columns. Columns that are no candidates are in every model, under
+        their priors.
+    pieces : of each run, over the columns of `factor` and perhaps others; without any, the scores that leave
+        dwells or runs out are not given.
+    sd : (w,) prior sd of each column of `factor`, SI; inf for a flat prior of a column that is no candidate.
+    candidates : p names.
+    needs : (child, parent): a subset with the child and without the parent is not admissible. A parent that
+        is no candidate is taken as there.
+    samples : effective sample size of the coloured noise (`inference.effective`); by default the rows.
+    among : (m, p) subsets to compare, where all of them are too many.
+
+    Returns
+    -------
+    ``aic``, ``aicc``, ``bic``, ``hqc``, ``ebic``, then with pieces ``waic``, ``loo``, ``leave_one_run_out``.
+
+    Raises
+    ------
+    TermError : if a candidate is no column, if there are over 22 and no list of subsets, or if none of a list
+        is admissible.
+
+    Examples
+    --------
+    >>> from imubayes.factor import factor_of
+    >>> rng = np.random.default_rng(1)
+    >>> X = rng.normal(size=(50, 2))
+    >>> f = factor_of(X, 2.0 * X[:, 0] + rng.normal(size=50), ("a", "b"))
+    >>> [(c.name, c.model) for c in criteria(f, [], np.ones(2), ("a", "b"))][:2]
+    [('aic', ('a',)), ('aicc', ('a',))]
+    """
+    c, scale = _prepared(factor, sd, candidates), noise_scale(factor, sd)
+    space = _space(len(candidates), among)
+    allowed = _admissible(space, candidates, needs)
+    size = float(factor.n if samples is None else samples)
+    field = _Field(c, space, allowed)
+    found = [
+        field.best(name, _Scores(values), samples=math.nan if name == "aic" else size)
+        for name, values in information(_rss(c, scale, space), _parameters(c, space), factor, size).items()
+    ]
+    return (*found, *_predictive(field, pieces, scale)) if pieces else tuple(found)
+
+
+def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple[Criterion, ...]:
+    """Criteria of which leave-one-out says how chains that sampled the noise judge the full library.
+
+    Parameters
+    ----------
+    found : by `criteria`.
+    log_lik : (draws, q) log likelihood of each dwell under each draw of the chains. It is that of averages
+        within the dwell, so that its sum is on another level than the criterion's value, which is of all rows.
+    """
+    elpd, k = psis_loo(log_lik)
+    worst, unsure = float(k.max()), int(np.sum(k > RELIABLE))
+    trust = (
+        f"{unsure} of {len(k)} dwells have k above {RELIABLE}: not to be trusted there"
+        if unsure
+        else f"largest k {worst:.2f}, reliable"
+    )
+    text = f"full library with the noise sampled, on averages within the dwells: {-2.0 * elpd.sum():.1f} ({trust})"
+    return tuple(
+        replace(c, pareto_k=worst, note="; ".join(filter(None, (c.note, text)))) if c.name == "loo" else c
+        for c in found
+    )
+
+
+def information(
+    rss: FloatArray, inside: tuple[FloatArray, FloatArray], factor: Factor, samples: float
+) -> dict[str, FloatArray]:
+    """Information criteria of each model, as the head of this module defines them: (m,) by name.
+
+    Parameters
+    ----------
+    rss : (m,) residual sum of squares.
+    inside : (m,) parameters K, the scale among them, and (m,) logarithm of the number of models of that size.
+    factor : of the rows: n of them, and the log determinant of their noise.
+    samples : effective sample size.
+    """
+    K, log_alike = inside
+    n = factor.n
+    deviance = n * np.log(2.0 * math.pi * rss / n) + n + factor.log_det
+    spare = samples - K - 1.0
+    corrected = np.where(spare > 0.0, 2.0 * K * samples / np.where(spare > 0.0, spare, 1.0), np.inf)
+    bic = deviance + K * math.log(samples)
+    return {
+        "aic": deviance + 2.0 * K,
+        "aicc": deviance + corrected,
+        "bic": bic,
+        "hqc": deviance + 2.0 * K * math.log(math.log(max(samples, math.e))),
+        "ebic": bic + 2.0 * log_alike,
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Field:
+    """The models that are compared: `allowed` (m,) says which of a space are admissible."""
+
+    candidates: Candidates
+    space: Space
+    allowed: BoolArray
+
+    def first(self, deviance: FloatArray, count: int) -> IntArray:
+        """Numbers of the admissible models of the smallest deviance, best first."""
+        scored = np.where(self.allowed, deviance, np.inf)
+        count = min(count, int(self.allowed.sum()))
+        top = np.argpartition(scored, count - 1)[:count]
+        return top[np.argsort(scored[top], kind="stable")]
+
+    def best(self, name: str, scores: _Scores, *, samples: float = math.nan, note: str = "") -> Criterion:
+        """Criterion from the scores of all models."""
+        top = self.first(scores.deviance, 2)
+        least, *next_one = scores.deviance[top].tolist()
+        if not math.isfinite(least):
+            note, least, weight = UNDEFINED, math.inf, np.full(len(self.space), math.nan)
+        else:
+            weight = np.exp(-0.5 * (np.where(self.allowed, scores.deviance, np.inf) - least))
+        sums, total = self.space.sums(weight)
+        names, every = self.candidates.names, isinstance(self.space, Every)
+        inside = self.space.members(top[:1])[0].tolist()
+        compared = int(self.allowed.sum()) if scores.scored is None else scores.scored
+        listing = "" if every else f"among the {len(self.space):,} subsets that a search listed"
+        return Criterion(
+            name=name,
+            model=tuple(term for term, there in zip(names, inside, strict=True) if there),
+            value=least,
+            lead=next_one[0] - least if next_one and math.isfinite(least) else math.nan,
+            inclusion=dict(zip(names, np.minimum(sums / total, 1.0).tolist(), strict=True)),
+            compared=compared,
+            exact=every and scores.scored is None,
+            samples=samples,
+            pareto_k=math.nan,
+            note="; ".join(filter(None, (listing, scores.note, note))),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Scores:
+    """Deviance (m,) of every model; `scored` of them are exact where not all are, which `note` then says."""
+
+    deviance: FloatArray
+    scored: int | None = None
+    note: str = ""
+
+
+def _prepared(factor: Factor, sd: FloatArray, names: tuple[str, ...]) -> Candidates:
+    unknown = [name for name in names if name not in factor.names]
+    if unknown:
+        raise TermError(f"candidate '{unknown[0]}' is no column: they are {', '.join(factor.names)}")
+    always = tuple(name for name in factor.names if name not in names)
+    width = dict(zip(factor.names, sd.tolist(), strict=True))
+    return candidates(factor, names, always, np.array([width[name] for name in (*always, *names)]))
+
+
+def _space(p: int, among: BoolArray | None) -> Space:
+    if among is not None:
+        return Listed(among)
+    if p > LARGEST:
+        raise TermError(
+            f"{p} candidates have too many subsets to compare all, up to {LARGEST} have not: give the subsets"
+            " that a search found (among)"
+        )
+    return Every(p)
+
+
+def _admissible(space: Space, names: tuple[str, ...], needs: Needs) -> BoolArray:
+    """Which models (m,) have the parent of each child."""
+    allowed = np.ones(len(space), dtype=bool)
+    for child, parent in needs:
+        if child in names and parent in names:
+            allowed &= ~space.having([names.index(child)]) | space.having([names.index(parent)])
+    if not allowed.any():
+        pairs = ", ".join(f"{child} needs {parent}" for child, parent in needs)
+        raise TermError(
+            f"none of the {len(space)} subsets listed is admissible ({pairs}): list some that are"
+        )
+    return allowed
+
+
+def _rss(c: Candidates, scale: float, space: Space) -> FloatArray:
+    """Residual sum of squares of every model: candidates flat, the other columns under their priors."""
+    norms = np.linalg.norm(c.whole[:, :-1], axis=0)
+    rows = np.concatenate((scale / c.sd[: len(c.always)], HOLD * norms[len(c.always) :]))
+    rss, _ = fits(with_prior_rows(c.whole, rows), c, space)
+    return np.maximum(rss, (EXACT * float(np.linalg.norm(c.whole[:, -1]))) ** 2)
+
+
+def _parameters(c: Candidates, space: Space) -> tuple[FloatArray, FloatArray]:
+    """Parameters of every model: flat coefficients and the noise scale; and log of how many have its size."""
+    p, k = len(c.names), space.sizes()
+    flat = int(np.sum(np.isinf(c.sd[: len(c.always)])))
+    log_alike = np.array([math.log(math.comb(p, i)) for i in range(p + 1)])
+    return (k + flat + 1).astype(float), log_alike[k]
+
+
+def _predictive(field: _Field, pieces: Sequence[Pieces], scale: float) -> tuple[Criterion, ...]:
+    """WAIC, leave-one-dwell-out, leave-one-run-out."""
+    dwells, runs = by_dwell(pieces, field.candidates, scale), by_run(pieces, field.candidates, scale)
+    near = _left_out(field, dwells)
+    alone = "the only run is predicted from the prior: this is the evidence" if len(pieces) == 1 else ""
+    return (
+        field.best("waic", _widely(field, dwells, near.deviance)),
+        field.best("loo", near),
+        field.best("leave_one_run_out", _left_out(field, runs), note=alone),
+    )
+
+
+def _left_out(field: _Field, held: Held) -> _Scores:
+    """Score every model by leaving each part out; beyond the budget, those that promise most.
+
+    These have the smallest ``rss/scale^2 + 2 k`` under the prior: leaving out and AIC are asymptotically the
+    same (Stone 1977).
+    """
+    parts = len(held.parts)
+    if len(field.space) * parts <= (WALKED if isinstance(field.space, Every) else LISTED):
+        return _Scores(leave_out(held, field.space))
+    rss, _ = fits(held.whole, held.candidates, field.space)
+    guess = rss / held.scale**2 + 2.0 * field.space.sizes()
+    which = field.first(guess, max(int(LISTED / parts), 1))
+    return _completed(field, guess, which, leave_out(held, Listed(field.space.members(which))), "AIC")
+
+
+def _widely(field: _Field, held: Held, loo: FloatArray) -> _Scores:
+    """WAIC of the models that predict a dwell left out best."""
+    which = field.first(loo, SCORED)
+    scores = np.array([waic(held, inside) for inside in field.space.members(which)])
+    return _completed(field, loo, which, scores, "leave-one-out")
+
+
+def _completed(field: _Field, guess: FloatArray, which: IntArray, scores: FloatArray, other: str) -> _Scores:
+    """Scores of the models `which`; the others have what another criterion gives them, moved to fit.
+
+    The move is the mean difference of the two over `which`, each model with its weight.
+    """
+    if len(which) == field.allowed.sum():
+        deviance = np.full(len(guess), np.inf)
+        deviance[which] = scores
+        return _Scores(deviance)
+    if not np.isfinite(scores).all() or not np.isfinite(guess[which]).all():
+        return _Scores(np.full(len(guess), np.inf))
+    gap, weight = scores - guess[which], np.exp(-0.5 * (scores - scores.min()))
+    move = float(np.average(gap, weights=weight))
+    spread = math.sqrt(np.average((gap - move) ** 2, weights=weight))
+    deviance = guess + move
+    deviance[which] = scores
+    note = (
+        f"computed for the {len(which):,} subsets that {other} likes best; the others are taken at its score,"
+        f" which is right to {spread:.2g} there"
+    )
+    return _Scores(deviance, len(which), note)

@@ -1,0 +1,299 @@
+"""How well models predict what they have not seen: a dwell or a run left out, in closed form where it exists.
+
+In a linear Gaussian model at a known noise scale the density of a part of the data given the others is a
+ratio of two evidences, ``p(y_d | y_-d, M) = p(y | M) / p(y_-d | M)``: one walk of the tree for all data and
+one for each part gives it for every model. The factor without a part is made from the factors of the others,
+by QR: nothing is subtracted. Scores are on the deviance scale, -2 times the sum of the log densities.
+
+A dwell's rows are whitened given those before them in their run. Leaving it out leaves out what it adds to
+them; later dwells of the run stay whitened by it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, logsumexp
+
+from imubayes import factor as algebra
+from imubayes.errors import UnobservableError
+from imubayes.inference.pieces import Pieces, stacked
+from imubayes.selection.mixture import Candidates, with_always
+from imubayes.selection.spaces import Every, Space
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+TAIL_SHARE = 0.2
+"""Largest share of the weights that counts as their tail (Vehtari et al. 2024, section 2.2)."""
+
+TAIL_ROOT = 3.0
+"""The tail of many draws: so many times their square root (ibid.)."""
+
+SHORTEST_TAIL = 5
+"""Weights below which no tail can be fitted: k is then infinite."""
+
+GRID = 30
+"""Points of the quadrature over the tail's shape, beside the root of its length (Zhang, Stephens 2009)."""
+
+SHAPE_SPREAD = 3.0
+"""How wide the prior of that quadrature is, in quarter-sample units (ibid.)."""
+
+SHAPE_PRIOR = (10.0, 0.5)
+"""Draws that the prior of k is worth, and its mean (Vehtari et al. 2024, appendix C)."""
+
+RELIABLE = 0.7
+"""Largest k at which importance sampling can be trusted (Vehtari et al. 2024, section 3.2.4)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """q parts of the data, each to be predicted from the others, over w columns.
+
+    Attributes
+    ----------
+    candidates : what the models are of; its columns are those of the factors.
+    scale : of the noise, which is known.
+    parts : (q, w + 1, w + 1) factor of each part.
+    whole : (w + 1, w + 1) factor of all parts, with the prior's rows stacked under it.
+    without : (q, w + 1, w + 1) the same without each part.
+    offset : (q,) what each part adds to the deviance of every model: ``n ln(2 pi scale^2)`` and the log
+        determinant of the noise that whitened it.
+    """
+
+    candidates: Candidates
+    scale: float
+    parts: FloatArray
+    whole: FloatArray
+    without: FloatArray
+    offset: FloatArray
+
+
+def by_dwell(pieces: Sequence[Pieces], c: Candidates, scale: float) -> Held:
+    """Dwells of all runs, to be left out one at a time."""
+    parts = np.concatenate([p.R[:, :, _places(p.names, c)] for p in pieces])
+    rows = np.concatenate([p.rows for p in pieces])
+    return _held(parts, rows, np.concatenate([p.log_det for p in pieces]), c, scale)
+
+
+def by_run(pieces: Sequence[Pieces], c: Candidates, scale: float) -> Held:
+    """Whole runs, to be left out one at a time."""
+    runs = [stacked([p]) for p in pieces]
+    parts = np.array([f.R[:, _places(f.names, c)] for f in runs])
+    return _held(parts, np.array([f.n for f in runs]), np.array([f.log_det for f in runs]), c, scale)
+
+
+def _places(names: tuple[str, ...], c: Candidates) -> list[int]:
+    """Places of the columns of the enumeration, and of the response, among those of a factor."""
+    return [*(names.index(name) for name in c.columns), len(names)]
+
+
+def _held(
+    parts: FloatArray, rows: NDArray[np.int64], log_det: FloatArray, c: Candidates, scale: float
+) -> Held:
+    width = parts.shape[2]
+    prior = algebra.with_prior_rows(np.zeros((width, width)), scale / c.sd)
+
+    def joined(R: FloatArray, part: FloatArray) -> FloatArray:
+        return algebra.triangular((np.concatenate((R, part)),), width)
+
+    before = list(accumulate(parts, joined, initial=prior))
+    after = list(accumulate(parts[::-1], joined, initial=np.zeros((width, width))))[::-1]
+    return Held(
+        candidates=c,
+        scale=scale,
+        parts=parts,
+        whole=before[-1],
+        without=np.array([joined(b, a) for b, a in zip(before[:-1], after[1:], strict=True)]),
+        offset=rows * math.log(2.0 * math.pi * scale**2) + log_det,
+    )
+
+
+def fits(T: FloatArray, c: Candidates, space: Space) -> tuple[FloatArray, FloatArray]:
+    """Residual sum of squares and log determinant of each model of a space: two arrays (m,).
+
+    Parameters
+    ----------
+    T : (w + 1, w + 1) factor of all columns and the response.
+    c : which of the columns are in every model, and which are the candidates.
+    space : models over them.
+    """
+    from imubayes.selection.moments import solutions
+    from imubayes.selection.tree import walk
+
+    if not isinstance(space, Every):
+        return solutions(T, with_always(c, space.inside))[2:]
+    always = len(c.always)
+    rss, log_det = walk(np.ascontiguousarray(T[always:, always:]))
+    with np.errstate(divide="ignore"):
+        return rss, log_det + np.sum(np.log(np.abs(np.diag(T)[:always])))
+
+
+def leave_out(held: Held, space: Space) -> FloatArray:
+    """Deviance of every model when each part is predicted from the others, in closed form: (m,).
+
+    ``-2 sum_d [log p(y | M) - log p(y_-d | M)]``; infinite where one part alone excites a column
+    with a flat prior.
+    """
+    whole = _minus_twice_log(held.whole, held, space)
+    total = np.full(len(space), held.offset.sum())
+    for T in held.without:
+        total += whole - _minus_twice_log(T, held, space)
+    return total
+
+
+def _minus_twice_log(T: FloatArray, held: Held, space: Space) -> FloatArray:
+    """-2 times the log evidence, without what all models or all parts share."""
+    rss, log_det = fits(T, held.candidates, space)
+    return rss / held.scale**2 + 2.0 * log_det
+
+
+def waic(held: Held, inside: BoolArray) -> float:
+    """Widely applicable information criterion of one model over the parts, in closed form.
+
+    The posterior is ``theta = m + s T^-1 e`` with e standard normal. With ``A = X_d T^-1`` and the scaled
+    residual ``r = (y_d - X_d m)/s``, a part's log likelihood ``-|r - A e|^2/2`` is quadratic in e: its
+    exponential has the mean ``exp(-r'(I + AA')^-1 r/2)/sqrt|I + AA'|``, and its variance, the number of
+    parameters that Watanabe (2010) subtracts, is ``|A'r|^2 + |A'A|^2/2``.
+
+    Parameters
+    ----------
+    held : parts of the data.
+    inside : (p,) which candidates are in the model.
+    """
+    from imubayes.selection.moments import submodel
+
+    T, columns = submodel(held.whole, with_always(held.candidates, inside[None, :])[0])
+    A = held.parts[:, :, columns] @ algebra.invert_triangular(T[:-1, :-1])
+    r = (held.parts[:, :, -1] - A @ T[:-1, -1]) / held.scale
+    spread = np.eye(A.shape[1]) + A @ A.transpose(0, 2, 1)
+    explained = np.sum(r * np.linalg.solve(spread, r[:, :, None])[:, :, 0], axis=1)
+    log_mean = -0.5 * (explained + np.linalg.slogdet(spread)[1] + held.offset)
+    inner = A.transpose(0, 2, 1) @ A
+    variance = np.sum(np.einsum("qmk,qm->qk", A, r) ** 2, axis=1) + 0.5 * np.sum(inner**2, axis=(1, 2))
+    return float(-2.0 * np.sum(log_mean - variance))
+
+
+def waic_of_draws(log_lik: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """WAIC of each point from draws of the posterior (Watanabe 2010; Gelman, Hwang, Vehtari 2014).
+
+    Parameters
+    ----------
+    log_lik : (draws, q) log likelihood of each point under each draw.
+
+    Returns
+    -------
+    (elpd, parameters) : arrays (q,), the log density less the number of parameters, and that number.
+
+    Examples
+    --------
+    >>> elpd, parameters = waic_of_draws(np.array([[-1.0, -2.0], [-1.0, -4.0]]))
+    >>> elpd.round(3).tolist(), parameters.tolist()
+    ([-1.0, -4.566], [0.0, 2.0])
+    """
+    parameters = np.var(log_lik, axis=0, ddof=1)
+    return logsumexp(log_lik, axis=0) - math.log(len(log_lik)) - parameters, parameters
+
+
+def exact_loo(X: FloatArray, y: FloatArray) -> FloatArray:
+    """Log density of each row given the others, for flat coefficients and an unknown noise scale.
+
+    With ``p(b, s) ~ 1/s`` row i has a Student t density of n - p - 1 degrees of freedom around its
+    prediction from the others: of the deleted residual ``e_i / (1 - h_i)``, scale ``s_-i / sqrt(1 - h_i)``,
+    ``(n - p - 1) s_-i^2 = rss - e_i^2 / (1 - h_i)``.
+
+    Parameters
+    ----------
+    X : (n, p) regressors, a constant among them if there is one.
+    y : (n,) response.
+
+    Returns
+    -------
+    (n,) log densities.
+
+    Raises
+    ------
+    UnobservableError : if there are fewer than two rows more than columns.
+
+    Examples
+    --------
+    >>> exact_loo(np.ones((3, 1)), np.array([0.0, 1.0, 2.0])).round(3).tolist()
+    [-2.387, -1.694, -2.387]
+    """
+    n, p = X.shape
+    dof = n - p - 1
+    if dof < 1:
+        raise UnobservableError(
+            f"leaving a row out needs two rows more than columns: got {n} rows and {p} columns; add rows, or"
+            " leave columns out"
+        )
+    Q = np.linalg.qr(X)[0]
+    left, free = y - Q @ (Q.T @ y), 1.0 - np.sum(Q**2, axis=1)
+    others = np.maximum(np.sum(left**2) - left**2 / free, np.finfo(float).tiny) / dof
+    t_squared = left**2 / (free * others)
+    constant = gammaln(0.5 * (dof + 1)) - gammaln(0.5 * dof) - 0.5 * math.log(dof * math.pi)
+    return constant - 0.5 * (dof + 1) * np.log1p(t_squared / dof) - 0.5 * np.log(others / free)
+
+
+def psis_loo(log_lik: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Leave-one-out by importance sampling, the largest weights smoothed (PSIS; Vehtari et al. 2017, 2024).
+
+    Parameters
+    ----------
+    log_lik : (draws, q) log likelihood of each point under each draw of the posterior of all.
+
+    Returns
+    -------
+    (elpd, k) : arrays (q,), log density of each point given the others, and the shape of its weights' tail.
+        Above 0.7 the density cannot be trusted: the posterior without that point is another one.
+
+    Examples
+    --------
+    >>> mean = np.random.default_rng(1).normal(size=(4000, 1)) / 3.0
+    >>> elpd, k = psis_loo(-0.5 * (np.array([[0.0, 9.0]]) - mean) ** 2)
+    >>> (k > RELIABLE).tolist()
+    [False, True]
+    """
+    elpd, k = np.empty(log_lik.shape[1]), np.empty(log_lik.shape[1])
+    for d, column in enumerate(log_lik.T):
+        weights, k[d] = _smoothed(-column)
+        elpd[d] = logsumexp(column + weights) - logsumexp(weights)
+    return elpd, k
+
+
+def _smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float]:
+    """Log weights, the tail replaced by the quantiles of the Pareto distribution fitted to it, and its k."""
+    weights = log_ratio - log_ratio.max()
+    length = math.ceil(min(TAIL_SHARE * len(weights), TAIL_ROOT * math.sqrt(len(weights))))
+    if length < SHORTEST_TAIL:
+        return weights, math.inf
+    order = np.argsort(weights)
+    tail = order[-length:]
+    cutoff = max(float(weights[order[-length - 1]]), math.log(np.finfo(float).tiny))
+    excess = np.exp(weights[tail]) - math.exp(cutoff)
+    if excess[-1] <= 0.0 or excess[0] == excess[-1]:  # equal weights: nothing to smooth
+        return weights, 0.0
+    k, sigma = _pareto(np.maximum(excess, np.finfo(float).tiny))
+    p = (np.arange(length) + 0.5) / length
+    quantile = -sigma * np.log1p(-p) if k == 0.0 else sigma * np.expm1(-k * np.log1p(-p)) / k
+    weights[tail] = np.minimum(np.log(quantile + math.exp(cutoff)), 0.0)
+    return weights, k
+
+
+def _pareto(x: FloatArray) -> tuple[float, float]:
+    """Shape and scale of the generalised Pareto distribution of x (n,), sorted (Zhang and Stephens 2009)."""
+    n = len(x)
+    m = GRID + math.floor(math.sqrt(n))
+    quarter = x[math.floor(n / 4.0 + 0.5) - 1]
+    theta = 1.0 / x[-1] + (1.0 - np.sqrt(m / (np.arange(m) + 0.5))) / (SHAPE_SPREAD * quarter)
+    shape = np.mean(np.log1p(-theta[:, None] * x), axis=1)
+    height = n * (np.log(-theta / shape) - shape - 1.0)
+    best = float(np.sum(theta * np.exp(height - logsumexp(height))))
+    k = float(np.mean(np.log1p(-best * x)))
+    draws, mean = SHAPE_PRIOR
+    return (k * n + mean * draws) / (n + draws), -k / best

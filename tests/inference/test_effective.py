@@ -1,0 +1,85 @@
+"""Effective sample size of coloured noise, against the known formulas and dense covariances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.linalg import inv, solve
+
+from imubayes.factor import add, reorder
+from imubayes.inference.effective import effective_samples, marginal_variance, samples_of
+from imubayes.inference.linear import Linear, whitened_factor
+from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.sensors.noise import Noise
+
+NOISE = Noise(N=0.3, B=0.2, K=0.02)
+
+
+def _constant_under(covariance: np.ndarray) -> float:
+    """Effective samples of a constant in rows of a given covariance."""
+    n = len(covariance)
+    one = np.ones(n)
+    return samples_of(
+        np.array([one @ solve(covariance, one)]), np.array([np.sum(1.0 / np.diag(covariance))]), n
+    )
+
+
+def _rows(n: int, noise_columns: np.ndarray) -> Linear:
+    t = np.arange(n) * 2.0
+    columns = np.column_stack((np.ones(n), noise_columns))
+    return Linear(
+        "run", "other", ("b0", "b1"), t, np.full(n, 2.0), 2.0, np.zeros(n), lambda a, b: columns[a:b]
+    )
+
+
+@pytest.mark.parametrize("a", [0.0, 0.5, 0.98])
+def test_a_constant_in_a_first_order_process_has_the_known_number_of_samples(a):
+    n = 200
+    lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    expected = (n * (1.0 - a) + 2.0 * a) / (1.0 + a)
+    assert _constant_under(3.0 * a**lag) == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_constant_in_a_random_walk_is_known_from_the_first_row_alone():
+    n = 50
+    steps = np.arange(1, n + 1)
+    # information 1 / K^2 of the first row, against the sum of 1 / (i K^2) of independent rows
+    assert _constant_under(0.7 * np.minimum.outer(steps, steps)) == pytest.approx(
+        n / np.sum(1.0 / steps), rel=1e-10
+    )
+
+
+def test_white_rows_of_any_column_count_one_each():
+    rng = np.random.default_rng(1)
+    rows = _rows(300, rng.normal(size=300))
+    white = Noise(0.4, 0.0, 0.0)
+    found = effective_samples(whitened_factor(rows, white)[0], [rows], [white])
+    assert found == pytest.approx(300.0, rel=1e-12)
+
+
+def test_marginal_variance_is_the_diagonal_of_the_covariance_that_whitens():
+    duration = np.array([1.0, 2.0, 3.0, 2.0, 5.0])
+    t = np.cumsum(duration) - 0.5 * duration
+    rows = Rows(t, duration)
+    w = whitener(NOISE, rows)
+    # whitening the identity gives the inverse of the covariance's root
+    lower = inv(whiten(w, np.eye(5)))
+    assert marginal_variance(NOISE, rows) == pytest.approx(np.sum(lower**2, axis=1), rel=1e-10)
+
+
+def test_slow_noise_leaves_fewer_samples_to_a_constant_than_to_a_column_that_alternates():
+    n = 400
+    rows = _rows(n, np.where(np.arange(n) % 2, 1.0, -1.0))
+    f = whitened_factor(rows, NOISE)[0]
+    constant, alternating = (effective_samples(reorder(f, (name,)), [rows], [NOISE]) for name in ("b0", "b1"))
+    assert constant < 0.1 * n
+    assert alternating == n
+    assert effective_samples(f, [rows], [NOISE]) == pytest.approx(np.sqrt(constant * alternating), rel=1e-12)
+
+
+def test_samples_of_two_like_runs_are_twice_those_of_one():
+    n = 200
+    rows = _rows(n, np.sin(np.arange(n) / 40.0))
+    f = whitened_factor(rows, NOISE)[0]
+    one = effective_samples(f, [rows], [NOISE])
+    assert effective_samples(add(f, f), [rows, rows], [NOISE, NOISE]) == pytest.approx(2.0 * one, rel=1e-12)
