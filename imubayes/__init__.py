@@ -38,8 +38,10 @@ if TYPE_CHECKING:
     from imubayes.rig.profiles import static as static
     from imubayes.rig.profiles import tumble as tumble
     from imubayes.rig.simulate import simulate as simulate
+    from imubayes.rig.thermal import thermal as thermal
     from imubayes.selection.decision import select as select
     from imubayes.selection.enumerate import enumerate_models as enumerate_models
+    from imubayes.selection.feature_library import feature_library as feature_library
     from imubayes.sensors.catalogue import sensor as sensor
     from imubayes.sensors.noise import Noise as Noise
     from imubayes.sensors.noise import NoiseRule as NoiseRule
@@ -67,8 +69,10 @@ _HOME = {
     "static": "rig.profiles",
     "tumble": "rig.profiles",
     "simulate": "rig.simulate",
+    "thermal": "rig.thermal",
     "select": "selection.decision",
     "enumerate_models": "selection.enumerate",
+    "feature_library": "selection.feature_library",
     "sensor": "sensors.catalogue",
     "Noise": "sensors.noise",
     "NoiseRule": "sensors.noise",

@@ -161,7 +161,7 @@ def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple
     ----------
     found : by `criteria`.
     log_lik : (draws, q) log likelihood of each dwell under each draw of the chains. It is that of averages
-        within the dwell, so that its sum is on another level than the criterion's value, which is of all rows.
+        within the dwell: its sum is on another level than the criterion's value, which is of all rows.
     """
     elpd, k = psis_loo(log_lik)
     worst, unsure = float(k.max()), int(np.sum(k > RELIABLE))
@@ -170,7 +170,8 @@ def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple
         if unsure
         else f"largest k {worst:.2f}, reliable"
     )
-    text = f"full library with the noise sampled, on averages within the dwells: {-2.0 * elpd.sum():.1f} ({trust})"
+    value = -2.0 * elpd.sum()
+    text = f"full library with the noise sampled, on averages within the dwells: {value:.1f} ({trust})"
     return tuple(
         replace(c, pareto_k=worst, note="; ".join(filter(None, (c.note, text)))) if c.name == "loo" else c
         for c in found

@@ -1,0 +1,127 @@
+"""A sparse-regression problem in detectable effects: the units in which one threshold suits every term.
+
+The *detectable effect* of a term is the posterior sd of its coefficient under the full library, with the
+physical prior of every coefficient. It is what the noise leaves unknown of the term when nothing else is
+assumed to be zero: a coefficient of 3 effects is 3 sd from zero, whatever its unit, the drive of the test or
+its likeness to other columns. The sd of a term on its own, ``1/|x_j|``, would not do: it calls a term
+detectable that a likeness to others hides. The prior keeps the effect of a term in an exact null direction
+finite (without it least squares has none) and changes nothing where the data speak.
+
+With the rows of the prior stacked under the data's, the inverse of the scaled triangular factor has rows of
+length one, so that nothing in it is badly scaled. They take the place of the ridge of pysindy's optimizers:
+one strength for all coefficients would shrink the strong ones so far that their neighbours fill the gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes import factor as algebra
+from imubayes.factor import Factor
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+EVEN = 1e-9
+"""Log evidences that differ by less are equal: a term that was not excited changes them by rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Effects:
+    """Least squares on the candidates, all other columns integrated out.
+
+    Attributes
+    ----------
+    names : p candidates that the rows excite.
+    R : (p + 1, p + 1) triangular factor, rows of the prior included: a unit is one effect of a column, and
+        one sd of the noise of a row.
+    prior : (p,) rows of the prior, effect over prior sd.
+    unit : (p,) detectable effects, SI.
+    """
+
+    names: tuple[str, ...]
+    R: FloatArray
+    prior: FloatArray
+    unit: FloatArray
+
+
+def effects_of(f: Factor, sd: FloatArray, candidates: Sequence[str], scale: float) -> Effects:
+    """Bring the candidates to detectable effects.
+
+    Parameters
+    ----------
+    f : of the whitened rows; columns that are not candidates are in every model.
+    sd : (p,) prior sds of all its columns, SI.
+    candidates : among its columns; one that is zero in every row is left out.
+    scale : of the noise.
+
+    Examples
+    --------
+    >>> f = algebra.factor_of(np.diag([100.0, 1.0]), np.array([300.0, 0.0]), ("strong", "weak"))
+    >>> e = effects_of(f, np.array([10.0, 10.0]), f.names, 1.0)
+    >>> e.unit.round(4).tolist()
+    [0.01, 0.995]
+    >>> refitted(e, np.array([[True, False]])).round(2).tolist()
+    [[300.0, 0.0]]
+    """
+    excited = dict(zip(f.names, f.column_norms > 0.0, strict=True))
+    prior_sd = dict(zip(f.names, sd.tolist(), strict=True))
+    names = tuple(name for name in candidates if excited[name])
+    always = tuple(name for name in f.names if name not in candidates)
+    order = (*always, *names)
+    rows = np.array([scale / prior_sd[name] for name in order])
+    R = algebra.with_prior_rows(algebra.reorder(f, order).R, rows)[len(always) :, len(always) :] / scale
+    unit = np.linalg.norm(algebra.invert_triangular(R[:-1, :-1]), axis=1)
+    return Effects(names, R * np.append(unit, 1.0), unit * rows[len(always) :] / scale, unit)
+
+
+def log_evidence(e: Effects, supports: BoolArray) -> FloatArray:
+    """Log marginal likelihood (m,) of each support (m, p), up to a constant; the noise scale is known."""
+    upper, count = _by_support(e, supports)
+    p = len(e.names)
+    left = np.sum(upper[:, :, p] ** 2, axis=1, where=np.arange(p + 1) >= count[:, None])
+    pivots = np.abs(np.diagonal(upper[:, :p, :p], axis1=1, axis2=2))
+    inside = np.arange(p) < count[:, None]
+    log_det = np.sum(np.log(pivots, where=inside, out=np.zeros_like(pivots)), axis=1)
+    return np.sum(supports * np.log(e.prior), axis=1) - 0.5 * left - log_det
+
+
+def refitted(e: Effects, supports: BoolArray) -> FloatArray:
+    """Coefficients (m, p) of each support, in effects: least squares on data and prior, zero outside."""
+    upper, count = _by_support(e, supports)
+    p = len(e.names)
+    inside = np.arange(p) < count[:, None]
+    unknown = upper[:, :p, :p] + np.eye(p) * ~inside[:, None, :]
+    solved = np.linalg.solve(unknown, np.where(inside, upper[:, :p, p], 0.0)[:, :, None])[:, :, 0]
+    theta = np.zeros(supports.shape)
+    np.put_along_axis(theta, _included_first(supports), solved, axis=1)
+    return theta
+
+
+def best_of(supports: BoolArray, score: FloatArray) -> int:
+    """Index of the best score; of equal ones, of the smallest support, in the middle of where it stands."""
+    even = np.flatnonzero(score >= score.max() - EVEN)
+    count = supports[even].sum(axis=1)
+    smallest = even[count == count.min()]
+    return int(smallest[len(smallest) // 2])
+
+
+def _included_first(supports: BoolArray) -> NDArray[np.intp]:
+    return np.argsort(~supports, axis=1, kind="stable")
+
+
+def _by_support(e: Effects, supports: BoolArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Triangular factors (m, p + 1, p + 1) with the included columns first, and how many there are.
+
+    Excluded columns are zero. With its column, a row of the prior becomes zero too and rotates away.
+    """
+    order = _included_first(supports)
+    count = supports.sum(axis=1)
+    p = len(e.names)
+    columns = np.moveaxis(e.R[:, :p][:, order], 0, 1) * (np.arange(p) < count[:, None])[:, None, :]
+    z = np.broadcast_to(e.R[:, p:], (len(supports), p + 1, 1))
+    return np.asarray(np.linalg.qr(np.concatenate((columns, z), axis=2), mode="r")), count
