@@ -45,6 +45,7 @@ from imubayes.preparation import (
 from imubayes.rig.inputs import Run, TriadRun
 from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
+from imubayes.selection.panel import Panel, panel_of
 
 DRAWS = 2000
 """Posterior and prior draws that a result carries."""
@@ -125,6 +126,15 @@ class _Job:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """What is said of one component: the decision, the residuals, and the other methods."""
+
+    selection: Selection
+    checks: tuple[ResidualCheck, ...]
+    panel: Panel | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Posterior:
     """How the noise's uncertainty is dealt with, and the chains where it is sampled."""
 
@@ -148,7 +158,8 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
         for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
         if isinstance(run, Run)
     )
-    return _result(job, spec.id, ready, posterior, (selection, checks), time.perf_counter() - start)
+    told = _Told(selection, checks, _panel(job, ready, posterior, selection))
+    return _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
 
 
 def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
@@ -161,19 +172,18 @@ def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
         judge(left, rows, s, dict(zip(("f_i", "f_j", "f_k"), force.T, strict=True)))
         for (left, rows, force), s in zip(found.residuals, found.summary.runs, strict=True)
     )
-    selections: list[Selection] = []
+    told: list[_Told] = []
     for name, lib in zip(COMPONENTS, found.triad.libraries, strict=True):
         job.tell(f"every model of {len(lib.terms)} terms of {name}")
-        selections.append(select(ready.summary, ready.prior, lib, component=name, **_asked(job, posterior)))
-    theta = np.array([term.mean for selection in selections for term in selection.terms])
+        selection = select(ready.summary, ready.prior, lib, component=name, **_asked(job, posterior))
+        told.append(_Told(selection, checks, _panel(job, ready, posterior, selection)))
+    theta = np.array([term.mean for one in told for term in one.selection.terms])
     nominal = [nominal_columns(spec, name) for name in COMPONENTS]
     rows = calibration(replace(found.triad, theta=theta), nominal)
     seconds = (time.perf_counter() - start) / len(COMPONENTS)
     return [
-        replace(
-            _result(job, f"{spec.id}.{name}", ready, posterior, (selection, checks), seconds), calibration=row
-        )
-        for name, selection, row in zip(COMPONENTS, selections, rows, strict=True)
+        replace(_result(job, f"{spec.id}.{name}", ready, posterior, one, seconds), calibration=row)
+        for name, one, row in zip(COMPONENTS, told, rows, strict=True)
     ]
 
 
@@ -215,15 +225,31 @@ def _asked(job: _Job, posterior: _Posterior) -> dict[str, Any]:
     }
 
 
+def _panel(job: _Job, ready: Prepared, posterior: _Posterior, selection: Selection) -> Panel | None:
+    """Ask the other methods, unless the study does without."""
+    if not job.study.compare:
+        return None
+    job.tell("the other methods: criteria, sparse regression, other priors")
+    return panel_of(
+        ready.summary,
+        ready.prior,
+        ready.rows,
+        selection,
+        rng=np.random.default_rng([*job.seed, 2]),
+        chains=posterior.sampled.chains if posterior.sampled else None,
+        hierarchical=job.study.hierarchical,
+    )
+
+
 def _result(
     job: _Job,
     name: str,
     ready: Prepared,
     posterior: _Posterior,
-    told: tuple[Selection, tuple[ResidualCheck, ...]],
+    told: _Told,
     seconds: float,
 ) -> SensorResult:
-    selection, checks = told
+    selection = told.selection
     spec, summary = job.spec, ready.summary
     chains = posterior.sampled.chains if posterior.sampled else None
     columns = (*selection.columns, *(extra.name for extra in summary.extras))
@@ -234,7 +260,7 @@ def _result(
         samples=sum(r.samples for r in summary.runs),
         runs=summary.runs,
         selection=selection,
-        checks=checks,
+        checks=told.checks,
         draws=posterior_draws(selection, DRAWS, job.rng),
         prior_draws=prior_draws(selection, DRAWS, job.rng),
         prior_source=ready.source,
@@ -244,6 +270,7 @@ def _result(
         chains=of_columns(chains, columns) if chains else None,
         extras=_extras(ready, selection, chains),
         distrusted=ready.distrusted,
+        panel=told.panel,
     )
 
 

@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.factor import Factor, noise_scale, reorder, with_prior_rows
+from imubayes.inference.prior import HyperG, ScalePrior
+from imubayes.inference.summary import Summary
+from imubayes.selection.decision import SCALE_LIMIT, Selection
+from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.verdicts import EQUAL, Costs
+
 FloatArray = NDArray[np.float64]
+
+WIDTHS = 3.0 ** (np.arange(-4, 5) / 2.0)
+"""Factors on every prior sd, from a ninth to nine; every other one is 1/9, 1/3, 1, 3, 9."""
+
+MANY, MORE = 18, 20
+"""Candidates beyond which every other width is taken, and beyond which only 1/3, 1 and 3 are."""
+
+OPINION = HyperG(3.0)
+"""The g-prior that is asked: the one of Liang et al. (JASA 2008) whose shrinkage is uniform, g/(1 + g)."""
+
+LARGEST_G = 20
+"""Most candidates for the g-prior: it takes 5 s for 2^20 models."""
+
+DEPENDENT = 1e-9
+"""A column of which less is left beside those before it, relative to its norm, depends on them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,12 +41,12 @@ class Sensitivity:
     Attributes
     ----------
     names : candidates, p of them.
-    widths : (w,) factors on every prior sd.
+    widths : (w,) factors on every prior sd: nine up to 18 candidates, five up to 20, three beyond.
     inclusion : (w, p) at each width.
     g_prior : (p,) inclusion under the hyper-g prior; NaN where a column depends on others, which a g-prior
-        cannot have.
+        cannot have, and for all of more than 20 candidates.
     left_out : candidates that the g-prior could not have, because they depend on others.
-    swing : names of the candidates whose verdict changes between the widths.
+    swing : names of the candidates whose verdict or place in the model changes between the widths 1/3 to 3.
     """
 
     names: tuple[str, ...]
@@ -31,3 +55,119 @@ class Sensitivity:
     g_prior: FloatArray
     left_out: tuple[str, ...]
     swing: tuple[str, ...]
+
+
+def sensitivity(
+    factor: Factor,
+    sd: FloatArray,
+    candidates: Sequence[str],
+    *,
+    known: Sequence[str] = (),
+    needs: Sequence[tuple[str, str]] = (),
+    costs: Costs = EQUAL,
+) -> Sensitivity:
+    """Weigh every submodel under wider and narrower priors, and under a g-prior, as the decision does.
+
+    Parameters
+    ----------
+    factor : of the columns that the test excites.
+    sd : (p,) prior sd of each of them; inf for a flat prior on a column that is no candidate.
+    candidates : columns in question; the others are in every model, under their priors.
+    known : columns whose prior comes from elsewhere, such as errors of the bench: their width stays.
+    needs : (child, parent): models that hold a child hold its parent.
+    costs : give the thresholds between which a verdict changes.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> X = rng.normal(size=(50, 3))
+    >>> s = Summary.from_arrays(X, 2.0 * X[:, 0] + rng.normal(size=50), ("a", "b", "c"))
+    >>> told = sensitivity(s.factor, np.ones(3), ("a", "b"))
+    >>> told.inclusion.shape, bool(told.g_prior[0] > 0.99), told.swing
+    ((9, 2), True, ('b',))
+    """
+    flat = [name for name, width in zip(factor.names, sd, strict=True) if np.isinf(width)]
+    always = [name for name in factor.names if name not in candidates and name not in flat]
+    widths, scale = _affordable(factor, sd, len(candidates))
+    fixed = np.isin(factor.names, known)
+    weighed = [
+        enumerate_models(
+            Summary(factor),
+            ScalePrior((np.where(fixed, 1.0, width) * sd)[np.isfinite(sd)]),
+            forced=flat,
+            always=always,
+            scale_limit=SCALE_LIMIT,
+            scale=scale,
+            needs=needs,
+        )
+        for width in widths.tolist()
+    ]
+    where = [factor.names.index(name) for name in candidates]
+    inclusion = np.array([models.inclusion[where] for models in weighed])
+    g_prior, left_out = _under_g(factor, sd, candidates, needs)
+    return Sensitivity(
+        names=tuple(candidates),
+        widths=widths,
+        inclusion=inclusion,
+        g_prior=g_prior,
+        left_out=left_out,
+        swing=_swinging(candidates, inclusion[usual(widths)], costs),
+    )
+
+
+def of_decision(selection: Selection) -> Sensitivity:
+    """What the decision has found at its own widths, 1/3, 1 and 3: all there is where candidates are many."""
+    names = selection.models.candidates.names
+    inclusion = np.array([told for _, told in selection.by_width])
+    return Sensitivity(
+        names=names,
+        widths=np.array([width for width, _ in selection.by_width]),
+        inclusion=inclusion,
+        g_prior=np.full(len(names), np.nan),
+        left_out=(),
+        swing=_swinging(names, inclusion, selection.costs),
+    )
+
+
+def usual(widths: FloatArray) -> NDArray[np.bool_]:
+    """Which widths (w,) a prior may well be off by: those from 1/3 to 3."""
+    return np.abs(np.log(widths)) < math.log(3.0) + 1e-9
+
+
+def _swinging(names: Sequence[str], inclusion: FloatArray, costs: Costs) -> tuple[str, ...]:
+    """Names of the candidates whose inclusion (w, p) crosses a threshold of the verdict or of keeping."""
+    thresholds = np.array([costs.not_needed, costs.keep, costs.needed])
+    level = np.searchsorted(thresholds, inclusion, side="right")
+    return tuple(name for name, levels in zip(names, level.T, strict=True) if np.ptp(levels))
+
+
+def _affordable(factor: Factor, sd: FloatArray, p: int) -> tuple[FloatArray, float | None]:
+    """Widths, and the noise scale where integrating it would take too long."""
+    if p <= MANY:
+        return WIDTHS, None
+    if p <= MORE:
+        return WIDTHS[::2], None
+    return WIDTHS[2:-2:2], noise_scale(factor, sd)
+
+
+def _under_g(
+    factor: Factor, sd: FloatArray, candidates: Sequence[str], needs: Sequence[tuple[str, str]]
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Inclusion under the g-prior, and the candidates that it cannot have.
+
+    The other columns are flat, beside rows that stand for their priors at the estimated noise.
+    """
+    proper = ~np.isin(factor.names, candidates) & np.isfinite(sd)
+    rows = np.where(proper, noise_scale(factor, sd) / sd, 0.0)
+    held = Factor(factor.names, with_prior_rows(factor.R, rows), factor.n + int(proper.sum()), factor.log_det)
+    names = (*(name for name in factor.names if name not in candidates), *candidates)
+    R = reorder(held, names).R
+    free = np.abs(np.diag(R)[:-1]) > DEPENDENT * np.linalg.norm(R[:, :-1], axis=0)
+    kept = tuple(name for name, told in zip(names, free, strict=True) if told)
+    left_out = tuple(name for name in candidates if name not in kept)
+    told: dict[str, float] = {}
+    if any(name in candidates for name in kept) and factor.n > len(kept) + 1 and len(candidates) <= LARGEST_G:
+        forced = [name for name in kept if name not in candidates]
+        models = enumerate_models(Summary(reorder(held, kept)), OPINION, forced=forced, needs=needs)
+        told = dict(zip(kept, models.inclusion.tolist(), strict=True))
+    return np.array([told.get(name, np.nan) for name in candidates]), left_out

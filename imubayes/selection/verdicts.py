@@ -1,8 +1,8 @@
 """The rule that turns the evidence on one term into one verdict, and the words that go with it.
 
 Three answers are never mixed up: needed, not needed, and "this test cannot tell". Which of them holds depends
-on the prior's width only where the test leaves it to the prior, and there the verdict says so. For a term that
-the test excites, the first line that holds is the verdict; `needed`, `not_needed` and `keep` are the
+on the prior's width only where the test leaves it to the prior, and there the verdict says so. For a term
+that the test excites, the first line that holds is the verdict; `needed`, `not_needed` and `keep` are the
 thresholds of the costs (see `Costs`), 0.95, 0.05 and 0.5 where the two errors cost the same::
 
     needed        inclusion >= needed (for a term with confounded partners at every prior width from 1/3 to 3,

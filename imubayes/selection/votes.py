@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from imubayes.selection.causes import Case, Differing, case_of, cause_of, decided, explained, line_of
+from imubayes.selection.criteria import Criterion
+from imubayes.selection.decision import Selection
+from imubayes.selection.sensitivity import Sensitivity
+from imubayes.selection.sindy import Sparse
 
 FloatArray = NDArray[np.float64]
 
@@ -18,7 +26,8 @@ class Disagreement:
     ----------
     term : its name.
     methods : that keep it where the decision does not, or drop it where the decision keeps it.
-    cause : ``prior width``, ``collinearity``, ``coloured noise``, ``sample size`` or ``weak effect``.
+    cause : ``collinearity``, ``coloured noise``, ``prior width``, ``model prior``, ``sample size`` or ``weak
+        effect``; what is none of these is the ``method``'s own.
     text : in words, made from the numbers.
     """
 
@@ -47,3 +56,115 @@ class Votes:
     strength: FloatArray
     keeps: FloatArray
     disagreements: tuple[Disagreement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Ballot:
+    """What one method says by column: how strongly, and whether it keeps it; nothing of a column not there.
+
+    `line` and `samples` are those of `Differing`.
+    """
+
+    method: str
+    strength: Mapping[str, float]
+    keeps: Mapping[str, bool]
+    line: float = math.nan
+    samples: float = math.nan
+
+
+def votes(
+    selection: Selection,
+    criteria: Sequence[Criterion],
+    sindy: Sequence[Sparse],
+    sensitivity: Sensitivity,
+    *,
+    coloured: Sequence[str] = (),
+) -> Votes:
+    """Put the methods beside the decision on a component.
+
+    Parameters
+    ----------
+    selection : the decision.
+    criteria, sindy, sensitivity : what the other methods say of the same candidates.
+    coloured : runs whose noise was assumed white, and whose residuals are not.
+    """
+    ballots = _ballots(selection, criteria, sindy, sensitivity)
+    tested = [k for k, term in enumerate(selection.terms) if term.verdict != "untested"]
+    columns = [selection.columns[k] for k in tested]
+    strength = [[ballot.strength.get(column, math.nan) for column in columns] for ballot in ballots]
+    keeps = [[float(ballot.keeps.get(column, math.nan)) for column in columns] for ballot in ballots]
+    return Votes(
+        terms=tuple(selection.terms[k].name for k in tested),
+        methods=tuple(ballot.method for ballot in ballots),
+        strength=np.array(strength, dtype=float).reshape(len(ballots), len(columns)),
+        keeps=np.array(keeps, dtype=float).reshape(len(ballots), len(columns)),
+        disagreements=tuple(
+            disagreement
+            for k in tested
+            for disagreement in _on(selection, ballots, case_of(selection, sensitivity, k), tuple(coloured))
+        ),
+    )
+
+
+def _ballots(
+    selection: Selection, criteria: Sequence[Criterion], sindy: Sequence[Sparse], sensitivity: Sensitivity
+) -> list[_Ballot]:
+    """Ballots of all methods, in the order in which they are shown."""
+    keep, names = selection.costs.keep, selection.models.candidates.names
+    column = {term.name: name for term, name in zip(selection.terms, selection.columns, strict=True)}
+    evidence = {column[term.name]: term.inclusion for term in selection.terms if term.verdict != "untested"}
+    g_prior = dict(zip(sensitivity.names, sensitivity.g_prior.tolist(), strict=True))
+    lines = {c.name: line_of(c, len(c.model), len(names)) for c in criteria}
+    return [
+        *(
+            _Ballot(method, told, {name: share >= keep for name, share in told.items() if share == share})
+            for method, told in (("evidence", evidence), ("g-prior", g_prior))
+        ),
+        *(
+            _Ballot(
+                c.name,
+                c.inclusion,
+                _kept(c.inclusion, c.model) if c.compared else {},
+                lines[c.name],
+                c.samples,
+            )
+            for c in criteria
+        ),
+        *(_Ballot(s.optimizer, s.inclusion, _kept(s.names, s.model)) for s in sindy),
+    ]
+
+
+def _kept(names: Iterable[str], model: Sequence[str]) -> dict[str, bool]:
+    return {name: name in model for name in names}
+
+
+def _on(
+    selection: Selection, ballots: Sequence[_Ballot], case: Case, coloured: tuple[str, ...]
+) -> list[Disagreement]:
+    """Disagreements on one term: one for each cause."""
+    column = dict(zip((t.name for t in selection.terms), selection.columns, strict=True))
+    kept = {column[term.name]: decided(term, selection) for term in selection.terms}
+    own = column[case.term.name]
+    found: dict[str, list[Differing]] = {}
+    for ballot in ballots:
+        if ballot.method != "evidence" and ballot.keeps.get(own) is (not case.kept):
+            # the other way round: kept where this one is dropped, and dropped where this one is kept
+            swapped = tuple(
+                name
+                for name, _ in case.alike
+                if case.kept is not None
+                and kept[name] is (not case.kept)
+                and ballot.keeps.get(name) is case.kept
+            )
+            other = Differing(ballot.method, ballot.line, ballot.samples, swapped, coloured)
+            found.setdefault(cause_of(case, other), []).append(other)
+    rest = [ballot for ballot in ballots if ballot.method != "evidence" and own in ballot.keeps]
+    return [
+        Disagreement(
+            term=case.term.name,
+            methods=tuple(other.method for other in others),
+            cause=cause,
+            text=explained(case, cause, others, everyone=len(others) == len(rest) > 1),
+        )
+        for cause, others in found.items()
+    ]

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.selection.verdicts import Evidence, decide, untested
+from imubayes.errors import StudyError
+from imubayes.selection.verdicts import Costs, Evidence, decide, untested
 from imubayes.sensors.terms import library
 
 share = st.floats(0.0, 1.0)
@@ -108,3 +110,50 @@ def test_an_untested_term_names_the_inputs_it_waits_for(kind):
         verdict, reason = untested(term)
         assert verdict == "untested"
         assert all(factor.channel in reason for factor in term.factors)
+
+
+prices = st.floats(0.01, 100.0)
+
+
+@pytest.mark.parametrize(("false_keep", "false_drop"), [(1.0, 1.0), (5.0, 1.0), (1.0, 5.0), (0.2, 3.0)])
+def test_keeping_from_the_threshold_on_costs_the_least(false_keep, false_drop):
+    """Terms that are there with the probability that they are given, kept from many thresholds on."""
+    costs, rng = Costs(false_keep, false_drop), np.random.default_rng(1)
+    inclusion = rng.beta(0.4, 0.6, size=20_000)
+    there = rng.random(20_000) < inclusion
+
+    def paid(threshold):
+        kept = inclusion >= threshold
+        return np.where(kept & ~there, false_keep, 0.0) + np.where(~kept & there, false_drop, 0.0)
+
+    for threshold in np.linspace(0.02, 0.98, 49):
+        more = paid(threshold) - paid(costs.keep)
+        assert more.mean() >= -4.0 * more.std() / np.sqrt(len(more))
+        if abs(threshold - costs.keep) > 0.2:
+            assert more.mean() > 4.0 * more.std() / np.sqrt(len(more))
+
+
+def test_equal_costs_have_the_thresholds_of_the_rule():
+    assert (Costs().needed, Costs().keep, Costs().not_needed) == (0.95, 0.5, 0.05)
+
+
+@given(prices, prices)
+def test_a_verdict_is_sure_where_the_other_choice_costs_nineteen_times_as_much(false_keep, false_drop):
+    costs = Costs(false_keep, false_drop)
+    for inclusion, odds in ((costs.needed, 19.0), (costs.keep, 1.0), (costs.not_needed, 1.0 / 19.0)):
+        dropped, kept = inclusion * false_drop, (1.0 - inclusion) * false_keep
+        assert dropped == pytest.approx(odds * kept, rel=1e-9)
+
+
+@given(evidences(), prices, prices, st.floats(1.0, 100.0))
+def test_a_dearer_false_keep_never_makes_a_term_more_needed(evidence, false_keep, false_drop, more):
+    before = RANK[decide(evidence, Costs(false_keep, false_drop))[0]]
+    assert RANK[decide(evidence, Costs(more * false_keep, false_drop))[0]] <= before
+
+
+@pytest.mark.parametrize("cost", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_cost_that_is_none_is_refused(cost):
+    with pytest.raises(StudyError, match="cost of a false keep must be positive"):
+        Costs(false_keep=cost)
+    with pytest.raises(StudyError, match="cost of a false drop must be positive"):
+        Costs(false_drop=cost)

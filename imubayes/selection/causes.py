@@ -1,0 +1,334 @@
+"""Why a method and the decision differ on a term, worked out from the numbers of both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.selection.criteria import Criterion
+from imubayes.selection.decision import Selection
+from imubayes.selection.sensitivity import Sensitivity, usual
+from imubayes.selection.verdicts import UNRESOLVED, TermVerdict, listed
+
+FloatArray = NDArray[np.float64]
+
+ALIKE = 0.7
+"""Correlation of two estimates from which one term can take the other's place: half of each variance."""
+
+LENIENCE = 1.25
+"""How far beyond a line the pull may lie, which is that under the full library: methods drop other terms."""
+
+NEAR = 3.0
+"""Standard deviations from zero up to which an effect is weak: lines are drawn from 1.4 to 3 and beyond."""
+
+FEW = 5
+"""Names that a sentence can bear."""
+
+PREDICTIVE = ("waic", "loo", "leave_one_run_out")
+"""Methods that leave out whole dwells or runs, so that coloured noise shows between these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is known of one term that methods differ on.
+
+    Attributes
+    ----------
+    term : its verdict.
+    kept : whether the decision keeps it; None where it says that the test cannot tell.
+    pull : standard deviations that the data alone put it from zero, under the full library.
+    ratio : posterior sd over prior sd.
+    line : pull from which the evidence keeps it, about; infinite where the data say nothing.
+    even : the same, were it as likely beforehand to be there as not.
+    range : of its inclusion over prior widths from 1/3 to 3.
+    keep : inclusion from which a term is kept.
+    others : how many other terms are in the decision's model, and how many there are.
+    alike : names of the terms whose estimates are strongly correlated with its own, and how strongly.
+    inflation : variance inflation by the other terms.
+    """
+
+    term: TermVerdict
+    kept: bool | None
+    pull: float
+    ratio: float
+    line: float
+    even: float
+    range: tuple[float, float]
+    keep: float
+    others: tuple[int, int]
+    alike: tuple[tuple[str, float], ...]
+    inflation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Differing:
+    """A method that differs on a term.
+
+    Attributes
+    ----------
+    method : its name.
+    line : pull from which it keeps a term, where it follows from a penalty; else NaN.
+    samples : effective sample size in that penalty; else NaN.
+    swapped : terms alike on which it differs the other way round.
+    coloured : runs whose noise was assumed white and is not.
+    """
+
+    method: str
+    line: float
+    samples: float
+    swapped: tuple[str, ...]
+    coloured: tuple[str, ...]
+
+
+def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> Case:
+    """What is known of the term `number` of a selection, which must be one that the test excites."""
+    term, column = selection.terms[number], selection.columns[number]
+    ratio, others = min(term.full_sd / term.prior_sd, 1.0), _others(selection, term.name)
+    keep = selection.costs.keep
+    informed = math.sqrt(max(1.0 - ratio**2, 0.0))
+    inclusion = sensitivity.inclusion[usual(sensitivity.widths), sensitivity.names.index(column)]
+    seen = selection.observability
+    return Case(
+        term=term,
+        kept=decided(term, selection),
+        pull=abs(term.full_mean) / term.full_sd / informed if informed > 0.0 else 0.0,
+        ratio=ratio,
+        line=_line_of_evidence(ratio, keep, (others[1] + 1.0 - others[0]) / (others[0] + 1.0)),
+        even=_line_of_evidence(ratio, keep, 1.0),
+        range=(float(inclusion.min()), float(inclusion.max())),
+        keep=keep,
+        others=others,
+        alike=_alike(selection, column),
+        inflation=float(seen.vif[seen.names.index(column)]),
+    )
+
+
+def decided(term: TermVerdict, selection: Selection) -> bool | None:
+    """Whether the decision keeps a term; None where it says that the test cannot tell."""
+    if term.verdict in ("inseparable", "unresolved"):
+        return None
+    return term.verdict == "needed" or (term.verdict == "undecided" and term.name in selection.model)
+
+
+def line_of(criterion: Criterion, kept: int, p: int) -> float:
+    """Pull from which a criterion keeps one more term: the square root of its penalty; NaN if it has none.
+
+    Beside `kept` terms, the noise scale counts as a parameter.
+
+    Parameters
+    ----------
+    criterion : which, with its effective sample size.
+    kept : terms that are in the model already.
+    p : candidates.
+
+    Examples
+    --------
+    >>> nothing = Criterion("aic", (), 0.0, 0.0, {}, 1, True, math.nan, math.nan)
+    >>> round(line_of(nothing, 3, 10), 3)
+    1.414
+    """
+    n = criterion.samples
+    penalty = {
+        "aic": lambda: 2.0,
+        "aicc": lambda: 2.0 * n * ((kept + 2) / (n - kept - 3.0) - (kept + 1) / (n - kept - 2.0)),
+        "bic": lambda: math.log(n),
+        "hqc": lambda: 2.0 * math.log(math.log(n)),
+        "ebic": lambda: math.log(n) + 2.0 * math.log(max(p - kept, 1) / (kept + 1)),
+    }.get(criterion.name)
+    if penalty is None or not (criterion.name == "aic" or n > kept + 3.0):
+        return math.nan
+    return math.sqrt(max(penalty(), 0.0))
+
+
+def cause_of(case: Case, other: Differing) -> str:
+    """Cause of a difference, the most telling first.
+
+    Terms that the test cannot tell apart, or that stand in for each other; noise that is coloured and was
+    taken as white, where dwells left out do not bear out an effect that seems strong; a prior whose width
+    decides; a model prior that does, since many or few of the other terms are there; penalties that draw
+    their lines on either side of the term; an effect so weak that all lines are near. What is none of these
+    is the method's own.
+    """
+    return next(cause for cause, holds, _ in _CAUSES if holds(case, other))
+
+
+def explained(case: Case, cause: str, others: Sequence[Differing], *, everyone: bool) -> str:
+    """One sentence on the methods that differ on a term for one cause: `everyone`, or only these."""
+    text = next(text for name, _, text in _CAUSES if name == cause)
+    verb = "drop" if case.kept else "keep"
+    methods = "every other method" if everyone else listed([other.method for other in others])
+    start = f"{methods} {verb}{'s' if everyone or len(others) == 1 else ''} {case.term.name}"
+    return f"{start}: {text(case, others)}"
+
+
+def _collinear(case: Case, other: Differing) -> bool:
+    return bool(case.term.confounded_with or other.swapped)
+
+
+def _coloured(case: Case, other: Differing) -> bool:
+    return bool(other.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
+
+
+def _by_width(case: Case, other: Differing) -> bool:
+    swings = case.range[0] < case.keep <= case.range[1]
+    return case.kept is not None and (swings or other.method == "g-prior")
+
+
+def _by_model_prior(case: Case, other: Differing) -> bool:
+    low, high = (case.line, case.even) if case.kept else (case.even, case.line)
+    return case.kept is not None and low <= case.pull < high
+
+
+def _by_penalty(case: Case, other: Differing) -> bool:
+    if case.kept is None or math.isnan(other.line):
+        return False
+    low, high = (case.line, other.line) if case.kept else (other.line, case.line)
+    return low < high and low / LENIENCE <= case.pull <= high * LENIENCE
+
+
+def _weak(case: Case, other: Differing) -> bool:
+    weak = case.ratio > UNRESOLVED or case.pull <= max(NEAR, LENIENCE * case.line)
+    return weak or case.term.verdict == "not needed"
+
+
+def _always(case: Case, other: Differing) -> bool:
+    return True
+
+
+def _of_collinearity(case: Case, others: Sequence[Differing]) -> str:
+    if partners := case.term.confounded_with:
+        return f"the test sees it only together with {_first(partners)}, and each method takes one of them"
+    swapped = tuple(dict.fromkeys(name for other in others for name in other.swapped))
+    shares = [abs(r) for name, r in case.alike if name in swapped]
+    verb = "left out" if not case.kept else "taken"
+    return (
+        f"{listed(swapped)} is {verb} in its place; their estimates are correlated at {max(shares):.2f}"
+        f" (variance inflation {case.inflation:.0f})"
+    )
+
+
+def _of_colour(case: Case, others: Sequence[Differing]) -> str:
+    runs = listed(others[0].coloured)
+    return (
+        f"the noise of {runs} was taken as white and is not, so that dwells differ by more than the evidence"
+        f" allows for, which puts it {case.pull:.1f} sd from zero"
+    )
+
+
+def _of_width(case: Case, others: Sequence[Differing]) -> str:
+    low, high = case.range
+    if low < case.keep <= high:
+        widths = "between a third and three times the prior's width"
+        return f"its inclusion goes from {low:.2f} to {high:.2f} {widths}"
+    return (
+        f"its own prior goes by the noise, not by the class, whose sd is {1.0 / case.ratio:.3g} times the"
+        f" posterior's (inclusion {case.term.inclusion:.2f})"
+    )
+
+
+def _of_model_prior(case: Case, others: Sequence[Differing]) -> str:
+    there, count = case.others
+    expected = "there" if case.kept else "out"
+    return (
+        f"it is {case.pull:.1f} sd from zero, where the evidence draws the line at about {case.line:.1f} and"
+        f" would at {case.even:.1f}, did it not expect it to be {expected}, since {there} of {count} other"
+        " terms are in the model"
+    )
+
+
+def _of_penalty(case: Case, others: Sequence[Differing]) -> str:
+    lines = listed([f"{other.method} {other.line:.1f}" for other in others])
+    counts = [other.samples for other in others if not math.isnan(other.samples)]
+    samples = f" ({counts[0]:,.0f} effective samples)" if counts else ""
+    return (
+        f"it is {case.pull:.1f} sd from zero, and the lines are drawn at {lines}{samples},"
+        f" {_line_and_why(case)}"
+    )
+
+
+def _of_weakness(case: Case, others: Sequence[Differing]) -> str:
+    if case.ratio > UNRESOLVED:
+        left = f"the data leave {100.0 * case.ratio:.0f} % of the prior's sd"
+        return f"{left}, and put it {case.pull:.1f} sd from zero"
+    if case.term.verdict == "not needed" and case.term.inclusion >= case.keep:
+        return f"it is there, {case.pull:.1f} sd from zero, and too small to matter: {case.term.reason}"
+    return (
+        f"it is {case.pull:.1f} sd from zero, a weak effect; the line of aic is at 1.4, {_line_and_why(case)}"
+    )
+
+
+def _of_method(case: Case, others: Sequence[Differing]) -> str:
+    return (
+        f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and"
+        " neither the prior's width nor another term explains it"
+    )
+
+
+_CAUSES: tuple[
+    tuple[str, Callable[[Case, Differing], bool], Callable[[Case, Sequence[Differing]], str]], ...
+] = (
+    ("collinearity", _collinear, _of_collinearity),
+    ("coloured noise", _coloured, _of_colour),
+    ("prior width", _by_width, _of_width),
+    ("model prior", _by_model_prior, _of_model_prior),
+    ("sample size", _by_penalty, _of_penalty),
+    ("weak effect", _weak, _of_weakness),
+    ("method", _always, _of_method),
+)
+"""Each cause: its name, whether it holds, and what to say. The first that holds is the cause."""
+
+
+def _first(names: Sequence[str]) -> str:
+    """Join names, or the first of many."""
+    return listed(names if len(names) <= FEW else (*names[: FEW - 1], f"{len(names) - FEW + 1} more"))
+
+
+def _line_and_why(case: Case) -> str:
+    kept, there = case.others
+    return (
+        f"that of the evidence at about {case.line:.1f} (its prior is {1.0 / case.ratio:.3g} times as wide as"
+        f" the posterior, and {kept} of {there} other terms are in the model)"
+    )
+
+
+def _others(selection: Selection, name: str) -> tuple[int, int]:
+    """How many other candidates are in the model, and how many there are."""
+    untested = {term.name for term in selection.terms if term.verdict == "untested"}
+    return len({*selection.model} - untested - {name}), len(selection.models.candidates.names) - 1
+
+
+def _line_of_evidence(ratio: float, keep: float, against: float) -> float:
+    """Pull t at which the posterior odds of a term equal those from which it is kept.
+
+    For a term by itself the Bayes factor is ``ratio exp(t^2 (1 - ratio^2) / 2)``.
+
+    Parameters
+    ----------
+    ratio : posterior sd over prior sd.
+    keep : inclusion from which it is kept.
+    against : prior odds against it; (m + 1 - k)/(k + 1) beside k of m others under the beta-binomial prior.
+    """
+    if not 0.0 < ratio < 1.0:
+        return math.inf
+    logs = math.log(keep / (1.0 - keep)) + math.log(against) - math.log(ratio)
+    return math.sqrt(max(2.0 * logs / (1.0 - ratio**2), 0.0))
+
+
+def _alike(selection: Selection, column: str) -> tuple[tuple[str, float], ...]:
+    """Candidates whose estimates under the full library are strongly correlated with that of a column."""
+    from imubayes.factor import invert_triangular
+
+    c = selection.models.candidates
+    scale = abs(float(c.whole[-1, -1])) / math.sqrt(max(c.dof - len(c.columns), 1)) or 1.0
+    inverse = invert_triangular(c.at(scale)[:-1, :-1])
+    directions = inverse / np.linalg.norm(inverse, axis=1)[:, None]
+    r = directions @ directions[c.columns.index(column)]
+    return tuple(
+        (name, float(r[c.columns.index(name)]))
+        for name in c.names
+        if name != column and abs(r[c.columns.index(name)]) >= ALIKE
+    )

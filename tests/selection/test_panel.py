@@ -1,0 +1,88 @@
+"""All methods on one component: what each is given, and that they speak of the same terms."""
+
+import math
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes.selection.decision import select
+from imubayes.selection.panel import coloured, panel_of
+from imubayes.sensors.noise import Noise, NoiseRule
+
+CRITERIA = ("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out")
+SPARSE = ("stlsq", "sr3", "ssr", "frols")
+
+
+def problem(options, plans, *, seed=3, noise=None, rule="estimate"):
+    """Summary, prior, rows and decision of a simulated accelerometer."""
+    sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", **options)
+    runs = ib.simulate(sensor, plans, seed=seed, noise=noise)
+    rules = {run.name: NoiseRule(rule) for run in runs}
+    summary, prior = ib.summarize(runs, lib, sensor=sensor, rules=rules), ib.prior(sensor, lib)
+    return summary, prior, [ib.linear_of(run, lib) for run in runs], select(summary, prior)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return problem({"powers": 2, "asymmetry": 0}, [ib.tumble(angles=12, planes=3), ib.centrifuge([1, 5, 20])])
+
+
+@pytest.fixture(scope="module")
+def panel(campaign):
+    return panel_of(*campaign, rng=np.random.default_rng(1), resamples=5)
+
+
+def test_every_method_speaks_of_every_candidate(campaign, panel):
+    names = campaign[3].models.candidates.names
+    assert tuple(c.name for c in panel.criteria) == CRITERIA
+    assert tuple(s.optimizer for s in panel.sindy) == SPARSE
+    assert all(tuple(c.inclusion) == names for c in panel.criteria)
+    assert all(s.names == names for s in panel.sindy)
+    assert panel.sensitivity.names == names
+    assert panel.votes.methods == ("evidence", "g-prior", *CRITERIA, *SPARSE)
+    assert np.isfinite(panel.votes.keeps).all()
+
+
+def test_the_evidence_votes_as_the_decision_does(campaign, panel):
+    selection = campaign[3]
+    votes = dict(zip(panel.votes.terms, panel.votes.keeps[0], strict=True))
+    tested = {term.name: term for term in selection.terms if term.verdict != "untested"}
+    assert set(votes) == set(tested)
+    assert {name for name, kept in votes.items() if kept} == set(selection.model) & set(tested)
+    strength = dict(zip(panel.votes.terms, panel.votes.strength[0], strict=True))
+    assert strength == {name: term.inclusion for name, term in tested.items()}
+
+
+def test_criteria_count_the_effective_samples_of_coloured_noise(campaign, panel):
+    rows = sum(len(run) for run in campaign[2])
+    counted = {c.name: c.samples for c in panel.criteria}
+    assert math.isnan(counted["aic"])
+    assert 0.0 < counted["bic"] < rows
+
+
+def test_too_many_subsets_are_those_that_the_evidence_finds_most_probable(campaign, panel, monkeypatch):
+    """With as few as 200 of 8192 models the criteria choose as with all, for theirs are among them."""
+    monkeypatch.setattr("imubayes.selection.panel.LARGEST", 5)
+    monkeypatch.setattr("imubayes.selection.panel.LISTED", 200)
+    told = panel_of(*campaign, rng=np.random.default_rng(1), resamples=2)
+    assert len(campaign[3].models.candidates.names) > 8
+    size = len(campaign[3].models.candidates.names)
+    assert {c.compared for c in told.criteria if c.name == "bic"} <= set(range(200, 400 + size))
+    assert not any(c.exact for c in told.criteria)
+    for few, all_of_them in zip(told.criteria, panel.criteria, strict=True):
+        assert few.model == all_of_them.model, few.name
+        assert few.value == pytest.approx(all_of_them.value, rel=1e-9)
+
+
+def test_white_noise_that_is_not_white_is_found_out():
+    lean = {"powers": 1, "asymmetry": 0}
+    plans = [ib.tumble(angles=12, planes=3, rate=1.0)]
+    drifting, white = Noise(6e-4, 4e-4, 1e-5), Noise(6e-4, 0.0, 0.0)
+    for rule, noise, found in (
+        ("white", drifting, ("tumble",)),
+        ("white", white, ()),
+        ("estimate", drifting, ()),
+    ):
+        summary, prior, rows, _ = problem(lean, plans, noise=noise, rule=rule)
+        assert coloured(summary, prior, rows) == found
