@@ -72,7 +72,7 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> Panel:
 
 
 def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
-    unit, scale = _time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
+    unit, scale = time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
     kept = _thinned(len(check.t), most)
     axes.axhspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
     dots(axes, check.t[kept] / scale, check.shown[kept], INK)
@@ -93,7 +93,8 @@ def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
     few_ticks(axes, 5, 4)
 
 
-def _time_unit(duration: float) -> tuple[str, float]:
+def time_unit(duration: float) -> tuple[str, float]:
+    """Unit in which a duration in s is shown, and how many s it has."""
     return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
+from imubayes.reporting.method_results import methods_block
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.sampled_results import (
     column_moments,
@@ -102,8 +103,7 @@ def _sensor(sensor: SensorResult) -> dict[str, Any]:
         ],
         "model": list(selection.model),
         "log_evidence": selection.log_evidence,
-        "criteria": {},
-        "sindy": {},
+        **methods_block(sensor),
         "mcmc": mcmc_block(sensor),
         "extras": [extra_entry(entry) for entry in sensor.extras],
         "distrusted": [distrusted_entry(dwell) for dwell in sensor.distrusted],

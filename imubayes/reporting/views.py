@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from imubayes.reporting import figures, fit_figures
 from imubayes.reporting.chain_views import SampledView, sampled_view
 from imubayes.reporting.chain_words import unconverged_sentence
+from imubayes.reporting.method_views import BesideView, beside_view
 from imubayes.reporting.rounding import NOISE_UNITS, Measured
 from imubayes.reporting.rows import (
     NoiseRow,
@@ -90,8 +91,10 @@ class SensorView:
     models : how many were weighed.
     noise, noise_units : rows of the noise table.
     drawn : whether there are figures; not of every component where they are many.
-    doubtful : whether the answer needs a warning: a run that does not fit, chains that have not converged.
+    doubtful : whether the answer needs a warning: a run that does not fit, a library that misses something,
+        chains that have not converged.
     sampled : what stands beside the exact posterior.
+    beside : other methods, what the library misses, groups.
     """
 
     anchor: str
@@ -113,6 +116,7 @@ class SensorView:
     drawn: bool
     doubtful: bool
     sampled: SampledView
+    beside: BesideView
 
 
 def sensor_views(result: StudyResult) -> tuple[SensorView, ...]:
@@ -151,7 +155,8 @@ def _trust(sensor: SensorResult) -> tuple[bool, float]:
 
 
 def _is_doubtful(sensor: SensorResult) -> bool:
-    return not all(check.fits for check in sensor.checks) or bool(unconverged_sentence(sensor))
+    misses = sensor.misfit is not None and bool(sensor.misfit.found)
+    return misses or not all(check.fits for check in sensor.checks) or bool(unconverged_sentence(sensor))
 
 
 def _view(sensor: SensorResult, key: str, fit: FitView, sampled: SampledView, *, drawn: bool) -> SensorView:
@@ -179,6 +184,7 @@ def _view(sensor: SensorResult, key: str, fit: FitView, sampled: SampledView, *,
         drawn=drawn,
         doubtful=_is_doubtful(sensor),
         sampled=sampled,
+        beside=beside_view(sensor, key, drawn=drawn, own_rows=fit.twin is None),
     )
 
 

@@ -13,6 +13,7 @@ from imubayes.reporting.chain_words import (
     sentence,
     unconverged_sentence,
 )
+from imubayes.reporting.method_words import missing_sentence
 from imubayes.reporting.rows import fit_scale, label, own_groups
 from imubayes.selection.verdicts import STRAINED, listed
 
@@ -47,6 +48,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_cannot_tell(sensor),
         distrust_sentence(sensor),
         fit_sentence(sensor),
+        missing_sentence(sensor.misfit, fits=all(check.fits for check in sensor.checks)),
     )
     return tuple(text for text in sentences if text)
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from panels import misfit_of, panel_of
 
 from imubayes.campaign import (
     Appendix,
@@ -30,7 +31,7 @@ from imubayes.planning.observability import Confounded, Observability
 from imubayes.rig.inputs import Source
 from imubayes.selection.decision import Selection
 from imubayes.selection.models import Models
-from imubayes.selection.verdicts import TermVerdict
+from imubayes.selection.verdicts import EQUAL, TermVerdict
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import Library, Term, library
 
@@ -99,7 +100,8 @@ def _selection(lib: Library, rows: dict[str, tuple[float, float, float, float, s
     widths = ((1 / 3, inclusion), (1.0, inclusion), (3.0, inclusion))
     return _partly(
         Selection, terms=terms, columns=lib.names, model=model, log_evidence=8124.2, models=models,
-        by_width=widths, observability=_observability(terms),
+        by_width=widths, observability=_observability(terms), groups=(),
+        costs=EQUAL,
     )  # fmt: skip
 
 
@@ -291,6 +293,14 @@ def repeatability(parameter: str = "b0", *, exceeds: bool = True, units: int = 3
     )  # fmt: skip
 
 
+def judged_result(sensor_id: str = "ACC-07", **options: object) -> SensorResult:
+    """One component with every other method beside its decision, a group, and a misfit."""
+    sensor = sensor_result(sensor_id, **options)
+    selection = replace(sensor.selection, groups=((("c_jj", "c_kk"), 0.52),))
+    sensor = replace(sensor, selection=selection)
+    return replace(sensor, panel=panel_of(sensor), misfit=misfit_of(sensor))
+
+
 APPENDIX = Appendix(
     "Effective samples a second", "One machine, one thread.", "pytest tests/benchmarks -m benchmark",
     ("sampler", "ess/s"), (("ours", "12,000"), ("stretch", "40")),
@@ -315,6 +325,11 @@ def make_study() -> Callable[..., StudyResult]:
 @pytest.fixture
 def make_sampled() -> Callable[..., SensorResult]:
     return sampled_result
+
+
+@pytest.fixture
+def make_judged() -> Callable[..., SensorResult]:
+    return judged_result
 
 
 @pytest.fixture
