@@ -2,13 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from time import monotonic
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.errors import TermError
+
+if TYPE_CHECKING:
+    from imubayes.selection.bounds import Problem
+    from imubayes.selection.branching import Listing
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+WordArray = NDArray[np.uint64]
+
+LARGEST = 128
+"""Most candidates: a model is two words of 64 bits."""
+
+FIRST = 10.0
+"""Log by which models of the first pass may fall below the best model known."""
+
+STEP = 5.0
+"""Most that the next pass goes further down."""
+
+TINY = 1e-300
+"""Share whose logarithm stands for that of none."""
+
+PASS = 2_000
+"""Nodes between two looks at the clock."""
+
+SHARE = 0.5
+"""Share of the time that branch and bound may take before the walk begins."""
+
+FIRST_SHARE = 0.15
+"""Share of the time that the first pass may take: the later ones take longer."""
+
+HOPE = 1.5
+"""Branch and bound goes on while its foreseen end exceeds its time by no more than this factor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,3 +68,264 @@ class Found:
     frequency: FloatArray
     error: FloatArray
     visited: int
+
+
+class _Limits(NamedTuple):
+    tolerance: float
+    seconds: float
+    end: float
+    most: int
+
+
+class _Pass(NamedTuple):
+    """How far down a pass went, by how much its bound fails, and when it ended, in seconds."""
+
+    depth: float
+    gap: float
+    at: float
+
+
+def search(
+    T: FloatArray,
+    log_width: FloatArray,
+    scale: float,
+    log_prior: FloatArray,
+    *,
+    needs: tuple[tuple[int, int], ...] = (),
+    tolerance: float = 1e-6,
+    time_limit: float = 10.0,
+    most: int = 2_000_000,
+    start: BoolArray | None = None,
+    rng: np.random.Generator,
+) -> Found:
+    """Find the models that carry the posterior, and bound what the others carry.
+
+    The log joint probability of a model M, up to what is common to all models, is::
+
+        -rss_M / (2 scale^2) - sum_{j in M} ln |r_jj| + sum_{j in M} log_width_j + log_prior[|M|]
+
+    with rss and r of the model's own triangular factor. Branch and bound (`selection.bounds`) goes down from
+    the best model in passes, each listing all models above a threshold, until the bound on the rest is
+    certified. Where the passes say that it will not be in time, a walk over the models
+    (`selection.model_walk`) takes the rest of the time, or less if it is steady before.
+
+    Parameters
+    ----------
+    T : (p + 1, p + 1) upper triangular factor of ``[X y]``, the prior's rows stacked under it.
+    log_width : (p,) ``ln(scale / sd)``, sd the prior's.
+    scale : the noise scale.
+    log_prior : (p + 1,) log prior probability of one model of each size.
+    needs : (child, parent) pairs; a model with a child and without its parent has no mass.
+    tolerance : largest share of the mass that may be missing.
+    time_limit : seconds in all.
+    most : most models to list.
+    start : (m, p) models found elsewhere, at another noise say: they are weighed anew, set the first
+        threshold and are where the walk starts.
+    rng : for the walk.
+
+    Raises
+    ------
+    TermError : if there are over 128 candidates, or needs run in a circle.
+
+    Examples
+    --------
+    >>> X = np.array([[9.0, 0.1], [0.3, 9.0], [1.0, 0.0], [0.0, 1.0]])  # two rows of data, two of the prior
+    >>> T = np.linalg.qr(np.column_stack((X, (20.0, 0.2, 0.0, 0.0))), mode="r")
+    >>> found = search(T, np.zeros(2), 1.0, np.log(np.full(3, 1 / 3)), rng=np.random.default_rng(1))
+    >>> found.certified, found.frequency.round(2).tolist()
+    (True, [1.0, 0.11])
+    """
+    from imubayes.selection.bounds import Problem
+    from imubayes.selection.branching import best_guess, levels
+
+    p = len(log_width)
+    if p > LARGEST:
+        raise TermError(f"{p} candidates are more than the {LARGEST} that are searched: leave out some")
+    log_prior = np.asarray(log_prior, float)
+    scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
+    problem = Problem(2.0 * scale**2, log_prior, _words(_all_needs(needs, p)))
+    known = np.zeros((0, p), dtype=bool) if start is None else start
+    weights = weigh(T, log_width, scale, log_prior, known)
+    known = known[np.argsort(-weights, kind="stable")]
+    top = max([best_guess(problem, levels(scaled)), *weights])
+    limits = _Limits(tolerance, time_limit, monotonic() + time_limit, most)
+    found = _branch_and_bound(scaled, problem, limits, top)
+    return found if found.certified else _walk(scaled, problem, found, limits, known, rng)
+
+
+def weigh(
+    T: FloatArray, log_width: FloatArray, scale: float, log_prior: FloatArray, inside: BoolArray
+) -> FloatArray:
+    """Log joint probability (m,) of given models, inside (m, p), as `search` defines it.
+
+    Columns that most models have come first and the models are sorted, so that neighbours share most of their
+    reflections: about a microsecond a model of a dozen columns.
+    """
+    from imubayes.selection.model_walk import log_joints
+
+    p = len(log_width)
+    order = np.argsort(-inside.sum(axis=0), kind="stable")
+    scaled = (T / np.append(np.exp(log_width), 1.0))[:, np.append(order, p)]
+    sorted_bits = np.ascontiguousarray(inside[:, order])
+    by_prefix = np.lexsort(tuple(np.packbits(sorted_bits, axis=1).T[::-1])) if len(inside) else []
+    out = np.empty(len(inside))
+    ordered = np.empty(len(inside))
+    turned = np.ascontiguousarray(np.linalg.qr(scaled, mode="r"))
+    log_joints(turned, 2.0 * scale**2, np.asarray(log_prior, float), sorted_bits[by_prefix], ordered)
+    out[by_prefix] = ordered
+    return out
+
+
+def _all_needs(needs: tuple[tuple[int, int], ...], p: int) -> BoolArray:
+    """(p, p) whether the column of each row needs that of each column, directly or through others."""
+    required = np.zeros((p, p), dtype=bool)
+    for child, parent in needs:
+        required[child, parent] = True
+    for j in range(p):
+        required |= required[:, j : j + 1] & required[j]
+    if required.diagonal().any():
+        raise TermError("needs run in a circle: a term cannot need itself, not even through others")
+    return required
+
+
+def _branch_and_bound(T: FloatArray, problem: Problem, limits: _Limits, top: float) -> Found:
+    """Pass after pass, each further down from `top`, until the bound is certified or will not be in time."""
+    from imubayes.selection.branching import Listing, explore, levels
+
+    room = limits.most + T.shape[0]
+    listing = Listing(np.empty((room, 2), np.uint64), np.empty(room), np.zeros(4))
+    explore(problem, levels(T), top, 0, listing)  # compiles, which does not count
+    begun = monotonic()
+    limits = limits._replace(end=begun + FIRST_SHARE * limits.seconds)
+    best, depth, passes = None, FIRST, []
+    while True:
+        found, ended = _one_pass(T, problem, top - depth, limits, listing)
+        passes.append(_Pass(depth, _gap(found, limits.tolerance), monotonic() - begun))
+        limits = limits._replace(end=begun + SHARE * limits.seconds)
+        best = found if best is None or found.log_missing < best.log_missing else best
+        if best.certified or not ended:
+            return best
+        step = _next_step(passes, limits.end - begun)
+        if step is None:
+            return best
+        depth += step
+
+
+def _one_pass(
+    T: FloatArray, problem: Problem, least: float, limits: _Limits, listing: Listing
+) -> tuple[Found, bool]:
+    """List all models above exp(least), and whether the pass came to its end."""
+    from imubayes.selection.branching import MODELS, NODES, explore, levels, missing
+
+    at = levels(T)
+    listing.sums[:] = 0.0
+    ended = False
+    while not ended and monotonic() < limits.end and listing.sums[MODELS] < limits.most:
+        ended = explore(problem, at, least, PASS, listing)
+    m = min(int(listing.sums[MODELS]), limits.most)
+    log_joint, log_missing = listing.log_joint[:m].copy(), missing(at, listing, least)
+    if m < listing.sums[MODELS]:
+        rest = np.logaddexp.reduce(listing.log_joint[m : int(listing.sums[MODELS])])
+        log_missing = float(np.logaddexp(log_missing, rest))
+    inside = _bits(listing.words[:m], T.shape[0] - 1)
+    return _found(inside, log_joint, log_missing, limits.tolerance, int(listing.sums[NODES])), ended
+
+
+def _found(
+    inside: BoolArray, log_joint: FloatArray, log_missing: float, tolerance: float, visited: int
+) -> Found:
+    """Inclusion by the listed models; what is missing is at most its error."""
+    total = np.logaddexp.reduce(log_joint) if len(log_joint) else -math.inf
+    share = (
+        math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0)) if log_missing < math.inf else 1.0
+    )
+    return Found(
+        inside,
+        log_joint,
+        log_missing,
+        share <= tolerance,
+        _inclusion(inside, log_joint),
+        np.full(inside.shape[1], share),
+        visited,
+    )
+
+
+def _inclusion(inside: BoolArray, log_joint: FloatArray) -> FloatArray:
+    """(p,) inclusion by the listed models; NaN if there are none."""
+    if not len(log_joint):
+        return np.full(inside.shape[1], math.nan)
+    weight = np.exp(log_joint - log_joint.max())
+    return np.array([weight[column].sum() for column in inside.T]) / weight.sum()
+
+
+def _gap(found: Found, tolerance: float) -> float:
+    """Log by which the bound still exceeds the tolerance."""
+    return math.log(max(found.error[0], TINY)) - math.log(max(tolerance, TINY))
+
+
+def _next_step(passes: list[_Pass], seconds: float) -> float | None:
+    """How much further down the next pass goes; None where certainty is farther than the time allows.
+
+    The bound on what is missing falls, and the time rises, about exponentially with the depth.
+    """
+    now = passes[-1]
+    if len(passes) == 1:
+        return min(now.gap, STEP)
+    before = passes[-2]
+    step = now.depth - before.depth
+    fall = max((before.gap - now.gap) / step, 0.05)
+    took = max(now.at - before.at, 1e-3)
+    earlier = max(before.at - (passes[-3].at if len(passes) > 2 else 0.0), 1e-3)
+    growth = max(math.log(took / earlier) / step, 0.0)
+    needed = 1.05 * now.gap / fall + 0.1
+    if now.at + took * math.exp(min(growth * needed, 50.0)) > HOPE * seconds:
+        return None
+    return min(needed, STEP)
+
+
+def _walk(
+    T: FloatArray, problem: Problem, found: Found, limits: _Limits, known: BoolArray, rng: np.random.Generator
+) -> Found:
+    """Walk over the models in parallel chains; what they visit joins what was found."""
+    from imubayes.selection.chains import walk_models
+
+    p = T.shape[0] - 1
+    first = known[0] if len(known) else np.zeros(p, dtype=bool)
+    if len(found.log_joint):
+        first = found.inside[np.argmax(found.log_joint)]
+    walked = walk_models(T, problem, first, _bits(problem.parents, p), limits.end, rng)
+    words = np.concatenate((_words(found.inside), walked.words))
+    log_joint = np.concatenate((found.log_joint, walked.log_joint))
+    inside, log_joint = _distinct(words, log_joint, limits.most, p)
+    return replace(
+        found,
+        inside=inside,
+        log_joint=log_joint,
+        frequency=walked.frequency,
+        error=walked.error,
+        visited=found.visited + walked.steps,
+    )
+
+
+def _distinct(words: WordArray, log_joint: FloatArray, most: int, p: int) -> tuple[BoolArray, FloatArray]:
+    """Each model once, the most probable first, at most `most` of them."""
+    order = np.lexsort(words.T)
+    words = words[order]
+    first = np.ones(len(words), dtype=bool)
+    first[1:] = (words[1:] != words[:-1]).any(axis=1)
+    words, log_joint = words[first], log_joint[order][first]
+    best = np.argsort(-log_joint, kind="stable")[:most]
+    return _bits(words[best], p), log_joint[best]
+
+
+def _words(inside: BoolArray) -> WordArray:
+    """Two words of 64 bits, (m, 2), of each row of `inside` (m, p)."""
+    bits = np.zeros((len(inside), LARGEST), dtype=bool)
+    bits[:, : inside.shape[1]] = inside
+    return np.packbits(bits, axis=1, bitorder="little").view("<u8").astype(np.uint64)
+
+
+def _bits(words: WordArray, p: int) -> BoolArray:
+    """Inverse of `_words`."""
+    packed = np.ascontiguousarray(words, "<u8").view(np.uint8)
+    return np.unpackbits(packed, axis=1, bitorder="little", count=p).astype(bool)
