@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +12,7 @@ from imubayes.factor import Factor, noise_scale
 from imubayes.selection.mixture import Candidates, log_flat, scale_components
 from imubayes.selection.model_prior import Needs
 from imubayes.selection.models import Models, Weighed, posterior_of
+from imubayes.selection.search import Found, search
 from imubayes.selection.spaces import listed
 
 FloatArray = NDArray[np.float64]
@@ -16,11 +20,14 @@ FloatArray = NDArray[np.float64]
 TOLERANCE = 1e-6
 """Posterior probability that the models which are not listed may carry together."""
 
-TIME_LIMIT = 20.0
-"""Seconds after which the search gives way to a walk over the models."""
+TIME_LIMIT = 8.0
+"""Seconds of a search; where it sees that half of them are too few, a walk over the models takes the rest."""
 
 SEED = 20231
-"""Of the walk, so that a study gives the same numbers twice."""
+"""Of the walk, so that it gives the same numbers twice."""
+
+MANY = 100
+"""Models by which a walk's share of the evidence is judged: those it stayed at longest."""
 
 
 def search_models(
@@ -37,8 +44,6 @@ def search_models(
     scale : the noise scale; None takes the one that the full library leaves, whose uncertainty, a share of
         ``1/sqrt(2 n)``, moves the log odds of a term t sd from zero by no more than ``t^2/sqrt(2 n)``.
     """
-    from imubayes.selection.search import search
-
     proper = np.isfinite(c.sd)
     sd = np.where(proper, c.sd, 1e8 * np.max(c.sd[proper]))
     held = noise_scale(Factor(c.columns, c.whole, c.dof), sd) if scale is None else scale
@@ -48,12 +53,20 @@ def search_models(
         np.log(held / c.sd[a:]),
         held,
         by_size,
-        needs=needs,
+        needs=tuple(needs),
         tolerance=TOLERANCE,
         time_limit=TIME_LIMIT,
         rng=np.random.default_rng(SEED),
     )
-    peak = float(found.log_joint.max())
-    space, weight = listed(found.inside, np.exp(found.log_joint - peak))
-    w = Weighed(c, space, np.array([held]), weight, peak + log_flat(c, T, held))
-    return posterior_of(names, w, scale_components(c, space, w.scales, weight))
+    space, weight = listed(found.inside, found.weight)
+    w = Weighed(c, space, np.array([held]), weight, _log_evidence(found) + log_flat(c, T, held))
+    posterior = posterior_of(names, w, scale_components(c, space, w.scales, weight))
+    if found.certified:
+        return replace(posterior, missing=float(found.error.max()))
+    return replace(posterior, missing=math.nan, error=float(found.error.max()))
+
+
+def _log_evidence(found: Found) -> float:
+    """Log of the summed joint probability of all models, from the share that some of them have of it."""
+    most = np.argsort(-found.weight, kind="stable")[:MANY]
+    return float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))

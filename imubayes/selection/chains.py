@@ -41,13 +41,15 @@ class Walked:
 
     Attributes
     ----------
-    words, log_joint : (n, 2) and (n,) of the models they came to, with repetitions.
+    words, log_joint : (n, 2) and (n,) of the models they were at, with repetitions.
+    stay : (n,) steps that they stayed there.
     frequency, error : (p,) inclusion and its standard error.
     steps : of all chains.
     """
 
     words: WordArray
     log_joint: FloatArray
+    stay: FloatArray
     frequency: FloatArray
     error: FloatArray
     steps: int
@@ -63,12 +65,11 @@ class _Chain:
         from imubayes.selection.model_walk import Record, take_steps
 
         p = len(self.state.column)
-        record = Record(
-            np.empty((STEPS, 2), np.uint64), np.empty(STEPS), np.empty(p), np.zeros(1, dtype=np.int64)
-        )
+        words, sums = np.empty((STEPS + 1, 2), np.uint64), np.empty((2, STEPS + 1))
+        record = Record(words, sums[0], sums[1], np.empty(p), np.zeros(1, dtype=np.int64))
         take_steps(problem, self.state, moves, self.rng.random((STEPS, 4 + p)), record)
         n = record.count[0]
-        return record._replace(words=record.words[:n], log_joint=record.log_joint[:n])
+        return record._replace(words=words[:n], log_joint=sums[0, :n], stay=sums[1, :n])
 
 
 def walk_models(
@@ -96,10 +97,12 @@ def walk_models(
             batch = list(pool.map(lambda chain: chain.batch(problem, how), chains))
             records += batch
             inclusion.append([record.inclusion for record in batch])
-    settled = np.array(inclusion)[len(inclusion) // 5 :]
+    first = len(inclusion) // 5
+    settled, kept = np.array(inclusion)[first:], records[CHAINS * first :]
     return Walked(
-        np.concatenate([record.words for record in records]),
-        np.concatenate([record.log_joint for record in records]),
+        np.concatenate([record.words for record in kept]),
+        np.concatenate([record.log_joint for record in kept]),
+        np.concatenate([record.stay for record in kept]),
         settled.mean(axis=(0, 1)),
         _standard_error(settled),
         len(records) * STEPS,

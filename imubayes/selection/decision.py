@@ -15,7 +15,7 @@ from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.observability import Observability, observe
-from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models, average, components_given, inclusion_given, inclusion_of_any
@@ -37,6 +37,9 @@ SURE_PULL = 5.0
 """Standard deviations from zero at which the data alone are sure of a coefficient."""
 
 NOMINAL = WIDTHS.index(1.0)
+
+FEW_NOISES = 4
+"""Draws of the noise that are averaged over where the models of each must be searched for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -249,6 +252,8 @@ def _at_every_width(excited: _Excited, noises: Sequence[NoiseDraw], log_evidence
     """
     if not noises:
         return _Widths(tuple(excited.weighed(width) for width in WIDTHS), {})
+    candidates = len(excited.factor.names) - len(excited.always)
+    noises = noises if candidates <= LARGEST else noises[:: max(1, len(noises) // FEW_NOISES)]
     log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
     models = (
         average([excited.weighed(width, noise.factor) for noise in noises], log_weight) for width in WIDTHS

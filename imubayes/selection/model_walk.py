@@ -48,10 +48,11 @@ class State(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What a chain leaves: words (n, 2), log joint (n,) of the models it came to, mean inclusion (p,)."""
+    """What a chain leaves: words (n, 2), log joint and steps (n,) of the models it was at; inclusion (p,)."""
 
     words: NDArray[np.uint64]
     log_joint: FloatArray
+    stay: FloatArray
     inclusion: FloatArray
     count: NDArray[np.int64]
 
@@ -97,6 +98,7 @@ def take_steps(problem, state, moves, uniform, record):
     scratch, inverse = np.zeros((2, p + 1)), np.zeros((p, p))
     record.inclusion[:] = 0.0
     record.count[0] = 0
+    _note(state, record)
     for n in range(len(uniform)):
         _copy(state, other)
         kind = uniform[n, 0]
@@ -112,12 +114,13 @@ def take_steps(problem, state, moves, uniform, record):
         if moved:
             _copy(other, state)
             _note(state, record)
+        record.stay[record.count[0] - 1] += 1.0
         k = state.size[0]
         for j in range(p):
             flip = state.flip[j]
             record.inclusion[state.column[j]] += 1.0 - flip if j < k else flip
     record.inclusion[:] /= len(uniform)
-    return record.count[0] / len(uniform)
+    return (record.count[0] - 1) / len(uniform)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -135,6 +138,7 @@ def _note(state, record):
     m = record.count[0]
     record.words[m] = _words(state)
     record.log_joint[m] = state.log_joint[0]
+    record.stay[m] = 0.0
     record.count[0] = m + 1
 
 

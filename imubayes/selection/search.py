@@ -15,6 +15,7 @@ from imubayes.errors import TermError
 if TYPE_CHECKING:
     from imubayes.selection.bounds import Problem
     from imubayes.selection.branching import Listing
+    from imubayes.selection.chains import Walked
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -53,6 +54,8 @@ class Found:
     ----------
     inside : (m, p) which candidates are in each model; no model twice.
     log_joint : (m,) log of p(data | model) p(model), as `search` defines it.
+    weight : (m,) posterior probability of each: in proportion to its joint probability where all that matter
+        are listed, to the time that the walk was there where they are not.
     log_missing : log of a bound on the summed joint probability of all models that are not listed; +inf where
         there is none.
     certified : whether that bound is below the tolerance asked for.
@@ -63,6 +66,7 @@ class Found:
 
     inside: BoolArray
     log_joint: FloatArray
+    weight: FloatArray
     log_missing: float
     certified: bool
     frequency: FloatArray
@@ -242,6 +246,7 @@ def _found(
     return Found(
         inside,
         log_joint,
+        np.exp(log_joint - total),
         log_missing,
         share <= tolerance,
         _inclusion(inside, log_joint),
@@ -286,7 +291,7 @@ def _next_step(passes: list[_Pass], seconds: float) -> float | None:
 def _walk(
     T: FloatArray, problem: Problem, found: Found, limits: _Limits, known: BoolArray, rng: np.random.Generator
 ) -> Found:
-    """Walk over the models in parallel chains; what they visit joins what was found."""
+    """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
     from imubayes.selection.chains import walk_models
 
     p = T.shape[0] - 1
@@ -294,28 +299,28 @@ def _walk(
     if len(found.log_joint):
         first = found.inside[np.argmax(found.log_joint)]
     walked = walk_models(T, problem, first, _bits(problem.parents, p), limits.end, rng)
-    words = np.concatenate((_words(found.inside), walked.words))
-    log_joint = np.concatenate((found.log_joint, walked.log_joint))
-    inside, log_joint = _distinct(words, log_joint, limits.most, p)
+    inside, log_joint, weight = _distinct(walked, limits.most, p)
     return replace(
         found,
         inside=inside,
         log_joint=log_joint,
+        weight=weight,
+        log_missing=math.inf,
         frequency=walked.frequency,
         error=walked.error,
         visited=found.visited + walked.steps,
     )
 
 
-def _distinct(words: WordArray, log_joint: FloatArray, most: int, p: int) -> tuple[BoolArray, FloatArray]:
-    """Each model once, the most probable first, at most `most` of them."""
-    order = np.lexsort(words.T)
-    words = words[order]
+def _distinct(walked: Walked, most: int, p: int) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Each model once, its log joint and share of the steps: those of most steps, at most `most` of them."""
+    order = np.lexsort(walked.words.T)
+    words = walked.words[order]
     first = np.ones(len(words), dtype=bool)
     first[1:] = (words[1:] != words[:-1]).any(axis=1)
-    words, log_joint = words[first], log_joint[order][first]
-    best = np.argsort(-log_joint, kind="stable")[:most]
-    return _bits(words[best], p), log_joint[best]
+    stay = np.add.reduceat(walked.stay[order], np.flatnonzero(first))
+    best = np.argsort(-stay, kind="stable")[:most]
+    return _bits(words[first][best], p), walked.log_joint[order][first][best], stay[best] / stay[best].sum()
 
 
 def _words(inside: BoolArray) -> WordArray:

@@ -49,15 +49,17 @@ def test_long_walk_visits_models_as_often_as_they_are_probable(silent, needs):
     T, problem, exact = _problem(p, silent, needs)
     state, how = begin(T, np.zeros(p, dtype=bool), problem), moves(T)
     rng = np.random.default_rng(4)
-    inclusion, logs = [], []
+    inclusion, logs, stays = [], [], np.zeros(1 << p)
     for _ in range(batches):
-        record = Record(
-            np.empty((steps, 2), np.uint64), np.empty(steps), np.empty(p), np.zeros(1, dtype=np.int64)
-        )
+        words, sums = np.empty((steps + 1, 2), np.uint64), np.empty((2, steps + 1))
+        record = Record(words, *sums, np.empty(p), np.zeros(1, dtype=np.int64))
         take_steps(problem, state, how, rng.random((steps, 4 + p)), record)
         n = record.count[0]
         inclusion.append(record.inclusion)
+        np.add.at(stays, record.words[:n, 0].astype(np.int64), record.stay[:n])
         logs.append(np.abs(record.log_joint[:n] - exact[record.words[:n, 0].astype(np.int64)]).max())
+    assert stays.sum() == steps * batches
+    assert np.abs(fold(stays, p)[0] / stays.sum() - np.mean(inclusion, axis=0)).max() < 0.02
     sums, total = fold(np.exp(exact - exact.max()), p)
     settled = np.array(inclusion)
     error = settled.std(axis=0, ddof=1) / math.sqrt(batches)
