@@ -8,7 +8,7 @@ test whether what is left is noise.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,6 +30,7 @@ from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
+from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
 from imubayes.inference.sessions import Repeatability, SessionEstimate, repeatability
 from imubayes.inference.triad import COMPONENTS, calibration
@@ -127,11 +128,12 @@ class _Job:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Told:
-    """What is said of one component: the decision, the residuals, and the other methods."""
+    """What is said of one component: the decision, the residuals, the other methods, what is missing."""
 
     selection: Selection
     checks: tuple[ResidualCheck, ...]
     panel: Panel | None
+    misfit: Misfit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +160,8 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
         for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
         if isinstance(run, Run)
     )
-    told = _Told(selection, checks, _panel(job, ready, posterior, selection))
+    inputs = [run.inputs.channels for run in ready.runs if isinstance(run, Run)]
+    told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
     return _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
 
 
@@ -168,15 +171,17 @@ def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
     job.tell("stills, noise and linearisation")
     found, ready = prepare_triad(spec, runs)
     posterior = _sampled(job, ready)
+    inputs = [dict(zip(("f_i", "f_j", "f_k"), force.T, strict=True)) for _, _, force in found.residuals]
     checks = tuple(
-        judge(left, rows, s, dict(zip(("f_i", "f_j", "f_k"), force.T, strict=True)))
-        for (left, rows, force), s in zip(found.residuals, found.summary.runs, strict=True)
+        judge(left, rows, s, channels)
+        for (left, rows, _), s, channels in zip(found.residuals, found.summary.runs, inputs, strict=True)
     )
+    misfit = _misfit(job, ready, inputs)
     told: list[_Told] = []
     for name, lib in zip(COMPONENTS, found.triad.libraries, strict=True):
         job.tell(f"every model of {len(lib.terms)} terms of {name}")
         selection = select(ready.summary, ready.prior, lib, component=name, **_asked(job, posterior))
-        told.append(_Told(selection, checks, _panel(job, ready, posterior, selection)))
+        told.append(_Told(selection, checks, _panel(job, ready, posterior, selection), misfit))
     theta = np.array([term.mean for one in told for term in one.selection.terms])
     nominal = [nominal_columns(spec, name) for name in COMPONENTS]
     rows = calibration(replace(found.triad, theta=theta), nominal)
@@ -241,6 +246,12 @@ def _panel(job: _Job, ready: Prepared, posterior: _Posterior, selection: Selecti
     )
 
 
+def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray]]) -> Misfit:
+    """Ask whether the residuals depend on an input in a way that the library does not contain."""
+    rng = np.random.default_rng([*job.seed, 3])
+    return find_misfit(ready.rows, inputs, ready.summary, ready.prior.sd, rng=rng)
+
+
 def _result(
     job: _Job,
     name: str,
@@ -271,6 +282,7 @@ def _result(
         extras=_extras(ready, selection, chains),
         distrusted=ready.distrusted,
         panel=told.panel,
+        misfit=told.misfit,
     )
 
 

@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
+from scipy.stats import f as f_test
+
+from imubayes import factor as algebra
+from imubayes.factor import Factor
+from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
+from imubayes.inference.linear import Linear, blocks_of
+from imubayes.inference.reml import estimate, span
+from imubayes.inference.summary import RunSummary, Summary
+from imubayes.inference.whiten import whiten, whitener
+from imubayes.rig.runs import OUTPUT_UNIT
+from imubayes.sensors.noise import Noise
 
 FloatArray = NDArray[np.float64]
 
@@ -54,3 +68,262 @@ class Misfit:
     found: tuple[Dependence, ...]
     predictive_p: dict[str, float]
     text: str
+
+
+SHOWN = 12
+"""Groups of blocks, of each branch, that a dependence is shown in."""
+
+CHANCE = 0.01
+"""Probability below which chance does not explain a dependence: that of a false alarm per component."""
+
+LEFT = 1e-4
+"""Share of a function that the library must leave over for it to be told from the library."""
+
+SPARE = 5
+"""Degrees of freedom that must be left to judge the noise by."""
+
+HERMITE = (
+    (0.0, 8.0 / 15.0),
+    (1.3556262, 0.2220759),
+    (-1.3556262, 0.2220759),
+    (2.8569700, 0.0112574),
+    (-2.8569700, 0.0112574),
+)
+"""Nodes in sds and weights of a mean over a normal distribution, exact to the ninth power."""
+
+DRAWS = 1000
+"""Posterior draws behind a predictive p-value."""
+
+
+def find_misfit(
+    rows: Sequence[Linear],
+    channels: Sequence[Mapping[str, FloatArray]],
+    summary: Summary,
+    sd: FloatArray,
+    *,
+    rng: np.random.Generator,
+) -> Misfit:
+    """Look for what the library does not contain.
+
+    In each run the library is set against the library plus a free function of one input: piecewise linear
+    between nine knots, with a jump where the input changes sign. For temperature and the component's own
+    input there is a second look, at hysteresis: beside a free function of the input, at what lags behind it
+    by some play (a sum of play operators, continuous where the input turns). Both are generalised least
+    squares over averages of blocks, and the F test has the degrees of freedom that the library leaves to the
+    function within the run.
+
+    The noise is estimated anew with each function in the mean, under the class's prior: the noise of the
+    library alone has long taken what is missing for random walk. A p-value is the mean over the uncertainty
+    of ln B and ln K. Where the noise was given it is taken as it is, and so it is for time, whose wandering
+    belongs to the noise unless it is beyond it.
+
+    The p-values are multiplied by the number of looks at all runs (Bonferroni). Inputs of a test go together,
+    so one that chance does not explain is named only for what those before it do not explain; time, of which
+    everything is a function, comes last.
+
+    The predictive p-value of a run is the probability that its averages, predicted anew from posterior draws
+    of the coefficients, lie farther from the model than the measured ones do. Where the run's own residuals
+    gave the noise, it speaks of disagreement between the runs.
+
+    Parameters
+    ----------
+    rows : of each run, with the columns of `summary`.
+    channels : (n,) arrays by input of each run, SI; of a free tumble the forces that were found.
+    summary : of the same runs.
+    sd : (p,) prior sd of every column, SI.
+    rng : for the posterior draws.
+    """
+    lib = summary.library
+    own = lib.own if lib and not summary.facts.reference_free else ""
+    looks = [
+        look
+        for part, inputs, run in zip(rows, channels, summary.runs, strict=True)
+        for look in looks_at(part, inputs, run, own)
+    ]
+    tested = [(look, one) for look in looks if (one := _dependence(look)) is not None]
+    tested = [(look, replace(one, p=min(1.0, one.p * len(tested)))) for look, one in tested]
+    suspects = [(look, one) for look, one in tested if one.p < CHANCE]
+    found = [
+        one
+        for run in summary.runs
+        for one in _apart([pair for pair in suspects if pair[0].run is run], len(tested))
+    ]
+    draws = _draws(summary.factor, sd, rng)
+    return Misfit(
+        dependences=tuple(sorted((one for _, one in tested), key=_worst)),
+        found=tuple(sorted(found, key=_worst)),
+        predictive_p={
+            run.name: _predictive(part, run, draws) for part, run in zip(rows, summary.runs, strict=True)
+        },
+        text=_text(found, OUTPUT_UNIT[lib.kind if lib else "accelerometer"]),
+    )
+
+
+def _worst(one: Dependence) -> tuple[bool, float, float]:
+    return one.input == TIME, one.p, -one.share
+
+
+def _apart(suspects: list[tuple[Look, Dependence]], looks: int) -> Iterator[Dependence]:
+    """Dependences of a run that those before them do not explain, worst first."""
+    while suspects:
+        suspects = sorted(suspects, key=lambda pair: _worst(pair[1]))
+        (explaining, worst), *others = suspects
+        yield worst
+        suspects = []
+        for look, before in others:
+            look = replace(look, beside=np.column_stack((look.beside, explaining.columns)))
+            left = _dependence(look)
+            if left is not None and left.p * looks < CHANCE:
+                suspects.append((look, replace(before, p=left.p * looks)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A free function on top of the library, under one noise.
+
+    Attributes
+    ----------
+    p : p-value of the F test.
+    share : of what the library leaves, in units of the noise, that the function explains.
+    scale : variance of what is left, over the noise's.
+    amplitude : (r,) of orthonormal shapes.
+    shape : (m, r) each of them where it is, SI, without what the library could take over from it.
+    """
+
+    p: float
+    share: float
+    scale: float
+    amplitude: FloatArray
+    shape: FloatArray
+
+
+def _dependence(look: Look) -> Dependence | None:
+    """Test one free function; None where the library leaves nothing of it, or too little beside it."""
+    (_, likeliest), *others = noises = _noises(look)
+    fit = _fit(look, likeliest)
+    if fit is None:
+        return None
+    also = [_fit(look, noise) for _, noise in others]
+    ps = [fit.p, *(fit.p if one is None else one.p for one in also)]
+    wander = fit.shape @ fit.amplitude
+    chance = fit.scale * float(np.mean(np.sum(fit.shape**2, axis=1)))
+    x, mean, sd, branch = _shown(look, wander, fit.shape * math.sqrt(fit.scale))
+    return Dependence(
+        run=look.run.name,
+        input=look.input,
+        p=sum(weight * p for (weight, _), p in zip(noises, ps, strict=True)),
+        share=fit.share,
+        size=math.sqrt(max(0.0, float(np.mean(wander**2)) - chance)),
+        x=x,
+        mean=mean,
+        sd=sd,
+        branch=branch,
+    )
+
+
+def _fit(look: Look, noise: Noise) -> _Fit | None:
+    beside = np.column_stack((look.blocks.X, look.beside))
+    p = beside.shape[1]
+    white = np.column_stack((beside, look.columns, look.blocks.y))
+    white = whiten(whitener(noise, look.blocks.rows), white)
+    basis = span(white[:, :p])
+    size = np.linalg.norm(white[:, p:-1], axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    left = _off(basis, np.column_stack((white[:, p:-1] / size, white[:, -1])))
+    U, s, Vt = np.linalg.svd(left[:, :-1], full_matrices=False)
+    told = s > LEFT
+    rank = int(told.sum())
+    dof = len(white) - basis.shape[1] - rank
+    if rank == 0 or dof < SPARE:
+        return None
+    amplitude = U[:, told].T @ left[:, -1]
+    total, explained = float(left[:, -1] @ left[:, -1]), float(amplitude @ amplitude)
+    scale = max(total - explained, np.finfo(float).tiny) / dof
+    return _Fit(
+        p=float(f_test.sf(explained / rank / scale, rank, dof)),
+        share=explained / total,
+        scale=scale,
+        amplitude=amplitude,
+        shape=_off(span(beside), look.columns / size) @ (Vt[told].T / s[told]),
+    )
+
+
+def _noises(look: Look) -> list[tuple[float, Noise]]:
+    """Noise of a run with a free function in the mean: the likeliest, and others by their weights."""
+    run, prior = look.run, look.run.noise_prior
+    if run.noise_origin != "REML" or look.input == TIME:
+        return [(1.0, run.noise)]
+    mean = replace(look.blocks, X=np.column_stack((look.blocks.X, look.beside, look.columns)))
+    found = estimate(mean, (prior[0], prior[1], prior[2]) if prior else None)
+    N, B, K = found.noise.N, found.noise.B, found.noise.K
+    nodes = [
+        (b_weight * k_weight, Noise(N, B * math.exp(b * found.sd[1]), K * math.exp(k * found.sd[2])))
+        for b, b_weight in HERMITE
+        for k, k_weight in HERMITE
+    ]
+    return sorted(nodes, key=lambda node: -node[0])
+
+
+def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
+    """What orthonormal columns leave of others; taken off twice, so that rounding goes too."""
+    left = columns - basis @ (basis.T @ columns)
+    return left - basis @ (basis.T @ left)
+
+
+def _shown(
+    look: Look, wander: FloatArray, shape: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Averages over groups of blocks with alike input: input, dependence, standard error, branch."""
+    groups = [
+        group
+        for side in ((-1.0, 1.0) if look.branch.any() else (0.0,))
+        for group in np.array_split(_sorted(look, side), SHOWN)
+        if len(group)
+    ]
+    return (
+        np.array([look.x[g].mean() for g in groups]),
+        np.array([wander[g].mean() for g in groups]),
+        np.array([float(np.linalg.norm(shape[g].mean(axis=0))) for g in groups]),
+        np.array([look.branch[g[0]] for g in groups]),
+    )
+
+
+def _sorted(look: Look, side: float) -> NDArray[np.int64]:
+    """Blocks of a branch by increasing input."""
+    inside = np.flatnonzero(look.branch == side)
+    return inside[np.argsort(look.x[inside], kind="stable")]
+
+
+def _draws(f: Factor, sd: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Posterior draws (p, draws) of all columns."""
+    T = algebra.with_prior_rows(f.R, 1.0 / sd)
+    z = T[:-1, -1:] + rng.standard_normal((len(sd), DRAWS))
+    return algebra.solve_triangular(T[:-1, :-1], z)
+
+
+def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:
+    """Probability that averages predicted anew lie farther from the model than the measured ones."""
+    blocks = blocks_of(rows, BLOCKS)
+    white = whiten(whitener(run.noise, blocks.rows), np.column_stack((blocks.X, blocks.y)))
+    R = np.linalg.qr(white)[1]
+    distance = np.sum((R[:, -1:] - R[:, :-1] @ draws) ** 2, axis=0)
+    return float(np.mean(chi2.sf(distance, len(white))))
+
+
+def _text(found: Sequence[Dependence], unit: str) -> str:
+    if not found:
+        return "Residuals depend neither on an input nor on time by more than chance."
+    shows = "; ".join(f"{_where(d)} (p {_small(d.p)}, rms {d.size:.2g} {unit})" for d in found)
+    return f"There is something the library does not contain: it shows in {shows}."
+
+
+def _where(found: Dependence) -> str:
+    name = found.input.removeprefix(HYSTERESIS)
+    if name == found.input:
+        return f"{'time' if name == TIME else name} in run {found.run}"
+    sides = "heating and cooling" if name == "T" else "rising and falling"
+    return f"{name} between {sides} in run {found.run}"
+
+
+def _small(p: float) -> str:
+    return f"= {p:.1g}" if p > 1e-12 else "below 1e-12"

@@ -19,6 +19,7 @@ from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import Inputs, Run, Source, TriadRun, sampling_interval
 from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
 from imubayes.rig.simulate import simulate
+from imubayes.rig.thermal import temperature_rate, thermal
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
@@ -36,14 +37,20 @@ OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s
 TRIAD = ("ax", "ay", "az")
 """Outputs of a reference-free run, along the case axes."""
 
-_INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T")
+_INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
 MOUNT = "mount"
 """Column with the number of each row's plane or mount."""
 
 RUN_CHANNELS = ("t", "output", *_INPUTS, MOUNT)
 """Columns of a run with known inputs."""
 
-PROFILES = {"static": static, "tumble": tumble, "rate-table": rate_table, "centrifuge": centrifuge}
+PROFILES = {
+    "static": static,
+    "tumble": tumble,
+    "rate-table": rate_table,
+    "centrifuge": centrifuge,
+    "thermal": thermal,
+}
 """Procedures that can be simulated, by the function that plans them."""
 
 _MOST_MOUNTS = 2**31
@@ -92,10 +99,10 @@ def read_run(spec: RunSpec, kind: Kind) -> Run | TriadRun:
 
     Returns
     -------
-    a `TriadRun` for the procedure ``free-tumble``, else a `Run`. The channel ``dT`` is the derivative of
-    the recorded temperature (central differences), where there is one. Input channels that the file does
-    not have are absent (zero), and the source's notes say so; without a column ``mount`` the whole run is
-    one mounting.
+    a `TriadRun` for the procedure ``free-tumble``, else a `Run`. Where the file has a temperature and no
+    ``dT``, that channel is the rate of the recorded temperature (see `temperature_rate`). Input channels that
+    the file does not have are absent (zero), and the source's notes say so; without a column ``mount`` the
+    whole run is one mounting.
 
     Raises
     ------
@@ -172,9 +179,9 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     output, mount = values.pop("output"), values.pop(MOUNT, None)
     check_output(table, columns["output"])
     notes = (*epoch, *_notes(t, {"output": output}), *_assumed(kind, values))
-    if "T" in values:
-        values["dT"] = np.gradient(values["T"], t)
-        notes = (*notes, "dT/dt is the derivative of the recorded temperature")
+    if "T" in values and "dT" not in values:
+        values["dT"] = temperature_rate(t, values["T"])
+        notes = (*notes, "dT/dt is the smoothed derivative of the recorded temperature")
     channels = {name: _frozen(column) for name, column in values.items()}
     whole = None if mount is None else _whole(table, columns[MOUNT], mount)
     inputs = Inputs(t, channels, sampling_interval(t), whole)

@@ -140,7 +140,15 @@ def library_of(kind: Kind, names: Iterable[str]) -> Library:
 def _every_term(kind: Kind) -> dict[str, Term]:
     most = HIGHEST_POWER
     names = library(kind, powers=most, asymmetry=most, set="extended").names
-    every = library(kind, powers=most, asymmetry=most, set="extended", temperature=most, temperature_of=names)
+    every = library(
+        kind,
+        powers=most,
+        asymmetry=most,
+        set="extended",
+        temperature=most,
+        temperature_of=names,
+        rate_of=names,
+    )
     return {term.name: term for term in every.terms}
 
 

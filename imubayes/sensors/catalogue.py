@@ -110,7 +110,8 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     - a gyroscope's Koq-like ``b2p`` is half of its quadratic nonlinearity;
     - each power of T - T0 beyond the first divides by half the temperature range, and a term without a
       temperature coefficient of its own varies by 1e-3 per kelvin;
-    - a bias by dT/dt that the catalogue does not give is the temperature coefficient times 60 s.
+    - a term by dT/dt that the catalogue does not give is its temperature coefficient times 60 s: the
+      sensing element lags behind its thermometer by about a minute, and reads ``T - 60 s dT/dt``.
 
     Raises
     ------
@@ -126,7 +127,7 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     """
     base, _, heat = term.name.partition("*")
     if heat == "dT":
-        return _drift_sd(sensor_class)
+        return _drift_sd(sensor_class, base)
     sd, origin = _isothermal_sd(sensor_class, base)
     return _heated_sd(sensor_class, base, int(heat[1:] or 1), sd) if heat else (sd, origin)
 
@@ -258,7 +259,7 @@ _HIGHEST = {"": 3, "p": 2}
 """Highest power of the own input in the catalogue, without and with the sign."""
 
 _DRIFT_TIME = 60.0
-"""s; a dT/dt coefficient over the temperature coefficient where none is given (order of magnitude)."""
+"""s; lag of a sensing element behind its thermometer, where the catalogue gives none (order of magnitude)."""
 
 _HEAT_SENSITIVITY = 1e-3
 """1/K; relative change of a coefficient by temperature where none is given (order of magnitude)."""
@@ -304,8 +305,9 @@ def _heated_sd(entry: SensorClass, base: str, power: int, sd: float) -> tuple[fl
     return size / half ** (power - 1), f"assumed: {origin} over half the temperature range"
 
 
-def _drift_sd(entry: SensorClass) -> tuple[float, str]:
-    if "Tdot" in entry.coefficients:
+def _drift_sd(entry: SensorClass, base: str) -> tuple[float, str]:
+    """Sd of a term times dT/dt: the catalogue's for the bias, else a lag behind the thermometer."""
+    if base == "b0" and "Tdot" in entry.coefficients:
         return _size(entry, "Tdot")
-    size, origin = _size(entry, "T0")
-    return size * _DRIFT_TIME, f"assumed: {origin} times 60 s"
+    size, origin = _heated_sd(entry, base, 1, _isothermal_sd(entry, base)[0])
+    return size * _DRIFT_TIME, f"assumed: {origin.removeprefix('assumed: ')} times 60 s"

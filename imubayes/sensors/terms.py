@@ -96,6 +96,7 @@ def library(
     set: Literal["slide", "extended"] = "slide",
     temperature: int = 0,
     temperature_of: tuple[str, ...] = ("b0", "b1"),
+    rate_of: tuple[str, ...] = ("b0",),
 ) -> Library:
     """Candidate terms of an accelerometer or a gyroscope.
 
@@ -106,13 +107,14 @@ def library(
     asymmetry : N_a', the highest power that also comes times the sign of the input; -1 for none.
     set : ``slide`` is exactly the slides' equation; ``extended`` adds the diagonal of S and, for a
         gyroscope, linear g-sensitivity and angular acceleration.
-    temperature : highest power of T - T0 that multiplies each term of `temperature_of`; with 1 or more
-        the rate of temperature joins as ``b0*dT``.
+    temperature : highest power of T - T0 that multiplies each term of `temperature_of`; 0 for no term of
+        temperature at all.
     temperature_of : names of the terms that are expanded in temperature.
+    rate_of : names of the terms that also come times dT/dt (``b0*dT``), where `temperature` is 1 or more.
 
     Raises
     ------
-    TermError : if an order is out of range, or a name in `temperature_of` is not a term.
+    TermError : if an order is out of range, or a name in `temperature_of` or `rate_of` is not a term.
 
     Examples
     --------
@@ -122,13 +124,11 @@ def library(
     _check_orders(kind, powers, asymmetry, temperature, set)
     terms = [*_polynomial(kind, powers, asymmetry), *_cross(kind), *_opposite(kind, set)]
     by_name = {term.name: term for term in terms}
-    unknown = [name for name in temperature_of if name not in by_name]
-    if temperature and unknown:
-        raise TermError(f"temperature_of names '{unknown[0]}', which is not a term of this library")
     if temperature:
+        _check_expanded(by_name, {"temperature_of": temperature_of, "rate_of": rate_of})
         orders = range(1, temperature + 1)
         terms += [_heated(kind, by_name[name], q) for name in temperature_of for q in orders]
-        terms.append(_drifting(kind, by_name["b0"]))
+        terms += [_drifting(kind, by_name[name]) for name in rate_of]
     return Library(kind, tuple(terms))
 
 
@@ -233,6 +233,19 @@ def _check_orders(kind: str, powers: int, asymmetry: int, temperature: int, set:
             raise TermError(f"{name} = {value} is out of range: expected {low} to {HIGHEST_POWER}")
 
 
+def _check_expanded(known: Mapping[str, Term], asked: Mapping[str, tuple[str, ...]]) -> None:
+    for option, names in asked.items():
+        for name in names:
+            if name not in known:
+                raise TermError(
+                    f"{option} names '{name}', which is not a term of this library: "
+                    f"expected some of {', '.join(known)}"
+                )
+        twice = [name for k, name in enumerate(names) if name in names[:k]]
+        if twice:
+            raise TermError(f"{option} names '{twice[0]}' twice: expected each term once")
+
+
 def _own(kind: Kind) -> str:
     return "f" if kind == "accelerometer" else "w"
 
@@ -292,10 +305,10 @@ def _heated(kind: Kind, term: Term, q: int) -> Term:
     return Term(name, _symbol(kind, name), (*term.factors, Factor("T", q)), unit, printed, "temperature")
 
 
-def _drifting(kind: Kind, bias: Term) -> Term:
-    unit, printed = _per(bias.unit, "(K/s)"), _per(bias.printed, "(degC/min)")
-    factors = (*bias.factors, Factor("dT", 1))
-    return Term("b0*dT", _symbol(kind, "b0*dT"), factors, unit, printed, "temperature")
+def _drifting(kind: Kind, term: Term) -> Term:
+    name, factors = f"{term.name}*dT", (*term.factors, Factor("dT", 1))
+    unit, printed = _per(term.unit, "(K/s)"), _per(term.printed, "(degC/min)")
+    return Term(name, _symbol(kind, name), factors, unit, printed, "temperature")
 
 
 def _per(unit: str, divisor: str) -> str:

@@ -14,6 +14,7 @@ from imubayes.rig.profiles import centrifuge, rate_table, static, tumble
 from imubayes.rig.record import write_run
 from imubayes.rig.runs import PROFILES, RunSpec, plan_run, read_run, simulate_runs
 from imubayes.rig.simulate import simulate
+from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 
@@ -102,9 +103,17 @@ def test_units_of_the_header_become_si(tmp_path):
     np.testing.assert_allclose(run.inputs.channels["f_i"], rows[:, 2] * G, rtol=1e-15)
     np.testing.assert_allclose(run.inputs.channels["w_j"], np.deg2rad(rows[:, 3]), rtol=1e-15)
     np.testing.assert_allclose(run.inputs.channels["T"], rows[:, 4] + 273.15, rtol=1e-15)
-    np.testing.assert_allclose(
-        run.inputs.channels["dT"], np.gradient(run.inputs.channels["T"], run.inputs.t), rtol=1e-15
-    )
+    T = run.inputs.channels["T"]
+    np.testing.assert_array_equal(run.inputs.channels["dT"], temperature_rate(run.inputs.t, T))
+    assert "dT/dt is the smoothed derivative of the recorded temperature" in run.source.notes
+
+
+def test_a_recorded_rate_of_temperature_is_taken_as_it_is(tmp_path):
+    rows = _rows(4)
+    path = _csv(tmp_path, "t [s],output [g],T [degC],dT [degC/min]", rows)
+    run = read_run(RunSpec("a", "thermal", path), "accelerometer")
+    np.testing.assert_allclose(run.inputs.channels["dT"], rows[:, 3] / 60.0, rtol=1e-15)
+    assert not any("dT/dt" in note for note in run.source.notes)
 
 
 def test_study_says_what_counts_are(tmp_path):
@@ -202,6 +211,7 @@ def test_every_profile_becomes_a_plan_under_the_runs_name(procedure):
         "static": {"duration": 5.0, "rate": 2.0},
         "rate-table": {"rates": (1.0,)},
         "centrifuge": {"levels": (2.0,)},
+        "thermal": {"temperatures": (300.0,)},
     }
     spec = RunSpec("bench 3", procedure, simulate={"profile": procedure, **needed.get(procedure, {})})
     plan = plan_run(spec)

@@ -28,9 +28,9 @@ every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{e
 
 
 def _term(kind: str, name: str) -> Term:
-    lib = library(
-        kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=("b0", "b1", "m_j")
-    )
+    heated = ("b0", "b1", "m_j")
+    options = {"powers": 6, "asymmetry": 5, "set": "extended", "temperature": 2}
+    lib = library(kind, **options, temperature_of=heated, rate_of=heated)
     return lib.terms[lib.names.index(name)]
 
 
@@ -41,7 +41,9 @@ def _sd(id: str, kind: str, name: str) -> float:
 @every_class
 def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
     names = library(entry.kind, powers=6, asymmetry=5, set="extended").names
-    lib = library(entry.kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=names)
+    lib = library(
+        entry.kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=names, rate_of=names
+    )
     for term in lib.terms:
         sd, origin = prior_sd(entry, term)
         assert 0.0 < sd < math.inf, term.name
@@ -111,6 +113,8 @@ def test_every_figure_is_in_a_unit_of_what_it_measures(entry):
         ("mems_tactical", "accelerometer", "b0*T", 30e-6 * G),
         ("mems_tactical", "accelerometer", "b1*T2", 15e-6 / 69.5),
         ("mems_tactical", "accelerometer", "b0*dT", 30e-6 * G * 60.0),
+        ("mems_tactical", "accelerometer", "b1*dT", 15e-6 * 60.0),
+        ("mems_tactical", "accelerometer", "m_j*dT", 400e-6 * 1e-3 * 60.0),
         ("mems_tactical", "accelerometer", "m_j*T2", 400e-6 * 1e-6),
         ("fog_tactical", "gyroscope", "b0", DEG / 3600.0),
         ("fog_tactical", "gyroscope", "b0p", 0.05 * DEG / 3600.0),
@@ -135,7 +139,7 @@ def test_prior_is_the_typical_figure_in_si(id, kind, name, sd):
 
 def test_assumed_priors_say_that_they_are_assumed():
     entry = sensor("mems_tactical", kind="gyroscope")
-    for name in ("b2p", "b4", "b3p", "b0*T2", "m_j*T", "b0*dT"):
+    for name in ("b2p", "b4", "b3p", "b0*T2", "m_j*T", "b0*dT", "b1*dT", "m_j*dT"):
         assert prior_sd(entry, _term("gyroscope", name))[1].startswith("assumed: "), name
     assert prior_sd(entry, _term("gyroscope", "b1p"))[1] == "half of the typical sasym"
 

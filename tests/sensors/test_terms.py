@@ -94,6 +94,26 @@ def test_temperature_terms_are_their_base_times_powers_of_the_deviation(kind):
     np.testing.assert_array_equal(X["b0*dT"], channels["dT"])
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_rate_terms_are_their_base_times_the_rate_of_temperature(kind):
+    channels, bases = _inputs(seed=5), ("b0", "b1", "b1p", "m_k", "c_jk")
+    lib = library(kind, temperature=1, temperature_of=(), rate_of=bases)
+    assert [term.name for term in lib.terms if term.group == "temperature"] == [f"{b}*dT" for b in bases]
+    X = dict(zip(lib.names, columns(lib, channels, ROWS).T, strict=True))
+    for base in bases:
+        # products in another order of factors: one rounding each
+        np.testing.assert_allclose(X[f"{base}*dT"], X[base] * channels["dT"], rtol=1e-15, err_msg=base)
+    assert not any("dT" in name for name in library(kind, temperature=2, rate_of=()).names)
+    assert library(kind, rate_of=bases).names == library(kind).names
+
+
+def test_rate_terms_are_printed_by_degrees_a_minute():
+    lib = library("accelerometer", temperature=1, rate_of=("b0", "b1"))
+    printed = {term.name: (term.unit, term.printed) for term in lib.terms}
+    assert printed["b0*dT"] == ("m/s^2/(K/s)", "ug/(degC/min)")
+    assert printed["b1*dT"] == ("1/(K/s)", "ppm/(degC/min)")
+
+
 def test_slide_set_is_exactly_the_slides_terms():
     shared = [
         "b0",
@@ -150,7 +170,7 @@ def test_printed_unit_measures_the_coefficient_that_the_si_unit_does(kind):
     base = "m/s^2" if kind == "accelerometer" else "rad/s"
     names = library(kind, powers=6, asymmetry=5, set="extended").names
     for term in library(
-        kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=names
+        kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=names, rate_of=names
     ).terms:
         assert factor(term.unit, like=term.unit) == pytest.approx(1.0, rel=1e-15), term.name
         assert factor(term.printed, like=term.unit) > 0.0
@@ -200,7 +220,9 @@ def test_small_misalignment_has_the_signs_of_ieee_1293():
         ({"asymmetry": -2}, "asymmetry = -2"),
         ({"temperature": -1}, "temperature = -1"),
         ({"set": "full"}, "set 'full'"),
-        ({"temperature": 1, "temperature_of": ("b9",)}, "'b9'"),
+        ({"temperature": 1, "temperature_of": ("b9",)}, "temperature_of names 'b9'"),
+        ({"temperature": 1, "rate_of": ("b9",)}, "rate_of names 'b9'"),
+        ({"temperature": 1, "rate_of": ("b0", "b1", "b0")}, "rate_of names 'b0' twice"),
     ],
 )
 def test_library_that_does_not_exist_is_refused(options, message):

@@ -1,0 +1,181 @@
+"""What the library lacks is found where it is, and nothing is found where nothing is lacking."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import imubayes as ib
+from imubayes.inference.free_functions import HYSTERESIS
+from imubayes.inference.linear import linear_of
+from imubayes.inference.misfit import CHANCE, find_misfit
+from imubayes.inference.prior import class_sd
+from imubayes.sensors.catalogue import draw_unit
+from imubayes.sensors.noise import Noise, NoiseRule
+
+TACTICAL = ib.sensor("mems_tactical", kind="accelerometer")
+TUMBLE = ib.tumble(dwell=10.0)
+ARM = ib.centrifuge([1, 5, 20], mounts=8, dwell=10.0)
+CHAMBER = ib.thermal(
+    [253.0, 293.0, 333.0, 293.0, 253.0], positions=4, dwell=30.0, soak=600.0, ramp=1.0 / 30.0, rate=0.5
+)
+
+
+def misfit_of(runs, lib, *, entry=TACTICAL, rules=None, seed=1):
+    rows = [linear_of(run, lib) for run in runs]
+    summary = ib.summarize(runs, lib, sensor=entry, rules=rules)
+    channels = [run.inputs.channels for run in runs]
+    return find_misfit(rows, channels, summary, class_sd(entry, lib), rng=np.random.default_rng(seed))
+
+
+def lacking(truth, plan, lib, seed=5):
+    return misfit_of(ib.simulate(TACTICAL, [TUMBLE, plan], seed=seed, truth=truth), lib)
+
+
+def test_missing_cubic_shows_in_the_own_input():
+    found = lacking({"b0": 0.01, "b3": 3e-8}, ARM, ib.library("accelerometer", powers=2)).found
+    assert (found[0].run, found[0].input) == ("centrifuge", "f_i")
+
+
+def test_missing_asymmetry_shows_in_the_own_input_with_its_shape():
+    lib = ib.library("accelerometer", powers=3, asymmetry=-1)
+    found = lacking({"b0": 0.01, "b1p": 2e-4}, ARM, lib).found
+    assert (found[0].run, found[0].input) == ("centrifuge", "f_i")
+    # |f| less what a cubic takes of it is lowest at zero, and bends up to both sides of it
+    x, mean = found[0].x, found[0].mean
+    near, far = np.abs(x) < 0.2 * np.max(x), np.abs(np.abs(x) - 0.5 * np.max(x)) < 0.3 * np.max(x)
+    assert mean[near].min() < mean[far].mean()
+
+
+def test_missing_square_of_temperature_shows_in_temperature():
+    lib = ib.library("accelerometer", temperature=1)
+    found = lacking({"b0": 0.01, "b0*T": 3e-4, "b0*T2": 5e-6}, CHAMBER, lib).found
+    assert (found[0].run, found[0].input) == ("thermal", "T")
+    # the parabola 5e-6 (T - T0)^2 less its straight line, averaged over the record: two routes to its size
+    T = CHAMBER.inputs.channels["T"]
+    parabola = 5e-6 * (T - T.mean()) ** 2
+    left = parabola - np.polyval(np.polyfit(T, parabola, 1), T)
+    assert found[0].size == pytest.approx(left.std(), rel=0.2)
+
+
+def with_hysteresis(size):
+    """Chamber run of a sensor whose bias lags behind the temperature by a tenth of its range."""
+    (run,) = ib.simulate(TACTICAL, [CHAMBER], seed=5, truth={"b0": 0.01, "b0*T": 3e-4})
+    T = run.inputs.channels["T"]
+    dragged, lag = T[0], np.empty(len(T))
+    for k, value in enumerate(T):
+        dragged = min(max(dragged, value - 8.0), value + 8.0)
+        lag[k] = (value - dragged) / 8.0
+    return replace(run, output=run.output + size * lag)
+
+
+def test_hysteresis_shows_between_heating_and_cooling():
+    misfit = misfit_of([with_hysteresis(3e-3)], ib.library("accelerometer", temperature=2, rate_of=()))
+    worst = misfit.found[0]
+    assert worst.input == "hysteresis of T"
+    assert "something the library does not contain" in misfit.text
+    assert "T between heating and cooling in run thermal (p " in misfit.text
+    # what heating adds over cooling in the middle is the loop's width
+    sides = [(np.abs(worst.x - 293.0) < 5.0) & (worst.branch == side) for side in (1.0, -1.0)]
+    up, down = (worst.mean[side].mean() for side in sides)
+    sd = np.hypot(*(worst.sd[side].mean() for side in sides))
+    assert sd < 5e-4 and up - down == pytest.approx(6e-3, abs=4.0 * sd)
+
+
+def test_hysteresis_shows_beside_a_term_of_the_rate_that_cannot_mend_it():
+    misfit = misfit_of([with_hysteresis(3e-3)], ib.library("accelerometer", temperature=2))
+    assert misfit.found[0].input == "hysteresis of T"
+
+
+def test_sensor_without_hysteresis_has_the_same_residuals_on_both_branches():
+    assert not misfit_of([with_hysteresis(0.0)], ib.library("accelerometer", temperature=2)).found
+
+
+def rate_steps(truth, seed):
+    """Steps of a rate table, input axis up, in white noise that is known: a classical lack-of-fit test."""
+    gyro = ib.sensor("mems_tactical", kind="gyroscope")
+    levels = [-3.0, -1.0, -0.3, 0.4, 1.0, 3.0]
+    plan = ib.rate_table(levels, mounts=1, dwell=10.0, rate=1.0, settle=2.0, latitude=0.0)
+    noise = Noise(1e-4, 0.0, 0.0)
+    (run,) = ib.simulate(gyro, [plan], seed=seed, truth=truth, noise=noise)
+    lib = ib.library("gyroscope", powers=1, asymmetry=-1)
+    rules = {run.name: NoiseRule("fixed", noise)}
+    return run, misfit_of([run], lib, entry=gyro, rules=rules, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_p_value_is_that_of_the_classical_lack_of_fit_test(seed):
+    run, misfit = rate_steps({"b0": 1e-3, "b1": 1e-3, "b2": 2e-5}, seed)
+    w, y = run.inputs.channels["w_i"], run.output - run.inputs.channels["w_i"]
+    levels = np.unique(w)
+    pure = sum(float(np.sum((y[w == level] - y[w == level].mean()) ** 2)) for level in levels)
+    line = float(np.sum((y - np.polyval(np.polyfit(w, y, 1), w)) ** 2))
+    more, dof = len(levels) - 2, len(w) - len(levels)
+    p = stats.f.sf((line - pure) / more / (pure / dof), more, dof)
+    (one,) = (d for d in misfit.dependences if d.input == "w_i")
+    assert one.p == pytest.approx(min(1.0, len(misfit.dependences) * p), rel=1e-8)
+    assert one.share == pytest.approx((line - pure) / line, rel=1e-8)
+
+
+def test_p_values_of_noise_alone_are_uniform_where_the_noise_is_known():
+    found = [rate_steps({"b0": 1e-3}, seed)[1] for seed in range(60)]
+    p = [d.p / len(m.dependences) for m in found for d in m.dependences if d.input == "w_i" and d.p < 1.0]
+    # corrected p-values stop at 1: below, they are uniform between 0 and one over the number of looks
+    looks = len(found[0].dependences)
+    assert stats.binomtest(len(p), 60, 1.0 / looks).pvalue > 1e-4
+    assert stats.kstest(np.array(p) * looks, "uniform").pvalue > 1e-4
+
+
+def test_predictive_p_values_of_the_true_model_are_not_extreme_and_a_shifted_run_is():
+    lib = ib.library("accelerometer")
+    noise = Noise(6e-4, 2e-4, 1e-6)
+    runs = ib.simulate(TACTICAL, [TUMBLE, ARM], seed=3, truth={"b0": 0.01}, noise=noise)
+    rules = {run.name: NoiseRule("fixed", noise) for run in runs}
+    assert all(0.001 < p < 0.999 for p in misfit_of(runs, lib, rules=rules).predictive_p.values())
+    shifted = (runs[0], replace(runs[1], output=runs[1].output + 0.02))
+    assert min(misfit_of(shifted, lib, rules=rules).predictive_p.values()) < 1e-6
+
+
+def well_specified(seed, runs=2):
+    """Misfit of a unit drawn from its class whose library holds all there is."""
+    rng = np.random.default_rng([11, seed])
+    kind = ("accelerometer", "gyroscope")[seed % 2]
+    names = {
+        "accelerometer": ("mems_tactical", "mems_industrial"),
+        "gyroscope": ("mems_tactical", "fog_tactical"),
+    }
+    entry = ib.sensor(names[kind][seed // 2 % 2], kind=kind)
+    if kind == "accelerometer":
+        plans, lib = [ARM, CHAMBER], ib.library(kind, temperature=2)
+    else:
+        table = ib.rate_table([-3.0, -1.0, -0.3, 0.3, 1.0, 3.0], dwell=10.0)
+        plans, lib = [table, CHAMBER], ib.library(kind, set="extended", temperature=2)
+    made = ib.simulate(entry, plans[:runs], seed=rng, truth=draw_unit(entry, lib, rng))
+    return misfit_of(made, lib, entry=entry, seed=seed)
+
+
+def test_few_false_alarms():
+    """At one in a hundred, 3 or more of 8 have a probability of 5e-5."""
+    alarms = sum(bool(well_specified(seed, runs=1).found) for seed in range(8))
+    assert alarms < 3
+
+
+@pytest.mark.slow
+def test_false_alarms_are_no_more_than_one_sensor_in_a_hundred():
+    """Of 300 sensors 3 are expected, and no more than 9 within 4 standard errors."""
+    number = 300
+    alarms = sum(bool(well_specified(seed).found) for seed in range(number))
+    expected = CHANCE * number
+    assert alarms <= expected + 4.0 * np.sqrt(expected)
+
+
+def test_every_input_that_varies_is_looked_at_once():
+    misfit = lacking({"b0": 0.01}, CHAMBER, ib.library("accelerometer", temperature=1))
+    looked = [d.input for d in misfit.dependences if d.run == "thermal"]
+    assert sorted(looked) == sorted({*looked})
+    assert {"T", "dT", "t", f"{HYSTERESIS}T"} <= set(looked)
+    for d in misfit.dependences:
+        assert len(d.x) == len(d.mean) == len(d.sd) == len(d.branch)
+        assert 0.0 <= d.p <= 1.0 and 0.0 <= d.share <= 1.0 and (d.sd > 0.0).all()
+        assert d.branch.any() == d.input.startswith(HYSTERESIS)

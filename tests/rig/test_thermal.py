@@ -1,0 +1,137 @@
+"""Soaks and ramps of a chamber, and the rate of a temperature as thermometers record it."""
+
+import numpy as np
+import pytest
+
+import imubayes as ib
+from imubayes.errors import InputError
+from imubayes.factor import posterior
+from imubayes.inference.prior import class_sd
+from imubayes.rig.thermal import temperature_rate
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import columns
+
+G = 9.80665
+UP_AND_DOWN = [253.0, 293.0, 333.0, 293.0, 253.0]
+
+
+def chamber(**options):
+    return ib.thermal(UP_AND_DOWN, **{"dwell": 30.0, "soak": 600.0, "rate": 0.5, **options}).inputs
+
+
+def test_temperature_is_the_integral_of_its_rate():
+    inputs = chamber()
+    T, dT = inputs.channels["T"], inputs.channels["dT"]
+    # the rate holds from a sample to the next, except where a ramp starts or ends between them
+    steps = np.diff(T) - dT[:-1] * np.diff(inputs.t)
+    assert np.max(np.abs(steps)) <= np.max(np.abs(dT)) * 2.0
+    inside = (dT[1:] == dT[:-1]) & (dT[:-1] != 0.0)
+    assert np.max(np.abs(steps[inside])) < 1e-10
+    assert sorted(set(np.round(T[dT == 0.0], 9))) == [253.0, 293.0, 333.0]
+    np.testing.assert_allclose(np.abs(dT[dT != 0.0]), 1.0 / 60.0, rtol=1e-15)
+
+
+def test_sensor_is_at_rest_under_gravity_in_as_many_directions_as_asked():
+    for positions in (1, 2, 6, 9):
+        channels = chamber(positions=positions).channels
+        f = np.array([channels.get(f"f_{axis}", np.zeros(len(channels["T"]))) for axis in "ijk"])
+        np.testing.assert_allclose(np.linalg.norm(f, axis=0), G, rtol=1e-15)
+        # during ramps the input axis points both ways, whatever the positions
+        assert len(np.unique(f.T.round(6), axis=0)) == max(positions, 2)
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+def test_two_positions_tell_scale_from_bias_over_temperature(kind):
+    bases = ("b0", "b1")
+    lib = ib.library(kind, powers=1, asymmetry=-1, temperature=2, temperature_of=bases, rate_of=bases[:1])
+    inputs = chamber(positions=2, turning=1.0 if kind == "gyroscope" else 0.0)
+    wanted = [j for j, name in enumerate(lib.names) if name.partition("*")[0] in bases]
+    X = columns(lib, inputs.channels, len(inputs))[:, wanted]
+    spread = np.linalg.svd(X / np.linalg.norm(X, axis=0), compute_uv=False)
+    assert len(wanted) == 7 and spread[-1] > 0.05 * spread[0]
+
+
+def test_terms_by_temperature_and_its_rate_come_back_from_a_simulated_chamber():
+    entry = ib.sensor("mems_tactical", kind="accelerometer")
+    lib = ib.library("accelerometer", powers=1, asymmetry=-1, temperature=2, rate_of=("b0", "b1"))
+    truth = {"b0": 5e-3, "b0*T": 4e-4, "b0*T2": 5e-6, "b1*T": 2e-5, "b0*dT": 0.1, "b1*dT": 8e-3}
+    plan = ib.thermal(UP_AND_DOWN, dwell=30.0, soak=600.0, rate=0.5)
+    runs = ib.simulate(entry, [plan], seed=3, truth=truth)
+    mean, sd = posterior(ib.summarize(runs, lib, sensor=entry).factor, class_sd(entry, lib))
+    pull = (mean - np.array([truth.get(name, 0.0) for name in lib.names])) / sd
+    seen = np.isin(lib.names, [*truth, "b1", "b1*T2", "m_j", "m_k"])
+    assert np.max(np.abs(pull[seen])) < 4.0
+    strong = dict(zip(lib.names, np.abs(mean) / sd, strict=True))
+    assert strong["b0*dT"] > 8.0 and strong["b1*dT"] > 8.0
+
+
+def recorded(noise, step, seed=1):
+    """Record a chamber's trapezoid at 2 Hz: time, true temperature and rate, and what a thermometer read."""
+    t = np.arange(0.0, 4200.0, 0.5)
+    corners = np.array([0.0, 600.0, 1500.0, 2400.0, 3000.0, 4200.0])
+    levels = np.array([300.0, 300.0, 345.0, 345.0, 320.0, 320.0])
+    slopes = np.diff(levels) / np.diff(corners)
+    rate = slopes[np.searchsorted(corners, t, side="right") - 1]
+    T = np.interp(t, corners, levels)
+    read = T + noise * np.random.default_rng(seed).standard_normal(len(t))
+    return t, T, rate, np.round(read / step) * step if step else read
+
+
+@pytest.mark.parametrize(("noise", "step"), [(0.0, 0.0), (0.02, 0.0), (0.2, 0.0), (0.0, 0.0625), (0.1, 0.25)])
+def test_coefficient_of_a_derived_rate_is_neither_shortened_by_noise_nor_stretched_by_smoothing(noise, step):
+    """Noise may shorten it by RATE_NOISE^2 = 0.25 %; rounded corners may stretch it by twice that."""
+    t, T, rate, read = recorded(noise, step)
+    derived = temperature_rate(t, read)
+    X = np.column_stack((np.ones(len(t)), T - T.mean(), derived))
+    coefficient = np.linalg.lstsq(X, rate, rcond=None)[0][2]
+    assert coefficient == pytest.approx(1.0, abs=0.0075)
+
+
+def test_central_differences_of_the_same_record_would_lose_the_coefficient():
+    t, T, rate, read = recorded(0.1, 0.25)
+    X = np.column_stack((np.ones(len(t)), T - T.mean(), np.gradient(read, t)))
+    assert np.linalg.lstsq(X, rate, rcond=None)[0][2] < 0.1
+
+
+def test_rate_of_a_parabola_is_exact_also_beside_gaps():
+    t = np.concatenate((np.arange(0.0, 300.0), np.arange(2000.0, 2500.0)))
+    T = 290.0 + 0.01 * t - 3e-6 * t**2
+    rate = 0.01 - 6e-6 * t
+    # between averages the rate is interpolated, which is exact for a straight line
+    np.testing.assert_allclose(temperature_rate(t, T), rate, rtol=0.0, atol=1e-9 * np.max(np.abs(rate)))
+
+
+@pytest.mark.parametrize(("number", "expected"), [(1, 0.0), (2, 0.5), (4, 0.5), (9, 0.5)])
+def test_rate_of_a_short_record(number, expected):
+    t = np.arange(float(number))
+    np.testing.assert_allclose(temperature_rate(t, 300.0 + 0.5 * t), expected, atol=1e-12)
+
+
+def test_constant_temperature_has_no_rate():
+    assert not temperature_rate(np.arange(100.0), np.full(100, 300.0)).any()
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "options", "message"),
+    [
+        ([], {}, "expected one temperature above 0 K"),
+        ([-40.0], {}, "expected one temperature above 0 K"),
+        ([float("nan")], {}, "expected one temperature above 0 K"),
+        ([300.0], {"positions": 10}, "expected 1 to 9"),
+        ([300.0], {"ramp": 0.0}, "expected more than zero"),
+        ([300.0], {"dwell": -1.0}, "expected more than zero"),
+    ],
+)
+def test_chamber_that_cannot_be_run_is_refused(temperatures, options, message):
+    with pytest.raises(InputError, match=message):
+        ib.thermal(temperatures, **options)
+
+
+def test_noise_free_output_is_what_the_temperature_terms_make_of_the_plan():
+    entry, inputs = ib.sensor("mems_tactical", kind="accelerometer"), chamber()
+    truth = {"b0*T2": 1e-5, "b1*dT": 1e-3}
+    plan = ib.thermal(UP_AND_DOWN, dwell=30.0, soak=600.0, rate=0.5)
+    (run,) = ib.simulate(entry, [plan], seed=1, truth=truth, noise=Noise(0.0, 0.0, 0.0))
+    c = inputs.channels
+    expected = c["f_i"] + 1e-5 * (c["T"] - 298.15) ** 2 + 1e-3 * c["f_i"] * c["dT"]
+    np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-14 * G)
