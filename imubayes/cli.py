@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from imubayes.campaign import Sampling
+    from imubayes.quality.trials import QualityStudy
     from imubayes.sensors.catalogue import SensorClass
 
 app = typer.Typer(
@@ -91,12 +92,19 @@ def _run(
     ] = None,
 ) -> None:
     """Decide which terms each sensor needs; write the report."""
-    from imubayes.config import read_study
+    from imubayes.config import read_quality, read_study
     from imubayes.reporting.document import write_results
     from imubayes.reporting.tables import terminal_summary
     from imubayes.study import run
 
     folder = _usable(out or Path("reports") / study.stem)
+    if quality := read_quality(study):
+        if resume or any(option is not None for option in (method, time_limit, ess)):
+            raise InputError(
+                "--method, --resume, --time-limit and --ess are of chains, which this study has none of"
+            )
+        _measure(quality, folder)
+        return
     read = read_study(study)
     sampling = _overruled(read.sampling, method, ess, time_limit)
     if resume:
@@ -105,6 +113,18 @@ def _run(
     result = run(replace(read, sampling=sampling), progress=_progress())
     files = write_results(result, folder)
     _show(terminal_summary(result))
+    _written(folder, files)
+
+
+def _measure(quality: QualityStudy, folder: Path) -> None:
+    """Measure how good the decision is; write the report."""
+    from imubayes.quality.measure import measure
+    from imubayes.reporting.quality_page import terminal_quality, write_quality
+
+    found = measure(quality, progress=_progress())
+    with _complete(folder) as part:
+        files = write_quality(found, part)
+    _show(terminal_quality(found))
     _written(folder, files)
 
 

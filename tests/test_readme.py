@@ -16,7 +16,7 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
 from imubayes.campaign import ExtraPosterior, Sampling
-from imubayes.config import read_study, shapes
+from imubayes.config import read_quality, read_study, shapes
 from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
@@ -39,12 +39,14 @@ STUDY = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
 SHAPES = {
     "[study]": shapes.HeaderTable,
     "[sampling]": shapes.SamplingTable,
+    "[decision]": shapes.DecisionTable,
     "[[sensor]]": shapes.SensorTable,
     "[sensor.library]": shapes.LibraryTable,
     "[[sensor.run]]": shapes.RunTable,
     "gravity": shapes.SiteTable,
     "[sensor.run.columns]": shapes.ColumnTable,
     **shapes.SIMULATED,
+    "[quality]": shapes.QualityTable,
     "[[appendix]]": shapes.AppendixTable,
 }
 """Shape of the table that each section of docs/study.md describes."""
@@ -150,7 +152,9 @@ def _anchor(title: str) -> str:
 def test_every_shape_of_a_study_has_its_section():
     there = {one for one in vars(shapes).values() if inspect.isclass(one) and is_pydantic_dataclass(one)}
     assert there == {*SHAPES.values(), shapes.StudyFile}
-    assert {field.name for field in fields(shapes.StudyFile)} == {"study", "sampling", "sensor", "appendix"}
+    assert {field.name for field in fields(shapes.StudyFile)} == {
+        "study", "sampling", "decision", "sensor", "quality", "appendix",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("section", SHAPES)
@@ -185,6 +189,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "static": {"duration": "1 min", "rate": "1 Hz"},
     "rate-table": {"rates": ["1 deg/s"]},
     "centrifuge": {"levels": ["1 g"]},
+    "thermal": {"temperatures": ["300 K"]},
 }
 """Keys that most tables of a section cannot do without."""
 
@@ -198,7 +203,9 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     alone = any((section, key) in ALONE for key in given)
     content = given if alone else NEEDED.get(section, {}) | given
     match section:
-        case "[study]" | "[sampling]":
+        case "[quality]":
+            return {"quality": content}
+        case "[study]" | "[sampling]" | "[decision]":
             others = {section.strip("[]"): content}
         case "[[appendix]]":
             others = {"appendix": [content]}
@@ -227,7 +234,7 @@ def _read(folder: Path, tables: dict[str, Any]):
     path.write_text("\n".join(toml_lines(tables)), encoding="utf-8")
     for appendix in tables.get("appendix", []):
         (folder / appendix["file"]).write_text("sampler,ESS/s\nstretch,430\n")
-    return read_study(path)
+    return read_quality(path) or read_study(path)
 
 
 @pytest.mark.parametrize(

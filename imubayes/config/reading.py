@@ -10,6 +10,7 @@ from typing import Any
 
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.config.appendix_tables import appendix
+from imubayes.config.quality_tables import quality_study
 from imubayes.config.sensor_tables import sensor_spec
 from imubayes.config.shapes import (
     DecisionTable,
@@ -23,6 +24,7 @@ from imubayes.config.shapes import (
 )
 from imubayes.errors import StudyError
 from imubayes.preparation import runs_of
+from imubayes.quality.trials import QualityStudy
 from imubayes.rig.inputs import Run, TriadRun
 from imubayes.selection.verdicts import Costs
 
@@ -38,9 +40,10 @@ def read_study(path: Path) -> Study:
     ------
     StudyError : naming the file and the key, what was expected, what came, and what to do.
     """
-    text = _content(path)
+    text, tables = _tables(path)
     place = Place(str(path))
-    tables = shaped(StudyFile, _parsed(text, str(path)), place)
+    if tables.quality is not None:
+        raise place.at("quality").error("a study of how good the decision is has no runs: 'imubayes run' it")
     header = shaped(HeaderTable, tables.study, place.at("study"))
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
@@ -64,6 +67,21 @@ def read_study(path: Path) -> Study:
     )
 
 
+def read_quality(path: Path) -> QualityStudy | None:
+    """Read and check a study of how good the decision is; None where a study file is not one.
+
+    Parameters
+    ----------
+    path : of the TOML file.
+
+    Raises
+    ------
+    StudyError : as `read_study` does.
+    """
+    text, tables = _tables(path)
+    return quality_study(tables, path, text) if tables.quality is not None else None
+
+
 def read_runs(path: Path | str, sensor: str = "") -> tuple[Run | TriadRun, ...]:
     """Read (or simulate) the runs of one sensor of a study file.
 
@@ -83,6 +101,12 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run | TriadRun, ...]:
         raise StudyError(f"{path}: no sensor is called '{sensor}': {hint(sensor, ids)}")
     index = ids.index(sensor) if sensor else 0
     return runs_of(study.sensors[index], study.seed, index)
+
+
+def _tables(path: Path) -> tuple[str, StudyFile]:
+    """Text of a study file, and its tables, of which only the names are checked."""
+    text = _content(path)
+    return text, shaped(StudyFile, _parsed(text, str(path)), Place(str(path)))
 
 
 def _content(path: Path) -> str:

@@ -89,6 +89,8 @@ _Angle = Annotated[float, BeforeValidator(_measured("rad"))]
 _Gravity = Annotated[float, BeforeValidator(_measured("m/s^2", positive=True))]
 _Acceleration = Annotated[float, BeforeValidator(_measured("m/s^2"))]
 _Rate = Annotated[float, BeforeValidator(_measured("rad/s"))]
+_Kelvin = Annotated[float, BeforeValidator(_measured("K", positive=True))]
+_Ramp = Annotated[float, BeforeValidator(_measured("K/s", positive=True))]
 _Several = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 _Count = Annotated[int, Field(ge=1)]
 
@@ -102,6 +104,7 @@ class StudyFile:
     sampling: Table = Field(default_factory=dict)
     decision: Table = Field(default_factory=dict)
     appendix: list[Table] = Field(default_factory=list)
+    quality: Table | None = None
 
 
 @shape(config=_STRICT, frozen=True)
@@ -129,6 +132,19 @@ class DecisionTable:
     false_drop: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     hierarchy: bool = False
     compare: bool = True
+
+
+@shape(config=_STRICT, frozen=True)
+class QualityTable:
+    """``[quality]``."""
+
+    sensors: _Count = 200
+    treatments: Annotated[tuple[str, ...], _Several] = ("as modelled",)
+    misspecified: _Count | None = None
+    powers: int = 3
+    asymmetry: int = 2
+    resamples: _Count = 20
+    processes: _Count = 2
 
 
 @shape(config=_STRICT, frozen=True)
@@ -168,6 +184,7 @@ class LibraryTable:
     set: Literal["slide", "extended"] = "slide"
     temperature: int = 0
     temperature_of: Annotated[tuple[str, ...], _Several] = ("b0", "b1")
+    rate_of: Annotated[tuple[str, ...], _Several] = ("b0",)
 
 
 @shape(config=_STRICT, frozen=True)
@@ -251,11 +268,25 @@ class CentrifugeOptions:
     ramp: bool | None = None
 
 
+@shape(config=_STRICT, frozen=True)
+class ThermalOptions:
+    """``simulate`` of soaks and ramps."""
+
+    temperatures: Annotated[tuple[_Kelvin, ...], _Several]
+    positions: _Count | None = None
+    dwell: _Seconds | None = None
+    soak: _Settle | None = None
+    ramp: _Ramp | None = None
+    rate: _Hertz | None = None
+    turning: _Rate | None = None
+
+
 SIMULATED = {
     "static": StaticOptions,
     "tumble": TumbleOptions,
     "rate-table": RateTableOptions,
     "centrifuge": CentrifugeOptions,
+    "thermal": ThermalOptions,
 }
 """Procedures that can be simulated, with the shape of their options."""
 

@@ -108,6 +108,8 @@ def _sensor(sensor: SensorResult) -> dict[str, Any]:
         "extras": [extra_entry(entry) for entry in sensor.extras],
         "distrusted": [distrusted_entry(dwell) for dwell in sensor.distrusted],
         "n_models": selection.models.n_models,
+        "missing": selection.models.missing,
+        "inclusion_error": selection.models.error,
         "best_models": [{"terms": list(names), "probability": p} for names, p in best_models(selection)],
         "by_size": selection.models.by_size,
         "candidates": list(candidates(selection)),

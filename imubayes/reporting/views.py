@@ -23,7 +23,7 @@ from imubayes.reporting.rows import (
     range_texts,
     term_rows,
 )
-from imubayes.reporting.words import answer, fit_sentence, models_text, sensor_groups
+from imubayes.reporting.words import answer, fit_sentence, sensor_groups, weighed_text
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class SensorView:
     confounded : each group of confounded terms, in words.
     reasons : (verdict, reason, names) of the terms without a yes or a no.
     fit, choice, posterior, correlations : figures and words.
-    models : how many were weighed.
+    models : in words, how many were weighed.
     noise, noise_units : rows of the noise table.
     drawn : whether there are figures; not of every component where they are many.
     doubtful : whether the answer needs a warning: a run that does not fit, a library that misses something,
@@ -176,7 +176,7 @@ def _view(sensor: SensorResult, key: str, fit: FitView, sampled: SampledView, *,
         reasons=tuple(_reasons(sensor)),
         fit=fit,
         choice=_choice(sensor, key) if drawn else (),
-        models=models_text(selection.models.n_models),
+        models=weighed_text(selection.models),
         posterior=tuple(figures.posteriors(sensor, key)) if drawn else (),
         correlations=figures.correlations(sensor, f"{key}d") if drawn else None,
         noise=tuple(noise_row(run, sensor.kind, sensor.chains) for run in sensor.runs),

@@ -15,6 +15,7 @@ from imubayes.reporting.chain_words import (
 )
 from imubayes.reporting.method_words import missing_sentence
 from imubayes.reporting.rows import fit_scale, label, own_groups
+from imubayes.selection.spaces import Every
 from imubayes.selection.verdicts import STRAINED, listed
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from imubayes.inference.linear import Extra
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.planning.observability import Confounded
+    from imubayes.selection.models import Models
     from imubayes.selection.verdicts import TermVerdict
 
 MOST_STRAINED = 3
@@ -234,6 +236,16 @@ def models_text(count: int) -> str:
     ('2^15', '100')
     """
     return f"2^{count.bit_length() - 1}" if count > 1 and count & (count - 1) == 0 else f"{count:,}"
+
+
+def weighed_text(models: Models) -> str:
+    """Say how many models were weighed, and what that leaves out."""
+    if isinstance(models.space, Every):
+        return f"all {models_text(models.n_models)} models weighed exactly"
+    of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
+    if math.isnan(models.missing):
+        return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
+    return f"{of}, searched for: the others carry at most {models.missing:.0e} of the probability"
 
 
 def _some(names: list[str]) -> str:

@@ -61,6 +61,7 @@ def panel_of(
     resamples: int = 100,
     chains: Chains | None = None,
     hierarchical: bool = False,
+    widths: Sequence[float] = (),
 ) -> Panel:
     """Ask every other method about the candidates of a decision.
 
@@ -72,6 +73,7 @@ def panel_of(
     resamples : campaigns drawn for the frequencies of the sparse regressions.
     chains : that sampled the noise, for importance sampling beside the closed-form leave-one-out.
     hierarchical : whether a model must hold what its terms call for.
+    widths : factors on every prior sd that are tried; by default as many as do not take long.
     """
     models = selection.models
     candidates = models.candidates.names
@@ -90,16 +92,16 @@ def panel_of(
         compared = with_sampled_noise(compared, log_lik.reshape(-1, log_lik.shape[-1]))
     sparse = sparse_regressions(factor, pieces, sd, candidates, rng=rng, resamples=resamples)
     known = [extra.name for extra in summary.extras]
-    widths = (
-        sensitivity(factor, sd, candidates, known=known, needs=needs, costs=selection.costs)
+    others = (
+        sensitivity(factor, sd, candidates, known=known, needs=needs, costs=selection.costs, widths=widths)
         if len(candidates) <= MORE
         else of_decision(selection)
     )
     return Panel(
         criteria=compared,
         sindy=sparse,
-        sensitivity=widths,
-        votes=votes(selection, compared, sparse, widths, coloured=coloured(summary, prior, rows)),
+        sensitivity=others,
+        votes=votes(selection, compared, sparse, others, coloured=coloured(summary, prior, rows)),
         reduced=reduced(selection, design_factor(rows), rng=rng),
     )
 

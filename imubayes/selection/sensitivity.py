@@ -65,6 +65,7 @@ def sensitivity(
     known: Sequence[str] = (),
     needs: Sequence[tuple[str, str]] = (),
     costs: Costs = EQUAL,
+    widths: Sequence[float] = (),
 ) -> Sensitivity:
     """Weigh every submodel under wider and narrower priors, and under a g-prior, as the decision does.
 
@@ -76,6 +77,7 @@ def sensitivity(
     known : columns whose prior comes from elsewhere, such as errors of the bench: their width stays.
     needs : (child, parent): models that hold a child hold its parent.
     costs : give the thresholds between which a verdict changes.
+    widths : factors on every prior sd; by default as many as do not take long.
 
     Examples
     --------
@@ -88,7 +90,8 @@ def sensitivity(
     """
     flat = [name for name, width in zip(factor.names, sd, strict=True) if np.isinf(width)]
     always = [name for name in factor.names if name not in candidates and name not in flat]
-    widths, scale = _affordable(factor, sd, len(candidates))
+    affordable, scale = _affordable(factor, sd, len(candidates))
+    factors = np.array(widths) if len(widths) else affordable
     fixed = np.isin(factor.names, known)
     weighed = [
         enumerate_models(
@@ -100,18 +103,18 @@ def sensitivity(
             scale=scale,
             needs=needs,
         )
-        for width in widths.tolist()
+        for width in factors.tolist()
     ]
     where = [factor.names.index(name) for name in candidates]
     inclusion = np.array([models.inclusion[where] for models in weighed])
     g_prior, left_out = _under_g(factor, sd, candidates, needs)
     return Sensitivity(
         names=tuple(candidates),
-        widths=widths,
+        widths=factors,
         inclusion=inclusion,
         g_prior=g_prior,
         left_out=left_out,
-        swing=_swinging(candidates, inclusion[usual(widths)], costs),
+        swing=_swinging(candidates, inclusion[usual(factors)], costs),
     )
 
 

@@ -1,0 +1,58 @@
+"""The ``[quality]`` table becomes a `QualityStudy`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imubayes.config.shapes import HeaderTable, Place, QualityTable, StudyFile, hint, shaped
+from imubayes.quality.trials import MODELLED, TREATMENTS, QualityStudy
+from imubayes.sensors.terms import library
+
+
+def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:
+    """Check a study of how good the decision is.
+
+    Parameters
+    ----------
+    tables : of the file.
+    path, text : of the file.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    place = Place(str(path))
+    header = shaped(HeaderTable, tables.study, place.at("study"))
+    here = place.at("quality")
+    table = shaped(QualityTable, tables.quality, here)
+    for key in ("sensor", "sampling", "decision", "appendix"):
+        if getattr(tables, key):
+            raise place.at(key).error(
+                "a study of how good the decision is draws its own sensors: leave it out"
+            )
+    with here.blamed():
+        library("accelerometer", powers=table.powers, asymmetry=table.asymmetry)
+    _check_treatments(table.treatments, here.at("treatments"))
+    return QualityStudy(
+        title=header.title or path.stem,
+        seed=header.seed,
+        sensors=table.sensors,
+        treatments=table.treatments,
+        misspecified=min(table.misspecified or table.sensors, table.sensors),
+        powers=table.powers,
+        asymmetry=table.asymmetry,
+        resamples=table.resamples,
+        processes=table.processes,
+        path=path,
+        text=text,
+    )
+
+
+def _check_treatments(treatments: tuple[str, ...], place: Place) -> None:
+    for k, treatment in enumerate(treatments):
+        if treatment not in TREATMENTS:
+            raise place.at(k).error(f"'{treatment}' is no treatment: {hint(treatment, TREATMENTS)}")
+        if treatment in treatments[:k]:
+            raise place.at(k).error(f"'{treatment}' is there already: expected each once")
+    if MODELLED not in treatments:
+        raise place.error(f"expected '{MODELLED}' among them: the others are held against it")

@@ -1,0 +1,1 @@
+"""How good the decision is: simulated sensors with known truth, every method on each, and their scores."""

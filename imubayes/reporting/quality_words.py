@@ -1,0 +1,177 @@
+"""How good the decision is, in words made from the scores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from imubayes.quality.scores import EDGES, OPEN
+from imubayes.quality.trials import DECISION, MODELLED, STRONG, SURE
+from imubayes.reporting.method_words import called
+from imubayes.selection.verdicts import listed
+
+if TYPE_CHECKING:
+    from imubayes.quality.measure import Quality
+    from imubayes.quality.scores import Interval, MethodScore, Scores
+
+NARROW = "\u00a0"
+"""Space before a percent sign, where no line ends."""
+
+ALLOWED = 0.02
+"""Share of false keeps, and of false drops among strong effects, that a good decision stays within."""
+
+
+def quality_answer(quality: Quality) -> tuple[str, ...]:
+    """First paragraph of the report, by sentence."""
+    first = next(one for one in quality.overall if one.treatment == MODELLED)
+    return (
+        _errors(first),
+        claim(first.verdicts.false_keeps, "false keeps"),
+        claim(first.verdicts.false_drops, f"false drops above {STRONG:.0f} sd"),
+        left_open(first),
+        _cheapest(first),
+        _forced(first),
+    )
+
+
+def _errors(told: Scores) -> str:
+    said = told.verdicts
+    return (
+        f"Over {told.sensors} simulated sensors the decision called {rate(said.false_keeps)} of the "
+        f"{told.zero:,} terms that are zero needed, and {rate(said.false_drops)} of the "
+        f"{said.false_drops.of:,} terms above {STRONG:.0f} sd not needed."
+    )
+
+
+def left_open(told: Scores) -> str:
+    """Say what the verdicts leave open, and what they cost beside the best of the other methods."""
+    said = told.verdicts
+    if said.lead.low > 0.0:
+        judged = "less than any other method"
+    else:
+        judged = "no more than the best other method" if said.lead.high > 0.0 else "more than another method"
+    return (
+        f"It leaves {percent(said.left.value)} of the terms open ({percent(said.left_strong.value)} of those "
+        f"above {STRONG:.0f} sd). Counted as {OPEN:g} of a wrong term each, its errors come to "
+        f"{said.cost.value:.2f} a sensor, {judged}: {called(said.rival)} makes "
+        f"{said.cost.value + said.lead.value:.2f} (difference 95{NARROW}%: {said.lead.low:.2f} to "
+        f"{said.lead.high:.2f}). The two would cost the same if a term left open counted {said.price:.2f}."
+    )
+
+
+def _forced(told: Scores) -> str:
+    """Say what a forced choice keeps too much, and which costs would mend it."""
+    careful = (one for one in told.careful if one.false_keeps.value <= ALLOWED)
+    dear = next(careful, told.careful[-1])
+    return (
+        f"Of the zero terms that choice keeps {rate(told.methods[0].false_keeps)}: where most others are in, "
+        "the prior gives a term that the test cannot see more than one half. If a false keep costs "
+        f"{dear.ratio:g} times a false drop, it keeps {rate(dear.false_keeps)}."
+    )
+
+
+def claim(found: Interval, what: str) -> str:
+    """Say whether a share of errors stays within what is allowed, as far as the interval tells.
+
+    Examples
+    --------
+    >>> from imubayes.quality.scores import Interval
+    >>> claim(Interval(0.01, 0.004, 0.018), "false keeps").replace(NARROW, " ")
+    'At most 2.0 % false keeps: yes.'
+    >>> claim(Interval(0.015, 0.004, 0.03), "false keeps").replace(NARROW, " ")
+    'At most 2.0 % false keeps: yes, but the interval reaches 3.0 %.'
+    """
+    asked = f"At most {percent(ALLOWED)} {what}"
+    if not found.value <= ALLOWED:
+        return f"{asked}: no, {percent(found.value)}."
+    return (
+        f"{asked}: yes."
+        if found.high <= ALLOWED
+        else f"{asked}: yes, but the interval reaches {percent(found.high)}."
+    )
+
+
+def rivals(told: Scores) -> tuple[MethodScore, ...]:
+    """Scores of the methods that the decision is held against."""
+    return tuple(score for score in told.methods if score.method not in (DECISION, SURE))
+
+
+def _cheapest(told: Scores) -> str:
+    """Say which methods cost more than the decision, and which do not."""
+    own, others = told.methods[0].cost, sorted(rivals(told), key=lambda score: score.cost.value)
+    cheaper = [score for score in others if score.excess.value <= 0.0]
+    if cheaper:
+        names = listed(f"{called(score.method)} ({score.cost.value:.2f})" for score in cheaper)
+        return f"Made to choose, its {own.value:.2f} wrong terms a sensor are not the fewest: {names}."
+    tied = [called(score.method) for score in others if score.excess.low <= 0.0]
+    least = f"Made to choose, it is wrong in {own.value:.2f} terms a sensor, the fewest of all methods"
+    second = f"the next, {called(others[0].method)}, has {others[0].cost.value:.2f}"
+    doubt = f", and the interval of the difference to {listed(tied)} holds zero" if tied else ""
+    return f"{least}; {second}{doubt}."
+
+
+def wrong_models(quality: Quality) -> Iterator[str]:
+    """Say what each wrong treatment does to the decision, a sentence each."""
+    for told in quality.overall:
+        if told.treatment != MODELLED:
+            own, best = told.methods[0], min(rivals(told), key=lambda score: score.cost.value)
+            said = told.verdicts
+            yield (
+                f"With {told.treatment}, it calls {rate(said.false_keeps)} of the zero terms needed, "
+                f"{rate(said.false_drops)} above {STRONG:.0f} sd not needed. Made to choose, it is wrong in "
+                f"{own.cost.value:.2f} terms a sensor, {called(best.method)} in {best.cost.value:.2f}."
+            )
+
+
+def rate(found: Interval) -> str:
+    r"""Rate with its interval, in a sentence.
+
+    Examples
+    --------
+    >>> from imubayes.quality.scores import Interval
+    >>> rate(Interval(0.0123, 0.008, 0.019))
+    '1.2\xa0% (95\xa0%: 0.8 to 1.9)'
+    """
+    return brief(found).replace("(", f"(95{NARROW}%: ")
+
+
+def brief(found: Interval) -> str:
+    r"""Rate with its interval, in a table; empty where there is none.
+
+    Examples
+    --------
+    >>> from imubayes.quality.scores import Interval
+    >>> brief(Interval(0.0123, 0.008, 0.019))
+    '1.2\xa0% (0.8 to 1.9)'
+    """
+    if math.isnan(found.value):
+        return ""
+    low, high = (percent(end).removesuffix(f"{NARROW}%") for end in (found.low, found.high))
+    return f"{percent(found.value)} ({low} to {high})"
+
+
+def percent(share: float) -> str:
+    """Share in percent, with a decimal where it is small.
+
+    Examples
+    --------
+    >>> [percent(share).replace(NARROW, " ") for share in (0.0123, 0.45, 0.0, 0.9999)]
+    ['1.2 %', '45 %', '0 %', '100 %']
+    """
+    value = 100.0 * share
+    return f"{value:.1f}{NARROW}%" if 0.0 < value < 9.95 else f"{value:.0f}{NARROW}%"
+
+
+def bins() -> tuple[str, ...]:
+    """Names of the bins of effect over noise.
+
+    Examples
+    --------
+    >>> bins()
+    ('below 1', '1 to 2', '2 to 4', '4 to 8', 'above 8')
+    """
+    edges = [f"{edge:g}" for edge in EDGES[1:-1]]
+    middle = (f"{low} to {high}" for low, high in pairwise(edges))
+    return (f"below {edges[0]}", *middle, f"above {edges[-1]}")
