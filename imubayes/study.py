@@ -171,7 +171,10 @@ def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
     job.tell("stills, noise and linearisation")
     found, ready = prepare_triad(spec, runs)
     posterior = _sampled(job, ready)
-    inputs = [dict(zip(("f_i", "f_j", "f_k"), force.T, strict=True)) for _, _, force in found.residuals]
+    axes = ("f_i", "f_j", "f_k")
+    inputs: list[dict[str, np.ndarray]] = [
+        {name: force[:, k] for k, name in enumerate(axes)} for _, _, force in found.residuals
+    ]
     checks = tuple(
         judge(left, rows, s, channels)
         for (left, rows, _), s, channels in zip(found.residuals, found.summary.runs, inputs, strict=True)

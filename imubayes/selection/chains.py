@@ -97,8 +97,8 @@ def walk_models(
             batch = list(pool.map(lambda chain: chain.batch(problem, how), chains))
             records += batch
             inclusion.append([record.inclusion for record in batch])
-    first = len(inclusion) // 5
-    settled, kept = np.array(inclusion)[first:], records[CHAINS * first :]
+    dropped = len(inclusion) // 5
+    settled, kept = np.array(inclusion)[dropped:], records[CHAINS * dropped :]
     return Walked(
         np.concatenate([record.words for record in kept]),
         np.concatenate([record.log_joint for record in kept]),
