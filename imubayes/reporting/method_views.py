@@ -47,9 +47,6 @@ MOST_DISAGREEMENTS = 12
 ON_THRESHOLDS = ("stlsq", "sr3")
 """Optimizers whose path goes over a threshold."""
 
-UNRELIABLE_K = 0.7
-"""Shape of the tail of the importance ratios beyond which they cannot be trusted (Vehtari et al. 2024)."""
-
 
 @dataclass(frozen=True, slots=True)
 class CriterionRow:
@@ -61,7 +58,6 @@ class CriterionRow:
     lead: str
     samples: str
     compared: str
-    k: str
     note: str
 
 
@@ -179,7 +175,6 @@ def methods_view(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool)
 def criterion_row(one: Criterion, kept: tuple[str, ...], own: Mapping[str, str]) -> CriterionRow:
     """Print a criterion."""
     model = [own.get(name, name) for name in one.model]
-    k = _number(one.pareto_k, ".2f")
     return CriterionRow(
         name=called(one.name),
         model=difference(model, kept) if one.compared else "–",
@@ -187,7 +182,6 @@ def criterion_row(one: Criterion, kept: tuple[str, ...], own: Mapping[str, str])
         lead=_number(one.lead, ",.1f"),
         samples=_number(one.samples, ",.0f"),
         compared=_compared(one),
-        k=f"{k}, unreliable" if one.pareto_k > UNRELIABLE_K else k,
         note=_remark(one),
     )
 
@@ -211,7 +205,7 @@ def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> Sp
         model=difference([own.get(name, name) for name in one.model], kept),
         stable=difference([own.get(name, name) for name in one.stable], kept),
         cut=_number(one.cut, ".2f"),
-        false_bound=_number(one.false_bound, ".2g"),
+        false_bound=_number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound",
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -261,12 +261,13 @@ def branches(one: Dependence) -> tuple[str, str]:
     return ("heating", "cooling") if channel_of(one) == "T" else ("rising", "falling")
 
 
-def missing_sentence(misfit: Misfit | None, *, fits: bool) -> str:
+def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[str] = ()) -> str:
     """Say in the first paragraph that the library misses something; empty where it does not.
 
     Parameters
     ----------
     fits : whether every run's residuals are of the noise's size.
+    assumed : names of the runs whose noise was not estimated.
     """
     if misfit is None or not misfit.found:
         return ""
@@ -274,7 +275,10 @@ def missing_sentence(misfit: Misfit | None, *, fits: bool) -> str:
     more = f" and {len(where) - FEW} more" if len(where) > FEW else ""
     named = "; ".join(where[:FEW])
     yet = "Yet the" if fits else "The"
-    return f"{yet} data hold something the library does not contain: it shows in {named}{more}."
+    said = f"{yet} data hold something the library does not contain: it shows in {named}{more}."
+    if any(one.run in assumed for one in misfit.found):
+        return f"{said} Or the noise that was assumed is wrong: let it be estimated."
+    return said
 
 
 def found_sentence(misfit: Misfit, kind: Kind) -> str:

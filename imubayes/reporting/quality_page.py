@@ -26,7 +26,8 @@ from imubayes.reporting.results import versions
 
 if TYPE_CHECKING:
     from imubayes.quality.measure import Quality
-    from imubayes.quality.scores import Interval, MethodScore, Scores
+    from imubayes.quality.questions import Interval
+    from imubayes.quality.scores import MethodScore, Scores
     from imubayes.reporting.canvas import Panel
 
 
@@ -116,6 +117,7 @@ def _cells(score: MethodScore) -> tuple[str, ...]:
         brief(score.false_drops[-1]),
         _number(score.cost),
         _number(score.excess) if score.method != "decision" else "",
+        "" if score.method == SURE else _number(score.opened),
         "" if score.method == SURE else _number(score.brier, 3, "–"),
         "" if score.method == SURE else _number(score.log, 3, "–"),
     )

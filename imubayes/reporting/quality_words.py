@@ -7,14 +7,16 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from imubayes.quality.scores import EDGES, OPEN
+from imubayes.quality.questions import OPEN
+from imubayes.quality.scores import EDGES
 from imubayes.quality.trials import DECISION, MODELLED, STRONG, SURE
 from imubayes.reporting.method_words import called
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
     from imubayes.quality.measure import Quality
-    from imubayes.quality.scores import Interval, MethodScore, Scores
+    from imubayes.quality.questions import Interval
+    from imubayes.quality.scores import MethodScore, Scores
 
 NARROW = "\u00a0"
 """Space before a percent sign, where no line ends."""
@@ -28,8 +30,8 @@ def quality_answer(quality: Quality) -> tuple[str, ...]:
     first = next(one for one in quality.overall if one.treatment == MODELLED)
     return (
         _errors(first),
-        claim(first.verdicts.false_keeps, "false keeps"),
-        claim(first.verdicts.false_drops, f"false drops above {STRONG:.0f} sd"),
+        claim(first.verdicts.false_keeps, "of the zero terms called needed"),
+        claim(first.verdicts.false_drops, f"above {STRONG:.0f} sd called not needed"),
         left_open(first),
         _cheapest(first),
         _forced(first),
@@ -39,25 +41,23 @@ def quality_answer(quality: Quality) -> tuple[str, ...]:
 def _errors(told: Scores) -> str:
     said = told.verdicts
     return (
-        f"Over {told.sensors} simulated sensors the decision called {rate(said.false_keeps)} of the "
+        f"Over {told.sensors} simulated sensors the verdict called {rate(said.false_keeps)} of the "
         f"{told.zero:,} terms that are zero needed, and {rate(said.false_drops)} of the "
         f"{said.false_drops.of:,} terms above {STRONG:.0f} sd not needed."
     )
 
 
 def left_open(told: Scores) -> str:
-    """Say what the verdicts leave open, and what they cost beside the best of the other methods."""
-    said = told.verdicts
-    if said.lead.low > 0.0:
-        judged = "less than any other method"
-    else:
-        judged = "no more than the best other method" if said.lead.high > 0.0 else "more than another method"
+    """Say what the verdicts leave open, and what they cost beside methods that may do the same."""
+    said, own = told.verdicts, told.methods[0].opened
+    best = min(rivals(told), key=lambda score: score.opened.value)
+    apart = best.opened_excess
     return (
         f"It leaves {percent(said.left.value)} of the terms open ({percent(said.left_strong.value)} of those "
-        f"above {STRONG:.0f} sd). Counted as {OPEN:g} of a wrong term each, its errors come to "
-        f"{said.cost.value:.2f} a sensor, {judged}: {called(said.rival)} makes "
-        f"{said.cost.value + said.lead.value:.2f} (difference 95{NARROW}%: {said.lead.low:.2f} to "
-        f"{said.lead.high:.2f}). The two would cost the same if a term left open counted {said.price:.2f}."
+        f"above {STRONG:.0f} sd). Counted as {OPEN:g} of a wrong term each, that and its errors come to "
+        f"{own.value:.2f} a sensor. Of the other methods, given the same option, {called(best.method)} is "
+        f"best with {best.opened.value:.2f} (difference {apart.value:.2f}, 95{NARROW}%: {apart.low:.2f} to "
+        f"{apart.high:.2f}); to leave everything open costs {said.nothing.value:.2f}."
     )
 
 
@@ -66,9 +66,10 @@ def _forced(told: Scores) -> str:
     careful = (one for one in told.careful if one.false_keeps.value <= ALLOWED)
     dear = next(careful, told.careful[-1])
     return (
-        f"Of the zero terms that choice keeps {rate(told.methods[0].false_keeps)}: where most others are in, "
-        "the prior gives a term that the test cannot see more than one half. If a false keep costs "
-        f"{dear.ratio:g} times a false drop, it keeps {rate(dear.false_keeps)}."
+        "That choice, inclusion of one half or more, keeps "
+        f"{rate(told.methods[0].false_keeps)} of the zero terms: where most others are in, the prior gives a "
+        f"term that the test cannot see more than one half. If a false keep costs {dear.ratio:g} times a "
+        f"false drop, it keeps {rate(dear.false_keeps)}."
     )
 
 
@@ -77,7 +78,7 @@ def claim(found: Interval, what: str) -> str:
 
     Examples
     --------
-    >>> from imubayes.quality.scores import Interval
+    >>> from imubayes.quality.questions import Interval
     >>> claim(Interval(0.01, 0.004, 0.018), "false keeps").replace(NARROW, " ")
     'At most 2.0 % false keeps: yes.'
     >>> claim(Interval(0.015, 0.004, 0.03), "false keeps").replace(NARROW, " ")
@@ -130,7 +131,7 @@ def rate(found: Interval) -> str:
 
     Examples
     --------
-    >>> from imubayes.quality.scores import Interval
+    >>> from imubayes.quality.questions import Interval
     >>> rate(Interval(0.0123, 0.008, 0.019))
     '1.2\xa0% (95\xa0%: 0.8 to 1.9)'
     """
@@ -142,7 +143,7 @@ def brief(found: Interval) -> str:
 
     Examples
     --------
-    >>> from imubayes.quality.scores import Interval
+    >>> from imubayes.quality.questions import Interval
     >>> brief(Interval(0.0123, 0.008, 0.019))
     '1.2\xa0% (0.8 to 1.9)'
     """

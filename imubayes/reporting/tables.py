@@ -18,9 +18,9 @@ from imubayes.reporting.session_words import session_sentence
 from imubayes.reporting.words import (
     confounded_sentences,
     fit_sentence,
-    models_text,
     sensor_groups,
     strain_sentence,
+    weighed_text,
 )
 from imubayes.rig.runs import ABSENT
 from imubayes.selection.verdicts import listed
@@ -95,8 +95,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
 
 def _data_line(sensor: SensorResult) -> str:
     runs = f"{len(sensor.runs)} run{'s' if len(sensor.runs) != 1 else ''}"
-    models = models_text(sensor.selection.models.n_models)
-    how = f"{_how(sensor)}, {models} models"
+    how = f"{_how(sensor)}, {weighed_text(sensor.selection.models)}"
     return f"{sensor.samples:,} samples in {runs}; {how}, {sensor.seconds:.1f} s"
 
 

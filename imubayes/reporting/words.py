@@ -50,7 +50,11 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_cannot_tell(sensor),
         distrust_sentence(sensor),
         fit_sentence(sensor),
-        missing_sentence(sensor.misfit, fits=all(check.fits for check in sensor.checks)),
+        missing_sentence(
+            sensor.misfit,
+            fits=all(check.fits for check in sensor.checks),
+            assumed=[run.name for run in sensor.runs if run.noise_origin in ("white", "given")],
+        ),
     )
     return tuple(text for text in sentences if text)
 
@@ -241,7 +245,7 @@ def models_text(count: int) -> str:
 def weighed_text(models: Models) -> str:
     """Say how many models were weighed, and what that leaves out."""
     if isinstance(models.space, Every):
-        return f"all {models_text(models.n_models)} models weighed exactly"
+        return f"all {models_text(models.n_models)} models"
     of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
     if math.isnan(models.missing):
         return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"

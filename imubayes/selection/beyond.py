@@ -20,8 +20,8 @@ FloatArray = NDArray[np.float64]
 TOLERANCE = 1e-6
 """Posterior probability that the models which are not listed may carry together."""
 
-TIME_LIMIT = 8.0
-"""Seconds of a search; where it sees that half of them are too few, a walk over the models takes the rest."""
+EFFORT = 8.0
+"""Of a search, about in seconds; where half will be too little, a walk over the models takes the rest."""
 
 SEED = 20231
 """Of the walk, so that it gives the same numbers twice."""
@@ -55,7 +55,7 @@ def search_models(
         by_size,
         needs=tuple(needs),
         tolerance=TOLERANCE,
-        time_limit=TIME_LIMIT,
+        effort=EFFORT,
         rng=np.random.default_rng(SEED),
     )
     space, weight = listed(found.inside, found.weight)

@@ -22,6 +22,9 @@ ALIKE = 0.7
 LENIENCE = 1.25
 """How far beyond a line the pull may lie, which is that under the full library: methods drop other terms."""
 
+EVEN = 0.5
+"""Inclusion from which a term is kept where both errors cost the same."""
+
 NEAR = 3.0
 """Standard deviations from zero up to which an effect is weak: lines are drawn from 1.4 to 3 and beyond."""
 
@@ -148,10 +151,10 @@ def cause_of(case: Case, other: Differing) -> str:
     """Cause of a difference, the most telling first.
 
     Terms that the test cannot tell apart, or that stand in for each other; noise that is coloured and was
-    taken as white, where dwells left out do not bear out an effect that seems strong; a prior whose width
-    decides; a model prior that does, since many or few of the other terms are there; penalties that draw
-    their lines on either side of the term; an effect so weak that all lines are near. What is none of these
-    is the method's own.
+    taken as white, where dwells left out do not bear out an effect that seems strong; costs that are not
+    equal; a prior whose width decides; a model prior that does, since many or few of the other terms are
+    there; penalties that draw their lines on either side of the term; an effect so weak that all lines are
+    near. What is none of these is the method's own.
     """
     return next(cause for cause, holds, _ in _CAUSES if holds(case, other))
 
@@ -171,6 +174,10 @@ def _collinear(case: Case, other: Differing) -> bool:
 
 def _coloured(case: Case, other: Differing) -> bool:
     return bool(other.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
+
+
+def _by_costs(case: Case, other: Differing) -> bool:
+    return case.kept is not None and (case.term.inclusion >= EVEN) != (case.term.inclusion >= case.keep)
 
 
 def _by_width(case: Case, other: Differing) -> bool:
@@ -219,6 +226,14 @@ def _of_colour(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
+def _of_costs(case: Case, others: Sequence[Differing]) -> str:
+    side = "below" if case.term.inclusion < case.keep else "above"
+    return (
+        f"its inclusion of {case.term.inclusion:.2f} is {side} the {case.keep:.2f} from which the study's"
+        " costs keep a term; the others know of no costs"
+    )
+
+
 def _of_width(case: Case, others: Sequence[Differing]) -> str:
     low, high = case.range
     if low < case.keep <= high:
@@ -263,8 +278,8 @@ def _of_weakness(case: Case, others: Sequence[Differing]) -> str:
 
 def _of_method(case: Case, others: Sequence[Differing]) -> str:
     return (
-        f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and"
-        " neither the prior's width nor another term explains it"
+        f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and none"
+        " of the causes that are looked for explains it"
     )
 
 
@@ -273,6 +288,7 @@ _CAUSES: tuple[
 ] = (
     ("collinearity", _collinear, _of_collinearity),
     ("coloured noise", _coloured, _of_colour),
+    ("costs", _by_costs, _of_costs),
     ("prior width", _by_width, _of_width),
     ("model prior", _by_model_prior, _of_model_prior),
     ("sample size", _by_penalty, _of_penalty),

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from time import monotonic
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,9 +72,9 @@ class _Chain:
 
 
 def walk_models(
-    T: FloatArray, problem: Problem, first: BoolArray, needed: BoolArray, end: float, rng: np.random.Generator
+    T: FloatArray, problem: Problem, first: BoolArray, needed: BoolArray, steps: int, rng: np.random.Generator
 ) -> Walked:
-    """Walk in parallel chains until they are steady, or the clock says `end`.
+    """Walk in parallel chains until they are steady, or have taken `steps` together.
 
     Parameters
     ----------
@@ -83,7 +82,7 @@ def walk_models(
     problem : the models' prior, and which columns need which.
     first : (p,) model at which the first chain starts; the others start at random.
     needed : (p, p) whether the column of each row needs that of each column.
-    end : by the monotonic clock, in seconds.
+    steps : of all chains, about: whole batches are taken, and `ROUNDS` of them at least.
     """
     from imubayes.selection.model_walk import begin, moves
 
@@ -93,7 +92,7 @@ def walk_models(
     records: list[Record] = []
     inclusion = []
     with ThreadPoolExecutor(CHAINS) as pool:
-        while len(inclusion) < ROUNDS or not (monotonic() > end or _steady(np.array(inclusion))):
+        while len(inclusion) < ROUNDS or not (len(records) * STEPS >= steps or _steady(np.array(inclusion))):
             batch = list(pool.map(lambda chain: chain.batch(problem, how), chains))
             records += batch
             inclusion.append([record.inclusion for record in batch])

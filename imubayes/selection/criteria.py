@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from imubayes.errors import TermError
 from imubayes.factor import Factor, noise_scale, with_prior_rows
 from imubayes.inference.pieces import Pieces
+from imubayes.selection.descent import descended
 from imubayes.selection.mixture import Candidates, candidates
 from imubayes.selection.predictive import (
     RELIABLE,
@@ -83,7 +84,8 @@ class Criterion:
     compared : subsets that were compared.
     exact : whether no subset was left out.
     samples : effective sample size of the coloured noise, where the criterion has one; else NaN.
-    pareto_k : largest k of importance sampling, where it is used; NaN where the score is closed-form.
+    pareto_k : largest k of the importance sampling by which the full library is scored with the noise
+        sampled; NaN without chains. The criterion's own score has a closed form.
     note : what a reader should know, in words; else empty.
     """
 
@@ -108,6 +110,7 @@ def criteria(
     needs: Needs = (),
     samples: float | None = None,
     among: BoolArray | None = None,
+    widen: bool = False,
 ) -> tuple[Criterion, ...]:
     """Compare all subsets of the candidates under every criterion.
 
@@ -123,6 +126,8 @@ def criteria(
         is no candidate is taken as there.
     samples : effective sample size of the coloured noise (`inference.effective`); by default the rows.
     among : (m, p) subsets to compare, where all of them are too many.
+    widen : whether to compare as well what can be reached from the best of `among` by adding, removing or
+        exchanging terms, as long as an information criterion falls.
 
     Returns
     -------
@@ -143,13 +148,19 @@ def criteria(
     [('aic', ('a',)), ('aicc', ('a',))]
     """
     c, scale = _prepared(factor, sd, candidates), noise_scale(factor, sd)
+    size = float(factor.n if samples is None else samples)
+    if among is not None and widen:
+        among = descended(
+            among,
+            lambda some: _information_of(c, scale, factor, some, size),
+            lambda inside: _with_parents(inside, candidates, needs),
+        )
     space = _space(len(candidates), among)
     allowed = _admissible(space, candidates, needs)
-    size = float(factor.n if samples is None else samples)
     field = _Field(c, space, allowed)
     found = [
         field.best(name, _Scores(values), samples=math.nan if name == "aic" else size)
-        for name, values in information(_rss(c, scale, space), _parameters(c, space), factor, size).items()
+        for name, values in _information_of(c, scale, factor, space, size).items()
     ]
     return (*found, *_predictive(field, pieces, scale)) if pieces else tuple(found)
 
@@ -166,14 +177,20 @@ def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple
     elpd, k = psis_loo(log_lik)
     worst, unsure = float(k.max()), int(np.sum(k > RELIABLE))
     trust = (
-        f"{unsure} of {len(k)} dwells have k above {RELIABLE}: not to be trusted there"
+        f"by importance sampling; k is above {RELIABLE} at {unsure} of {len(k)} dwells: not to be trusted"
         if unsure
-        else f"largest k {worst:.2f}, reliable"
+        else f"by importance sampling, largest k {worst:.2f}"
     )
     value = -2.0 * elpd.sum()
     text = f"full library with the noise sampled, on averages within the dwells: {value:.1f} ({trust})"
+    plugged = "subsets are scored at the estimated noise"
+    notes = {"waic": (plugged,), "loo": (plugged, text)}
     return tuple(
-        replace(c, pareto_k=worst, note="; ".join(filter(None, (c.note, text)))) if c.name == "loo" else c
+        replace(
+            c,
+            pareto_k=worst if c.name == "loo" else c.pareto_k,
+            note="; ".join(filter(None, (c.note, *notes.get(c.name, ())))),
+        )
         for c in found
     )
 
@@ -232,7 +249,12 @@ class _Field:
         names, every = self.candidates.names, isinstance(self.space, Every)
         inside = self.space.members(top[:1])[0].tolist()
         compared = int(self.allowed.sum()) if scores.scored is None else scores.scored
-        listing = "" if every else f"among the {len(self.space):,} subsets that a search listed"
+        compared = compared if math.isfinite(least) else 0
+        listing = (
+            ""
+            if every
+            else f"among the {len(self.space):,} subsets that a search listed or came to from there"
+        )
         return Criterion(
             name=name,
             model=tuple(term for term, there in zip(names, inside, strict=True) if there),
@@ -274,6 +296,22 @@ def _space(p: int, among: BoolArray | None) -> Space:
             " that a search found (among)"
         )
     return Every(p)
+
+
+def _information_of(
+    c: Candidates, scale: float, factor: Factor, space: Space, size: float
+) -> dict[str, FloatArray]:
+    return information(_rss(c, scale, space), _parameters(c, space), factor, size)
+
+
+def _with_parents(inside: BoolArray, names: tuple[str, ...], needs: Needs) -> BoolArray:
+    """Models (m, p) with the parents of all that they hold."""
+    whole = inside.copy()
+    pairs = [(names.index(a), names.index(b)) for a, b in needs if a in names and b in names]
+    for _ in pairs:
+        for child, parent in pairs:
+            whole[:, parent] |= whole[:, child]
+    return whole
 
 
 def _admissible(space: Space, names: tuple[str, ...], needs: Needs) -> BoolArray:

@@ -177,7 +177,7 @@ def _groups(
     groups = (tuple(name for name in group.terms if name in models.candidates.names) for group in seen.groups)
     return tuple(
         (tuple(own[name].name for name in names), inclusion_of_any(models, names))
-        for names in groups
+        for names in dict.fromkeys(groups)
         if len(names) > 1
     )
 
@@ -253,7 +253,9 @@ def _at_every_width(excited: _Excited, noises: Sequence[NoiseDraw], log_evidence
     if not noises:
         return _Widths(tuple(excited.weighed(width) for width in WIDTHS), {})
     candidates = len(excited.factor.names) - len(excited.always)
-    noises = noises if candidates <= LARGEST else noises[:: max(1, len(noises) // FEW_NOISES)]
+    if candidates > LARGEST:
+        some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
+        noises = [noises[k] for k in some]
     log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
     models = (
         average([excited.weighed(width, noise.factor) for noise in noises], log_weight) for width in WIDTHS

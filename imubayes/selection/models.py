@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.selection.mixture import Candidates, Components, merged, scale_components
-from imubayes.selection.spaces import Space, united
+from imubayes.selection.spaces import Every, Space, united
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class Models:
     components : the mixture behind `mean` and `sd`.
     parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
     missing : bound on the probability of all models that are not in `space`; NaN where there is none.
-    error : largest standard error of an inclusion, where models were sampled; 0 where they were not.
+    error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were.
     """
 
     names: tuple[str, ...]
@@ -102,13 +102,24 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         [m.space for m in models], [w * m.weight for w, m in zip(share, models, strict=True)]
     )
     parts = merged(share.tolist(), [m.components for m in models])
+    error = 0.0 if isinstance(space, Every) else _error_of_few(models, share)
     return replace(
         posterior_of(first.names, Weighed(first.candidates, space, NO_SCALE, weight, evidence), parts),
         log_evidence=evidence,
         parts=tuple(zip(share.tolist(), models, strict=True)),
         missing=float(share @ [m.missing for m in models]),
-        error=float(share @ [m.error for m in models]),
+        error=error,
     )
+
+
+def _error_of_few(models: Sequence[Models], share: FloatArray) -> float:
+    """Largest standard error of an inclusion: of the walks, and of so few draws of the noise."""
+    inclusion = np.array([m.inclusion for m in models])
+    between = share @ (inclusion - share @ inclusion) ** 2
+    count = 1.0 / float(share @ share)
+    spread = between / max(count - 1.0, 1.0)
+    walks = float(share**2 @ np.square([m.error for m in models]))
+    return math.sqrt(float(spread.max()) + walks)
 
 
 def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:

@@ -86,7 +86,7 @@ def panel_of(
         reorder(summary.factor, candidates), rows, [run.noise for run in summary.runs]
     )
     among = _most_probable(models) if len(candidates) > LARGEST else None
-    compared = criteria(factor, pieces, sd, candidates, needs=needs, samples=samples, among=among)
+    compared = criteria(factor, pieces, sd, candidates, needs=needs, samples=samples, among=among, widen=True)
     if chains is not None:
         log_lik = chains.log_likelihood
         compared = with_sampled_noise(compared, log_lik.reshape(-1, log_lik.shape[-1]))

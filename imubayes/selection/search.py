@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -34,7 +33,10 @@ TINY = 1e-300
 """Share whose logarithm stands for that of none."""
 
 PASS = 2_000
-"""Nodes between two looks at the clock."""
+"""Nodes between two looks at the effort."""
+
+NODE, WALKED = 3e-5, 1e-5
+"""Seconds that a node and a step of a chain take, about: effort is counted by them."""
 
 SHARE = 0.5
 """Share of the time that branch and bound may take before the walk begins."""
@@ -76,13 +78,12 @@ class Found:
 
 class _Limits(NamedTuple):
     tolerance: float
-    seconds: float
-    end: float
+    effort: float
     most: int
 
 
 class _Pass(NamedTuple):
-    """How far down a pass went, by how much its bound fails, and when it ended, in seconds."""
+    """How far down a pass went, by how much its bound fails, and the effort until it ended."""
 
     depth: float
     gap: float
@@ -97,9 +98,8 @@ def search(
     *,
     needs: tuple[tuple[int, int], ...] = (),
     tolerance: float = 1e-6,
-    time_limit: float = 10.0,
+    effort: float = 10.0,
     most: int = 2_000_000,
-    start: BoolArray | None = None,
     rng: np.random.Generator,
 ) -> Found:
     """Find the models that carry the posterior, and bound what the others carry.
@@ -111,7 +111,8 @@ def search(
     with rss and r of the model's own triangular factor. Branch and bound (`selection.bounds`) goes down from
     the best model in passes, each listing all models above a threshold, until the bound on the rest is
     certified. Where the passes say that it will not be in time, a walk over the models
-    (`selection.model_walk`) takes the rest of the time, or less if it is steady before.
+    (`selection.model_walk`) takes the rest of the effort, or less if it is steady before. Effort is counted
+    in nodes and steps, not by the clock, so that a search gives the same on any machine.
 
     Parameters
     ----------
@@ -121,10 +122,8 @@ def search(
     log_prior : (p + 1,) log prior probability of one model of each size.
     needs : (child, parent) pairs; a model with a child and without its parent has no mass.
     tolerance : largest share of the mass that may be missing.
-    time_limit : seconds in all.
+    effort : about the seconds that it may take, at `NODE` a node and `WALKED` a step.
     most : most models to list.
-    start : (m, p) models found elsewhere, at another noise say: they are weighed anew, set the first
-        threshold and are where the walk starts.
     rng : for the walk.
 
     Raises
@@ -148,13 +147,10 @@ def search(
     log_prior = np.asarray(log_prior, float)
     scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
     problem = Problem(2.0 * scale**2, log_prior, _words(_all_needs(needs, p)))
-    known = np.zeros((0, p), dtype=bool) if start is None else start
-    weights = weigh(T, log_width, scale, log_prior, known)
-    known = known[np.argsort(-weights, kind="stable")]
-    top = max([best_guess(problem, levels(scaled)), *weights])
-    limits = _Limits(tolerance, time_limit, monotonic() + time_limit, most)
-    found = _branch_and_bound(scaled, problem, limits, top)
-    return found if found.certified else _walk(scaled, problem, found, limits, known, rng)
+    limits = _Limits(tolerance, effort, most)
+    found, spent = _branch_and_bound(scaled, problem, limits, best_guess(problem, levels(scaled)))
+    rest = limits._replace(effort=effort - spent)
+    return found if found.certified else _walk(scaled, problem, found, rest, rng)
 
 
 def weigh(
@@ -192,26 +188,25 @@ def _all_needs(needs: tuple[tuple[int, int], ...], p: int) -> BoolArray:
     return required
 
 
-def _branch_and_bound(T: FloatArray, problem: Problem, limits: _Limits, top: float) -> Found:
-    """Pass after pass, each further down from `top`, until the bound is certified or will not be in time."""
-    from imubayes.selection.branching import Listing, explore, levels
+def _branch_and_bound(T: FloatArray, problem: Problem, limits: _Limits, top: float) -> tuple[Found, float]:
+    """Pass after pass, each further down from `top`, until the bound is certified or will not be in time.
+
+    Returns what was found, and the effort that it took.
+    """
+    from imubayes.selection.branching import Listing
 
     room = limits.most + T.shape[0]
     listing = Listing(np.empty((room, 2), np.uint64), np.empty(room), np.zeros(4))
-    explore(problem, levels(T), top, 0, listing)  # compiles, which does not count
-    begun = monotonic()
-    limits = limits._replace(end=begun + FIRST_SHARE * limits.seconds)
-    best, depth, passes = None, FIRST, []
+    best, depth, passes, spent, share = None, FIRST, [], 0.0, FIRST_SHARE
     while True:
-        found, ended = _one_pass(T, problem, top - depth, limits, listing)
-        passes.append(_Pass(depth, _gap(found, limits.tolerance), monotonic() - begun))
-        limits = limits._replace(end=begun + SHARE * limits.seconds)
+        spare = limits._replace(effort=share * limits.effort - spent)
+        found, ended = _one_pass(T, problem, top - depth, spare, listing)
+        spent, share = spent + NODE * found.visited, SHARE
+        passes.append(_Pass(depth, _gap(found, limits.tolerance), spent))
         best = found if best is None or found.log_missing < best.log_missing else best
-        if best.certified or not ended:
-            return best
-        step = _next_step(passes, limits.end - begun)
+        step = _next_step(passes, SHARE * limits.effort) if ended and not best.certified else None
         if step is None:
-            return best
+            return best, spent
         depth += step
 
 
@@ -224,7 +219,7 @@ def _one_pass(
     at = levels(T)
     listing.sums[:] = 0.0
     ended = False
-    while not ended and monotonic() < limits.end and listing.sums[MODELS] < limits.most:
+    while not ended and NODE * listing.sums[NODES] < limits.effort and listing.sums[MODELS] < limits.most:
         ended = explore(problem, at, least, PASS, listing)
     m = min(int(listing.sums[MODELS]), limits.most)
     log_joint, log_missing = listing.log_joint[:m].copy(), missing(at, listing, least)
@@ -268,7 +263,7 @@ def _gap(found: Found, tolerance: float) -> float:
     return math.log(max(found.error[0], TINY)) - math.log(max(tolerance, TINY))
 
 
-def _next_step(passes: list[_Pass], seconds: float) -> float | None:
+def _next_step(passes: list[_Pass], effort: float) -> float | None:
     """How much further down the next pass goes; None where certainty is farther than the time allows.
 
     The bound on what is missing falls, and the time rises, about exponentially with the depth.
@@ -283,22 +278,19 @@ def _next_step(passes: list[_Pass], seconds: float) -> float | None:
     earlier = max(before.at - (passes[-3].at if len(passes) > 2 else 0.0), 1e-3)
     growth = max(math.log(took / earlier) / step, 0.0)
     needed = 1.05 * now.gap / fall + 0.1
-    if now.at + took * math.exp(min(growth * needed, 50.0)) > HOPE * seconds:
+    if now.at + took * math.exp(min(growth * needed, 50.0)) > HOPE * effort:
         return None
     return min(needed, STEP)
 
 
-def _walk(
-    T: FloatArray, problem: Problem, found: Found, limits: _Limits, known: BoolArray, rng: np.random.Generator
-) -> Found:
+def _walk(T: FloatArray, problem: Problem, found: Found, limits: _Limits, rng: np.random.Generator) -> Found:
     """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
     from imubayes.selection.chains import walk_models
 
     p = T.shape[0] - 1
-    first = known[0] if len(known) else np.zeros(p, dtype=bool)
-    if len(found.log_joint):
-        first = found.inside[np.argmax(found.log_joint)]
-    walked = walk_models(T, problem, first, _bits(problem.parents, p), limits.end, rng)
+    first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)
+    steps = int(limits.effort / WALKED)
+    walked = walk_models(T, problem, first, _bits(problem.parents, p), steps, rng)
     inside, log_joint, weight = _distinct(walked, limits.most, p)
     return replace(
         found,

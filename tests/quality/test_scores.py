@@ -3,6 +3,7 @@ import pytest
 from scipy.stats import binom
 
 from imubayes.errors import InputError
+from imubayes.quality import questions as asked
 from imubayes.quality import scores as scoring
 from imubayes.quality.scores import RATIOS, scores
 from imubayes.quality.trials import DECISION, MODELLED, SURE, Trial
@@ -90,7 +91,7 @@ def test_interval_of_a_cost_is_that_of_a_mean_over_sensors(tried, told):
 
 @pytest.mark.parametrize(("events", "total"), [(0, 150), (1, 80), (7, 300), (40, 40)])
 def test_exact_interval_leaves_a_fortieth_on_either_side(events, total):
-    low, high = scoring._clopper_pearson(events, total)
+    low, high = asked._clopper_pearson(events, total)
     if events:
         assert binom.sf(events - 1, total, low) == pytest.approx(0.025, rel=1e-9)
     if events < total:

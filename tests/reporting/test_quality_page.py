@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from imubayes.quality.measure import Quality
-from imubayes.quality.scores import EDGES, Interval, scores
+from imubayes.quality.questions import Interval
+from imubayes.quality.scores import EDGES, scores
 from imubayes.quality.trials import DECISION, MODELLED, SURE, WHITE, QualityStudy, Trial
 from imubayes.reporting.quality_page import quality_html, quality_json, terminal_quality, write_quality
 from imubayes.reporting.quality_words import NARROW, claim, quality_answer, wrong_models
@@ -67,7 +68,7 @@ def test_answer_has_the_counts_behind_it(quality):
     text = " ".join(quality_answer(quality)).replace(NARROW, " ")
     own = quality.scores[0].of(DECISION)
     said = quality.scores[0].verdicts
-    assert f"Over 20 simulated sensors the decision called {100 * said.false_keeps.value:.1f} %" in text
+    assert f"Over 20 simulated sensors the verdict called {100 * said.false_keeps.value:.1f} %" in text
     assert f"of the {quality.scores[0].zero} terms that are zero" in text
     assert f"it is wrong in {own.cost.value:.2f} terms a sensor, the fewest of all methods" in text
 

@@ -52,7 +52,7 @@ def test_sampled_posterior_is_the_enumerated_one_within_its_error(problem, monke
     exact = enumerate_models(*problem, scale=1.0)
     monkeypatch.setattr(enumerate, "LARGEST", 10)
     monkeypatch.setattr(beyond, "TOLERANCE", 1e-300)
-    monkeypatch.setattr(beyond, "TIME_LIMIT", 2.0)
+    monkeypatch.setattr(beyond, "EFFORT", 2.0)
     found = enumerate_models(*problem, scale=1.0)
     assert math.isnan(found.missing)
     assert 0.0 < found.error < 0.02
