@@ -29,16 +29,7 @@ from imubayes.factor import Factor, noise_scale, with_prior_rows
 from imubayes.inference.pieces import Pieces
 from imubayes.selection.descent import descended
 from imubayes.selection.mixture import Candidates, candidates
-from imubayes.selection.predictive import (
-    RELIABLE,
-    Held,
-    by_dwell,
-    by_run,
-    fits,
-    leave_out,
-    psis_loo,
-    waic,
-)
+from imubayes.selection.predictive import RELIABLE, Held, by_dwell, by_run, fits, leave_out, psis_loo, waic
 from imubayes.selection.spaces import Every, Listed, Space
 
 FloatArray = NDArray[np.float64]
