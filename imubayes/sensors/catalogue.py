@@ -8,58 +8,26 @@ noise of the test is.
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
-from imubayes import units
 from imubayes.errors import TermError
+from imubayes.sensors.catalogue_file import figure_range, packaged_classes, packaged_tables
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import Kind, Library, Term
-
-Range = tuple[float, float, float]
-"""Low, typical and high over the members of a class, SI."""
+from imubayes.sensors.sensor_class import Range, SensorClass
+from imubayes.sensors.terms import Library, Term
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorClass:
-    """A technology at a grade.
-
-    Attributes
-    ----------
-    id : name in the catalogue, unique within a kind.
-    kind : accelerometer or gyroscope.
-    technology, grade : in words.
-    examples : products of the class.
-    full_scale : typical largest input, m/s^2 or rad/s.
-    bandwidth : typical, Hz.
-    coefficients : size of each coefficient by the catalogue's key (``K2``, ``mis``, ``g1``), SI.
-    noise : size of ``N``, ``B``, ``K``, SI (see `imubayes.sensors.noise.Noise`).
-    temperature : (lowest, highest) of operation, K.
-    source : where the figures come from, in words.
-    """
-
-    id: str
-    kind: Kind
-    technology: str
-    grade: str
-    examples: tuple[str, ...]
-    full_scale: float
-    bandwidth: float
-    coefficients: Mapping[str, Range]
-    noise: Mapping[str, Range]
-    temperature: tuple[float, float]
-    source: str
-
-
-def sensor(id: str, *, kind: str) -> SensorClass:
+def sensor(id: str, *, kind: str, catalogue: Sequence[SensorClass] = ()) -> SensorClass:
     """Class of the catalogue by its id; some ids exist for both kinds.
+
+    Parameters
+    ----------
+    id, kind : of the class.
+    catalogue : own classes beside those of imubayes, see `imubayes.sensors.catalogue_file.read_catalogue`.
 
     Raises
     ------
@@ -70,10 +38,10 @@ def sensor(id: str, *, kind: str) -> SensorClass:
     >>> sensor("quartz_flexure_servo", kind="accelerometer").grade
     'navigation'
     """
-    known = {entry.id: entry for entry in classes(kind)}
+    known = {entry.id: entry for entry in classes(kind, catalogue=catalogue)}
     if id in known:
         return known[id]
-    elsewhere = [entry.kind for entry in classes() if entry.id == id]
+    elsewhere = [entry.kind for entry in classes(catalogue=catalogue) if entry.id == id]
     if elsewhere:
         raise TermError(f"class '{id}' is of kind {elsewhere[0]}, not {kind}: known are {', '.join(known)}")
     near = get_close_matches(id, known)
@@ -81,8 +49,8 @@ def sensor(id: str, *, kind: str) -> SensorClass:
     raise TermError(f"class '{id}' is not in the catalogue of kind {kind}: {hint}")
 
 
-def classes(kind: str | None = None) -> tuple[SensorClass, ...]:
-    """Classes of one kind, or of both, in the catalogue's order.
+def classes(kind: str | None = None, *, catalogue: Sequence[SensorClass] = ()) -> tuple[SensorClass, ...]:
+    """Classes of one kind, or of both, in the catalogue's order, own ones last.
 
     Raises
     ------
@@ -91,11 +59,11 @@ def classes(kind: str | None = None) -> tuple[SensorClass, ...]:
     Examples
     --------
     >>> len(classes("accelerometer")), len(classes("gyroscope"))
-    (6, 11)
+    (6, 13)
     """
     if kind not in (None, "accelerometer", "gyroscope"):
         raise TermError(f"kind '{kind}' is not known: expected accelerometer or gyroscope")
-    return tuple(entry for entry in _catalogue() if kind in (None, entry.kind))
+    return tuple(entry for entry in (*packaged_classes(), *catalogue) if kind in (None, entry.kind))
 
 
 def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
@@ -179,45 +147,19 @@ def reference_errors() -> Mapping[str, Range]:
     >>> round(typical * 1e6)
     50
     """
-    return {key: _range(figure) for key, figure in _tables()["reference"]["figures"].items()}
+    return {key: figure_range(figure) for key, figure in packaged_tables()["reference"]["figures"].items()}
 
 
-@cache
-def _tables() -> Mapping[str, Any]:
-    return tomllib.loads(files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8"))
+def terms_of(kind: str, key: str) -> tuple[str, ...]:
+    """Names of the terms whose size a figure of the catalogue tells; empty where it tells none.
 
-
-@cache
-def _catalogue() -> tuple[SensorClass, ...]:
-    kinds: tuple[Kind, ...] = ("accelerometer", "gyroscope")
-    return tuple(_entry(id, kind, table) for kind in kinds for id, table in _tables()[kind].items())
-
-
-def _entry(id: str, kind: Kind, table: Mapping[str, Any]) -> SensorClass:
-    lowest, highest, scale = table["temperature"]
-    return SensorClass(
-        id=id,
-        kind=kind,
-        technology=table["technology"],
-        grade=table["grade"],
-        examples=tuple(table["examples"]),
-        full_scale=_range(table["full_scale"])[1],
-        bandwidth=_range(table["bandwidth"])[1],
-        coefficients={key: _range(figure) for key, figure in table["coefficients"].items()},
-        noise={key: _range(figure) for key, figure in table["noise"].items()},
-        temperature=(
-            units.quantity(f"{lowest} {scale}", like="K"),
-            units.quantity(f"{highest} {scale}", like="K"),
-        ),
-        source="; ".join(f"{sort.replace('_', ' ')}: {text}" for sort, text in table["source"].items()),
-    )
-
-
-def _range(figure: list[Any]) -> Range:
-    *values, unit = figure
-    scale = units.factor(unit, like=unit)
-    low, typical, high = (value * scale for value in values)
-    return low, typical, high
+    Examples
+    --------
+    >>> terms_of("accelerometer", "Kx"), terms_of("gyroscope", "Tdot"), terms_of("gyroscope", "lockin")
+    (('c_ij', 'c_ik', 'c_jk'), ('b0*dT',), ())
+    """
+    heated = _HEATED.get(key)
+    return (heated,) if heated else tuple(name for name, keys in _SHARES[kind].items() if key in keys)
 
 
 _NORMAL_95 = 1.6448536269514722
@@ -251,6 +193,9 @@ _SHARES: dict[str, dict[str, dict[str, float]]] = {
         **{f"s_{axis}": {"aa": 1.0} for axis in "ijk"},
     },
 }  # fmt: skip
+
+_HEATED = {"T0": "b0*T", "T1": "b1*T", "Tdot": "b0*dT"}
+"""Terms of the temperature expansion whose sizes the catalogue holds."""
 
 _ASSUMED = {("gyroscope", "b2p")}
 """Coefficients whose share above is an order of magnitude of our own."""

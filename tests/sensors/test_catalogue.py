@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -15,6 +16,7 @@ from imubayes.sensors.catalogue import (
     prior_sd,
     reference_errors,
     sensor,
+    terms_of,
 )
 from imubayes.sensors.terms import Library, Term, library
 from imubayes.units import factor
@@ -216,3 +218,15 @@ def test_term_of_the_other_kind_has_no_prior():
     lib: Library = library("gyroscope", set="extended")
     with pytest.raises(TermError, match="no term 'g_i'"):
         prior_sd(sensor("mems_tactical", kind="accelerometer"), lib.terms[lib.names.index("g_i")])
+
+
+@every_class
+def test_a_figure_sizes_the_terms_that_it_is_said_to_size_and_no_others(entry):
+    lib = library(entry.kind, set="extended", temperature=1)
+    before = {term.name: prior_sd(entry, term)[0] for term in lib.terms}
+    for key, (low, typical, high) in entry.coefficients.items():
+        doubled = replace(entry, coefficients={**entry.coefficients, key: (low, 2 * typical, 2 * high)})
+        after = {term.name: prior_sd(doubled, term)[0] for term in lib.terms}
+        changed = {name for name in before if after[name] != before[name]}
+        lagging = {"b0*dT"} if key == "T0" and "Tdot" not in entry.coefficients else set()
+        assert changed == {*terms_of(entry.kind, key), *lagging}, key

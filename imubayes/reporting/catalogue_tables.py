@@ -1,0 +1,173 @@
+"""The catalogue in a terminal: its classes at a glance, and one class with every figure and prior."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
+from imubayes.sensors.catalogue import prior_sd, reference_errors, terms_of
+from imubayes.sensors.catalogue_file import origins_of, packaged_tables
+from imubayes.sensors.sensor_class import (
+    COEFFICIENT_KEYS,
+    NOISE_KEYS,
+    PLACES,
+    SOURCE_KINDS,
+    Key,
+    Origins,
+    Range,
+    SensorClass,
+)
+from imubayes.sensors.terms import Kind, library
+from imubayes.units import ZERO_CELSIUS, factor
+
+_GLANCE: dict[Kind, tuple[tuple[str, str, str], ...]] = {
+    "accelerometer": (("bias", "K0", "ug"), ("scale", "s", "ppm")),
+    "gyroscope": (("bias", "b0", "deg/h"), ("scale", "s", "ppm")),
+}
+"""Heading, key and printed unit of the coefficients that tell a grade."""
+
+_LETTERS = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
+"""Source kinds as one letter a number; the words stand below the table."""
+
+_LEGEND = "source of low, typical, high: " + ", ".join(
+    f"{_LETTERS[kind]} {kind.replace('_', ' ')}" for kind in SOURCE_KINDS
+)
+
+
+def class_list(entries: Iterable[SensorClass]) -> Group:
+    """Classes at a glance, a table a kind: technology, grade, products, typical bias, scale and noise.
+
+    It fits 80 columns; without a terminal it is plain text.
+    """
+    parts: list[RenderableType] = []
+    for kind, members in groupby(sorted(entries, key=_kind), key=_kind):
+        parts += [Text(f"{kind}s, typical figures", style="bold"), _glance_table(kind, list(members)), Text()]
+    return Group(*parts)
+
+
+def class_page(entry: SensorClass) -> Group:
+    """One class: every figure with its unit and source kind, and the priors that are made of them."""
+    lowest, highest = (f"{kelvin - ZERO_CELSIUS:.4g}" for kelvin in entry.temperature)
+    unit = entry.units["full_scale"]
+    scale = f"{_printed(entry.full_scale, unit, digits=6)} {unit}"
+    told = [entry.technology, entry.grade, scale, f"{entry.bandwidth:.3g} Hz", f"{lowest} to {highest} degC"]
+    return Group(
+        Text(_clean(f"{entry.id}  {entry.kind}"), style="bold"),
+        _indented(", ".join(told)),
+        *([_indented(f"such as {', '.join(entry.examples)}", "dim")] if entry.examples else []),
+        Text(),
+        _figure_table(entry),
+        _indented(_LEGEND, "dim"),
+        Text(),
+        _prior_table(entry),
+        Text(),
+        *(_indented(text) for text in (entry.note, entry.source) if text),
+    )
+
+
+def bench_list() -> Group:
+    """Errors of test equipment that the catalogue holds, one sigma."""
+    written = packaged_tables()["reference"]
+    origins = origins_of(written["quoted"], written["figures"])
+    table = _plain_table("error", *PLACES, "unit", "source", numbers=PLACES)
+    for key, values in reference_errors().items():
+        unit = written["figures"][key][-1]
+        table.add_row(key, *_numbers(values, unit), unit, _letters(origins[key]))
+    return Group(Text("errors of test equipment, one sigma", style="bold"), table, _indented(_LEGEND, "dim"))
+
+
+def _kind(entry: SensorClass) -> Kind:
+    return entry.kind
+
+
+def _glance_table(kind: Kind, entries: Sequence[SensorClass]) -> Table:
+    told = [(f"{heading}\n{unit}", unit) for heading, _, unit in _GLANCE[kind]]
+    told += [(f"{name}\n{unit}", unit) for name, unit in zip("NB", NOISE_UNITS[kind], strict=False)]
+    headings = [heading for heading, _ in told]
+    table = _plain_table("class", "technology, grade, products", *headings, numbers=headings)
+    keys = [key for _, key, _ in _GLANCE[kind]]
+    for entry in entries:
+        figures = [entry.coefficients[key] for key in keys] + [entry.noise[name] for name in "NB"]
+        sizes = [_printed(figure[1], unit) for figure, (_, unit) in zip(figures, told, strict=True)]
+        words = "; ".join(filter(None, (entry.technology, entry.grade, ", ".join(entry.examples[:3]))))
+        table.add_row(_clean(entry.id), Text(_clean(words)), *sizes)
+    return table
+
+
+def _figure_table(entry: SensorClass) -> Table:
+    table = _plain_table("key", "symbol", "term", *PLACES, "unit", "source", numbers=PLACES)
+    for key, meaning, values in _figures(entry):
+        unit = entry.units[key]
+        terms = _shortened(terms_of(entry.kind, key)) or meaning.text
+        origins = _letters(entry.origins[key])
+        table.add_row(key, meaning.symbol, terms, *_numbers(values, unit), Text(_clean(unit)), origins)
+    return table
+
+
+def _figures(entry: SensorClass) -> Iterator[tuple[str, Key, Range]]:
+    for keys, figures in (
+        (COEFFICIENT_KEYS[entry.kind], entry.coefficients),
+        (NOISE_KEYS[entry.kind], entry.noise),
+    ):
+        yield from ((key, meaning, figures[key]) for key, meaning in keys.items() if key in figures)
+
+
+def _prior_table(entry: SensorClass) -> Table:
+    """Prior sd of every term of the extended library, and the noise, in the units that people use."""
+    table = _plain_table("term", "symbol", "prior sd", "unit", "from", numbers=("prior sd",))
+    for term in library(entry.kind, set="extended", temperature=1).terms:
+        sd, origin = prior_sd(entry, term)
+        table.add_row(term.name, term.symbol, _printed(sd, term.printed, term.unit), term.printed, origin)
+    for name, si, unit in zip("NBK", NOISE_SI[entry.kind], NOISE_UNITS[entry.kind], strict=True):
+        low, typical, high = (_printed(value, unit, si) for value in entry.noise[name])
+        table.add_row(name, "noise", typical, unit, f"typical of {low} to {high}")
+    return table
+
+
+def _numbers(values: Range, unit: str) -> tuple[str, ...]:
+    """Figure as it is written: six digits hide the rounding of its unit's factor."""
+    return tuple(_printed(value, unit, digits=6) for value in values)
+
+
+def _printed(value: float, unit: str, si: str = "", *, digits: int = 3) -> str:
+    """SI value in its unit; an ordinary number where it is a large one."""
+    text = f"{value / factor(unit, like=si or unit):.{digits}g}"
+    return f"{float(text):g}" if "e+" in text else text
+
+
+def _letters(origins: Origins) -> str:
+    return " ".join(_LETTERS[kind] for kind in origins)
+
+
+def _shortened(names: Sequence[str]) -> str:
+    """Names of terms, a common beginning once: ``c_ij ik jk``."""
+    families = [
+        (head, [name.partition("_")[2] for name in family])
+        for head, family in groupby(names, key=lambda name: name.partition("_")[0])
+    ]
+    return ", ".join(f"{head}_{' '.join(tails)}" if any(tails) else head for head, tails in families)
+
+
+def _plain_table(*headings: str, numbers: Sequence[str] = ()) -> Table:
+    """Table without lines; its first column, its numbers and their units are never broken or cut."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim", show_edge=False)
+    whole = (headings[0], "unit", "source", *numbers)
+    for heading in headings:
+        justify = "right" if heading in numbers else "left"
+        table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")
+    return table
+
+
+def _indented(text: str, style: str = "") -> Padding:
+    return Padding(Text(_clean(text), style=style), (0, 0, 0, 1))
+
+
+def _clean(text: str) -> str:
+    """A user's own catalogue is a file: what is not printable does not reach the terminal."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -1,0 +1,312 @@
+"""The catalogue's files: checked tables become sensor classes.
+
+A file holds tables ``[<kind>.<class>]`` of the form that ``grades.toml`` beside this module describes. A
+user's class may state only what it changes, and take the rest from the class that it is ``like``::
+
+    [accelerometer.screened]
+    like = "mems_tactical"
+    grade = "tactical, screened for bias"
+    quoted = { datasheet = ["K0"] }
+
+    [accelerometer.screened.source]
+    datasheet = "acceptance tests of 40 units"
+
+    [accelerometer.screened.coefficients]
+    K0 = [200, 600, 1500, "ug"]
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from imubayes import units
+from imubayes.errors import StudyError, UnitError
+from imubayes.sensors.sensor_class import (
+    COEFFICIENT_KEYS,
+    NOISE_KEYS,
+    PLACES,
+    RATING_KEYS,
+    SOURCE_KINDS,
+    Key,
+    Origins,
+    Range,
+    SensorClass,
+    SourceKind,
+)
+from imubayes.sensors.terms import Kind
+
+Table = Mapping[str, Any]
+KINDS: tuple[Kind, ...] = ("accelerometer", "gyroscope")
+
+_TEXTS = ("technology", "grade", "note", "like")
+_TABLES = ("source", "quoted", "coefficients", "noise")
+_NEEDED = ("technology", "grade", "full_scale", "bandwidth", "temperature", "coefficients", "noise")
+_KNOWN = (*_TEXTS, "examples", "full_scale", "bandwidth", "temperature", *_TABLES)
+_HUGE = 1e300
+_UNSTATED = {"order_of_magnitude": "stated without a source"}
+
+
+def read_catalogue(path: Path | str) -> tuple[SensorClass, ...]:
+    """Classes of a user's own file, accelerometers first.
+
+    Parameters
+    ----------
+    path : TOML file of the form of ``grades.toml``; with ``like``, a class states only what it changes. Its
+        figures are orders of magnitude but for those that ``quoted`` names.
+
+    Raises
+    ------
+    StudyError : naming the file, the class and the key, what was expected and what to do.
+    """
+    file = Path(path)
+    try:
+        raw = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise StudyError(f"{file}: cannot be read ({error.strerror}): check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise StudyError(f"{file}: is not TOML ({error}): expected tables [accelerometer.NAME]") from None
+    _refuse_unknown(raw, KINDS, str(file))
+    return tuple(entry for kind in KINDS for entry in _own_classes(raw, kind, f"{file}: {kind}"))
+
+
+@cache
+def packaged_tables() -> Mapping[str, Any]:
+    """Tables of the catalogue that comes with imubayes, as they are written."""
+    return tomllib.loads(files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def packaged_classes() -> tuple[SensorClass, ...]:
+    """Classes of the catalogue that comes with imubayes, accelerometers first."""
+    return tuple(
+        _entry(id, kind, table, f"grades.toml: {kind}.{id}")
+        for kind in KINDS
+        for id, table in packaged_tables()[kind].items()
+    )
+
+
+def figure_range(figure: Sequence[Any]) -> Range:
+    """``[low, typical, high, unit]`` in SI.
+
+    Examples
+    --------
+    >>> figure_range([1, 2, 4, "km"])
+    (1000.0, 2000.0, 4000.0)
+    """
+    *values, unit = figure
+    scale = units.factor(unit, like=unit)
+    low, typical, high = (value * scale for value in values)
+    return low, typical, high
+
+
+def origins_of(quoted: Table, keys: Iterable[str]) -> dict[str, Origins]:
+    """Source kind of each number: an order of magnitude where no source is quoted.
+
+    Parameters
+    ----------
+    quoted : by source kind, the numbers that are the source's own: ``K0.high``, or ``K0`` for all three.
+    keys : of the figures.
+
+    Examples
+    --------
+    >>> origins_of({"datasheet": ["K0.high"]}, ["K0"])["K0"]
+    ('order_of_magnitude', 'order_of_magnitude', 'datasheet')
+    """
+    found: dict[str, SourceKind] = {}
+    for kind in reversed(SOURCE_KINDS):
+        for number in quoted.get(kind, ()):
+            key, _, place = number.partition(".")
+            found |= {f"{key}.{each}": kind for each in ([place] if place else PLACES)}
+    return {key: _three(found.get(f"{key}.{each}", "order_of_magnitude") for each in PLACES) for key in keys}
+
+
+def _three(kinds: Iterable[SourceKind]) -> Origins:
+    low, typical, high = kinds
+    return low, typical, high
+
+
+def _own_classes(raw: Table, kind: Kind, where: str) -> list[SensorClass]:
+    own, shipped = raw.get(kind, {}), packaged_tables()[kind]
+    _check_table(own, where)
+    for id, table in own.items():
+        if id in shipped:
+            raise StudyError(f"{where}.{id}: a class of the catalogue has this id: choose another one")
+        _check_shape(table, f"{where}.{id}")
+    known = {**shipped, **own}
+    return [_entry(id, kind, _whole(id, known, where), f"{where}.{id}") for id in own]
+
+
+def _whole(id: str, known: Mapping[str, Table], where: str, above: tuple[str, ...] = ()) -> Table:
+    """Table of a class with all that it takes over from the class that it is like."""
+    table = known[id]
+    if "like" not in table:
+        return table
+    like = table["like"]
+    if like not in known:
+        near = get_close_matches(like, known)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(known)}"
+        raise StudyError(f"{where}.{id}.like: there is no class '{like}': {hint}")
+    if like in (*above, id):
+        circle = " like ".join((*above, id, like))
+        raise StudyError(f"{where}.{id}.like: a circle ({circle}): one of them must state all its figures")
+    return _inherited(_whole(like, known, where, (*above, id)), table, like)
+
+
+def _inherited(base: Table, own: Table, like: str) -> Table:
+    """Give the figures of `base` where `own` has none; what `own` states has no source in `base`."""
+    said = {number for numbers in own.get("quoted", {}).values() for number in numbers}
+    stated = {*own.get("coefficients", {}), *own.get("noise", {}), *own, *said}
+    theirs = {
+        kind: [number for number in numbers if stated.isdisjoint((number, number.partition(".")[0]))]
+        for kind, numbers in base.get("quoted", {}).items()
+    }
+    quoted = {kind: [*theirs.get(kind, ()), *own.get("quoted", {}).get(kind, ())] for kind in SOURCE_KINDS}
+    figures = {part: {**base.get(part, {}), **own.get(part, {})} for part in ("coefficients", "noise")}
+    told = {kind: f"as {like}: {text}" for kind, text in base.get("source", _UNSTATED).items()}
+    source = {
+        kind: "; ".join(filter(None, (own.get("source", {}).get(kind), told.get(kind))))
+        for kind in SOURCE_KINDS
+    }
+    return {**base, **own, **figures, "quoted": quoted, "source": source}
+
+
+def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
+    _check_shape(table, where)
+    _check_present(_NEEDED, table, where)
+    coefficients = _figures(table["coefficients"], COEFFICIENT_KEYS[kind], f"{where}.coefficients")
+    noise = _figures(table["noise"], NOISE_KEYS[kind], f"{where}.noise", above_zero=True)
+    ratings = {key: table[key] for key in RATING_KEYS[kind]}
+    rated = _figures(ratings, RATING_KEYS[kind], where, above_zero=True)
+    written = {**table["coefficients"], **table["noise"], **ratings}
+    quoted = table.get("quoted", {})
+    _check_quoted(quoted, written, f"{where}.quoted")
+    sources = table.get("source", _UNSTATED)
+    return SensorClass(
+        id=id,
+        kind=kind,
+        technology=table["technology"],
+        grade=table["grade"],
+        examples=tuple(table.get("examples", ())),
+        full_scale=rated["full_scale"][1],
+        bandwidth=rated["bandwidth"][1],
+        coefficients=coefficients,
+        noise=noise,
+        temperature=_temperature(table["temperature"], f"{where}.temperature"),
+        source="; ".join(f"{sort.replace('_', ' ')}: {text}" for sort, text in sources.items() if text),
+        units={key: figure[-1] for key, figure in written.items()},
+        origins=origins_of(quoted, written),
+        note=table.get("note", ""),
+    )
+
+
+def _figures(
+    table: Table, keys: Mapping[str, Key], where: str, *, above_zero: bool = False
+) -> dict[str, Range]:
+    _refuse_unknown(table, keys, where)
+    _check_present([key for key, meaning in keys.items() if meaning.required], table, where)
+    return {
+        key: _figure(figure, keys[key], f"{where}.{key}", above_zero=above_zero)
+        for key, figure in table.items()
+    }
+
+
+def _figure(figure: object, key: Key, where: str, *, above_zero: bool) -> Range:
+    expected = f'expected [low, typical, high, "unit"] of {key.text}, a size without a sign'
+    if not (isinstance(figure, list) and len(figure) == 4 and isinstance(figure[3], str)):
+        raise StudyError(f"{where}: {_shown(figure)}: {expected}")
+    *values, unit = figure
+    if not (all(map(_is_number, values)) and 0.0 <= values[0] <= values[1] <= values[2] and values[2] > 0.0):
+        raise StudyError(f"{where}: {_shown(values)}: {expected}, rising from low to high")
+    if above_zero and not values[0] > 0.0:
+        raise StudyError(f"{where}: low is zero: {expected}, above zero; state the smallest that occurs")
+    try:
+        units.factor(unit, like=key.unit)
+    except UnitError as error:
+        raise StudyError(f"{where}: {error}") from None
+    return figure_range(figure)
+
+
+def _temperature(values: object, where: str) -> tuple[float, float]:
+    expected = 'expected [lowest, highest, "degC"] of operation'
+    if not (isinstance(values, list) and len(values) == 3 and all(map(_is_number, values[:2]))):
+        raise StudyError(f"{where}: {_shown(values)}: {expected}")
+    try:
+        low, high = (units.quantity(f"{value} {values[2]}", like="K") for value in values[:2])
+    except UnitError as error:
+        raise StudyError(f"{where}: {error}") from None
+    if not low < high:
+        raise StudyError(f"{where}: {_shown(values)}: {expected}, the lowest first")
+    return low, high
+
+
+def _check_shape(table: object, where: str) -> None:
+    checked = _check_table(table, where)
+    _refuse_unknown(checked, _KNOWN, where)
+    for key in _TABLES:
+        _check_table(checked.get(key, {}), f"{where}.{key}")
+    for key in _TEXTS:
+        _check_texts(checked.get(key, ""), f"{where}.{key}", several=False)
+    lists = {"examples": checked.get("examples", [])}
+    for part in ("source", "quoted"):
+        _refuse_unknown(checked.get(part, {}), SOURCE_KINDS, f"{where}.{part}")
+        lists |= {f"{part}.{kind}": value for kind, value in checked.get(part, {}).items()}
+    for key, value in lists.items():
+        _check_texts(value, f"{where}.{key}", several=not key.startswith("source"))
+
+
+def _check_texts(value: object, where: str, *, several: bool) -> None:
+    texts = value if several and isinstance(value, list) else [value]
+    if several != isinstance(value, list) or not all(isinstance(text, str) for text in texts):
+        raise StudyError(f"{where}: {_shown(value)}: expected a {'list of texts' if several else 'text'}")
+
+
+def _check_quoted(quoted: Table, figures: Table, where: str) -> None:
+    for kind, numbers in quoted.items():
+        for number in numbers:
+            key, dot, place = number.partition(".")
+            if key not in figures or (dot and place not in PLACES):
+                such = next(iter(figures))
+                raise StudyError(
+                    f"{where}.{kind}: '{number}' is no number of this class: expected a key that has a"
+                    f" figure, such as {such}, or a number of it, such as {such}.high"
+                )
+
+
+def _check_table(value: object, where: str) -> Table:
+    if not isinstance(value, dict):
+        raise StudyError(f"{where}: {_shown(value)}: expected a table")
+    return value
+
+
+def _check_present(needed: Iterable[str], table: Table, where: str) -> None:
+    missing = [key for key in needed if key not in table]
+    if missing:
+        raise StudyError(
+            f"{where}: there is no {', '.join(missing)}: state it, or say like = "
+            '"a class of the catalogue" to take over what is not stated'
+        )
+
+
+def _refuse_unknown(table: Table, known: Iterable[str], where: str) -> None:
+    expected = tuple(known)
+    for key in table:
+        if key not in expected:
+            near = get_close_matches(key, expected, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(expected)}"
+            raise StudyError(f"{where}: '{key}' is not a key here: {hint}")
+
+
+def _is_number(value: object) -> bool:
+    """Whether a value is a finite number; a whole number of TOML may be beyond any float."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _HUGE
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

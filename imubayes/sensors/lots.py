@@ -1,0 +1,154 @@
+"""Lots: units of one class that are alike, and differ, as units of a production do.
+
+A lot of a class is drawn in three steps:
+
+1. Each figure of the class, ``(low, typical, high)``, gives the lot one magnitude ``m``, whose logarithm is
+   normal on either side of the typical value, ``m = typical (high/typical)^(z/1.645)`` above it and
+   ``typical (low/typical)^(-z/1.645)`` below, with z standard normal within +-1.645: the median is the
+   typical value and no lot leaves its class. A typical value of zero counts as a tenth of the high one, and
+   a low one of zero as far below the typical value as the high one is above. With the magnitudes in place
+   of its figures the class gives each coefficient the size ``s`` that it has in this lot.
+2. A coefficient has a part that all units share, ``mean ~ N(0, r s^2)``, and one of each unit's own with
+   ``sd = sqrt(1 - r) s``, so that it is ``N(0, s^2)`` over lots and units. What a factory trims unit by
+   unit has the share r = 0.1, what design and technology decide 0.5 (orders of magnitude).
+3. N, B and K of a unit scatter log-normally about the lot's magnitudes, by 0.1, 0.3 and 0.5 in the
+   logarithm (orders of magnitude).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import InputError
+from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.sensor_class import Range, SensorClass
+from imubayes.sensors.terms import Library
+
+FloatArray = NDArray[np.float64]
+
+TRIMMED = frozenset({"b0", "b1", "b0p", "m_j", "m_k"})
+"""Coefficients that a factory trims, or mounts, unit by unit."""
+
+SHARED_TRIMMED, SHARED_BY_DESIGN = 0.1, 0.5
+"""Share of the variance that the units of a lot have in common (orders of magnitude)."""
+
+NOISE_SPREAD = {"N": 0.1, "B": 0.3, "K": 0.5}
+"""Sd of the logarithm of a noise parameter over the units of a lot (orders of magnitude)."""
+
+_TAIL = 0.05
+"""Low and high are the 5 % and 95 % points of a magnitude, as in the noise prior."""
+
+_POINT = NormalDist().inv_cdf(1.0 - _TAIL)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lot:
+    """Units of one class, with the population that they are drawn from.
+
+    Attributes
+    ----------
+    sensor_class : of the units.
+    names : (p,) of the coefficients.
+    mean, sd : (p,) of the population: what the units share, and their spread about it, SI.
+    theta : (n, p) coefficients of each unit, SI.
+    typical_noise : median of N, B and K over the population, SI.
+    noise : (n,) of each unit.
+    """
+
+    sensor_class: SensorClass
+    names: tuple[str, ...]
+    mean: FloatArray
+    sd: FloatArray
+    theta: FloatArray
+    typical_noise: Noise
+    noise: tuple[Noise, ...]
+
+    def __len__(self) -> int:
+        """Count the units."""
+        return len(self.noise)
+
+    def truth(self, unit: int) -> dict[str, float]:
+        """Coefficients of a unit by name, SI."""
+        return dict(zip(self.names, self.theta[unit].tolist(), strict=True))
+
+
+def draw_lot(sensor_class: SensorClass, lib: Library, n: int, rng: np.random.Generator) -> Lot:
+    """Draw a lot of a class at random (see the top of this module).
+
+    Parameters
+    ----------
+    sensor_class : of the units.
+    lib : library whose coefficients are drawn.
+    n : number of units, 1 or more.
+    rng : the source of randomness.
+
+    Raises
+    ------
+    InputError : if there is no unit.
+    TermError : if the class's kind lacks a term of `lib`.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.catalogue import sensor
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("gyroscope", powers=1, asymmetry=-1)
+    >>> lot = draw_lot(sensor("fog_tactical", kind="gyroscope"), lib, 20, np.random.default_rng(1))
+    >>> len(lot), lot.theta.shape == (20, len(lib.terms)), list(lot.truth(0)) == list(lib.names)
+    (20, True, True)
+    """
+    if n < 1:
+        raise InputError(f"a lot of {n} units: expected 1 or more")
+    size, typical = _magnitudes(sensor_class, lib, rng)
+    shared = np.array(
+        [SHARED_TRIMMED if name in TRIMMED else SHARED_BY_DESIGN for name in lib.names], dtype=np.float64
+    )
+    mean = np.sqrt(shared) * size * rng.standard_normal(len(size))
+    sd = np.sqrt(1.0 - shared) * size
+    theta = mean + sd * rng.standard_normal((n, len(size)))
+    for array in (mean, sd, theta):
+        array.setflags(write=False)
+    return Lot(
+        sensor_class, lib.names, mean, sd, theta, typical, tuple(_scattered(typical, rng) for _ in range(n))
+    )
+
+
+def magnitude(values: Range, rng: np.random.Generator) -> float:
+    """Size of a figure in one lot of its class, between low and high, SI.
+
+    Examples
+    --------
+    >>> 1.0 <= magnitude((1.0, 2.0, 40.0), np.random.default_rng(1)) <= 40.0
+    True
+    """
+    low, typical, high = values
+    typical = typical or high / 10.0
+    low = low or typical * typical / high
+    z = NormalDist().inv_cdf(rng.uniform(_TAIL, 1.0 - _TAIL)) / _POINT
+    return typical * math.exp(z * math.log(high / typical) if z > 0.0 else -z * math.log(low / typical))
+
+
+def _magnitudes(entry: SensorClass, lib: Library, rng: np.random.Generator) -> tuple[FloatArray, Noise]:
+    """Size (p,) of each coefficient in one lot, and the lot's median noise."""
+    noise = {name: magnitude(values, rng) for name, values in entry.noise.items()}
+    sizes = {key: magnitude(values, rng) for key, values in entry.coefficients.items()}
+    narrowed = replace(entry, coefficients=_exactly(sizes))
+    return np.array([prior_sd(narrowed, term)[0] for term in lib.terms]), Noise(**noise)
+
+
+def _exactly(sizes: Mapping[str, float]) -> dict[str, Range]:
+    return {key: (size, size, size) for key, size in sizes.items()}
+
+
+def _scattered(typical: Noise, rng: np.random.Generator) -> Noise:
+    N, B, K = (
+        median * math.exp(NOISE_SPREAD[name] * rng.standard_normal())
+        for name, median in (("N", typical.N), ("B", typical.B), ("K", typical.K))
+    )
+    return Noise(N, B, K)

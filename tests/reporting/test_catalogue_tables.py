@@ -1,0 +1,125 @@
+"""What `imubayes catalogue` prints: all of it, in 80 columns, in words that a terminal without colour has."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from imubayes.reporting.catalogue_tables import bench_list, class_list, class_page
+from imubayes.sensors.catalogue import classes, sensor
+from imubayes.sensors.catalogue_file import packaged_tables
+from imubayes.sensors.terms import library
+
+every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
+LETTER = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
+
+
+def printed(renderable, encoding: str = "utf-8") -> str:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    Console(file=stream, width=80).print(renderable)
+    stream.flush()
+    return stream.buffer.getvalue().decode(encoding)
+
+
+def _fits(text: str) -> bool:
+    return max(map(len, text.splitlines())) <= 80 and not re.search("[…\x1b]", text)
+
+
+def test_list_names_every_class_once_with_its_technology_and_sizes():
+    text = printed(class_list(classes()))
+    assert _fits(text)
+    ids = [line.split()[0] for line in text.splitlines() if line and not line.startswith(" ")]
+    assert [id for id in ids if id in {entry.id for entry in classes()}] == [entry.id for entry in classes()]
+    fog = next(line for line in text.splitlines() if line.startswith("fog_navigation"))
+    assert fog.split()[-4:] == ["0.01", "15", "0.0015", "0.002"]  # deg/h, ppm, deg/sqrt(h), deg/h
+    piga = next(line for line in text.splitlines() if line.startswith("strategic_piga"))
+    assert piga.split()[-4:] == ["1", "1", "0.3", "0.05"]  # ug, ppm, ug/sqrt(Hz), ug
+    words = " ".join(text.split())
+    assert "closed-loop IFOG" in words and "SRS-1000" in words
+
+
+def test_list_puts_own_classes_below_those_of_their_kind():
+    tactical = sensor("mems_tactical", kind="accelerometer")
+    text = printed(class_list((*classes(), replace(tactical, id="own_class"))))
+    assert text.count("accelerometers, ") == 1
+    assert text.index("strategic_piga") < text.index("own_class") < text.index("gyroscopes, ")
+
+
+def _rows(text: str, first: str) -> dict[str, list[str]]:
+    """Rows of the table whose heading begins with `first`, by their first cell."""
+    lines = text.splitlines()
+    start = next(n for n, line in enumerate(lines) if line.startswith(f"{first} "))
+    end = next(
+        n for n, line in enumerate(lines[start:], start) if not line.strip() or line[1:].startswith("sou")
+    )
+    return {line.split()[0]: line.split() for line in lines[start + 1 : end] if not line.startswith(" ")}
+
+
+@every_class
+def test_page_prints_every_number_of_a_class_as_it_is_written_with_unit_and_source(entry):
+    text = printed(class_page(entry))
+    assert _fits(text)
+    written = packaged_tables()[entry.kind][entry.id]
+    rows = _rows(text, "key")
+    figures = {**written["coefficients"], **written["noise"]}
+    assert rows.keys() == figures.keys()
+    for key, (*values, unit) in figures.items():
+        *_, low, typical, high, shown, d1, d2, d3 = rows[key]
+        assert [float(low), float(typical), float(high)] == values, key
+        assert shown == unit
+        assert [d1, d2, d3] == [LETTER[kind] for kind in entry.origins[key]], key
+    for word in (entry.technology, entry.grade, *entry.examples, entry.note, entry.source):
+        assert " ".join(word.split()) in " ".join(text.split())
+
+
+@every_class
+def test_page_gives_the_prior_of_every_term_and_the_noise(entry):
+    rows = _rows(printed(class_page(entry)), "term")
+    names = library(entry.kind, set="extended", temperature=1).names
+    assert list(rows) == [*names, "N", "B", "K"]
+    figures = packaged_tables()[entry.kind][entry.id]
+    assert float(rows["N"][2]) == figures["noise"]["N"][1]
+    assert rows["N"][3] == figures["noise"]["N"][3]
+
+
+def test_page_names_terms_and_symbols_of_a_figure():
+    rows = _rows(printed(class_page(sensor("mems_tactical", kind="accelerometer"))), "key")
+    assert rows["K2"] == ["K2", "K2", "b2", "5", "30", "150", "ug/g^2", "o", "o", "o"]
+    assert rows["K0"] == ["K0", "K0", "b0", "500", "1500", "5000", "ug", "o", "s", "o"]
+    assert rows["Kx"][:7] == ["Kx", "Kip,", "Kio,", "Kpo", "c_ij", "ik", "jk"]
+
+
+def test_page_keeps_digits_of_large_ratings_and_temperatures_in_celsius():
+    text = printed(class_page(sensor("rlg_tactical", kind="gyroscope")))
+    assert "1074 deg/s" in text and "-54 to 85" in " ".join(text.split())
+
+
+def test_page_prints_on_an_ascii_terminal():
+    for entry in classes():
+        assert printed(class_page(entry), "ascii")
+
+
+def test_texts_of_a_file_cannot_steer_the_terminal():
+    entry = replace(
+        sensor("fog_tactical", kind="gyroscope"), id="a\x1b[31m", note="[red]b\x07", examples=("\x1b",)
+    )
+    for renderable in (class_list([entry]), class_page(entry)):
+        text = printed(renderable)
+        assert "\x1b" not in text and "\x07" not in text and "a?[31m" in text
+    assert "[red]b?" in printed(class_page(entry))
+
+
+def test_bench_list_prints_the_errors_of_test_equipment_as_they_are_written():
+    text = printed(bench_list())
+    assert _fits(text)
+    figures = packaged_tables()["reference"]["figures"]
+    rows = _rows(text, "error")
+    assert rows.keys() == figures.keys()
+    for key, (*values, unit) in figures.items():
+        assert [float(number) for number in rows[key][1:4]] == values
+        assert rows[key][4] == unit
+    assert rows["centrifuge_radius"][5:] == ["o", "s", "o"] and rows["gravity"][5:] == ["o", "o", "o"]

@@ -1,0 +1,168 @@
+"""Files of classes: what a user's own catalogue may say, and how it is refused."""
+
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from imubayes.errors import StudyError, TermError
+from imubayes.sensors.catalogue import classes, prior_sd, sensor
+from imubayes.sensors.catalogue_file import origins_of, read_catalogue
+from imubayes.sensors.terms import library
+
+G = 9.80665
+ULPS = 1e-14
+"""A few multiplications of conversion factors."""
+
+every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
+
+SCREENED = """
+[accelerometer.screened]
+like = "mems_tactical"
+grade = "tactical, screened"
+quoted = { datasheet = ["K0", "N.high"] }
+[accelerometer.screened.source]
+datasheet = "acceptance tests of 40 units"
+[accelerometer.screened.coefficients]
+K0 = [0.2, 0.6, 1.5, "mg"]
+"""
+
+
+def _file(folder: Path, text: str) -> Path:
+    path = folder / "own.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_own_class_states_only_what_it_changes(tmp_path):
+    (own,) = read_catalogue(_file(tmp_path, SCREENED))
+    base = sensor("mems_tactical", kind="accelerometer")
+    assert own.coefficients["K0"] == pytest.approx([0.2e-3 * G, 0.6e-3 * G, 1.5e-3 * G], rel=ULPS)
+    assert {**own.coefficients, "K0": ()} == {**base.coefficients, "K0": ()}
+    assert (own.noise, own.technology, own.examples) == (base.noise, base.technology, base.examples)
+    assert own.grade == "tactical, screened"
+    assert own.origins["K0"] == ("datasheet",) * 3
+    assert own.origins["N"] == ("order_of_magnitude", "order_of_magnitude", "datasheet")
+    assert {**own.origins, "K0": (), "N": ()} == {**base.origins, "K0": (), "N": ()}
+    assert "acceptance tests of 40 units" in own.source
+    assert "as mems_tactical: STIM300" in own.source
+
+
+def test_a_figure_that_is_stated_anew_is_no_longer_what_the_old_source_said(tmp_path):
+    text = SCREENED.replace('quoted = { datasheet = ["K0", "N.high"] }', "")
+    (own,) = read_catalogue(_file(tmp_path, text))
+    assert own.origins["K0"] == ("order_of_magnitude",) * 3
+    assert own.origins["N"][2] == "second_hand"
+
+
+def test_a_number_that_two_sources_say_bears_the_better_one():
+    quoted = {"second_hand": ["K0", "s.low"], "datasheet": ["K0.high"]}
+    found = origins_of(quoted, ["K0", "s"])
+    assert found["K0"] == ("second_hand", "second_hand", "datasheet")
+    assert found["s"] == ("second_hand", "order_of_magnitude", "order_of_magnitude")
+
+
+def test_own_class_is_known_where_its_catalogue_is_given_and_nowhere_else(tmp_path):
+    own = read_catalogue(_file(tmp_path, SCREENED))
+    assert sensor("screened", kind="accelerometer", catalogue=own) is own[0]
+    assert classes("accelerometer", catalogue=own) == (*classes("accelerometer"), own[0])
+    assert classes("gyroscope", catalogue=own) == classes("gyroscope")
+    sd, origin = prior_sd(own[0], library("accelerometer").terms[0])
+    assert sd == pytest.approx(0.6e-3 * G, rel=ULPS)
+    assert origin == "the typical K0"
+    with pytest.raises(TermError, match="'screened' is not in the catalogue"):
+        sensor("screened", kind="accelerometer")
+
+
+def test_own_class_may_be_like_another_own_class(tmp_path):
+    text = SCREENED + '[accelerometer.best]\nlike = "screened"\nnoise = { N = [5, 6, 7, "ug/sqrt(Hz)"] }\n'
+    screened, best = read_catalogue(_file(tmp_path, text))
+    assert best.coefficients == screened.coefficients
+    assert best.noise == {**screened.noise, "N": pytest.approx([5e-6 * G, 6e-6 * G, 7e-6 * G], rel=ULPS)}
+    assert best.origins["K0"] == screened.origins["K0"]
+    assert best.origins["N"] == ("order_of_magnitude",) * 3
+
+
+@every_class
+def test_a_class_of_the_catalogue_reads_the_same_from_a_file_of_its_own(entry, tmp_path):
+    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
+    head = f"[{entry.kind}.{entry.id}"
+    blocks = [f"[{block}" for block in text.split("\n[") if f"[{block}".startswith((f"{head}]", f"{head}."))]
+    own = "\n".join(blocks).replace(head, f"[{entry.kind}.own")
+    (read,) = read_catalogue(_file(tmp_path, own))
+    assert replace(read, id=entry.id).coefficients == entry.coefficients
+    same = (
+        "noise",
+        "full_scale",
+        "bandwidth",
+        "temperature",
+        "source",
+        "units",
+        "origins",
+        "note",
+        "examples",
+    )
+    assert [getattr(read, name) for name in same] == [getattr(entry, name) for name in same]
+
+
+OWN = '[gyroscope.own]\nlike = "fog_tactical"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[gyroscope.own", "own.toml: is not TOML"),
+        ("[gyro.own]", "own.toml: 'gyro' is not a key here: did you mean 'gyroscope'"),
+        ("gyroscope = 3", "own.toml: gyroscope: 3: expected a table"),
+        ("[gyroscope]\nown = 3", "gyroscope.own: 3: expected a table"),
+        ("[gyroscope.fog_tactical]", "gyroscope.fog_tactical: a class of the catalogue has this id: choose"),
+        ('[gyroscope.own]\nlike = "fog_tactcal"', "own.like: there is no class 'fog_tactcal': did you mean"),
+        ('[gyroscope.own]\nlike = "own"', "own.like: a circle .own like own."),
+        ('[gyroscope.a]\nlike = "b"\n[gyroscope.b]\nlike = "a"', "a circle .a like b like a."),
+        ("[gyroscope.own]\nlike = 3", "own.like: 3: expected a text"),
+        ("[gyroscope.own]", "gyroscope.own: there is no technology, grade, .* or say like ="),
+        (OWN + "gade = 1", "gyroscope.own: 'gade' is not a key here: did you mean 'grade'"),
+        (OWN + 'examples = "KVH"', "own.examples: 'KVH': expected a list of texts"),
+        (OWN + "source = { datasheet = 1 }", "own.source.datasheet: 1: expected a text"),
+        (OWN + 'quoted = { datasheet = "b0" }', "own.quoted.datasheet: 'b0': expected a list of texts"),
+        (OWN + 'quoted = { datasheet = ["b9"] }', "own.quoted.datasheet: 'b9' is no number of this class"),
+        (OWN + 'quoted = { datasheet = ["b0.mean"] }', "'b0.mean' is no number of this class"),
+        (OWN + 'quoted = { sheet = ["b0"] }', "own.quoted: 'sheet' is not a key here"),
+        (OWN + 'coefficients = { b9 = [1, 2, 3, "deg/h"] }', "own.coefficients: 'b9' is not a key here"),
+        (OWN + "coefficients = { b0 = [1, 2, 3] }", r"coefficients.b0: \[1, 2, 3\]: expected \[low, typical"),
+        (OWN + 'coefficients = { b0 = [1, 3, 2, "deg/h"] }', "b0: .* rising from low to high"),
+        (OWN + 'coefficients = { b0 = [-1, 3, 4, "deg/h"] }', "b0: .* a size without a sign"),
+        (OWN + 'coefficients = { b0 = [0, 0, 0, "deg/h"] }', "b0: .* expected"),
+        (OWN + 'coefficients = { b0 = [1, 2, nan, "deg/h"] }', "b0: .* expected"),
+        (OWN + f'coefficients = {{ b0 = [1, 2, {10**400}, "deg/h"] }}', "b0: .* expected"),
+        (OWN + 'coefficients = { b0 = [1, 2, true, "deg/h"] }', "b0: .* expected"),
+        (OWN + 'coefficients = { b0 = [1, 2, 3, "ug"] }', "own.coefficients.b0: unit 'ug' does not measure"),
+        (OWN + 'coefficients = { b0 = [1, 2, 3, "dgh"] }', "own.coefficients.b0: unit 'dgh' is not known"),
+        (OWN + 'noise = { N = [0, 2, 3, "deg/sqrt(h)"] }', "own.noise.N: low is zero: .* above zero"),
+        (OWN + 'full_scale = [1, 2, 3, "g"]', "own.full_scale: unit 'g' does not measure"),
+        (OWN + "temperature = [1, 2]", r"own.temperature: \[1, 2\]: expected \[lowest"),
+        (OWN + 'temperature = [70, -40, "degC"]', "own.temperature: .* the lowest first"),
+        (OWN + 'temperature = [-40, 70, "g"]', "own.temperature: unit 'g' does not measure"),
+    ],
+)  # fmt: skip
+def test_wrong_catalogue_is_refused_with_its_file_class_and_key(text, message, tmp_path):
+    with pytest.raises(StudyError, match=message) as caught:
+        read_catalogue(_file(tmp_path, text))
+    assert str(caught.value).startswith(str(tmp_path / "own.toml"))
+
+
+def test_catalogue_that_is_not_there_is_refused_by_name(tmp_path):
+    with pytest.raises(StudyError, match=r"none.toml: cannot be read .*: check the path"):
+        read_catalogue(tmp_path / "none.toml")
+
+
+def test_incomplete_class_without_a_model_is_told_every_figure_that_it_lacks(tmp_path):
+    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
+    block = text[text.index("[gyroscope.mech_dtg]") : text.index("[gyroscope.mech_rate_spring]")]
+    lines = [line for line in block.splitlines() if not line.startswith(("g1 =", "T1 ="))]
+    own = "\n".join(lines).replace("gyroscope.mech_dtg", "gyroscope.own")
+    with pytest.raises(
+        StudyError, match=r"gyroscope.own.coefficients: there is no g1, T1: state it, or say like"
+    ):
+        read_catalogue(_file(tmp_path, own))

@@ -1,0 +1,109 @@
+"""Lots: the population is what it is said to be, and the units are drawn from it."""
+
+import math
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.sensors.catalogue import classes, prior_sd, sensor
+from imubayes.sensors.lots import NOISE_SPREAD, TRIMMED, draw_lot, magnitude
+from imubayes.sensors.terms import library
+
+every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
+
+TACTICAL = sensor("mems_tactical", kind="accelerometer")
+LIB = library("accelerometer")
+NUMBER = 4000
+
+
+def _single(entry):
+    """Narrow a class to its typical figures: every lot has the same magnitudes."""
+    figures = {key: (typical or high / 10.0,) * 3 for key, (_, typical, high) in entry.coefficients.items()}
+    noise = {key: (typical,) * 3 for key, (_, typical, _) in entry.noise.items()}
+    return replace(entry, coefficients=figures, noise=noise)
+
+
+def _mean_is(values, expected, sd):
+    return abs(np.mean(values) - expected) < 4.0 * sd / math.sqrt(len(values))
+
+
+@every_class
+def test_lots_of_every_class_have_finite_coefficients_and_positive_noise(entry):
+    lib = library(entry.kind, powers=5, asymmetry=3, set="extended", temperature=2)
+    lot = draw_lot(entry, lib, 3, np.random.default_rng(1))
+    assert np.isfinite(lot.theta).all() and (lot.sd > 0.0).all()
+    assert min(min(noise.N, noise.B, noise.K) for noise in lot.noise) > 0.0
+
+
+def test_units_of_a_lot_have_the_mean_and_the_spread_of_its_population():
+    lot = draw_lot(TACTICAL, LIB, NUMBER, np.random.default_rng(2))
+    scaled = (lot.theta - lot.mean) / lot.sd
+    for column in scaled.T:
+        assert _mean_is(column, 0.0, 1.0)
+        assert _mean_is(column**2, 1.0, math.sqrt(2.0))
+    across = scaled.T @ scaled / NUMBER - np.eye(len(LIB.names))
+    assert np.abs(across[np.triu_indices(len(LIB.names), 1)]).max() < 5.0 / math.sqrt(NUMBER)
+
+
+def test_shared_part_and_spread_add_up_to_the_prior_of_the_class():
+    entry, rng = _single(TACTICAL), np.random.default_rng(3)
+    lots = [draw_lot(entry, LIB, 1, rng) for _ in range(NUMBER)]
+    for j, term in enumerate(LIB.terms):
+        size = prior_sd(entry, term)[0]
+        shared = 0.1 if term.name in TRIMMED else 0.5
+        means = np.array([lot.mean[j] for lot in lots]) / size
+        units = np.array([lot.theta[0, j] for lot in lots]) / size
+        assert _mean_is(means**2, shared, shared * math.sqrt(2.0))
+        assert lots[0].sd[j] ** 2 == pytest.approx((1.0 - shared) * size**2, rel=1e-12)
+        assert _mean_is(units, 0.0, 1.0) and _mean_is(units**2, 1.0, math.sqrt(2.0))
+
+
+@pytest.mark.parametrize("values", [(1.0, 2.0, 40.0), (1e-6, 5e-6, 6e-6), (0.0, 2.0, 40.0), (0.0, 0.0, 40.0)])
+def test_magnitudes_fill_the_range_of_the_class_with_the_typical_one_in_the_middle(values):
+    rng = np.random.default_rng(4)
+    drawn = np.sort([magnitude(values, rng) for _ in range(NUMBER)])
+    low, typical, high = values
+    typical = typical or high / 10.0
+    low = low or typical / (high / typical)  # as far below as the highest is above
+    assert low <= drawn[0] and drawn[-1] <= high
+    assert _mean_is(drawn < typical, 0.5, 0.5)
+    # cut normal: below z it has (Phi(z) - 0.05) / 0.9, and z = 1 is this far on the way from typical to high
+    z, point = 1.0, 1.6448536269514722
+    expected = (NormalDist().cdf(z) - 0.05) / 0.9
+    spread = math.sqrt(expected * (1.0 - expected))
+    assert _mean_is(drawn < typical * (high / typical) ** (z / point), expected, spread)
+    assert _mean_is(drawn > typical * (low / typical) ** (z / point), expected, spread)
+
+
+def test_terms_of_one_figure_have_one_magnitude_in_a_lot():
+    lot = draw_lot(TACTICAL, LIB, 1, np.random.default_rng(5))
+    sd = dict(zip(lot.names, lot.sd, strict=True))
+    assert sd["c_ij"] == sd["c_ik"] == sd["c_jk"] and sd["m_j"] == sd["m_k"]
+    typical = {term.name: prior_sd(TACTICAL, term)[0] for term in LIB.terms}
+    assert len({round(sd[name] / typical[name], 9) for name in ("c_ij", "c_jj", "b2", "b3", "b1p")}) == 5
+
+
+def test_noise_of_units_scatters_log_normally_about_the_lots():
+    lot = draw_lot(TACTICAL, LIB, NUMBER, np.random.default_rng(6))
+    for name, spread in NOISE_SPREAD.items():
+        low, _, high = TACTICAL.noise[name]
+        middle = getattr(lot.typical_noise, name)
+        assert low <= middle <= high
+        logs = np.log([getattr(noise, name) / middle for noise in lot.noise])
+        assert _mean_is(logs, 0.0, spread) and _mean_is(logs**2, spread**2, math.sqrt(2.0) * spread**2)
+
+
+def test_truth_of_a_unit_is_its_row_by_name_and_cannot_be_changed():
+    lot = draw_lot(TACTICAL, LIB, 3, np.random.default_rng(7))
+    assert len(lot) == 3 and lot.truth(2) == {name: lot.theta[2, j] for j, name in enumerate(LIB.names)}
+    for array in (lot.mean, lot.sd, lot.theta):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+
+
+def test_a_lot_without_units_is_refused():
+    with pytest.raises(InputError, match="a lot of 0 units: expected 1 or more"):
+        draw_lot(TACTICAL, LIB, 0, np.random.default_rng(1))
