@@ -1,0 +1,201 @@
+"""The basic triad: bias, scale and a 3x3 matrix, 12 parameters.
+
+::
+
+    f~ = (I + M) f + b,      f^ = (I + M)^-1 (f~ - b)
+
+Row x of M is the component with (i, j, k) = (x, y, z), row y has (y, z, x), row z has (z, x, y): ``m_xy`` is
+the m_j of x, and ``m_yx`` the m_k of y. Basic to generalized is exact, the rest is zero. The way back is a
+projection over the inputs that matter (`project`): what the other terms do there is absorbed as well as
+bias, scale and misalignment can, and the rms that is lost is stated. Leaving terms out instead is worse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from imubayes import factor
+from imubayes.errors import TermError
+from imubayes.factor import Factor
+from imubayes.sensors.equations import mapping
+from imubayes.sensors.equations.mapping import Coefficients, FloatArray, Projection, Standard, Symbol, vector
+from imubayes.sensors.terms import Kind, Library
+
+TERMS = ("b0", "b1", "m_j", "m_k")
+"""The generalized terms of one component of the triad."""
+
+ROLES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+"""(i, j, k) of the components x, y and z among (x, y, z)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """One row of the triad, SI.
+
+    Attributes
+    ----------
+    kind : accelerometer or gyroscope.
+    b : bias, m/s^2 or rad/s.
+    s : scale-factor error, 1.
+    m_j, m_k : response to the inputs along the second and third axis, rad.
+    """
+
+    kind: Kind
+    b: float = 0.0
+    s: float = 0.0
+    m_j: float = 0.0
+    m_k: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Triad:
+    """Three components in one case.
+
+    Attributes
+    ----------
+    kind : accelerometer or gyroscope.
+    M : (3, 3) scale errors on the diagonal, m_xy and so on beside it; axes x, y, z.
+    b : (3,) biases, m/s^2 or rad/s.
+    """
+
+    kind: Kind
+    M: FloatArray
+    b: FloatArray
+
+
+def indicated(p: Component, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Indicated input of one component, m/s^2 or rad/s.
+
+    Examples
+    --------
+    >>> indicated(Component("gyroscope", b=0.5, m_k=2.0), {"w_k": np.array([1.0])}, 1).tolist()
+    [2.5]
+    """
+    i, j, k = vector(channels, "f" if p.kind == "accelerometer" else "w", n)
+    return p.b + (1.0 + p.s) * i + p.m_j * j + p.m_k * k
+
+
+def measured(triad: Triad, inputs: FloatArray) -> FloatArray:
+    """Output of the triad, (n, 3), for inputs (n, 3) along x, y, z."""
+    return np.asarray(inputs + inputs @ triad.M.T + triad.b, dtype=np.float64)
+
+
+def compensated(triad: Triad, outputs: FloatArray) -> FloatArray:
+    """Inputs (n, 3) from outputs (n, 3): the exact inverse of `measured`.
+
+    Examples
+    --------
+    >>> triad = Triad("gyroscope", np.diag([0.0, 1.0, 3.0]), np.array([0.0, 0.0, 4.0]))
+    >>> compensated(triad, np.array([[1.0, 2.0, 8.0]])).tolist()
+    [[1.0, 1.0, 1.0]]
+    """
+    inputs = np.linalg.solve(np.eye(3) + triad.M, (outputs - triad.b).T).T
+    return np.asarray(inputs, dtype=np.float64)
+
+
+def to_general(p: Component) -> Coefficients:
+    """Generalized coefficients of one component; exact."""
+    return {"b0": p.b, "b1": p.s, "m_j": p.m_j, "m_k": p.m_k}
+
+
+def from_general(kind: Kind, theta: Mapping[str, Any]) -> Component:
+    """Read bias, scale and misalignment off; exact only where all else is zero, else use `project`."""
+    b, s, m_j, m_k = (theta.get(name, 0.0) for name in TERMS)
+    return Component(kind, b, s, m_j, m_k)
+
+
+def triad_to_general(triad: Triad) -> tuple[Coefficients, Coefficients, Coefficients]:
+    """Generalized coefficients of the components x, y and z; exact.
+
+    Examples
+    --------
+    >>> M = np.array([[0.0, 12.0, 13.0], [21.0, 0.0, 23.0], [31.0, 32.0, 0.0]])
+    >>> x, y, z = triad_to_general(Triad("accelerometer", M, np.zeros(3)))
+    >>> y["m_j"], y["m_k"]
+    (23.0, 21.0)
+    """
+    x, y, z = (
+        {"b0": float(triad.b[i]), "b1": float(triad.M[i, i]), "m_j": float(triad.M[i, j]),
+         "m_k": float(triad.M[i, k])}
+        for i, j, k in ROLES
+    )  # fmt: skip
+    return x, y, z
+
+
+def triad_of(components: Sequence[Component]) -> Triad:
+    """Triad of the components x, y and z.
+
+    Raises
+    ------
+    TermError : if they are not three of one kind.
+    """
+    kinds = {p.kind for p in components}
+    if len(components) != 3 or len(kinds) != 1:
+        raise TermError(
+            f"a triad needs three components of one kind, got {len(components)} of {', '.join(sorted(kinds))}"
+        )
+    M = np.zeros((3, 3))
+    for p, (i, j, k) in zip(components, ROLES, strict=True):
+        M[i, i], M[i, j], M[i, k] = p.s, p.m_j, p.m_k
+    return Triad(components[0].kind, M, np.array([p.b for p in components]))
+
+
+def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[Component, Projection]:
+    """The basic component that serves best over given inputs, and what it cannot serve.
+
+    Parameters
+    ----------
+    lib : terms of the generalized model.
+    theta : (p,) its coefficients, SI.
+    inputs : factor of the library's columns over the inputs (its response is not used); a term of the basic
+        model that they do not excite keeps its own value.
+
+    Returns
+    -------
+    the component, and the projection: rms over the inputs of what the other terms do, and of what is lost.
+
+    Raises
+    ------
+    TermError : if the factor is of other columns.
+    UnobservableError : if the inputs cannot tell bias, scale and misalignment apart.
+    """
+    if inputs.names != lib.names:
+        raise TermError(
+            f"the factor of the inputs must have the library's {len(lib.names)} columns in its order,"
+            f" got {len(inputs.names)}: factor columns(lib, channels, n)"
+        )
+    theta = np.asarray(theta, dtype=np.float64)
+    basic = [lib.names.index(name) for name in TERMS]
+    others = np.delete(np.arange(len(theta)), basic)
+    R = factor.reorder(inputs, [lib.names[j] for j in (*basic, *others)]).R[:-1, :-1]
+    absorbed = mapping.project(R[:, : len(basic)], R[:, len(basic) :] @ theta[others], TERMS, inputs.n)
+    b, s, m_j, m_k = (theta[j] + absorbed.coefficients[name] for j, name in zip(basic, TERMS, strict=True))
+    return Component(lib.kind, float(b), float(s), float(m_j), float(m_k)), absorbed
+
+
+def _standard(kind: Kind, unit: str, printed: str) -> Standard:
+    return Standard(
+        id="basic",
+        title="basic triad",
+        kind=kind,
+        parameters=Component,
+        symbols=(
+            Symbol("b", "b", "b0", unit, printed),
+            Symbol("s", "s", "b1", "1", "ppm"),
+            Symbol("m_j", "m_ij", "m_j", "rad", "urad", note="m_xy of component x"),
+            Symbol("m_k", "m_ik", "m_k", "rad", "urad", note="m_xz of component x"),
+        ),
+        indicated=indicated,
+        to_general=to_general,
+        from_general=lambda theta: from_general(kind, theta),
+        exact="basic to generalized is exact; the way back is exact only where all other terms are zero, else"
+        " it is a projection over stated inputs",
+    )
+
+
+ACCELEROMETER = _standard("accelerometer", "m/s^2", "ug")
+GYROSCOPE = _standard("gyroscope", "rad/s", "deg/h")

@@ -1,0 +1,178 @@
+"""IEEE Std 1293: linear, single-axis, nongyroscopic accelerometer.
+
+::
+
+    E = K1 { K0 + (K0'/2) sgn a_i + [1 + (K1'/2) sgn a_i] a_i + Koq a_i|a_i| + K2 a_i^2 + K3 a_i^3 + ...
+           + delta_o a_p - delta_p a_o + Kip a_i a_p + Kio a_i a_o + Kpo a_p a_o + Kpp a_p^2 + Koo a_o^2
+           + Kspin w_i w_p + Kang dw_o/dt }
+
+Axes (i, p, o) are (i, j, k). K0' and K1' are full differences between plus and minus. The equation is as
+the slides of Olson, Bingham and Walker (JNC 2023) quote the standard, with their slips mended.
+"""
+
+# The fields bear the standard's own symbols.
+# ruff: noqa: N802
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from imubayes.sensors.equations.mapping import (
+    Coefficients,
+    FloatArray,
+    Standard,
+    Symbol,
+    channel,
+    gained_from_general,
+    gained_to_general,
+    vector,
+)
+from imubayes.sensors.terms import HIGHEST_POWER
+
+
+@dataclass(frozen=True, slots=True)
+class Accelerometer:
+    """Parameters of IEEE 1293, SI (accelerations in m/s^2, angles in rad).
+
+    Attributes
+    ----------
+    K1_nominal : nominal scale factor, output per m/s^2.
+    s : K1/K1_nominal - 1; kept apart so that a small error keeps its digits.
+    K0, K0p : bias, and its full difference K0', m/s^2.
+    K1p : full difference K1' of the scale factor, 1.
+    Koq, K2 : odd quadratic and second order, (m/s^2)^-1.
+    d_o, d_p : misalignment of the input axis about the output and the pendulous axis, rad.
+    Kip, Kio, Kpo, Kpp, Koo : cross-coupling and cross-axis nonlinearity, (m/s^2)^-1.
+    Kspin, Kang : spin correction, m/s^2/(rad/s)^2, and angular acceleration, m/s^2/(rad/s^2).
+    K3 ... K12 : third and higher orders, (m/s^2)^(1-n).
+    """
+
+    K1_nominal: float = 1.0
+    s: float = 0.0
+    K0: float = 0.0
+    K0p: float = 0.0
+    K1p: float = 0.0
+    Koq: float = 0.0
+    d_o: float = 0.0
+    d_p: float = 0.0
+    Kip: float = 0.0
+    Kio: float = 0.0
+    Kpo: float = 0.0
+    Kpp: float = 0.0
+    Koo: float = 0.0
+    Kspin: float = 0.0
+    Kang: float = 0.0
+    K2: float = 0.0
+    K3: float = 0.0
+    K4: float = 0.0
+    K5: float = 0.0
+    K6: float = 0.0
+    K7: float = 0.0
+    K8: float = 0.0
+    K9: float = 0.0
+    K10: float = 0.0
+    K11: float = 0.0
+    K12: float = 0.0
+
+    @property
+    def K1(self) -> float:
+        """Scale factor, output per m/s^2."""
+        return self.K1_nominal * (1.0 + self.s)
+
+
+def output(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Output E of the accelerometer.
+
+    Parameters
+    ----------
+    p : parameters.
+    channels : inputs in SI by name (``f_i``, ``w_j``, ``dw_k``), arrays of length `n`; absent ones are zero.
+
+    Returns
+    -------
+    array (n,), in the units of K1_nominal times m/s^2.
+
+    Examples
+    --------
+    >>> sensor = Accelerometer(K1_nominal=2.0, K0=0.01, K0p=0.002)
+    >>> output(sensor, {"f_i": np.array([-1.0, 0.0, 1.0])}, 3).tolist()
+    [-1.982, 0.02, 2.022]
+    """
+    return p.K1_nominal * indicated(p, channels, n)
+
+
+def indicated(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Indicated specific force ``E / K1_nominal``, m/s^2; inputs as for `output`."""
+    a_i, a_p, a_o = vector(channels, "f", n)
+    w_i, w_p, _ = vector(channels, "w", n)
+    side = np.sign(a_i)
+    own = p.K0 + p.K0p / 2.0 * side + (1.0 + p.K1p / 2.0 * side) * a_i + p.Koq * a_i * np.abs(a_i)
+    own = own + sum(getattr(p, f"K{m}") * a_i**m for m in range(2, HIGHEST_POWER + 1))
+    cross = p.d_o * a_p - p.d_p * a_o + p.Kip * a_i * a_p + p.Kio * a_i * a_o
+    cross = cross + p.Kpo * a_p * a_o + p.Kpp * a_p**2 + p.Koo * a_o**2
+    turning = p.Kspin * w_i * w_p + p.Kang * channel(channels, "dw_k", n)
+    return (1.0 + p.s) * (own + cross + turning)
+
+
+_SQUARE = ("(m/s^2)^-1", "ug/g^2")
+_FULL = "full difference of plus and minus"
+
+SYMBOLS = (
+    Symbol("s", "K1/K1nom - 1", "b1", "1", "ppm", note="K1 = K1nom (1 + this)"),
+    Symbol("K0", "K0", "b0", "m/s^2", "ug"),
+    Symbol("K0p", "K0'", "b0p", "m/s^2", "ug", 0.5, _FULL),
+    Symbol("K1p", "K1'", "b1p", "1", "ppm", 0.5, _FULL),
+    Symbol("Koq", "Koq", "b2p", *_SQUARE),
+    *(
+        Symbol(f"K{m}", f"K{m}", f"b{m}", f"(m/s^2)^{1 - m}", f"ug/g^{m}")
+        for m in range(2, HIGHEST_POWER + 1)
+    ),
+    Symbol("d_o", "delta_o", "m_j", "rad", "urad", note="about the output axis"),
+    Symbol("d_p", "delta_p", "m_k", "rad", "urad", -1.0, "about the pendulous axis: -m_k"),
+    *(
+        Symbol(f"K{ieee}", f"K{ieee}", f"c_{pair}", *_SQUARE)
+        for ieee, pair in (("ip", "ij"), ("io", "ik"), ("po", "jk"), ("pp", "jj"), ("oo", "kk"))
+    ),
+    Symbol("Kspin", "Kspin", "S_ij", "m/s^2/(rad/s)^2", "ug/(rad/s)^2", note="with a lever arm along j"),
+    Symbol("Kang", "Kang.accel", "s_k", "m/s^2/(rad/s^2)", "ug/(rad/s^2)", note="with a lever arm along j"),
+)
+"""Parameters of the equation; the nominal scale factor is given, not estimated."""
+
+
+def to_general(p: Accelerometer) -> Coefficients:
+    """Generalized coefficients; exact for all inputs.
+
+    Examples
+    --------
+    >>> to_general(Accelerometer(d_p=1e-3))["m_k"]
+    -0.001
+    """
+    return gained_to_general(SYMBOLS, p)
+
+
+def from_general(theta: Mapping[str, Any], *, K1_nominal: float = 1.0) -> Accelerometer:
+    """Parameters of generalized coefficients; exact, for a gain 1 + b1 above 0.
+
+    Raises
+    ------
+    TermError : if 1 + b1 is not positive.
+    """
+    return Accelerometer(K1_nominal=K1_nominal, **gained_from_general(SYMBOLS, theta))
+
+
+STANDARD = Standard(
+    id="ieee1293",
+    title="IEEE 1293 accelerometer",
+    kind="accelerometer",
+    parameters=Accelerometer,
+    symbols=SYMBOLS,
+    indicated=indicated,
+    to_general=to_general,
+    from_general=from_general,
+    exact="exact for all inputs and all parameters with K1 > 0; the angles are linear, as in the standard",
+    beyond=("eps (noise)",),
+)

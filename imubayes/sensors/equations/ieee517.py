@@ -1,0 +1,146 @@
+"""IEEE Std 517: single-degree-of-freedom rate-integrating gyroscope, torque to balance.
+
+::
+
+    output = (1 + 1e-6 eps_K) { w_I + alpha_O w_S - alpha_S w_O + D
+                                + (I_O/H) dw_O/dt + theta_I w_I w_S }
+    D = D_F + D_I a_I + D_S a_S + D_O a_O + D_II a_I^2 + D_SS a_S^2 + D_OO a_O^2
+        + D_IS a_I a_S + D_IO a_I a_O + D_OS a_O a_S
+
+Axes (I, S, O) are (i, j, k). D is the standard's drift; the arrangement about it (one gain, linear angles,
+the float's pickoff angle theta_I per rate) is common practice, not a clause.
+"""
+
+# The fields bear the standard's own symbols.
+# ruff: noqa: N815
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from imubayes.sensors.equations.mapping import (
+    Coefficients,
+    FloatArray,
+    Standard,
+    Symbol,
+    channel,
+    gained_from_general,
+    gained_to_general,
+    vector,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RateIntegratingGyro:
+    """Parameters of IEEE 517, SI.
+
+    Attributes
+    ----------
+    eps_K : scale-factor error, in the numerator, 1.
+    a_S, a_O : misalignment of the input axis about the spin and the output axis, rad.
+    D_F : drift that acceleration does not change, rad/s.
+    D_I, D_S, D_O : acceleration-sensitive drift (mass unbalance), rad/s/(m/s^2).
+    D_II, D_SS, D_OO, D_IS, D_IO, D_OS : acceleration-squared drift, rad/s/(m/s^2)^2; D_IS is anisoelastic.
+    J : I_O/H, inertia about the output axis over spin momentum, s.
+    theta_I : pickoff angle per input rate, s.
+    """
+
+    eps_K: float = 0.0
+    a_S: float = 0.0
+    a_O: float = 0.0
+    D_F: float = 0.0
+    D_I: float = 0.0
+    D_S: float = 0.0
+    D_O: float = 0.0
+    D_II: float = 0.0
+    D_SS: float = 0.0
+    D_OO: float = 0.0
+    D_IS: float = 0.0
+    D_IO: float = 0.0
+    D_OS: float = 0.0
+    J: float = 0.0
+    theta_I: float = 0.0
+
+
+def indicated(p: RateIntegratingGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Indicated rate, rad/s.
+
+    Parameters
+    ----------
+    p : parameters.
+    channels : inputs in SI by name (``w_i``, ``f_j``, ``dw_k``), arrays of length `n`; absent ones are zero.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> indicated(RateIntegratingGyro(D_IS=0.5), {"f_i": np.array([2.0]), "f_j": np.array([3.0])}, 1).tolist()
+    [3.0]
+    """
+    w_I, w_S, w_O = vector(channels, "w", n)
+    turning = w_I + p.a_O * w_S - p.a_S * w_O + p.theta_I * w_I * w_S + p.J * channel(channels, "dw_k", n)
+    return (1.0 + p.eps_K) * (turning + drift(p, channels, n))
+
+
+def drift(p: RateIntegratingGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Drift rate D, rad/s: fixed, by acceleration, by its squares and products."""
+    a_I, a_S, a_O = vector(channels, "f", n)
+    linear = p.D_F + p.D_I * a_I + p.D_S * a_S + p.D_O * a_O
+    squares = p.D_II * a_I**2 + p.D_SS * a_S**2 + p.D_OO * a_O**2
+    return linear + squares + p.D_IS * a_I * a_S + p.D_IO * a_I * a_O + p.D_OS * a_O * a_S
+
+
+_G = ("rad/s/(m/s^2)", "deg/h/g")
+_G2 = ("rad/s/(m/s^2)^2", "deg/h/g^2")
+
+SYMBOLS = (
+    Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
+    Symbol("eps_K", "eps_K", "b1", "1", "ppm", note="in the numerator"),
+    Symbol("a_O", "alpha_O", "m_j", "rad", "urad", note="about the output axis"),
+    Symbol("a_S", "alpha_S", "m_k", "rad", "urad", -1.0, "about the spin axis: -m_k"),
+    Symbol("D_I", "D_I", "g_i", *_G, note="mass unbalance along the spin axis"),
+    Symbol("D_S", "D_S", "g_j", *_G, note="mass unbalance along the input axis"),
+    Symbol("D_O", "D_O", "g_k", *_G),
+    *(
+        Symbol(f"D_{ieee}", f"D_{ieee}", f"S_{pair}", *_G2)
+        for ieee, pair in (("II", "ii"), ("SS", "jj"), ("OO", "kk"), ("IS", "ij"), ("IO", "ik"), ("OS", "jk"))
+    ),
+    Symbol("J", "I_O/H", "s_k", "rad/s/(rad/s^2)", "deg/h/(deg/s^2)"),
+    Symbol("theta_I", "theta_I", "c_ij", "(rad/s)^-1", "ppm/(deg/s)", note="pickoff angle per rate"),
+)
+
+
+def to_general(p: RateIntegratingGyro) -> Coefficients:
+    """Generalized coefficients; exact for all inputs.
+
+    Examples
+    --------
+    >>> to_general(RateIntegratingGyro(eps_K=1.0, D_OS=3e-9))["S_jk"]
+    6e-09
+    """
+    return gained_to_general(SYMBOLS, p)
+
+
+def from_general(theta: Mapping[str, Any]) -> RateIntegratingGyro:
+    """Parameters of generalized coefficients: the inverse of `to_general`.
+
+    Raises
+    ------
+    TermError : if 1 + b1 is not positive.
+    """
+    return RateIntegratingGyro(**gained_from_general(SYMBOLS, theta))
+
+
+STANDARD = Standard(
+    id="ieee517",
+    title="IEEE 517 rate-integrating gyroscope",
+    kind="gyroscope",
+    parameters=RateIntegratingGyro,
+    symbols=SYMBOLS,
+    indicated=indicated,
+    to_general=to_general,
+    from_general=from_general,
+    exact="exact for all inputs and all parameters with eps_K > -1; the angles are linear",
+    beyond=("D_R",),
+)

@@ -1,0 +1,175 @@
+"""IEEE Std 813: dynamically tuned gyroscope, two input axes x and y, spin axis z.
+
+::
+
+    D_x = B_x + D_xx a_x + D_xy a_y + D_xz a_z + D_xxz a_x a_z + D_xyz a_y a_z + D_xzz a_z^2
+    D_y = B_y + D_yy a_y + D_yx a_x + D_yz a_z + D_yyz a_y a_z + D_yxz a_x a_z + D_yzz a_z^2
+    output_x = (1 + 1e-6 eps_x) (w_x + m_xy w_y + m_xz w_z + D_x),   y likewise
+
+Each axis is a component (i, j, k) = (own, spin, other), right-handed, so the other axis is **-y for x** and
++x for y. D_xx and D_yy are the direct mass unbalance, D_xy = -D_yx the quadrature one: in component axes a
+symmetric rotor has the same coefficients on both. The drift terms are the standard's as commonly quoted; the
+arrangement about them (one gain, linear angles) is common practice, not a clause.
+"""
+
+# The fields bear the standard's own symbols.
+# ruff: noqa: N815
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+from imubayes.sensors.equations.mapping import (
+    Coefficients,
+    FloatArray,
+    Standard,
+    Symbol,
+    gained_from_general,
+    gained_to_general,
+    vector,
+)
+
+Axis = Literal["x", "y"]
+
+
+@dataclass(frozen=True, slots=True)
+class TunedGyroAxis:
+    """Parameters of IEEE 813 for one input axis, SI; `other` is the second input axis of the case.
+
+    Attributes
+    ----------
+    axis : ``x`` or ``y``.
+    eps_K : scale-factor error, in the numerator, 1.
+    m_other, m_spin : response to the rates about the other input axis and the spin axis, rad.
+    B : drift that acceleration does not change, rad/s.
+    D_own, D_other, D_spin : by acceleration (D_xx, D_xy, D_xz of x), rad/s/(m/s^2).
+    D_own_spin, D_other_spin, D_spin_spin : by its products (D_xxz, D_xyz, D_xzz of x), rad/s/(m/s^2)^2.
+    """
+
+    axis: Axis = "x"
+    eps_K: float = 0.0
+    m_other: float = 0.0
+    m_spin: float = 0.0
+    B: float = 0.0
+    D_own: float = 0.0
+    D_other: float = 0.0
+    D_spin: float = 0.0
+    D_own_spin: float = 0.0
+    D_other_spin: float = 0.0
+    D_spin_spin: float = 0.0
+
+
+_OTHER_SIGN: Mapping[Axis, float] = {"x": -1.0, "y": 1.0}
+"""Component axis k = own x spin, along the other input axis of the case: x x z = -y, y x z = +x."""
+
+_COMPONENT = {"x": {"i": "x", "j": "z", "k": "y"}, "y": {"i": "y", "j": "z", "k": "x"}}
+
+
+def component(axis: Axis, case: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Inputs along a component's (i, j, k) from inputs along the case's (x, y, z).
+
+    Parameters
+    ----------
+    axis : the input axis.
+    case : arrays by name (``f_x``, ``w_z``, ``dw_y``, ``T``).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> component("x", {"f_y": np.array([2.0])})["f_k"].tolist()
+    [-2.0]
+    """
+    channels = {name: values for name, values in case.items() if name in ("T", "dT")}
+    for quantity in ("f", "w", "dw"):
+        for ijk, xyz in _COMPONENT[axis].items():
+            if f"{quantity}_{xyz}" in case:
+                sign = _OTHER_SIGN[axis] if ijk == "k" else 1.0
+                channels[f"{quantity}_{ijk}"] = sign * case[f"{quantity}_{xyz}"]
+    return channels
+
+
+def indicated(p: TunedGyroAxis, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Indicated rate of one axis, rad/s.
+
+    Parameters
+    ----------
+    p : parameters.
+    channels : inputs in SI along the component's axes (``w_i``, ``f_k``), arrays of length `n`; absent ones
+        are zero. `component` makes them of inputs along the case's axes.
+    """
+    sign = _OTHER_SIGN[p.axis]
+    w_own, w_spin, w_k = vector(channels, "w", n)
+    a_own, a_spin, a_k = vector(channels, "f", n)
+    a_other = sign * a_k
+    drift = p.B + p.D_own * a_own + p.D_other * a_other + p.D_spin * a_spin
+    products = p.D_own_spin * a_own + p.D_other_spin * a_other + p.D_spin_spin * a_spin
+    return (1.0 + p.eps_K) * (w_own + p.m_other * sign * w_k + p.m_spin * w_spin + drift + products * a_spin)
+
+
+def indicated_pair(
+    x: TunedGyroAxis, y: TunedGyroAxis, case: Mapping[str, FloatArray], n: int
+) -> tuple[FloatArray, FloatArray]:
+    """Indicated rates of both axes, rad/s, for inputs along the case's axes (``w_x``, ``f_z``)."""
+    return indicated(x, component("x", case), n), indicated(y, component("y", case), n)
+
+
+def _symbols(axis: Axis) -> tuple[Symbol, ...]:
+    other, sign = _COMPONENT[axis]["k"], _OTHER_SIGN[axis]
+    g, g2 = ("rad/s/(m/s^2)", "deg/h/g"), ("rad/s/(m/s^2)^2", "deg/h/g^2")
+    return (
+        Symbol("B", f"B_{axis}", "b0", "rad/s", "deg/h"),
+        Symbol("eps_K", f"eps_{axis}", "b1", "1", "ppm", note="in the numerator"),
+        Symbol("m_other", f"m_{axis}{other}", "m_k", "rad", "urad", sign),
+        Symbol("m_spin", f"m_{axis}z", "m_j", "rad", "urad"),
+        Symbol("D_own", f"D_{axis}{axis}", "g_i", *g, note="direct mass unbalance"),
+        Symbol("D_other", f"D_{axis}{other}", "g_k", *g, sign, "quadrature"),
+        Symbol("D_spin", f"D_{axis}z", "g_j", *g),
+        Symbol("D_own_spin", f"D_{axis}{axis}z", "S_ij", *g2, note="anisoelastic"),
+        Symbol("D_other_spin", f"D_{axis}{other}z", "S_jk", *g2, sign),
+        Symbol("D_spin_spin", f"D_{axis}zz", "S_jj", *g2),
+    )
+
+
+SYMBOLS: Mapping[str, tuple[Symbol, ...]] = {"x": _symbols("x"), "y": _symbols("y")}
+
+
+def to_general(p: TunedGyroAxis) -> Coefficients:
+    """Generalized coefficients of one axis; exact for all inputs.
+
+    Examples
+    --------
+    >>> [to_general(TunedGyroAxis(axis, D_other=d))["g_k"] for axis, d in (("x", -2e-7), ("y", 2e-7))]
+    [2e-07, 2e-07]
+    """
+    return gained_to_general(SYMBOLS[p.axis], p)
+
+
+def from_general(axis: Axis, theta: Mapping[str, Any]) -> TunedGyroAxis:
+    """Parameters of one axis from its generalized coefficients: the inverse of `to_general`.
+
+    Raises
+    ------
+    TermError : if 1 + b1 is not positive.
+    """
+    return TunedGyroAxis(axis=axis, **gained_from_general(SYMBOLS[axis], theta))
+
+
+def _standard(axis: Axis) -> Standard:
+    return Standard(
+        id=f"ieee813.{axis}",
+        title=f"IEEE 813 dynamically tuned gyroscope, axis {axis}",
+        kind="gyroscope",
+        parameters=TunedGyroAxis,
+        symbols=SYMBOLS[axis],
+        indicated=indicated,
+        to_general=to_general,
+        from_general=partial(from_general, axis),
+        exact="exact for all inputs and all parameters with eps_K > -1; the angles are linear",
+        beyond=("D_R",),
+    )
+
+
+STANDARD_X, STANDARD_Y = _standard("x"), _standard("y")

@@ -1,0 +1,280 @@
+"""What the standards' equations share: a table of symbols that is at once the mapping and the report.
+
+A standard's parameter is tied to one generalized term. Where every parameter sits inside one gain ``q``
+(IEEE 1293's ``K1 { ... }``, the drift of a gyroscope before its scale factor) the table says it all::
+
+    b1 = q - 1,   theta[term] = q * weight * value
+
+The weight carries the conventions: 1/2 for the full differences K0' and K1', -1 for the angle about j.
+Numbers may be floats, complex steps or arrays of either: everything here is arithmetic on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import TermError
+from imubayes.factor import factor_of, least_squares
+from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Kind, Library
+
+FloatArray = NDArray[np.float64]
+Coefficients = dict[str, Any]
+"""Generalized coefficients by the name of their term, SI; numbers or arrays of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """One parameter of a standard.
+
+    Attributes
+    ----------
+    field : its name in the dataclass of parameters.
+    symbol : as the standard writes it, in ASCII.
+    term : the generalized term that determines it; empty where there is none.
+    unit, printed : SI unit, and the unit that people use.
+    weight : of the value in the term's coefficient, before the gain.
+    note : convention, in a few words.
+    """
+
+    field: str
+    symbol: str
+    term: str
+    unit: str
+    printed: str
+    weight: float = 1.0
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Standard:
+    """An equation of a standard and its mapping to the generalized coefficients.
+
+    Attributes
+    ----------
+    id, title : short name, and what it describes.
+    kind : accelerometer or gyroscope.
+    parameters : dataclass of its parameters, SI.
+    symbols : its parameters one by one.
+    indicated : ``(parameters, channels, n) -> (n,)`` indicated input, m/s^2 or rad/s.
+    to_general : parameters to coefficients by term.
+    from_general : coefficients by term to parameters; a term that is absent is zero.
+    exact : where the equation and the library give the same output, and in which order of what they differ
+        elsewhere.
+    beyond : what the standard names beside its parameters that no term stands for.
+    implied : terms that are not free in the standard: their coefficients follow from the others.
+    """
+
+    id: str
+    title: str
+    kind: Kind
+    parameters: type
+    symbols: tuple[Symbol, ...]
+    indicated: Callable[[Any, Mapping[str, FloatArray], int], FloatArray]
+    to_general: Callable[[Any], Coefficients]
+    from_general: Callable[[Mapping[str, Any]], Any]
+    exact: str
+    beyond: tuple[str, ...] = ()
+    implied: tuple[str, ...] = ()
+
+    @property
+    def standard_only(self) -> tuple[str, ...]:
+        """What the standard has and the generalized model has not."""
+        return (*(row.symbol for row in self.symbols if not row.term), *self.beyond)
+
+    def general_only(self, lib: Library) -> tuple[str, ...]:
+        """Terms of `lib` that the standard has not."""
+        known = {row.term for row in self.symbols} | set(self.implied)
+        return tuple(name for name in lib.names if name not in known)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """Coefficients as a vector of a library's terms.
+
+    Attributes
+    ----------
+    theta : (p,) coefficients in the library's order, SI.
+    absent : coefficients that are not zero and have no term in the library.
+    """
+
+    theta: FloatArray
+    absent: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """Least squares of an output error on some terms over given inputs.
+
+    Attributes
+    ----------
+    coefficients : by term, SI; zero where the inputs do not excite the term.
+    rms : of the error over the inputs, m/s^2 or rad/s.
+    lost : rms of what the terms leave of it.
+    """
+
+    coefficients: Mapping[str, float]
+    rms: float
+    lost: float
+
+
+def gained_to_general(symbols: Sequence[Symbol], p: object) -> Coefficients:
+    """Coefficients of parameters that all sit inside one gain; the gain's error is the row of ``b1``.
+
+    Parameters
+    ----------
+    symbols : the table; rows without a term are left out.
+    p : dataclass of parameters.
+    """
+    error = next(getattr(p, row.field) for row in symbols if row.term == "b1")
+    gain = 1.0 + error
+    scaled = {row.term: gain * row.weight * getattr(p, row.field) for row in symbols if row.term}
+    return {**scaled, "b1": error}
+
+
+def gained_from_general(symbols: Sequence[Symbol], theta: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters inside one gain by field: the inverse of `gained_to_general`.
+
+    Raises
+    ------
+    TermError : if the gain 1 + b1 is not positive.
+    """
+    error = theta.get("b1", 0.0)
+    gain = positive_gain(error)
+    return {
+        row.field: error if row.term == "b1" else theta.get(row.term, 0.0) / (gain * row.weight)
+        for row in symbols
+        if row.term
+    }
+
+
+def positive_gain(b1: Any) -> Any:
+    """``1 + b1``.
+
+    Raises
+    ------
+    TermError : if it is not positive: the axes are then mislabelled, or the sign of the output is.
+    """
+    if np.any(np.real(b1) <= -1.0):
+        raise TermError(
+            f"a standard needs a gain 1 + b1 above 0, got b1 = {np.min(np.real(b1)):g}:"
+            " check the sign of the output and which axis is the input axis"
+        )
+    return 1.0 + b1
+
+
+def reciprocal(e: Any) -> Any:
+    """``1/(1 + e) - 1`` without cancellation; it is its own inverse.
+
+    Examples
+    --------
+    >>> reciprocal(0.25), reciprocal(-0.2)
+    (-0.2, 0.25)
+    """
+    return -e / (1.0 + e)
+
+
+def row(s: Any, a_X: Any, a_Y: Any) -> tuple[Any, Any, Any]:
+    """Generalized (b1, m_j, m_k) of ``(1 + s) (cos a, sinc(a) a_Y, -sinc(a) a_X)``, ``a^2 = a_X^2 + a_Y^2``.
+
+    As `imubayes.sensors.terms.gains`, but b1 keeps its digits where it is small.
+
+    Examples
+    --------
+    >>> b1, m_j, m_k = row(0.0, 3e-4, 4e-4)
+    >>> f"{b1:.6e} {m_j:.6e} {m_k:.6e}"
+    '-1.250000e-07 4.000000e-04 -3.000000e-04'
+    """
+    squared = a_X * a_X + a_Y * a_Y
+    ratio = _sinc(squared)
+    half = _sinc(squared / 4.0)
+    versine = squared * half * half / 2.0
+    return s - (1.0 + s) * versine, (1.0 + s) * ratio * a_Y, -(1.0 + s) * ratio * a_X
+
+
+def alignment(b1: Any, m_j: Any, m_k: Any) -> tuple[Any, Any, Any]:
+    """``(s, a_X, a_Y)`` of a generalized linear row: the inverse of `row`, for angles below 90 deg.
+
+    Raises
+    ------
+    TermError : if 1 + b1 is not positive.
+    """
+    along = positive_gain(b1)
+    squared = m_j * m_j + m_k * m_k
+    # |k| - 1 without cancellation: (|k|^2 - 1) / (|k| + 1)
+    s = (b1 * (2.0 + b1) + squared) / (np.sqrt(along * along + squared) + 1.0)
+    ratio = _arctan_over(squared / (along * along)) / along
+    return s, -ratio * m_k, ratio * m_j
+
+
+def _sinc(squared: Any) -> Any:
+    root = np.sqrt(np.where(squared == 0.0, 1.0, squared))
+    return np.where(squared == 0.0, 1.0, np.sin(root) / root)[()]
+
+
+def _arctan_over(squared: Any) -> Any:
+    """``arctan(x) / x`` as a function of x^2."""
+    root = np.sqrt(np.where(squared == 0.0, 1.0, squared))
+    return np.where(squared == 0.0, 1.0, np.arctan(root) / root)[()]
+
+
+def channel(channels: Mapping[str, FloatArray], name: str, n: int) -> FloatArray:
+    """One input of `n` rows; zero where it is not given, as in the library's columns."""
+    return np.asarray(channels[name], dtype=np.float64) if name in channels else np.zeros(n)
+
+
+def vector(channels: Mapping[str, FloatArray], quantity: str, n: int) -> tuple[FloatArray, ...]:
+    """The inputs of a quantity along (i, j, k)."""
+    i, j, k = (channel(channels, f"{quantity}_{axis}", n) for axis in "ijk")
+    return i, j, k
+
+
+def warmth(channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """T - T0 in K; zero where no temperature is given."""
+    return channels["T"] - REFERENCE_TEMPERATURE if "T" in channels else np.zeros(n)
+
+
+def place(coefficients: Mapping[str, float], lib: Library) -> Placed:
+    """Vector of a library's terms; what is not zero and has no term there is named, not dropped unseen.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> place({"b0": 1e-3, "b0*T": 1e-5}, library("gyroscope")).absent
+    {'b0*T': 1e-05}
+    """
+    theta = np.array([coefficients.get(name, 0.0) for name in lib.names], dtype=np.float64)
+    absent = {name: value for name, value in coefficients.items() if value and name not in lib.names}
+    return Placed(theta, absent)
+
+
+def project(X: FloatArray, y: FloatArray, names: Sequence[str], n: int) -> Projection:
+    """Least squares of an error on terms; a term that the inputs do not excite is left at zero.
+
+    Parameters
+    ----------
+    X : (m, p) regressors over the inputs, or their triangular factor.
+    y : (m,) the error in the same rows.
+    names : p terms.
+    n : number of rows that the rms is over.
+
+    Raises
+    ------
+    UnobservableError : if the inputs cannot tell the excited terms apart.
+    """
+    excited = [j for j in range(len(names)) if X[:, j].any()]
+    kept = tuple(names[j] for j in excited)
+    rows = np.column_stack((X[:, excited], y))
+    rows = np.pad(rows, ((0, max(len(kept) - len(rows), 0)), (0, 0)))
+    fit = least_squares(factor_of(rows[:, :-1], rows[:, -1], kept))
+    found = dict(zip(kept, fit.mean.tolist(), strict=True))
+    root = np.sqrt(n)
+    return Projection(
+        {name: found.get(name, 0.0) for name in names},
+        float(np.linalg.norm(y) / root),
+        float(np.sqrt(fit.rss) / root),
+    )

@@ -1,0 +1,187 @@
+"""Fitted coefficients in a standard's own symbols, and which standard speaks of which technology."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from imubayes.errors import TermError
+from imubayes.sensors.equations import (
+    basic,
+    ieee517,
+    ieee647,
+    ieee813,
+    ieee952,
+    ieee1293,
+    ieee1431,
+)
+from imubayes.sensors.equations.mapping import FloatArray, Standard, Symbol
+from imubayes.sensors.terms import Kind, Library
+
+STANDARDS: Mapping[tuple[Kind, str], Standard] = {
+    (standard.kind, standard.id): standard
+    for standard in (
+        ieee1293.STANDARD,
+        basic.ACCELEROMETER,
+        ieee952.STANDARD,
+        ieee1431.STANDARD,
+        ieee647.STANDARD,
+        ieee517.STANDARD,
+        ieee813.STANDARD_X,
+        ieee813.STANDARD_Y,
+        basic.GYROSCOPE,
+    )
+}
+"""Every equation by kind and id."""
+
+APPLIES: tuple[tuple[Kind, str, tuple[str, ...]], ...] = (
+    ("accelerometer", "integrating gyro", ()),
+    ("accelerometer", "piga", ()),
+    ("accelerometer", "open-loop piezo", ()),
+    ("accelerometer", "", ("ieee1293",)),
+    ("gyroscope", "ifog", ("ieee952",)),
+    ("gyroscope", "fiber", ("ieee952",)),
+    ("gyroscope", "ring laser", ("ieee647",)),
+    ("gyroscope", "cvg", ("ieee1431",)),
+    ("gyroscope", "hemispherical", ("ieee1431",)),
+    ("gyroscope", "mems", ("ieee1431",)),
+    ("gyroscope", "rate-integrating", ("ieee517",)),
+    ("gyroscope", "dynamically tuned", ("ieee813.x", "ieee813.y")),
+    ("gyroscope", "spring-restrained", ()),
+)
+"""Kind, a phrase of the technology in lower case, and the standards of its equation; the first match counts.
+IEEE 1293 leaves out the PIGA and open-loop piezoelectric sensors; the equation of IEEE 292 (spring-restrained
+rate gyroscope) is not among ours. The basic triad applies to all."""
+
+
+@dataclass(frozen=True, slots=True)
+class StandardValue:
+    """A parameter of a standard, estimated.
+
+    Attributes
+    ----------
+    symbol : as the standard writes it, in ASCII.
+    value, sd : in `unit`, SI.
+    unit, printed : SI unit, and the unit that people use.
+    note : convention, in a few words.
+    """
+
+    symbol: str
+    value: float
+    sd: float
+    unit: str
+    printed: str
+    note: str
+
+
+def standard(id: str, *, kind: str) -> Standard:
+    """Equation by its id.
+
+    Raises
+    ------
+    TermError : if there is no such equation for the kind; the message lists those there are.
+
+    Examples
+    --------
+    >>> standard("ieee952", kind="gyroscope").standard_only[:2]
+    ('D_gradTdot,i', 'D_gradTdot,j')
+    """
+    for known in STANDARDS.values():
+        if (known.kind, known.id) == (kind, id):
+            return known
+    ids = ", ".join(known_id for known_kind, known_id in STANDARDS if known_kind == kind)
+    raise TermError(
+        f"standard '{id}' has no equation of kind {kind}: expected {ids or 'accelerometer or gyroscope'}"
+    )
+
+
+def standards_for(kind: str, technology: str) -> tuple[str, ...]:
+    """Ids of the equations that apply to a technology of the catalogue; the basic triad comes last.
+
+    Examples
+    --------
+    >>> standards_for("gyroscope", "ring laser, mechanically dithered")
+    ('ieee647', 'basic')
+    """
+    phrase = technology.lower()
+    matches = (ids for known, part, ids in APPLIES if known == kind and part in phrase)
+    return (*next(matches, ()), "basic")
+
+
+def in_standard(id: str, lib: Library, mean: FloatArray, cov: FloatArray) -> tuple[StandardValue, ...]:
+    """Estimated coefficients as parameters of a standard.
+
+    Parameters
+    ----------
+    id : of the standard (``ieee1293``, ``ieee952``, ``basic`` ...).
+    lib : terms that were estimated; a parameter whose term is not among them is left out.
+    mean : (p,) estimates in the library's order, SI.
+    cov : (p, p) their covariance.
+
+    Returns
+    -------
+    values in the order of the standard's table, with the sd of the mapping's linearisation at `mean`.
+
+    Raises
+    ------
+    TermError : if there is no such standard for the library's kind, an array has the wrong shape, or the gain
+        is not positive.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("accelerometer", powers=1, asymmetry=0)
+    >>> mean = np.zeros(len(lib.terms)); mean[2] = 0.5e-3
+    >>> values = in_standard("ieee1293", lib, mean, 1e-8 * np.eye(len(mean)))
+    >>> [(value.value, round(value.sd, 9)) for value in values if value.symbol == "K0'"]
+    [(0.001, 0.0002)]
+    """
+    _check_shapes(lib, mean, cov)
+    rows, values, J = linearised(id, lib, mean)
+    sd = np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", J, np.asarray(cov), J), 0.0))
+    return tuple(
+        StandardValue(row.symbol, float(value), float(spread), row.unit, row.printed, row.note)
+        for row, value, spread in zip(rows, values, sd, strict=True)
+    )
+
+
+def linearised(id: str, lib: Library, mean: FloatArray) -> tuple[tuple[Symbol, ...], FloatArray, FloatArray]:
+    """Parameters (r,) of a standard at `mean` (p,) and their Jacobian (r, p), by complex steps, exact.
+
+    Returns
+    -------
+    the rows of the standard's table whose terms `lib` has, their values in SI, and the Jacobian.
+
+    Raises
+    ------
+    TermError : as for `in_standard`.
+    """
+    known = standard(id, kind=lib.kind)
+    rows = tuple(row for row in known.symbols if row.term in lib.names)
+    mean = np.asarray(mean, dtype=np.float64)
+    stepped = mean[:, None] + 1j * _STEP * np.eye(len(mean))
+    p = known.from_general(dict(zip(lib.names, stepped, strict=True)))
+    J = np.array([np.broadcast_to(np.imag(getattr(p, row.field)), len(mean)) for row in rows]) / _STEP
+    values = _values(known, rows, dict(zip(lib.names, mean, strict=True)))
+    return rows, values, J
+
+
+_STEP = 1e-30
+"""Imaginary step: its square vanishes beside any coefficient, and nothing is subtracted."""
+
+
+def _values(known: Standard, rows: tuple[Symbol, ...], theta: Mapping[str, Any]) -> FloatArray:
+    p = known.from_general(theta)
+    return np.array([getattr(p, row.field) for row in rows], dtype=np.float64)
+
+
+def _check_shapes(lib: Library, mean: FloatArray, cov: FloatArray) -> None:
+    p = len(lib.terms)
+    if np.shape(mean) != (p,) or np.shape(cov) != (p, p):
+        raise TermError(
+            f"the library has {p} terms: expected mean ({p},) and covariance ({p}, {p}),"
+            f" got {np.shape(mean)} and {np.shape(cov)}"
+        )

@@ -1,0 +1,120 @@
+"""The basic triad: exact one way, a projection over inputs the other."""
+
+import numpy as np
+import pytest
+
+from imubayes.errors import TermError, UnobservableError
+from imubayes.factor import factor_of
+from imubayes.sensors.equations.basic import (
+    TERMS,
+    Component,
+    Triad,
+    compensated,
+    indicated,
+    measured,
+    project,
+    triad_of,
+    triad_to_general,
+)
+from imubayes.sensors.terms import columns, library
+
+ROWS = 500
+LIB = library("accelerometer", powers=3, asymmetry=2)
+BASIC = [LIB.names.index(name) for name in TERMS]
+
+
+def _scene(rng):
+    """A boost along the input axis with vibration: f_i never changes sign, so K2 looks like scale."""
+    channels = {f"f_{axis}": rng.normal(0.0, 5.0, ROWS) for axis in "jk"}
+    return {**channels, "f_i": rng.uniform(20.0, 80.0, ROWS)}
+
+
+def _factor(channels, rows=ROWS):
+    return factor_of(columns(LIB, channels, rows), np.zeros(rows), LIB.names)
+
+
+def _theta(**values):
+    return np.array([values.get(name, 0.0) for name in LIB.names])
+
+
+def test_projection_is_least_squares_on_the_rows_of_the_scene():
+    rng = np.random.default_rng(1)
+    channels, theta = _scene(rng), rng.normal(size=len(LIB.terms)) * 1e-4
+    X = columns(LIB, channels, ROWS)
+    fit, rss, _, _ = np.linalg.lstsq(X[:, BASIC], X @ theta, rcond=None)
+    p, projection = project(LIB, theta, _factor(channels))
+    np.testing.assert_allclose([p.b, p.s, p.m_j, p.m_k], fit, rtol=1e-9)
+    assert projection.lost == pytest.approx(np.sqrt(rss[0] / ROWS), rel=1e-9)
+
+
+def test_projection_loses_less_than_leaving_the_terms_out():
+    """K2 over a boost from 20 to 80 m/s^2: of its effect the scale factor takes nearly all.
+
+    For f uniform over a width h about a mean the line that fits f^2 leaves h^2 / (6 sqrt(5)).
+    """
+    f_i = 20.0 + 60.0 * (np.arange(4000) + 0.5) / 4000
+    K2 = 1e-5
+    p, projection = project(LIB, _theta(b2=K2), _factor({"f_i": f_i}, 4000))
+    # the sum over 4000 midpoints differs from the integral by about 1/4000^2
+    assert projection.rms == pytest.approx(K2 * np.sqrt((80.0**5 - 20.0**5) / 300.0), rel=1e-6)
+    assert projection.lost == pytest.approx(K2 * 60.0**2 / (6.0 * np.sqrt(5.0)), rel=1e-6)
+    assert p.s == pytest.approx(K2 * 100.0, rel=1e-6)
+    assert p.b == pytest.approx(K2 * (60.0**2 / 12.0 - 50.0**2), rel=1e-6)
+
+
+def test_what_is_basic_already_stays_and_nothing_is_lost():
+    theta = _theta(b0=1e-2, b1=2e-3, m_j=-3e-3, m_k=4e-3)
+    p, projection = project(LIB, theta, _factor(_scene(np.random.default_rng(2))))
+    assert p == Component("accelerometer", 1e-2, 2e-3, -3e-3, 4e-3)
+    assert (projection.rms, projection.lost) == (0.0, 0.0)
+
+
+def test_a_misalignment_that_the_scene_does_not_excite_keeps_its_value():
+    channels = _scene(np.random.default_rng(3))
+    del channels["f_k"]
+    p, _ = project(LIB, _theta(m_k=5e-3, b2=1e-5), _factor(channels))
+    assert p.m_k == 5e-3
+
+
+def test_a_scene_of_one_constant_input_cannot_tell_bias_from_scale():
+    with pytest.raises(UnobservableError) as caught:
+        project(LIB, _theta(b2=1e-5), _factor({"f_i": np.full(ROWS, 9.8)}))
+    assert caught.value.terms == ("b1",)
+
+
+def test_factor_of_other_columns_is_refused():
+    with pytest.raises(TermError, match=f"the library's {len(LIB.terms)} columns"):
+        project(LIB, _theta(), factor_of(np.eye(3), np.zeros(3), ("b0", "b1", "b2")))
+
+
+def _triad(rng, kind="gyroscope"):
+    return Triad(kind, rng.normal(size=(3, 3)) * 0.05, rng.normal(size=3))
+
+
+def test_compensation_inverts_the_measurement():
+    rng = np.random.default_rng(4)
+    triad, inputs = _triad(rng), rng.normal(size=(50, 3))
+    np.testing.assert_allclose(compensated(triad, measured(triad, inputs)), inputs, rtol=0.0, atol=1e-14)
+
+
+def test_triad_is_its_three_components_in_their_own_axes():
+    """Component y has (i, j, k) = (y, z, x): the matrix form and the component equation give one output."""
+    rng = np.random.default_rng(5)
+    triad, inputs = _triad(rng), rng.normal(size=(50, 3))
+    whole = measured(triad, inputs)
+    for axis, theta in enumerate(triad_to_general(triad)):
+        p = Component("gyroscope", theta["b0"], theta["b1"], theta["m_j"], theta["m_k"])
+        own = {f"w_{name}": inputs[:, (axis + n) % 3] for n, name in enumerate("ijk")}
+        np.testing.assert_allclose(indicated(p, own, 50), whole[:, axis], rtol=1e-14, atol=1e-15)
+
+
+def test_triad_and_its_components_go_there_and_back():
+    triad = _triad(np.random.default_rng(6))
+    rows = [Component("gyroscope", *theta.values()) for theta in triad_to_general(triad)]
+    np.testing.assert_array_equal(triad_of(rows).M, triad.M)
+    np.testing.assert_array_equal(triad_of(rows).b, triad.b)
+
+
+def test_triad_of_mixed_components_is_refused():
+    with pytest.raises(TermError, match="three components of one kind"):
+        triad_of([Component("gyroscope"), Component("accelerometer"), Component("gyroscope")])

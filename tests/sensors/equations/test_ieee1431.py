@@ -1,0 +1,40 @@
+"""IEEE 1431: the scale-factor error multiplies, and the product is multiplied out."""
+
+import numpy as np
+import pytest
+
+from imubayes.sensors.equations import ieee952
+from imubayes.sensors.equations.ieee1431 import STANDARD, VibratoryGyro, from_general, indicated, to_general
+from imubayes.sensors.equations.mapping import place
+from imubayes.sensors.terms import REFERENCE_TEMPERATURE, library
+
+
+def test_trap_scale_factor_error_has_the_opposite_sign_of_ieee_952():
+    assert to_general(VibratoryGyro(eps_K=1e-4))["b1"] == 1e-4
+    assert ieee952.to_general(ieee952.FiberOpticGyro(eps_K=1e-4))["b1"] < 0.0
+    warm = {"w_i": np.array([1.0]), "T": np.array([REFERENCE_TEMPERATURE + 10.0])}
+    assert indicated(VibratoryGyro(eps_T=1e-4), warm, 1)[0] == pytest.approx(1.001, rel=1e-13)
+
+
+def test_linear_acceleration_sensitivity_is_a_scalar_product_inside_the_gain():
+    p = VibratoryGyro(eps_K=1.0, D_i=1.0, D_j=2.0, D_k=3.0)
+    f = {f"f_{axis}": np.array([value]) for axis, value in zip("ijk", (4.0, 5.0, 6.0), strict=True)}
+    assert indicated(p, f, 1)[0] == 64.0
+
+
+def test_bias_by_temperature_holds_the_heated_gain_of_the_bias():
+    theta = to_general(VibratoryGyro(eps_K=1.0, eps_T=0.5, D_F=4.0, D_T=3.0))
+    assert (theta["b0*T"], theta["b0*T2"]) == (8.0, 1.5)
+    assert from_general(theta).D_T == 3.0
+
+
+def test_terms_that_a_small_library_lacks_are_named():
+    lib = library("gyroscope", set="extended", temperature=1)
+    placed = place(to_general(VibratoryGyro(eps_T=1e-4, a_Y=1e-3, D_T=1e-6)), lib)
+    assert placed.absent == {"b0*T2": pytest.approx(1e-10), "m_j*T": pytest.approx(1e-7)}
+
+
+def test_terms_that_follow_from_the_others_are_not_counted_as_missing_in_the_standard():
+    lib = library("gyroscope", powers=1, asymmetry=-1, temperature=2, temperature_of=("b0", "m_j"))
+    assert "b0*T2" not in STANDARD.general_only(lib)
+    assert "m_j*T2" in STANDARD.general_only(lib)

@@ -1,0 +1,184 @@
+"""Every equation against the generalized library, and there and back."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from imubayes.errors import TermError, UnobservableError
+from imubayes.sensors.equations.mapping import alignment, place, project, row
+from imubayes.sensors.equations.standards import STANDARDS
+from imubayes.sensors.terms import angles, columns, gains, library
+
+ROWS = 300
+ALL = list(STANDARDS.values())
+NEEDS_CONSTANT_EPS = ("eps_T", "eps_1", "eps_2", "eps_1p")
+BY_ID = pytest.mark.parametrize("known", ALL, ids=lambda known: f"{known.kind}-{known.id}")
+
+
+def _inputs(rng):
+    """Inputs of both signs, a tenth of them exactly zero, at moderate scale, with temperature."""
+    scale = {"f": 30.0, "w": 3.0, "dw": 20.0}
+    channels = {
+        f"{name}_{axis}": rng.normal(0.0, size, ROWS) * (rng.random(ROWS) > 0.1)
+        for name, size in scale.items()
+        for axis in "ijk"
+    }
+    return {**channels, "T": rng.uniform(250.0, 340.0, ROWS), "dT": rng.normal(0.0, 0.05, ROWS)}
+
+
+def _wide(kind):
+    heated = ("b0", "b1", "m_j", "m_k") + (("g_i", "g_j", "g_k") if kind == "gyroscope" else ())
+    return library(kind, powers=12, asymmetry=3, set="extended", temperature=2, temperature_of=heated)
+
+
+def _largest(known):
+    """Random sizes of the parameters: each at most about 1e-3 of full scale in the inputs above."""
+    return {
+        row.field: 1e-3 / 100.0 ** max(int(row.field[1:]) - 1, 0) if row.field[1:].isdigit() else 1e-3
+        for row in known.symbols
+        if row.term
+    }
+
+
+def _parameters(known, rng, *, without=()):
+    sizes = {field: size * rng.normal() for field, size in _largest(known).items() if field not in without}
+    first = {"basic": {"kind": known.kind}, "ieee813.x": {"axis": "x"}, "ieee813.y": {"axis": "y"}}
+    return known.parameters(**first.get(known.id, {}), **sizes)
+
+
+@BY_ID
+def test_equation_and_library_give_the_same_output_where_the_mapping_is_exact(known):
+    rng, lib = np.random.default_rng(1), _wide(known.kind)
+    without = () if known.id == "ieee1431" else NEEDS_CONSTANT_EPS
+    own = "f_i" if known.kind == "accelerometer" else "w_i"
+    for _ in range(20):
+        p, channels = _parameters(known, rng, without=without), _inputs(rng)
+        placed = place(known.to_general(p), lib)
+        assert not placed.absent
+        output = known.indicated(p, channels, ROWS)
+        modelled = channels[own] + columns(lib, channels, ROWS) @ placed.theta
+        np.testing.assert_allclose(modelled, output, rtol=0.0, atol=1e-12 * np.abs(output).max())
+
+
+@BY_ID
+def test_each_parameter_moves_the_output_as_its_term_does(known):
+    """One parameter at a time, so that no two errors of sign or place can cancel."""
+    rng, lib = np.random.default_rng(2), _wide(known.kind)
+    channels = _inputs(rng)
+    X, nothing = columns(lib, channels, ROWS), _parameters(known, rng, without=_largest(known))
+    resting = known.indicated(nothing, channels, ROWS)
+    for symbol in (symbol for symbol in known.symbols if symbol.term):
+        step = _largest(known)[symbol.field] * 1e-3
+        p = replace(nothing, **{symbol.field: step})
+        moved = known.indicated(p, channels, ROWS) - resting
+        expected = X @ place(known.to_general(p), lib).theta
+        assert np.abs(moved).max() > 0.0
+        # second order: a step of 1e-6 times inputs (to the power of the term) of at most 1e2
+        rounding = 1e-15 * np.abs(resting).max()
+        np.testing.assert_allclose(expected, moved, rtol=0.0, atol=1e-3 * np.abs(moved).max() + rounding)
+
+
+@BY_ID
+def test_map_and_map_back_returns_the_parameters(known):
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        p = _parameters(known, rng)
+        back = known.from_general(known.to_general(p))
+        for symbol in known.symbols:
+            if symbol.term:
+                truth, found = getattr(p, symbol.field), getattr(back, symbol.field)
+                # two products of about 1e-6 are subtracted from 1e-3: 1e-16 grows to 1e-13 at the worst draw
+                assert math.isclose(found, truth, rel_tol=1e-12, abs_tol=1e-18), symbol.symbol
+
+
+@BY_ID
+def test_map_back_and_map_returns_the_coefficients(known):
+    rng = np.random.default_rng(4)
+    terms = [symbol.term for symbol in known.symbols if symbol.term]
+    for _ in range(100):
+        theta = {name: 1e-3 * rng.normal() for name in terms}
+        back = known.to_general(known.from_general(theta))
+        for name in terms:
+            assert math.isclose(back[name], theta[name], rel_tol=1e-12, abs_tol=1e-18), name
+
+
+@BY_ID
+def test_implied_terms_are_exactly_those_that_the_mapping_makes_beside_the_tables(known):
+    made = set(known.to_general(_parameters(known, np.random.default_rng(5))))
+    assert made == {symbol.term for symbol in known.symbols if symbol.term} | set(known.implied)
+
+
+@BY_ID
+def test_no_two_parameters_share_a_term(known):
+    terms = [symbol.term for symbol in known.symbols if symbol.term]
+    assert len(terms) == len(set(terms))
+    assert set(terms) <= set(_wide(known.kind).names)
+
+
+def test_trap_alpha_is_the_root_of_the_sum_of_squares():
+    """At 0.6 rad the rotation itself tells: the sum of squares without a root would give cos 0.36."""
+    a_X, a_Y = 0.36, 0.48
+    axis = Rotation.from_rotvec([0.0, a_X, a_Y]).apply([1.0, 0.0, 0.0])
+    b1, m_j, m_k = row(0.0, a_X, a_Y)
+    np.testing.assert_allclose([1.0 + b1, m_j, m_k], axis, rtol=1e-15)
+
+
+def test_trap_third_entry_of_the_direction_vector_is_negative():
+    axis = Rotation.from_rotvec([0.0, 1e-3, 0.0]).apply([1.0, 0.0, 0.0])
+    assert axis[2] < 0.0
+    assert row(0.0, 1e-3, 0.0)[2] == pytest.approx(axis[2], rel=1e-13)
+
+
+def test_trap_b1_holds_cos_alpha_so_the_gain_is_not_about_two():
+    b1, _, _ = row(1e-4, 3e-3, 4e-3)
+    assert b1 == pytest.approx(1e-4 - 0.5 * 25e-6, rel=1e-3)
+
+
+def test_row_and_alignment_agree_with_gains_and_angles():
+    rng = np.random.default_rng(6)
+    for s, a_X, a_Y in rng.normal(0.0, (0.1, 0.3, 0.3), (200, 3)):
+        b1, m_j, m_k = row(s, a_X, a_Y)
+        np.testing.assert_allclose([1.0 + b1, m_j, m_k], gains(s, a_X, a_Y), rtol=1e-14)
+        np.testing.assert_allclose(alignment(b1, m_j, m_k), angles((1.0 + b1, m_j, m_k)), atol=2e-15)
+        np.testing.assert_allclose(alignment(b1, m_j, m_k), (s, a_X, a_Y), rtol=1e-12, atol=1e-15)
+
+
+def test_small_scale_errors_keep_their_digits():
+    """Through 1 + b1 in double precision 1e-9 would lose seven of its sixteen digits."""
+    b1, m_j, m_k = row(1e-9, 3e-8, -4e-8)
+    assert alignment(b1, m_j, m_k)[0] == pytest.approx(1e-9, rel=1e-13)
+
+
+def test_mapping_works_on_arrays_as_on_numbers():
+    s, a_X, a_Y = np.random.default_rng(7).normal(0.0, 0.1, (3, 5))
+    a_X[0] = a_Y[0] = 0.0
+    together = np.array(row(s, a_X, a_Y))
+    for n in range(5):
+        np.testing.assert_array_equal(together[:, n], row(s[n], a_X[n], a_Y[n]))
+
+
+def test_gain_that_is_not_positive_is_refused():
+    with pytest.raises(TermError, match="sign of the output"):
+        alignment(-1.5, 0.0, 0.0)
+
+
+def test_projection_is_least_squares_and_leaves_unexcited_terms_at_zero():
+    rng = np.random.default_rng(8)
+    X, y = rng.normal(size=(50, 3)), rng.normal(size=50)
+    X[:, 1] = 0.0
+    found = project(X, y, ("a", "b", "c"), 50)
+    expected, rss, _, _ = np.linalg.lstsq(X[:, [0, 2]], y, rcond=None)
+    np.testing.assert_allclose([found.coefficients["a"], found.coefficients["c"]], expected, rtol=1e-12)
+    assert found.coefficients["b"] == 0.0
+    assert found.lost == pytest.approx(math.sqrt(rss[0] / 50), rel=1e-12)
+    assert found.rms == pytest.approx(math.sqrt(y @ y / 50), rel=1e-12)
+
+
+def test_projection_on_terms_that_coincide_names_them():
+    X = np.ones((10, 2))
+    with pytest.raises(UnobservableError) as caught:
+        project(X, np.arange(10.0), ("b0", "b1"), 10)
+    assert caught.value.terms == ("b1",)

@@ -1,0 +1,187 @@
+"""Results in a standard's symbols: units, uncertainty, and which standard applies."""
+
+import numpy as np
+import pytest
+
+from imubayes.errors import TermError
+from imubayes.sensors.catalogue import classes
+from imubayes.sensors.equations.standards import (
+    APPLIES,
+    STANDARDS,
+    in_standard,
+    linearised,
+    standard,
+    standards_for,
+)
+from imubayes.sensors.terms import Library, library
+from imubayes.units import factor
+
+ALL = list(STANDARDS.values())
+BY_ID = pytest.mark.parametrize("known", ALL, ids=lambda known: f"{known.kind}-{known.id}")
+
+
+def _library(kind):
+    return library(kind, set="extended", temperature=1)
+
+
+def _posterior(lib, rng):
+    """Coefficients of about 1e-2 with correlated errors a tenth of that: well within the linear range."""
+    p = len(lib.terms)
+    root = rng.normal(size=(p, p)) / np.sqrt(p) * 1e-3
+    return 1e-2 * rng.normal(size=p), root @ root.T
+
+
+def _value(values, symbol):
+    return next(value for value in values if value.symbol == symbol)
+
+
+@BY_ID
+def test_sd_is_that_of_draws_sent_through_the_mapping(known):
+    """20,000 draws know an sd to 0.5 %: four of those; the mapping's curvature is below 1e-3 of it."""
+    rng, lib = np.random.default_rng(1), _library(known.kind)
+    mean, cov = _posterior(lib, rng)
+    draws = rng.multivariate_normal(mean, cov, 20_000)
+    p = known.from_general(dict(zip(lib.names, draws.T, strict=True)))
+    values = {value.symbol: value for value in in_standard(known.id, lib, mean, cov)}
+    for row in known.symbols:
+        if row.term in lib.names:
+            sent = np.asarray(getattr(p, row.field))
+            assert values[row.symbol].sd == pytest.approx(sent.std(), rel=0.02), row.symbol
+            assert abs(values[row.symbol].value - sent.mean()) < 5.0 * sent.std() / np.sqrt(20_000), (
+                row.symbol
+            )
+
+
+@BY_ID
+def test_jacobian_is_the_slope_of_the_mapping(known):
+    """Central differences as the second route: truncation h^2 and rounding 1e-16/h balance at 1e-5."""
+    lib = _library(known.kind)
+    mean, _ = _posterior(lib, np.random.default_rng(2))
+    rows, values, J = linearised(known.id, lib, mean)
+    assert len(values) == len(rows) == J.shape[0]
+    for n in range(len(mean)):
+        step = 1e-5 * np.eye(len(mean))[n]
+        slope = (linearised(known.id, lib, mean + step)[1] - linearised(known.id, lib, mean - step)[1]) / 2e-5
+        np.testing.assert_allclose(J[:, n], slope, rtol=1e-7, atol=1e-9)
+
+
+def test_jacobian_holds_where_the_misalignment_is_zero():
+    """The square root has a corner there, the angles have none: d a_Y / d m_j = 1, d s / d m_j = 0."""
+    lib = library("gyroscope")
+    rows, _, J = linearised("ieee952", lib, np.zeros(len(lib.terms)))
+    slopes = {row.field: J[n] for n, row in enumerate(rows)}
+    m_j, m_k, b1 = (lib.names.index(name) for name in ("m_j", "m_k", "b1"))
+    assert (slopes["a_Y"][m_j], slopes["a_X"][m_k], slopes["eps_K"][b1]) == (1.0, -1.0, -1.0)
+    assert slopes["eps_K"][m_j] == slopes["a_Y"][m_k] == 0.0
+
+
+def test_bias_of_ieee_1293_carries_the_uncertainty_of_the_scale_factor():
+    """K0 = b0/q, so var K0 = var b0/q^2 + b0^2 var b1/q^4 - 2 b0 cov(b0, b1)/q^3."""
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    mean, cov = np.zeros(len(lib.terms)), np.zeros((len(lib.terms), len(lib.terms)))
+    mean[:2] = 0.4, 0.25
+    cov[:2, :2] = [[1e-4, 3e-5], [3e-5, 4e-5]]
+    expected = 1e-4 / 1.25**2 + 0.16 * 4e-5 / 1.25**4 - 0.8 * 3e-5 / 1.25**3
+    K0 = _value(in_standard("ieee1293", lib, mean, cov), "K0")
+    assert K0.value == pytest.approx(0.32, rel=1e-15)
+    assert K0.sd == pytest.approx(np.sqrt(expected), rel=1e-12)
+
+
+def test_trap_full_differences_double_value_and_sd():
+    lib = library("accelerometer")
+    mean = np.array([1e-3 if name in ("b0p", "b1p") else 0.0 for name in lib.names])
+    values = in_standard("ieee1293", lib, mean, 1e-8 * np.eye(len(mean)))
+    for symbol in ("K0'", "K1'"):
+        assert _value(values, symbol).value == 2e-3
+        # b1's error changes them by (1e-3)^2 of this, in squares
+        assert _value(values, symbol).sd == pytest.approx(2e-4, rel=1e-6)
+
+
+def test_values_print_in_the_units_people_use():
+    """K2 of 41.8 ppm/g is 41.8 ug/g^2, and 1 deg/h/g is 4.8481e-6/9.80665 s/m."""
+    lib = library("accelerometer")
+    mean = np.array([41.8e-6 / 9.80665 if name == "b2" else 0.0 for name in lib.names])
+    K2 = _value(in_standard("ieee1293", lib, mean, np.zeros((len(mean), len(mean)))), "K2")
+    assert K2.printed == "ug/g^2"
+    assert K2.value / factor(K2.printed, like=K2.unit) == pytest.approx(41.8, rel=1e-12)
+    gyro = library("gyroscope", set="extended")
+    mean = np.array([np.pi / 648000.0 / 9.80665 if name == "g_i" else 0.0 for name in gyro.names])
+    D_I = _value(in_standard("ieee517", gyro, mean, np.zeros((len(mean), len(mean)))), "D_I")
+    assert D_I.printed == "deg/h/g"
+    assert D_I.value / factor(D_I.printed, like=D_I.unit) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_trap_ppm_of_the_scale_factor_is_1e_6():
+    lib = library("gyroscope")
+    mean = np.array([-100e-6 if name == "b1" else 0.0 for name in lib.names])
+    eps_K = _value(in_standard("ieee952", lib, mean, np.zeros((len(mean), len(mean)))), "eps_K")
+    # 1/(1 - 1e-4) - 1 = 1.0001e-4 and higher: the denominator shows in the fourth digit
+    assert eps_K.value / factor(eps_K.printed) == pytest.approx(100.01, rel=1e-7)
+
+
+@BY_ID
+def test_printed_unit_measures_what_the_si_unit_does(known):
+    for row in known.symbols:
+        assert factor(row.unit, like=row.unit) == pytest.approx(1.0, rel=1e-15), row.symbol
+        assert factor(row.printed, like=row.unit) > 0.0
+
+
+@BY_ID
+def test_units_are_those_of_the_terms(known):
+    wide = library(known.kind, powers=12, asymmetry=2, set="extended", temperature=1)
+    terms = {term.name: term for term in wide.terms}
+    for row in known.symbols:
+        if row.term:
+            assert (row.unit, row.printed) == (terms[row.term].unit, terms[row.term].printed), row.symbol
+
+
+@BY_ID
+def test_symbols_and_fields_are_unique(known):
+    assert len({row.symbol for row in known.symbols}) == len(known.symbols)
+    assert len({row.field for row in known.symbols}) == len(known.symbols)
+
+
+def test_parameters_without_a_term_in_the_library_are_left_out():
+    lib = library("gyroscope", powers=1, asymmetry=-1)
+    values = in_standard("ieee952", lib, np.zeros(len(lib.terms)), np.eye(len(lib.terms)))
+    assert [value.symbol for value in values] == ["D_F", "eps_K", "alpha_X", "alpha_Y"]
+
+
+def test_every_class_of_the_catalogue_has_its_standard_or_is_known_to_have_none():
+    for entry in classes():
+        phrase = entry.technology.lower()
+        assert any(kind == entry.kind and part in phrase for kind, part, _ in APPLIES), entry.id
+        *own, last = standards_for(entry.kind, entry.technology)
+        assert last == "basic"
+        assert all(standard(id, kind=entry.kind).kind == entry.kind for id in own)
+
+
+@pytest.mark.parametrize(
+    ("kind", "technology", "first"),
+    [
+        ("accelerometer", "quartz-flexure pendulous, magnetic torque rebalance", "ieee1293"),
+        ("accelerometer", "pendulous integrating gyro accelerometer", "basic"),
+        ("gyroscope", "CVG tuning-fork MEMS", "ieee1431"),
+        ("gyroscope", "closed-loop IFOG PM/depolarised coil 0.5-1.5 km", "ieee952"),
+        ("gyroscope", "small ring laser", "ieee647"),
+        ("gyroscope", "floated single-DOF rate-integrating (IEEE 517)", "ieee517"),
+        ("gyroscope", "dynamically tuned 2-DOF (IEEE 813)", "ieee813.x"),
+        ("gyroscope", "spring-restrained rate gyro (IEEE 292)", "basic"),
+        ("gyroscope", "cold-atom interferometer", "basic"),
+    ],
+)
+def test_standard_of_a_technology(kind, technology, first):
+    assert standards_for(kind, technology)[0] == first
+
+
+def test_unknown_standard_is_refused_with_those_of_the_kind():
+    with pytest.raises(TermError, match="expected ieee1293, basic"):
+        standard("ieee952", kind="accelerometer")
+
+
+def test_arrays_of_the_wrong_shape_are_refused():
+    lib = Library("gyroscope", library("gyroscope").terms[:2])
+    with pytest.raises(
+        TermError, match=r"expected mean \(2,\) and covariance \(2, 2\), got \(2,\) and \(2,\)"
+    ):
+        in_standard("ieee952", lib, np.zeros(2), np.ones(2))
