@@ -17,7 +17,16 @@ from imubayes.rig.checks import check_output, check_time, check_values, gaps, in
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import Inputs, Run, Source, TriadRun, sampling_interval
-from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.profiles import (
+    Plan,
+    centrifuge,
+    oscillation,
+    positions,
+    rate_table,
+    static,
+    tumble,
+    vibration,
+)
 from imubayes.rig.simulate import simulate
 from imubayes.rig.thermal import temperature_rate, thermal
 from imubayes.sensors.catalogue import SensorClass, draw_unit
@@ -47,11 +56,14 @@ RUN_CHANNELS = ("t", "output", *_INPUTS, MOUNT)
 PROFILES = {
     "static": static,
     "tumble": tumble,
+    "positions": positions,
     "rate-table": rate_table,
+    "oscillation": oscillation,
     "centrifuge": centrifuge,
+    "vibration": vibration,
     "thermal": thermal,
 }
-"""Procedures that can be simulated, by the function that plans them."""
+"""Functions that plan what can be simulated, by the profile's name."""
 
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.bench import true_inputs
+from imubayes.rig.profiles import (
+    Plan,
+    centrifuge,
+    oscillation,
+    positions,
+    rate_table,
+    static,
+    tumble,
+    vibration,
+)
 from imubayes.sensors.terms import Library, columns, library
 
 G = 9.80665
@@ -32,6 +42,12 @@ EVERY_PLAN = [
     static(20.0, 10.0, up=(1.0, 2.0, -2.0)),
     tumble(angles=5, planes=2),
     tumble(angles=24, settle=0.0),
+    static(20.0, 10.0, up=(1.0, 2.0, -2.0), latitude=-0.5),
+    *(positions(number, latitude=0.5) for number in (4, 6, 12, 24, 26)),
+    oscillation([0.5, 5.0], radius=0.1),
+    oscillation([2.0, 4.0], mounts=3, dwell=0.7, settle=0.0),
+    vibration([0.0, 3.0], dwell=2.0),
+    vibration([1.0], mounts=2, dwell=0.7, settle=0.0, rate=400.0),
     rate_table([-1.0, 0.0, 2.0], mounts=9, dwell=0.25),
     centrifuge([0.5, 1, 5], mounts=12),
     centrifuge([1, 20], mounts=12, ramp=True),
@@ -101,7 +117,7 @@ def test_in_one_mount_the_axis_stands_still_in_the_case_and_no_two_mounts_are_al
 @every_plan
 def test_nominally_zero_component_is_exactly_zero(plan):
     for name, values in plan.inputs.channels.items():
-        assert np.min(np.abs(values), where=values != 0.0, initial=np.inf) > 1e-6, name
+        assert np.min(np.abs(values), where=values != 0.0, initial=np.inf) > 1e-11, name
 
 
 def test_dwells_are_apart_by_the_settling_time():
@@ -175,6 +191,25 @@ def test_rate_table_off_the_axis_feels_the_centripetal_acceleration():
     f = _vectors(plan, "f")[0] / G
     assert f[0] == pytest.approx(1.0, rel=1e-15)
     assert np.hypot(f[1], f[2]) == pytest.approx(0.31, abs=0.005)
+
+
+def _along_the_arm(mounts: int, errors: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """f_i of a centrifuge as the rig says, and by how much more it is in truth."""
+    plan = centrifuge([1, 5, 20], mounts=mounts, **SHORT)
+    said = plan.inputs.channels["f_i"]
+    return said, true_inputs(plan, errors).channels["f_i"] - said
+
+
+def test_stretch_of_the_arm_is_an_odd_quadratic_both_ways_and_a_quadratic_one_way():
+    f, more = _along_the_arm(2, {"arm_stretch": 1e-7})
+    np.testing.assert_allclose(more, 1e-7 * f * np.abs(f), rtol=1e-7)
+    f, more = _along_the_arm(1, {"arm_stretch": 1e-7})
+    np.testing.assert_allclose(more, -1e-7 * f**2, rtol=1e-7)
+
+
+def test_error_of_the_radius_is_one_of_the_scale():
+    f, more = _along_the_arm(2, {"radius": 5e-5})
+    np.testing.assert_allclose(more, 5e-5 * f, rtol=1e-9)
 
 
 def _steady(plan: Plan) -> np.ndarray:

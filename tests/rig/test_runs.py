@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imubayes.config.simulated import CALLED
 from imubayes.errors import DataError, StudyError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run, TriadRun
@@ -205,17 +206,19 @@ def test_public_recordings_are_read(file, time, axes, samples):
     assert run.output.shape == (samples, 3)
 
 
-@pytest.mark.parametrize("procedure", PROFILES)
-def test_every_profile_becomes_a_plan_under_the_runs_name(procedure):
+@pytest.mark.parametrize("profile", PROFILES)
+def test_every_profile_becomes_a_plan_under_the_runs_name(profile):
     needed = {
         "static": {"duration": 5.0, "rate": 2.0},
         "rate-table": {"rates": (1.0,)},
+        "oscillation": {"frequencies": (1.0,)},
         "centrifuge": {"levels": (2.0,)},
+        "vibration": {"levels": (2.0,)},
         "thermal": {"temperatures": (300.0,)},
     }
-    spec = RunSpec("bench 3", procedure, simulate={"profile": procedure, **needed.get(procedure, {})})
+    spec = RunSpec("bench 3", "other", simulate={"profile": profile, **needed.get(profile, {})})
     plan = plan_run(spec)
-    assert (plan.name, plan.procedure) == ("bench 3", procedure)
+    assert (plan.name, plan.procedure) == ("bench 3", CALLED.get(profile, profile))
 
 
 def test_simulated_runs_are_of_one_unit_and_say_which():

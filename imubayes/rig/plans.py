@@ -1,0 +1,145 @@
+"""What every test procedure has in common: the plan that it gives, its times, and the Earth.
+
+Axes are the case axes (i, j, k), right-handed. At rest ``f = +g`` up; ``f = a - gravitation`` in general, and
+w is the inertial rate, so that the Earth's is part of it. A component that is nominally zero is exactly zero,
+so that ``sign(f_i)`` does not follow rounding where the input axis is horizontal. Between dwells time runs on
+while nothing is recorded, so the time stamps have gaps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import InputError
+from imubayes.rig.inputs import Inputs
+
+FloatArray = NDArray[np.float64]
+Direction = tuple[float, float, float]
+Mount = tuple[Direction, Direction]
+"""Two directions in case axes, any length: outward or shaken, and the vertical."""
+
+I_AXIS, J_AXIS, K_AXIS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+EARTH_RATE = 7.292115e-5
+"""rad/s, sidereal (WGS 84)."""
+
+_ROUNDING = 1e-12
+"""Components of unit vectors below this are rounding of an exact zero."""
+
+_MOST_SAMPLES = 1e9
+"""In one dwell; more is a slip of the unit, and would not fit in memory."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A test procedure that is ready to run.
+
+    Attributes
+    ----------
+    name : of the run that it gives.
+    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
+    inputs : what the rig applies, SI.
+    """
+
+    name: str
+    procedure: str
+    inputs: Inputs
+
+
+def minus(axis: Direction) -> Direction:
+    """Give the opposite direction."""
+    return -axis[0], -axis[1], -axis[2]
+
+
+def earth_rate(up: FloatArray, north: FloatArray, latitude: float) -> FloatArray:
+    """Rate (n, 3) of the Earth along the case axes, rad/s: ``W (cos(latitude) north + sin(latitude) up)``.
+
+    Parameters
+    ----------
+    up, north : (n, 3) unit vectors in case axes.
+    latitude : rad, north positive.
+
+    Raises
+    ------
+    InputError : if there is no such latitude.
+    """
+    if not abs(latitude) <= math.pi / 2.0:
+        raise InputError(f"latitude = {latitude} rad is nowhere on Earth: expected -pi/2 to pi/2")
+    cos, sin = snapped(np.array([math.cos(latitude), math.sin(latitude)]))
+    return EARTH_RATE * (cos * north + sin * up)
+
+
+def at_rest(vectors: dict[str, FloatArray], t: FloatArray, interval: float) -> Inputs:
+    """One dwell at each row of the vectors."""
+    rows = {name: np.repeat(v, len(t) // len(v), axis=0) for name, v in vectors.items()}
+    return Inputs(t, channels_of(rows), interval)
+
+
+def numbers(mounts: int, rows: int) -> NDArray[np.int64]:
+    """Number of the mount of each row, where all have equally many rows."""
+    return np.repeat(np.arange(mounts), rows // mounts)
+
+
+def channels_of(vectors: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """Components of vectors (..., 3) by channel name, without those that were not excited."""
+    named = {
+        f"{quantity}_{axis}": np.ascontiguousarray(values[..., n]).ravel()
+        for quantity, values in vectors.items()
+        for n, axis in enumerate("ijk")
+    }
+    return {name: values for name, values in named.items() if values.any()}
+
+
+def dwells(number: int, dwell: float, rate: float, settle: float) -> FloatArray:
+    """Time stamps of dwells, `settle` apart.
+
+    Raises
+    ------
+    InputError : if `settle` is no time, or a dwell has no samples.
+    """
+    if not 0.0 <= settle < math.inf:
+        raise InputError(f"settle = {settle} s is no time between dwells: expected 0 or more")
+    return (np.arange(number)[:, None] * (dwell + settle) + samples(dwell, rate)).ravel()
+
+
+def samples(dwell: float, rate: float) -> FloatArray:
+    """Time stamps in one dwell.
+
+    Raises
+    ------
+    InputError : if there are none, or more than fit in memory.
+    """
+    number = dwell * rate if dwell > 0.0 and rate > 0.0 else 0.0
+    if not 1.0 - _ROUNDING <= number <= _MOST_SAMPLES:
+        raise InputError(
+            f"{dwell} s at {rate} samples a second is {number:.3g} samples: expected 1 to {_MOST_SAMPLES:.0e}"
+        )
+    return np.arange(math.floor(number * (1.0 + _ROUNDING))) / rate
+
+
+def check_steps(what: str, steps: Sequence[float], mounts: int, known: tuple[Mount, ...]) -> None:
+    """Refuse steps that are none, and mounts that are not known.
+
+    Raises
+    ------
+    InputError : naming them.
+    """
+    if len(steps) == 0 or not np.isfinite(steps).all():
+        raise InputError(f"{what} with steps {list(steps)}: expected one finite number or more")
+    if not 1 <= mounts <= len(known):
+        raise InputError(f"{what} with {mounts} mounts: expected 1 to {len(known)}")
+
+
+def unit(axes: FloatArray) -> FloatArray:
+    """Unit vectors (..., 3) along axes."""
+    return snapped(axes / np.linalg.norm(axes, axis=-1, keepdims=True))
+
+
+def snapped(components: FloatArray) -> FloatArray:
+    """Components with the rounding of exact zeros taken away (and no negative zeros)."""
+    return np.where(np.abs(components) < _ROUNDING, 0.0, components)

@@ -1,0 +1,284 @@
+"""Procedures about a vertical axis: rate table, oscillating table and centrifuge.
+
+The specific force at the radius R, with the rate w along the vertical, is ``f = g up - R w^2 out + R dw/dt
+motion``; counter-clockwise seen from above is positive, so that a mount with its input axis down turns the
+sign of w_i as of f_i.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imubayes.errors import InputError
+from imubayes.rig.inputs import Inputs
+from imubayes.rig.plans import (
+    EARTH_RATE,
+    I_AXIS,
+    J_AXIS,
+    K_AXIS,
+    FloatArray,
+    Mount,
+    Plan,
+    channels_of,
+    check_steps,
+    dwells,
+    minus,
+    numbers,
+    samples,
+    snapped,
+    unit,
+)
+from imubayes.units import STANDARD_GRAVITY
+
+SAMPLES_A_PERIOD = 8.0
+"""Of an oscillation, at least: the mean over a sample is within 3 % of the value at its middle."""
+
+
+def rate_table(
+    rates: Sequence[float],
+    *,
+    mounts: int = 9,
+    dwell: float = 30.0,
+    rate: float = 10.0,
+    settle: float = 5.0,
+    latitude: float = math.pi / 4.0,
+    radius: float = 0.0,
+) -> Plan:
+    """Rate steps about a vertical axis, in one mount after the other (IEEE 952's rate test, 12.9).
+
+    The rate is ``w = (table + W sin(latitude))`` along the vertical and the specific force
+    ``f = g up - radius w^2 out``: the horizontal part of the Earth's rate averages out over whole turns.
+
+    A gyroscope with the input axis up (1 mount) sees ``b1 b2 b3`` and, at four speeds or more both ways, the
+    asymmetries; its bias is confounded with ``g_i`` and ``S_ii``. Six mounts add ``m_j m_k`` and
+    ``g_i g_j g_k``, nine the products ``c_ij c_ik c_jk`` and ``S_ij S_ik S_jk``; of the bias and the trace of
+    S only the sum is there. Off the axis, ``g_j`` or ``g_k`` times the centripetal force looks like ``b2``.
+    Nothing of dw/dt.
+
+    Parameters
+    ----------
+    rates : table rates, rad/s, counter-clockwise seen from above positive.
+    mounts : the first of 9 orientations: i, -i, j, -j, k, -k up, then halfway between i-j, i-k and j-k.
+    dwell, rate, settle : as in `imubayes.rig.tumbles.tumble`.
+    latitude : rad, north positive.
+    radius : distance of the sensing point from the axis, m.
+
+    Raises
+    ------
+    InputError : if there are no rates, no samples, or other than 1 to 9 mounts.
+
+    Examples
+    --------
+    >>> run = rate_table([-1.0, 1.0], mounts=1, dwell=1.0, rate=1.0, latitude=0.0).inputs
+    >>> run.channels["w_i"].tolist(), "w_j" in run.channels
+    ([-1.0, 1.0], False)
+    """
+    check_steps("rate table", rates, mounts, _TABLE_MOUNTS)
+    speeds = np.asarray(rates, dtype=float) + EARTH_RATE * math.sin(latitude)
+    spin = _stepped(speeds, dwell, rate, settle)
+    inputs = _turning(spin, _TABLE_MOUNTS[:mounts], radius=radius, settle=settle, interval=1.0 / rate)
+    return Plan("rate-table", "rate-table", inputs)
+
+
+def oscillation(
+    frequencies: Sequence[float],
+    *,
+    amplitude: float = math.radians(2.0),
+    mounts: int = 9,
+    dwell: float = 10.0,
+    rate: float = 100.0,
+    settle: float = 5.0,
+    latitude: float = math.pi / 4.0,
+    radius: float = 0.0,
+) -> Plan:
+    """Angular oscillation ``A sin(2 pi f t)`` about a vertical axis, in one mount after the other.
+
+    The rate ``2 pi f A cos`` and its derivative ``-(2 pi f)^2 A sin`` are in quadrature, so that what they do
+    can be told apart, and the square of the rate has a mean. The force is as in `rate_table`, and
+    ``radius dw/dt`` along the motion.
+
+    An accelerometer sees ``m_j m_k``, ``s_i s_j s_k`` (Kang) and all of S (Kspin) in nine mounts; a lever arm
+    from the point that f is told for drives the same columns. On the axis |f| = g, as in a tumble, and ``b1``
+    is not told from ``b3 c_ij c_ik``. A gyroscope sees ``b1 m_j m_k``, ``g_i g_j g_k`` and ``s_i s_j s_k``; a
+    latency tau acts on it as an ``s_i`` of -tau does. Source: angular acceleration tests as usual in practice
+    (IEEE 1293, IEEE 952).
+
+    Parameters
+    ----------
+    frequencies : Hz.
+    amplitude : A, rad.
+    mounts : as in `rate_table`.
+    dwell : recorded time at a frequency, s.
+    rate : samples per second; 8 a period or more.
+    settle : time between dwells, not recorded, s.
+    latitude, radius : as in `rate_table`.
+
+    Raises
+    ------
+    InputError : if there are no frequencies, or one is not above 0 or too high for the sampling; if the
+        amplitude is not above 0, there are no samples, or other than 1 to 9 mounts.
+
+    Examples
+    --------
+    >>> run = oscillation([1.0], amplitude=0.1, mounts=1, dwell=1.0, rate=8.0, latitude=0.0).inputs
+    >>> (run.channels["w_i"] / (2.0 * np.pi * 0.1)).round(3).tolist()
+    [1.0, 0.707, 0.0, -0.707, -1.0, -0.707, 0.0, 0.707]
+    >>> run.channels["dw_i"].round(3).tolist()[:3]
+    [0.0, -2.792, -3.948]
+    """
+    check_steps("oscillation", frequencies, mounts, _TABLE_MOUNTS)
+    if not (min(frequencies) > 0.0 and SAMPLES_A_PERIOD * max(frequencies) <= rate and amplitude > 0.0):
+        raise InputError(
+            f"oscillation of {amplitude} rad from {min(frequencies)} to {max(frequencies)} Hz at {rate}"
+            f" samples a second: expected more than 0 of each, {SAMPLES_A_PERIOD:g} samples a period or more"
+        )
+    spin = _swinging(np.asarray(frequencies, dtype=float), amplitude, dwell, rate, settle)
+    spin.w[:] += EARTH_RATE * math.sin(latitude)
+    inputs = _turning(spin, _TABLE_MOUNTS[:mounts], radius=radius, settle=settle, interval=1.0 / rate)
+    return Plan("oscillation", "oscillation", inputs)
+
+
+def centrifuge(
+    levels: Sequence[float],
+    *,
+    mounts: int = 12,
+    dwell: float = 30.0,
+    rate: float = 10.0,
+    settle: float = 5.0,
+    arm: float = 1.0,
+    ramp: bool = False,
+) -> Plan:
+    """Levels of centripetal acceleration on a precision centrifuge, in one mount after the other (IEEE 836).
+
+    ``f = -R w^2 out + g up``, ``w`` along the vertical, plus ``R dw/dt`` along the motion while ramping.
+    The Earth's rate, which turns with the arm, averages out over whole turns.
+
+    An accelerometer sees, along the arm (4 mounts), ``b2 b3`` and, at four levels or more, the asymmetries;
+    because gravity is then always across it, ``b0`` is there only with ``m_j m_k c_jj c_kk``, ``b1`` with
+    ``c_ij c_ik``, and ``b1p`` with ``S_jj S_kk``. All twelve mounts see every term of f and
+    ``S_ij S_ik S_jk``, ramps also ``s_i s_j s_k``. An error of the radius looks like ``b1`` (take that from a
+    tumble), a stretch of the arm like ``b2p`` where the axis is run both ways and like ``b2`` where it is
+    not: errors of the bench, which an analysis may allow for (`imubayes.rig.reference`: ``radius``,
+    ``arm_stretch``). A gyroscope sees its g-sensitivities ``g_i g_j g_k`` and all of S.
+
+    Parameters
+    ----------
+    levels : centripetal accelerations in g (standard gravity), not in SI: the unit of centrifuge practice.
+    mounts : the first of 12 orientations: the input axis along the arm both ways, with j and with k up, along
+        the motion both ways, at 45 degrees to the arm, and four that tilt all axes out of its plane.
+    dwell, rate, settle : as in `imubayes.rig.tumbles.tumble`.
+    arm : radius R, m.
+    ramp : whether each change of level, including those from rest and back to it, is recorded: a constant
+        dw/dt that takes `settle`.
+
+    Raises
+    ------
+    InputError : if there are no levels, a negative level, no samples, or other than 1 to 12 mounts.
+
+    Examples
+    --------
+    >>> run = centrifuge([1, 5], mounts=2, dwell=1.0, rate=1.0).inputs
+    >>> (run.channels["f_i"] / 9.80665).round(12).tolist()
+    [-1.0, -5.0, 1.0, 5.0]
+    """
+    check_steps("centrifuge", levels, mounts, _ARM_MOUNTS)
+    if min(levels) < 0.0 or not arm > 0.0:
+        raise InputError(
+            f"centrifuge to {min(levels)} g on an arm of {arm} m: expected levels >= 0, an arm > 0"
+        )
+    speeds = np.sqrt(np.asarray(levels, dtype=float) * STANDARD_GRAVITY / arm)
+    spin = (_ramped if ramp else _stepped)(speeds, dwell, rate, settle)
+    inputs = _turning(spin, _ARM_MOUNTS[:mounts], radius=arm, settle=settle, interval=1.0 / rate)
+    return Plan("centrifuge", "centrifuge", inputs)
+
+
+_ARM_MOUNTS: tuple[Mount, ...] = (
+    (I_AXIS, J_AXIS),  # input axis outward and inward, pendulous axis up
+    (minus(I_AXIS), J_AXIS),
+    (I_AXIS, K_AXIS),  # the same with the output axis up
+    (minus(I_AXIS), K_AXIS),
+    (J_AXIS, K_AXIS),  # input axis along the motion, both ways
+    (minus(J_AXIS), K_AXIS),
+    ((1.0, 1.0, 0.0), K_AXIS),  # 45 degrees in the plane of the arm
+    ((1.0, 0.0, 1.0), J_AXIS),
+    # tilted; with the smallest geometric mean of the terms' sds that a search over such tilts found
+    ((-1.0, -1.0, 0.0), (-1.0, 1.0, 1.0)),
+    ((0.0, -1.0, -1.0), (1.0, 1.0, -1.0)),
+    ((0.0, -1.0, 1.0), (1.0, 1.0, 1.0)),
+    ((1.0, 0.0, -1.0), (1.0, -1.0, 1.0)),
+)
+
+_TABLE_MOUNTS: tuple[Mount, ...] = (
+    (J_AXIS, I_AXIS),
+    (J_AXIS, minus(I_AXIS)),
+    (K_AXIS, J_AXIS),
+    (K_AXIS, minus(J_AXIS)),
+    (I_AXIS, K_AXIS),
+    (I_AXIS, minus(K_AXIS)),
+    (K_AXIS, (1.0, 1.0, 0.0)),
+    (J_AXIS, (1.0, 0.0, 1.0)),
+    (I_AXIS, (0.0, 1.0, 1.0)),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spin:
+    """What the axis does in one mount: time, rate and its derivative of each sample; total time; SI."""
+
+    t: FloatArray
+    w: FloatArray
+    dw: FloatArray
+    total: float
+
+
+def _stepped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:
+    t = dwells(len(speeds), dwell, rate, settle)
+    w = np.repeat(speeds, len(t) // len(speeds))
+    return _Spin(t, w, np.zeros_like(w), len(speeds) * (dwell + settle) - settle)
+
+
+def _swinging(frequencies: FloatArray, amplitude: float, dwell: float, rate: float, settle: float) -> _Spin:
+    """Oscillate at one frequency after the other, each from the middle of its swing."""
+    pulse = 2.0 * math.pi * frequencies[:, None]
+    phase = pulse * samples(dwell, rate)
+    w = amplitude * pulse * snapped(np.cos(phase))
+    dw = amplitude * pulse**2 * snapped(np.sin(-phase))
+    total = len(frequencies) * (dwell + settle) - settle
+    return _Spin(dwells(len(frequencies), dwell, rate, settle), w.ravel(), dw.ravel(), total)
+
+
+def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:
+    """From rest through the speeds and back to rest, every change a ramp that takes `settle`."""
+    if settle * rate < 1.0:
+        raise InputError(f"settle = {settle} s has no sample at {rate} per second: a ramp needs at least one")
+    start = np.concatenate([[0.0], speeds])
+    slope = np.diff(start, append=0.0) / settle
+    rising, steady = samples(settle, rate), samples(dwell, rate)
+    within = np.concatenate([rising, settle + steady])
+    t = (np.arange(len(start))[:, None] * (settle + dwell) + within).ravel()
+    dw = np.repeat(
+        np.stack([slope, 0.0 * slope], axis=1).ravel(), np.tile([len(rising), len(steady)], len(start))
+    )
+    w = (start[:, None] + slope[:, None] * np.minimum(within, settle)).ravel()
+    end = -len(steady)  # back at rest there is nothing to record
+    return _Spin(t[:end], w[:end], dw[:end], len(start) * (settle + dwell) - dwell)
+
+
+def _turning(
+    spin: _Spin, mounts: tuple[Mount, ...], *, radius: float, settle: float, interval: float
+) -> Inputs:
+    """Apply the same spin in every mount, `settle` apart."""
+    out, up = (unit(np.array(axis)) for axis in zip(*mounts, strict=True))
+    motion = snapped(np.cross(up, out))
+    f = (
+        STANDARD_GRAVITY * up[:, None, :]
+        - radius * spin.w[:, None] ** 2 * out[:, None, :]
+        + radius * spin.dw[:, None] * motion[:, None, :]
+    )
+    w, dw = (rate[:, None] * up[:, None, :] for rate in (spin.w, spin.dw))
+    t = (np.arange(len(mounts))[:, None] * (spin.total + settle) + spin.t).ravel()
+    return Inputs(t, channels_of({"f": f, "w": w, "dw": dw}), interval, numbers(len(mounts), len(t)))

@@ -1,0 +1,211 @@
+"""Procedures at rest: static log, tumble in planes, and standard sets of positions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from imubayes.errors import InputError
+from imubayes.rig.plans import (
+    Direction,
+    FloatArray,
+    Plan,
+    at_rest,
+    dwells,
+    earth_rate,
+    numbers,
+    snapped,
+    unit,
+)
+from imubayes.units import STANDARD_GRAVITY
+
+
+def static(
+    duration: float,
+    rate: float,
+    *,
+    up: Direction = (1.0, 0.0, 0.0),
+    gravity: float = STANDARD_GRAVITY,
+    latitude: float | None = None,
+    north: Direction | None = None,
+) -> Plan:
+    """Log at rest.
+
+    Sees the noise (N, B, K), and one number of the model: the mean of the output. Every term that is excited
+    is confounded with the bias. Source: the noise tests of IEEE 952 and IEEE 1293.
+
+    Parameters
+    ----------
+    duration : s.
+    rate : samples per second.
+    up : direction of the local vertical in case axes, any length.
+    gravity : local gravity, m/s^2.
+    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer.
+    north : in case axes; only its horizontal part counts. By default that of the first axis most across `up`.
+
+    Raises
+    ------
+    InputError : if the log has no samples, `up` has no length, or `north` is vertical.
+
+    Examples
+    --------
+    >>> log = static(60.0, 10.0, up=(0.0, 0.0, 1.0)).inputs
+    >>> len(log), float(log.channels["f_k"][0]), "f_i" in log.channels
+    (600, 9.80665, False)
+    """
+    vertical = np.array(up, dtype=float)
+    if not 0.0 < np.linalg.norm(vertical) < math.inf:
+        raise InputError(f"up = {up} has no direction: expected the vertical in case axes, such as (1, 0, 0)")
+    t, upward = dwells(1, duration, rate, 0.0), unit(vertical)[None, :]
+    vectors = {"f": gravity * upward}
+    if latitude is not None:
+        heading = _north(upward) if north is None else _level(np.array([north], dtype=float), upward)
+        vectors["w"] = earth_rate(upward, heading, latitude)
+    return Plan("static", "static", at_rest(vectors, t, 1.0 / rate))
+
+
+def tumble(
+    *,
+    angles: int = 24,
+    planes: int = 3,
+    dwell: float = 30.0,
+    rate: float = 10.0,
+    settle: float = 5.0,
+    gravity: float = STANDARD_GRAVITY,
+) -> Plan:
+    """Multiposition tumble in the Earth's field (IEEE 1293's static test), plane by plane.
+
+    Sees ``b1 m_j m_k b3``, the products ``c_ij c_ik c_jk`` of the planes that are run, and with 24 angles or
+    so the asymmetries. Does not see ``b0 b2 c_jj c_kk`` apart: |f| = g in every row, so only ``b0 + g^2 b2``,
+    ``b2 - c_jj`` and ``b2 - c_kk`` are there. One plane of 4 angles has rank 4, one of 12 has 9, two of 24
+    have 13, three 14 of the 15 terms of f up to third order. Rates are not applied: nothing of S and s.
+
+    Parameters
+    ----------
+    angles : equally spaced positions in each plane; 4 leave the asymmetries and K3 open, 24 do not.
+    planes : 1 to 3 of the planes i-j, i-k, j-k; each starts with its first axis up.
+    dwell : recorded time at a position, s.
+    rate : samples per second.
+    settle : time between dwells, not recorded, s.
+    gravity : local gravity, m/s^2.
+
+    Raises
+    ------
+    InputError : if there are no positions, no samples, or other than 1 to 3 planes.
+
+    Examples
+    --------
+    >>> run = tumble(angles=4, planes=1, dwell=1.0, rate=1.0).inputs
+    >>> run.t.tolist(), (run.channels["f_i"] / 9.80665).tolist()
+    ([0.0, 6.0, 12.0, 18.0], [1.0, 0.0, -1.0, 0.0])
+    """
+    if planes not in (1, 2, 3) or angles < 1:
+        raise InputError(
+            f"tumble of {planes} planes by {angles} angles: expected 1 to 3 planes, 1 angle or more"
+        )
+    up = np.concatenate([_circle(angles, *pair) for pair in ((0, 1), (0, 2), (1, 2))[:planes]])
+    t = dwells(planes * angles, dwell, rate, settle)
+    inputs = at_rest({"f": gravity * up}, t, 1.0 / rate)
+    return Plan("tumble", "tumble", replace(inputs, mount=numbers(planes, len(t))))
+
+
+def positions(
+    positions: int = 24,
+    *,
+    dwell: float = 30.0,
+    rate: float = 10.0,
+    settle: float = 5.0,
+    gravity: float = STANDARD_GRAVITY,
+    latitude: float | None = None,
+) -> Plan:
+    """Standard sets of positions at rest, for an accelerometer, or with the Earth's rate for a gyroscope.
+
+    - 4 or 12: equal steps of a turn from i to j up, about the axis k, which lies level to the north;
+    - 6: each case axis up and down;
+    - 24: the orientations of a cube, each axis up and down at four headings;
+    - 26: the faces, edges and corners of a cube upwards.
+
+    An accelerometer (IEEE 1293, 12.3.4) sees ``m_j m_k`` in 6, 24 and 26 positions, and ``m_j`` in 4 and 12;
+    ``c_ij`` in 12; ``c_ij c_ik c_jk`` in 26. In 4, 6 and 24 the size of f_i is 0 or g, so that ``b1`` looks
+    like every odd function of it (``b3 b0p b2p``); 12 and 26 have three sizes of it and tell ``b1`` from
+    ``b3`` as long as the asymmetries are left out. As always at 1 g, ``b0 b2 c_jj c_kk`` are not seen apart.
+
+    A gyroscope (IEEE 952, 12.11 and 12.12) sees in 24 and 26 positions ``g_i g_j g_k`` beside
+    ``b1 m_j m_k``, because the Earth's rate is not along gravity except at a pole; 15 deg/h say little of
+    ``b1`` below navigation grade. The bias is confounded with the trace of S: |f| = g. In 4 and 12 positions
+    w is along f but for a constant: ``b1`` looks like ``g_i``, and ``m_j`` like ``g_j``.
+
+    Parameters
+    ----------
+    positions : 4, 6, 12, 24 or 26.
+    dwell, rate, settle, gravity : as in `tumble`.
+    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer.
+
+    Raises
+    ------
+    InputError : if there is no such set, or a dwell has no samples.
+
+    Examples
+    --------
+    >>> run = positions(6, dwell=1.0, rate=1.0).inputs
+    >>> (run.channels["f_j"] / 9.80665).tolist()
+    [0.0, 0.0, 1.0, -1.0, 0.0, 0.0]
+    """
+    if positions not in _SETS:
+        raise InputError(f"{positions} positions are no standard set: expected {', '.join(map(str, _SETS))}")
+    up, north = _SETS[positions]
+    vectors = {"f": gravity * up}
+    if latitude is not None:
+        vectors["w"] = earth_rate(up, north, latitude)
+    return Plan("positions", "tumble", at_rest(vectors, dwells(positions, dwell, rate, settle), 1.0 / rate))
+
+
+def _circle(angles: int, first: int, second: int) -> FloatArray:
+    """Verticals (angles, 3) that turn from one axis towards another."""
+    turn = 2.0 * math.pi * np.arange(angles) / angles
+    up = np.zeros((angles, 3))
+    up[:, first], up[:, second] = snapped(np.cos(turn)), snapped(np.sin(turn))
+    return up
+
+
+def _north(up: FloatArray) -> FloatArray:
+    """Horizontal part (n, 3), as a unit vector, of the first case axis that is most across each vertical."""
+    return _level(np.eye(3)[np.argmin(np.abs(up), axis=1)], up)
+
+
+def _level(north: FloatArray, up: FloatArray) -> FloatArray:
+    """Unit vectors (n, 3) along the horizontal part of directions.
+
+    Raises
+    ------
+    InputError : if one has none.
+    """
+    finite = np.where(np.isfinite(north), north, 0.0)
+    level = snapped(finite - np.sum(finite * up, axis=1, keepdims=True) * up)
+    if not (level.any(axis=1).all() and np.isfinite(north).all()):
+        raise InputError(f"north = {tuple(north[0])} has no horizontal part: expected a direction across up")
+    return unit(level)
+
+
+def _sets() -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Vertical and north (n, 3) in case axes of each standard set of n positions."""
+    axes, k = np.eye(3), np.array([0.0, 0.0, 1.0])
+    faces = np.concatenate([snapped(sign * axis[None, :]) for axis in axes for sign in (1.0, -1.0)])
+    # what is left of the six faces across a vertical are its four headings
+    cube = [(up, north) for up, north in product(faces, faces) if up @ north == 0.0]
+    around = np.array([d for d in product((1.0, 0.0, -1.0), repeat=3) if any(d)])
+    ways = unit(around)
+    upward, northward = (np.array(side) for side in zip(*cube, strict=True))
+    return {
+        4: (_circle(4, 0, 1), np.tile(k, (4, 1))),
+        6: (faces, _north(faces)),
+        12: (_circle(12, 0, 1), np.tile(k, (12, 1))),
+        24: (upward, northward),
+        26: (ways, _north(ways)),
+    }
+
+
+_SETS = _sets()

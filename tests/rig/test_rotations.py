@@ -1,0 +1,93 @@
+"""The oscillating table, held against the mechanics of a rigid body."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.rig.bench import true_inputs
+from imubayes.rig.motion import vectors
+from imubayes.rig.plans import EARTH_RATE
+from imubayes.rig.rotations import oscillation, rate_table
+
+G = 9.80665
+FREQUENCIES, AMPLITUDE, LATITUDE = (0.5, 2.0, 5.0), 0.03, 0.6
+SWING = oscillation(FREQUENCIES, amplitude=AMPLITUDE, dwell=4.0, rate=200.0, latitude=LATITUDE)
+
+
+def dwells_of(name: str) -> np.ndarray:
+    """Rows (frequencies, samples) of the mount with the input axis up."""
+    return SWING.inputs.channels[name][: 3 * 800].reshape(3, 800)
+
+
+def test_integral_of_the_rate_is_the_angle_and_its_derivative_the_angular_acceleration():
+    turning = dwells_of("w_i") - EARTH_RATE * math.sin(LATITUDE)
+    for frequency, w, dw in zip(FREQUENCIES, turning, dwells_of("dw_i"), strict=True):
+        t = np.arange(800) / 200.0
+        pulse = 2.0 * math.pi * frequency
+        np.testing.assert_allclose(dw, -(pulse**2) * AMPLITUDE * np.sin(pulse * t), atol=1e-12 * pulse**2)
+        # the trapezoid is short by (pulse h)^2 / 12 of the angle
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) / 200.0)])
+        short = (pulse / 200.0) ** 2 / 12.0
+        np.testing.assert_allclose(angle, AMPLITUDE * np.sin(pulse * t), atol=1.01 * AMPLITUDE * short)
+
+
+def test_rate_and_angular_acceleration_are_in_quadrature():
+    w, dw = dwells_of("w_i"), dwells_of("dw_i")
+    sizes = np.sqrt(np.mean(w**2, axis=1) * np.mean(dw**2, axis=1))
+    assert np.max(np.abs(np.mean(w * dw, axis=1)) / sizes) < 1e-12
+
+
+def test_force_off_the_axis_is_gravity_and_the_acceleration_of_a_point_of_a_rigid_body():
+    radius = 0.07
+    plan = oscillation(FREQUENCIES, amplitude=1.0, dwell=4.0, rate=200.0, radius=radius)
+    f, w, dw = (vectors(plan.inputs.channels, name, len(plan.inputs)) for name in ("f", "w", "dw"))
+    for mount in range(9):
+        here = np.flatnonzero(plan.inputs.mount == mount)
+        first = here[0]  # at the middle of the swing, where dw is zero
+        up = w[first] / np.linalg.norm(w[first])
+        r = -(f[first] - G * up) / (w[first] @ w[first])
+        assert np.linalg.norm(r) == pytest.approx(radius, rel=1e-12)
+        expected = G * up + np.cross(dw[here], r) + np.cross(w[here], np.cross(w[here], r))
+        np.testing.assert_allclose(f[here], expected, atol=1e-12 * np.abs(f).max())
+
+
+def test_centripetal_force_of_an_oscillation_does_not_average_out():
+    radius, rate = 0.01, 2.0 * math.pi * 2.0
+    plan = oscillation([2.0], amplitude=1.0, mounts=1, dwell=4.0, radius=radius, latitude=0.0)
+    assert plan.inputs.channels["f_j"].mean() == pytest.approx(-radius * rate**2 / 2.0, rel=1e-12)
+
+
+def test_centripetal_force_of_a_turn_looks_like_a_quadratic_rate_error_of_a_sensitivity_to_force():
+    plan = rate_table([-5.0, -2.0, 2.0, 5.0], mounts=1, radius=0.02, latitude=0.0, dwell=1.0, rate=1.0)
+    w, f = plan.inputs.channels["w_i"], plan.inputs.channels["f_j"]
+    np.testing.assert_allclose(f, -0.02 * w**2, rtol=1e-14)
+
+
+def test_rate_off_by_a_share_is_an_oscillation_of_that_much_more_amplitude():
+    options = {"dwell": 2.0, "radius": 0.05, "latitude": 0.0, "mounts": 9}
+    said = oscillation([1.0, 4.0], amplitude=0.1, **options)
+    done = oscillation([1.0, 4.0], amplitude=0.1 * 1.002, **options)
+    true = true_inputs(said, {"rate_scale.oscillation": 0.002}).channels
+    assert true.keys() >= done.inputs.channels.keys()
+    for name, values in done.inputs.channels.items():
+        # where the table turns back, below a mrad/s, the axis is that of dw: exact all the same
+        np.testing.assert_allclose(true[name], values, atol=1e-11 * np.abs(values).max(), err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (lambda: oscillation([]), "expected one finite number"),
+        (lambda: oscillation([0.0]), "expected more than 0 of each"),
+        (lambda: oscillation([1.0], amplitude=0.0), "expected more than 0 of each"),
+        (lambda: oscillation([1.0, 13.0], rate=100.0), "8 samples a period or more"),
+        (lambda: oscillation([1.0], mounts=10), "10 mounts"),
+    ],
+)
+def test_oscillation_that_cannot_be_run_is_refused(plan, message):
+    with pytest.raises(InputError, match=message):
+        plan()

@@ -1,0 +1,117 @@
+"""Scenes from logs and arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from imubayes.errors import DataError, InputError
+from imubayes.rig.columns import ColumnSpec
+from imubayes.rig.inputs import Inputs
+from imubayes.rig.scenes import AXES, Scene, in_case, read_scene, recorded
+from imubayes.units import STANDARD_GRAVITY
+
+FUSION = {
+    "t": ColumnSpec("Time (s)"),
+    **{f"f_{a}": ColumnSpec(f"Accelerometer {b} (g)") for a, b in zip("ijk", "XYZ", strict=True)},
+    **{f"w_{a}": ColumnSpec(f"Gyroscope {b} (deg/s)") for a, b in zip("ijk", "XYZ", strict=True)},
+}
+AUTOPILOT = {
+    "t": ColumnSpec("IMU[:,1]", unit="ms", scale=1e-3),
+    **{f"w_{a}": ColumnSpec(f"IMU[:,{c}]", unit="rad/s") for c, a in enumerate("ijk", 2)},
+    **{f"f_{a}": ColumnSpec(f"IMU[:,{c}]", unit="m/s^2") for c, a in enumerate("ijk", 5)},
+}
+
+
+def force(scene):
+    return np.array([scene.inputs.channels[f"f_{axis}"] for axis in "ijk"])
+
+
+def test_hand_held_log_is_read_in_its_units_with_gravity_upwards_at_rest(recordings) -> None:
+    scene = read_scene(recordings / "xio_fusion" / "sensor_data.csv", columns=FUSION)
+    start = force(scene)[:, :200].mean(axis=1)
+    assert start[2] == pytest.approx(STANDARD_GRAVITY, rel=0.01) and np.abs(start[:2]).max() < 0.3
+    raw = np.loadtxt(recordings / "xio_fusion" / "sensor_data.csv", delimiter=",", skiprows=1)
+    assert scene.inputs.channels["w_j"] == pytest.approx(np.radians(raw[:, 2]), rel=1e-12)
+    assert scene.duration == pytest.approx(raw[-1, 0] - raw[0, 0], abs=0.02)
+
+
+def test_autopilot_log_in_north_east_down_has_minus_g_along_z_at_rest(recordings) -> None:
+    scene = read_scene(recordings / "inertialnav" / "TestLog2.mat", columns=AUTOPILOT, name="flight")
+    start = force(scene)[:, :100].mean(axis=1)
+    assert start[2] == pytest.approx(-9.8, abs=0.3)
+    assert scene.name == "flight" and 600.0 < scene.duration < 620.0
+    assert any("dw_k is the derivative of w_k" in note for note in scene.notes)
+
+
+def test_arrays_of_a_recording_keep_their_numbers(recordings) -> None:
+    log = loadmat(recordings / "broad" / "21_undisturbed_fast_combined.mat")
+    t = np.arange(len(log["imu_acc"])) / float(log["sampling_rate"].item())
+    scene = recorded("combined", t, log["imu_acc"], log["imu_gyr"])
+    assert np.array_equal(force(scene).T, log["imu_acc"])
+    assert np.abs(force(scene)).max() == pytest.approx(36.18, abs=0.01)  # m/s^2: fast motion
+
+
+def test_case_axes_of_every_component_are_a_right_handed_turn_of_x_y_z() -> None:
+    one = Inputs(np.zeros(1), {f"f_{a}": np.array([float(c)]) for c, a in enumerate("ijk")}, 1.0)
+    for axis, along in AXES.items():
+        turned = in_case(one, axis).channels
+        order = [int(turned[f"f_{letter}"][0]) for letter in "ijk"]
+        assert "".join("xyz"[k] for k in order) == along
+        assert np.linalg.det(np.eye(3)[order]) == pytest.approx(1.0)
+
+
+def test_temperature_has_no_axis_to_turn() -> None:
+    warm = Inputs(np.zeros(1), {"T": np.array([300.0]), "dT": np.zeros(1)}, 1.0)
+    assert sorted(in_case(warm, "z").channels) == ["T", "dT"]
+
+
+def test_axis_that_a_case_does_not_have_is_refused() -> None:
+    with pytest.raises(InputError, match="expected x, y or z"):
+        in_case(Inputs(np.zeros(1), {}, 1.0), "i")
+
+
+def test_log_with_angular_acceleration_keeps_it(tmp_path) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text("t [s],w_i [deg/s],dw_i [rad/s^2],T [degC]\n0,1,7,20\n1,2,8,21\n2,4,9,22\n")
+    channels = read_scene(path).inputs.channels
+    assert channels["dw_i"].tolist() == [7.0, 8.0, 9.0] and channels["dT"] == pytest.approx([1.0, 1.0, 1.0])
+    assert channels["w_i"] == pytest.approx(np.radians([1.0, 2.0, 4.0])) and "f_i" not in channels
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("t [s],T [degC]\n0,1\n1,1\n", "has no force and no rate"),
+        ("t [s],f_i [g]\n0,1\n0,1\n", "time stands still"),
+        ("t [s],f_i [g]\n0,1\n1,nan\n", "expected a finite number"),
+        ("t [s],f_i\n0,1\n1,1\n", "has no unit"),
+        ("f_i [g]\n1\n1\n", "no column 't'"),
+    ],
+)
+def test_log_that_is_no_scene_says_where_and_why(tmp_path, text, said) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=said) as caught:
+        read_scene(path)
+    assert "flight.csv" in str(caught.value)
+
+
+def test_arrays_that_are_no_record_are_refused() -> None:
+    t, three = np.arange(3.0), np.zeros((3, 3))
+    for wrong in ((t, three[:2], three), (t, three, np.full((3, 3), np.nan)), (t[::-1], three, three)):
+        with pytest.raises(InputError, match="scene 'desk'"):
+            recorded("desk", *wrong)
+
+
+def test_mission_without_a_duration_is_refused() -> None:
+    with pytest.raises(InputError, match="expected a positive, finite duration"):
+        Scene("desk", Inputs(np.zeros(1), {}, 1.0), 0.0)
+
+
+def test_log_whose_columns_differ_in_length_is_refused(tmp_path) -> None:
+    path = tmp_path / "flight.npz"
+    np.savez(path, **{"t [s]": np.arange(3.0), "f_i [g]": np.ones(2)})
+    with pytest.raises(DataError, match="expected 3 rows in each"):
+        read_scene(path)

@@ -1,0 +1,142 @@
+"""Vibration in dwells: a Gaussian law by its moments, and what rectifies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import erf
+
+from imubayes.errors import InputError
+from imubayes.factor import factor_of, posterior
+from imubayes.inference.prior import class_sd
+from imubayes.rig.shaking import vibration
+from imubayes.rig.simulate import simulate
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import columns, library
+
+G = 9.80665
+LEVELS, DWELL, BAND = (0.0, 0.4, 1.0, 5.0), 5.0, (20.0, 120.0)
+PLAN = vibration(LEVELS)
+INDEPENDENT = 2.0 * (BAND[1] - BAND[0]) * DWELL
+"""Values in a dwell: 2 W T."""
+
+
+def in_dwells(values: np.ndarray) -> np.ndarray:
+    """Rows (mounts, levels, samples, ...)."""
+    return values.reshape(8, len(LEVELS), -1, *values.shape[1:])
+
+
+def signals() -> np.ndarray:
+    """Every dwell's signal of unit rms, (dwells, samples), from its largest component."""
+    f = in_dwells(np.stack([PLAN.inputs.channels[f"f_{axis}"] for axis in "ijk"], axis=1))
+    moving = f - f[:, :1]
+    along = np.take_along_axis(
+        moving, np.abs(moving).max(axis=(1, 2), keepdims=True).argmax(3)[..., None], 3
+    )[:, 1:, :, 0]
+    return (along / along.std(axis=2, keepdims=True)).reshape(-1, along.shape[2])
+
+
+def test_rms_of_a_dwell_is_its_level_and_its_mean_is_gravity_to_rounding():
+    f = in_dwells(PLAN.inputs.channels["f_i"])
+    for mount, mean in ((0, G), (1, -G), (2, 0.0)):
+        np.testing.assert_allclose(f[mount].mean(axis=1), mean, atol=1e-12 * G)
+        np.testing.assert_allclose(f[mount].std(axis=1), G * np.array(LEVELS), atol=1e-12 * G)
+
+
+def test_signal_keeps_to_its_band():
+    power = np.abs(np.fft.rfft(signals(), axis=1)) ** 2
+    frequency = np.fft.rfftfreq(signals().shape[1], 1.0 / 1000.0)
+    inside = (frequency >= BAND[0] - 1e-9) & (frequency <= BAND[1] + 1e-9)
+    assert power[:, ~inside].sum() < 1e-20 * power.sum()
+    tones = power[:, inside]
+    np.testing.assert_allclose(tones, np.broadcast_to(tones.mean(axis=1, keepdims=True), tones.shape))
+
+
+def test_signal_is_normal_by_its_third_and_fourth_moment():
+    x = signals()
+    # sd of a skewness and a kurtosis of n independent normal values: sqrt(6/n), sqrt(24/n)
+    assert np.abs(np.mean(x**3, axis=1)).max() < 4.0 * math.sqrt(6.0 / INDEPENDENT)
+    assert np.abs(np.mean(x**4, axis=1) - 3.0).max() < 4.0 * math.sqrt(24.0 / INDEPENDENT)
+
+
+def test_no_two_dwells_have_the_same_signal():
+    x = signals()
+    shared = np.abs(np.corrcoef(x) - np.eye(len(x)))
+    assert shared.max() < 4.5 / math.sqrt(INDEPENDENT)
+
+
+def moments(f0: float, s: float) -> dict[str, float]:
+    """Means over a normal law about f0, from the published formulas."""
+    odd = float(erf(f0 / (s * math.sqrt(2.0))))
+    bell = s * math.sqrt(2.0 / math.pi) * math.exp(-(f0**2) / (2.0 * s**2))
+    return {
+        "b0p": odd,
+        "b1p": bell + f0 * odd,
+        "b2": f0**2 + s**2,
+        "b2p": (f0**2 + s**2) * odd + f0 * bell,
+        "b3": f0**3 + 3.0 * f0 * s**2,
+        "b3p": (f0**3 + 3.0 * f0 * s**2) * odd + (f0**2 + 2.0 * s**2) * bell,
+    }
+
+
+@pytest.mark.parametrize(("mount", "f0"), [(0, G), (1, -G), (2, 0.0)])
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_mean_of_a_column_over_a_dwell_is_its_gaussian_moment(mount, f0, level):
+    lib = library("accelerometer", asymmetry=3)
+    X = in_dwells(columns(lib, PLAN.inputs.channels, len(PLAN.inputs)))[mount, level]
+    error = 4.0 * X.std(axis=0) / math.sqrt(INDEPENDENT) + 1e-9
+    for name, expected in moments(f0, LEVELS[level] * G).items():
+        column = lib.names.index(name)
+        assert abs(X[:, column].mean() - expected) < error[column], name
+
+
+@pytest.mark.parametrize(("mount", "name"), [(5, "c_ij"), (6, "c_ik"), (7, "c_jk")])
+def test_mean_of_a_product_halfway_between_two_axes_is_half_the_variance(mount, name):
+    lib = library("accelerometer")
+    X = in_dwells(columns(lib, PLAN.inputs.channels, len(PLAN.inputs)))[mount, :, :, lib.names.index(name)]
+    np.testing.assert_allclose(X.mean(axis=1), 0.5 * (G * np.array(LEVELS)) ** 2, atol=1e-10 * G**2)
+
+
+def test_mean_output_moves_with_the_square_of_the_level_by_the_quadratic_term():
+    tactical = sensor("mems_tactical", kind="accelerometer")
+    (run,) = simulate(tactical, [PLAN], seed=1, truth={"b2": 3e-6}, noise=Noise(0.0, 0.0, 0.0))
+    error = in_dwells(run.output - run.inputs.channels["f_i"]).mean(axis=2)
+    for mount in (0, 1, 2):
+        moved = error[mount] - error[mount, 0]
+        np.testing.assert_allclose(moved, 3e-6 * (G * np.array(LEVELS)) ** 2, rtol=1e-9, atol=1e-15)
+
+
+def test_averages_of_output_and_columns_alone_tell_what_rectifies():
+    servo, lib = sensor("quartz_flexure_servo", kind="accelerometer"), library("accelerometer")
+    rng, wide = np.random.default_rng(4), 1000.0 * class_sd(servo, lib)
+    truth, noise = rng.normal(0.0, wide), Noise(servo.noise["N"][1], 0.0, 0.0)
+    named = dict(zip(lib.names, truth, strict=True))
+    (run,) = simulate(servo, [PLAN], seed=rng, truth=named, noise=noise)
+    X = in_dwells(columns(lib, run.inputs.channels, len(run.inputs))).mean(axis=2).reshape(-1, len(lib.terms))
+    y = in_dwells(run.output - run.inputs.channels["f_i"]).mean(axis=2).ravel()
+    white = noise.N / math.sqrt(DWELL)
+    mean, sd = posterior(factor_of(X / white, y / white, lib.names), wide)
+    assert np.abs((mean - truth) / sd).max() < 4.0
+    told = {name for name, ratio in zip(lib.names, sd / wide, strict=True) if ratio < 0.1}
+    assert told >= {"b0", "b2", "b3", "b1p", "c_jj", "c_kk", "c_ij", "c_ik", "c_jk"}
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (lambda: vibration([]), "expected one finite number"),
+        (lambda: vibration([1.0, -1.0]), "rms of 0 or more"),
+        (lambda: vibration([1.0], mounts=9), "9 mounts"),
+        (lambda: vibration([1.0], band=(0.0, 100.0)), "a band above 0 Hz"),
+        (lambda: vibration([1.0], band=(20.0, 400.0)), "2.56 samples a period"),
+        (lambda: vibration([1.0], band=(20.0, math.inf)), "2.56 samples a period"),
+        (lambda: vibration([1.0], band=(20.05, 20.1)), "holds a multiple of 1 / dwell"),
+        (lambda: vibration([1.0], dwell=0.0), "0 samples"),
+    ],
+)
+def test_vibration_that_cannot_be_run_is_refused(plan, message):
+    with pytest.raises(InputError, match=message):
+        plan()

@@ -1,0 +1,116 @@
+"""Generated scenes stay within their ranges and obey kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError, TermError
+from imubayes.rig.scene_ranges import catalogue_scenes, scene_named
+from imubayes.rig.trajectories import ACROSS, MANNERS, MOST, _turning, _waves, generated
+
+SCENES = catalogue_scenes()
+GRAVITY = 9.80665
+
+
+def vectors(inputs, quantity):
+    return np.array([inputs.channels[f"{quantity}_{axis}"] for axis in "ijk"])
+
+
+@pytest.fixture(params=SCENES, ids=[one.id for one in SCENES])
+def ranges(request):
+    return request.param
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_motion_stays_within_the_ranges_of_its_scene_and_uses_one_of_them(ranges, seed) -> None:
+    scene = generated(ranges, np.random.default_rng(seed))
+    w, dw = (np.linalg.norm(vectors(scene.mean_motion, q), axis=0).max() for q in ("w", "dw"))
+    room = 1.0 + 1e-12
+    assert w <= ranges.rate[1] * room and dw <= ranges.slope[1] * room + 1e-300
+    assert max(w / ranges.rate[1], dw / max(ranges.slope[1], 1e-300)) > 0.7
+    heat, warming = scene.inputs.channels["T"], np.abs(scene.inputs.channels["dT"])
+    assert ranges.temperature[0] - 1e-9 <= heat.min() and heat.max() <= ranges.temperature[1] + 1e-9
+    assert warming.max() <= ranges.warming * room
+
+
+def test_load_is_within_its_range(ranges) -> None:
+    force = vectors(generated(ranges, np.random.default_rng(4)).mean_motion, "f")
+    low, high = ranges.load
+    half, axis = 0.5 * (high - low), MANNERS[ranges.id].axis
+    if axis == "up":
+        assert np.linalg.norm(force, axis=0).max() <= high + 2.0**0.5 * ACROSS * half + 1e-9
+    else:
+        along = force["xyz".index(axis)]
+        assert low - 1e-9 <= along.min() and along.max() <= high + 1e-9
+
+
+def test_gravity_is_in_the_force_at_rest() -> None:
+    force = vectors(generated(scene_named("bench_static"), np.random.default_rng(1)).mean_motion, "f")
+    assert np.abs(force - np.array([[0.0], [0.0], [GRAVITY]])).max() < 1e-12
+
+
+def test_mean_load_of_what_is_carried_is_near_one_g() -> None:
+    """What neither falls nor climbs for ever must be carried on the average: marine, drill and car."""
+    for id in ("marine", "automotive", "well_drilling"):
+        force = vectors(generated(scene_named(id), np.random.default_rng(1)).mean_motion, "f")
+        assert 0.85 * GRAVITY < np.linalg.norm(force, axis=0).mean() < 1.2 * GRAVITY
+
+
+def test_angular_acceleration_is_the_derivative_of_the_rate_and_the_vertical_turns_with_it(ranges) -> None:
+    """Central differences over a step h; their error is h^2/6 times a third derivative of order one."""
+    manner, waves, h = MANNERS[ranges.id], _waves(np.random.default_rng(5)), 1e-4
+    tau = np.linspace(0.0, 300.0, 400)
+    before, here, after = (_turning(tau + step, manner, waves) for step in (-h, 0.0, h))
+    largest = max(1.0, np.abs(here.w).max() ** 3)
+    assert np.abs((after.w - before.w) / (2.0 * h) - here.dw).max() < 20.0 * largest * h**2
+    turned = -np.cross(here.w, here.up, axis=0)
+    assert np.abs((after.up - before.up) / (2.0 * h) - turned).max() < 20.0 * largest * h**2
+    assert np.abs(np.linalg.norm(here.up, axis=0) - 1.0).max() < 1e-12
+
+
+def test_channels_of_the_record_obey_the_same_law_in_seconds() -> None:
+    """Simpson's rule over two steps; with 12 rows a period its error is (2 pi/12)^4/90 of the integral."""
+    motion = generated(scene_named("quadrotor"), np.random.default_rng(6)).mean_motion
+    w, dw, step = vectors(motion, "w"), vectors(motion, "dw"), motion.interval
+    change = step / 3.0 * (dw[:, :-2] + 4.0 * dw[:, 1:-1] + dw[:, 2:])
+    assert np.abs(w[:, 2:] - w[:, :-2] - change).max() < 2e-3 * 2.0 * step * np.abs(dw).max()
+
+
+def test_temperature_rate_is_the_derivative_where_the_record_covers_the_mission() -> None:
+    """The record ends within half a row of the mission, so that both clocks agree to half a row in n."""
+    scene = generated(scene_named("quadrotor"), np.random.default_rng(6))
+    heat, rate, t = (scene.inputs.channels["T"], scene.inputs.channels["dT"], scene.inputs.t)
+    assert np.abs(np.gradient(heat, t) - rate)[1:-1].max() < np.abs(rate).max() / len(t)
+
+
+def test_vibration_has_the_middle_of_its_range_of_rms() -> None:
+    for one in SCENES:
+        scene = generated(one, np.random.default_rng(7))
+        added = vectors(scene.inputs, "f") - vectors(scene.mean_motion, "f")
+        wanted = 0.5 * sum(one.vibration)
+        assert abs(added.std() / wanted - 1.0) < 4.0 / np.sqrt(2.0 * added.size)
+
+
+def test_same_seed_gives_the_same_scene_and_another_seed_another() -> None:
+    first, again, other = (generated(SCENES[3], np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert np.array_equal(first.inputs.channels["f_i"], again.inputs.channels["f_i"])
+    assert not np.array_equal(first.inputs.channels["w_i"], other.inputs.channels["w_i"])
+
+
+def test_mission_longer_than_what_resolves_its_motion_repeats_a_record_and_says_so() -> None:
+    scene = generated(scene_named("marine"), np.random.default_rng(1))
+    assert len(scene.inputs) == MOST and any("repeated" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
+def test_duration_that_is_none_is_refused(duration) -> None:
+    with pytest.raises(InputError, match="expected a positive, finite duration"):
+        generated(SCENES[0], np.random.default_rng(1), duration=duration)
+
+
+def test_scene_of_no_known_manner_is_refused() -> None:
+    with pytest.raises(TermError, match="nothing says how it moves"):
+        generated(replace(SCENES[0], id="submarine"), np.random.default_rng(1))

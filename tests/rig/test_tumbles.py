@@ -1,0 +1,138 @@
+"""Positions at rest: standard sets, and the Earth's rate in them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from imubayes.errors import InputError
+from imubayes.rig.motion import vectors
+from imubayes.rig.plans import EARTH_RATE, Plan
+from imubayes.rig.rotations import oscillation, rate_table
+from imubayes.rig.tumbles import positions, static, tumble
+from imubayes.sensors.terms import columns, library
+
+G = 9.80665
+SHORT = {"dwell": 1.0, "rate": 1.0}
+"""One sample a dwell."""
+SETS = (4, 6, 12, 24, 26)
+
+
+def applied(plan: Plan, quantity: str) -> np.ndarray:
+    return vectors(plan.inputs.channels, quantity, len(plan.inputs))
+
+
+@pytest.mark.parametrize("number", SETS)
+def test_a_standard_set_has_its_number_of_positions_all_at_one_g_and_no_two_alike(number):
+    plan = positions(number, gravity=9.79, latitude=0.3, **SHORT)
+    f, w = applied(plan, "f"), applied(plan, "w")
+    assert len(f) == number
+    np.testing.assert_allclose(np.linalg.norm(f, axis=1), 9.79, rtol=1e-15)
+    assert len(np.unique(np.hstack([f / 9.79, w / EARTH_RATE]).round(9), axis=0)) == number
+
+
+def test_24_positions_are_the_rotations_of_a_cube():
+    plan = positions(24, latitude=0.0, **SHORT)
+    up, north = applied(plan, "f") / G, applied(plan, "w") / EARTH_RATE
+    rotations = np.stack([north, np.cross(up, north), up], axis=1)
+    group = Rotation.create_group("O").as_matrix()
+    distance = np.abs(rotations[:, None] - group[None]).max(axis=(2, 3))
+    assert sorted(distance.argmin(axis=1)) == list(range(24))
+    assert distance.min(axis=1).max() < 1e-12
+
+
+def test_26_positions_are_the_faces_edges_and_corners_of_a_cube():
+    f = applied(positions(26, **SHORT), "f") / G
+    wanted = Rotation.create_group("O").as_matrix()
+    for seed, count in (([0, 0, 1], 6), ([0, 1, 1], 12), ([1, 1, 1], 8)):
+        orbit = np.unique((wanted @ (np.array(seed) / np.linalg.norm(seed))).round(9), axis=0)
+        assert len(orbit) == count
+        assert all(np.abs(f - one).max(axis=1).min() < 1e-9 for one in orbit)
+
+
+def test_4_and_12_positions_are_a_tumble_in_one_plane():
+    for number in (4, 12):
+        expected = applied(tumble(angles=number, planes=1, **SHORT), "f")
+        np.testing.assert_array_equal(applied(positions(number, **SHORT), "f"), expected)
+
+
+def test_variance_inflation_in_26_directions_is_six_for_scale_and_cubic_and_one_for_the_rest():
+    # the published size, of a model of powers alone; one of the four even terms is left out (|f| = g)
+    lib = library("accelerometer", asymmetry=-1)
+    X = columns(lib, positions(26, **SHORT).inputs.channels, 26)
+    names = [name for name in lib.names if name[0] not in "Ss" and name != "c_kk"]
+    X = X[:, [lib.names.index(name) for name in names]]
+    centred = X[:, 1:] - X[:, 1:].mean(axis=0)
+    inflation = dict(zip(names[1:], np.diag(np.linalg.inv(np.corrcoef(centred.T))), strict=True))
+    assert inflation["b1"] == pytest.approx(6.0, abs=0.5)
+    assert inflation["b3"] == pytest.approx(6.0, abs=0.5)
+    assert [inflation[name] for name in ("m_j", "m_k", "c_ij", "c_ik", "c_jk")] == pytest.approx([1.0] * 5)
+
+
+@pytest.mark.parametrize("number", SETS)
+@pytest.mark.parametrize("latitude", [-1.2, 0.0, 0.4, math.pi / 2.0])
+def test_gravity_and_the_earths_rate_make_the_angle_of_the_latitude(number, latitude):
+    plan = positions(number, latitude=latitude, **SHORT)
+    f, w = applied(plan, "f"), applied(plan, "w")
+    np.testing.assert_allclose(np.linalg.norm(w, axis=1), EARTH_RATE, rtol=1e-14)
+    np.testing.assert_allclose(np.sum(f * w, axis=1) / (G * EARTH_RATE), math.sin(latitude), atol=1e-14)
+
+
+def test_earths_rate_is_15_041_degrees_an_hour_upwards_at_the_north_pole_and_downwards_at_the_south_pole():
+    published = math.radians(15.041 / 3600.0)
+    for latitude, sign in ((math.pi / 2.0, 1.0), (-math.pi / 2.0, -1.0)):
+        channels = static(1.0, 1.0, latitude=latitude).inputs.channels
+        assert channels["w_i"][0] == pytest.approx(sign * published, rel=1e-5)
+        assert "w_j" not in channels
+
+
+def test_earths_rate_at_the_equator_points_north_and_leaves_the_vertical_alone():
+    plan = static(1.0, 1.0, latitude=0.0, north=(5.0, 0.0, 2.0))
+    assert {name for name in plan.inputs.channels if name.startswith("w")} == {"w_k"}
+    assert plan.inputs.channels["w_k"][0] == pytest.approx(EARTH_RATE, rel=1e-15)
+
+
+def test_rate_is_inertial_so_that_a_table_that_turns_against_the_earth_stands_still():
+    latitude = 0.7
+    against = rate_table([-EARTH_RATE * math.sin(latitude)], mounts=1, latitude=latitude, **SHORT)
+    assert "w_i" not in against.inputs.channels
+    (still,) = rate_table([0.0], mounts=1, latitude=latitude, **SHORT).inputs.channels["w_i"]
+    assert still == pytest.approx(EARTH_RATE * math.sin(latitude), rel=1e-15)
+
+
+def test_force_at_rest_is_plus_one_g_upwards_and_the_input_axis_down_turns_both_force_and_rate():
+    for up, down in (
+        (positions(6, latitude=0.8, **SHORT), slice(1, 2)),
+        (rate_table([1.5], mounts=2, latitude=0.8, **SHORT), slice(1, 2)),
+        (oscillation([1.0], mounts=2, latitude=0.8, dwell=1.0, rate=8.0), slice(8, 16)),
+    ):
+        f, w = up.inputs.channels["f_i"], up.inputs.channels["w_i"]
+        rows = down.stop - down.start
+        assert f[0] == G
+        np.testing.assert_array_equal(f[down], -f[:rows])
+        np.testing.assert_array_equal(w[down], -w[:rows])
+
+
+def test_log_has_the_earths_rate_only_where_a_latitude_is_given():
+    assert set(static(1.0, 1.0).inputs.channels) == {"f_i"}
+    assert set(static(1.0, 1.0, latitude=0.5).inputs.channels) == {"f_i", "w_i", "w_j"}
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (lambda: positions(5), "5 positions are no standard set: expected 4, 6, 12, 24, 26"),
+        (lambda: positions(6, latitude=1.6), "latitude = 1.6 rad is nowhere on Earth"),
+        (lambda: positions(6, latitude=math.nan), "nowhere on Earth"),
+        (lambda: positions(6, dwell=0.0), "0 samples"),
+        (lambda: static(1.0, 1.0, latitude=0.5, north=(-2.0, 0.0, 0.0)), "no horizontal part"),
+        (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, 0.0, 0.0)), "no horizontal part"),
+        (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, math.inf, 0.0)), "no horizontal part"),
+    ],
+)
+def test_position_that_does_not_exist_is_refused(plan, message):
+    with pytest.raises(InputError, match=message):
+        plan()
