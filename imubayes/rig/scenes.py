@@ -1,0 +1,205 @@
+"""Scenes: the motion that a sensor will see in use.
+
+A scene is a record of what acts on a case with the axes (x, y, z): specific force, rate, its derivative,
+temperature. It comes from the catalogue as a generated trajectory (`rig.trajectories`), from a log, or from
+arrays. A log is taken as it is: specific force, which at rest is +g upwards, so that a log in north-east-down
+axes has ``f_z = -g``.
+
+Vibration that is faster than the rows is Gaussian on top of a slow motion. What it adds to the mean of a
+term, the rectification, follows from its moments and needs no fast sampling.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import DataError, InputError
+from imubayes.rig.checks import check_time, check_values
+from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
+from imubayes.rig.formats import Table, read_table
+from imubayes.rig.inputs import Inputs, sampling_interval
+
+FloatArray = NDArray[np.float64]
+
+AXES: Mapping[str, str] = {"x": "xyz", "y": "yzx", "z": "zxy"}
+"""Case axes along (i, j, k) of the component whose input axis is the key."""
+
+BODY = "ijk"
+"""Letters of the channels that a scene stores along x, y, z."""
+
+_LOGGED = tuple(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in BODY)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """What a sensor will see.
+
+    Attributes
+    ----------
+    name : as in the catalogue or the study.
+    inputs : (n,) rows that the scene visits, SI, vibration included; ``f_i f_j f_k`` lie along x, y, z.
+    duration : of the mission, s; a longer one than the record repeats it, a shorter one ends within it.
+    vibration : rms of the Gaussian vibration of the force along each axis, m/s^2, in `inputs` only.
+    band : (lowest, highest) frequency of the vibration, Hz.
+    slow : the same rows without vibration; None where `inputs` has none added.
+    notes : how the record was made, and what was assumed, in words.
+    """
+
+    name: str
+    inputs: Inputs
+    duration: float
+    vibration: float = 0.0
+    band: tuple[float, float] = (0.0, math.inf)
+    slow: Inputs | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.duration) and self.duration > 0.0):
+            raise InputError(
+                f"scene '{self.name}' lasts {self.duration:g} s: expected a positive, finite duration"
+            )
+
+    @property
+    def mean_motion(self) -> Inputs:
+        """Return the motion that vibration is on top of."""
+        return self.slow or self.inputs
+
+
+def recorded(
+    name: str,
+    t: FloatArray,
+    force: FloatArray,
+    rate: FloatArray,
+    *,
+    temperature: FloatArray | None = None,
+    duration: float | None = None,
+) -> Scene:
+    """Scene from arrays.
+
+    Parameters
+    ----------
+    name : of the scene.
+    t : (n,) s, strictly increasing.
+    force : (n, 3) specific force along x, y, z, m/s^2.
+    rate : (n, 3) rad/s; dw/dt is its derivative by central differences.
+    temperature : (n,) K; absent, temperature terms have no effect.
+    duration : of the mission, s; the record's own where absent.
+
+    Raises
+    ------
+    InputError : if the shapes differ, a number is not finite, or the time does not increase.
+
+    Examples
+    --------
+    >>> t = np.arange(3.0)
+    >>> still = recorded("desk", t, np.tile([0.0, 0.0, 9.81], (3, 1)), np.zeros((3, 3)))
+    >>> still.duration, sorted(still.inputs.channels)[:3]
+    (3.0, ['dw_i', 'dw_j', 'dw_k'])
+    """
+    n = len(t)
+    if n < 2 or force.shape != (n, 3) or rate.shape != (n, 3):
+        raise InputError(
+            f"scene '{name}': {n} times, force {force.shape}, rate {rate.shape}: expected n of 2 or more,"
+            " and two arrays (n, 3)"
+        )
+    heat = np.zeros(0) if temperature is None else temperature
+    if not all(np.isfinite(values).all() for values in (t, force, rate, heat)) or (np.diff(t) <= 0.0).any():
+        raise InputError(f"scene '{name}': expected finite numbers at strictly increasing times")
+    channels = {f"f_{axis}": force[:, c] for c, axis in enumerate(BODY)}
+    channels |= {f"w_{axis}": rate[:, c] for c, axis in enumerate(BODY)}
+    if temperature is not None:
+        channels["T"] = temperature
+    return _of_channels(name, t, channels, duration, ())
+
+
+def read_scene(
+    path: Path,
+    *,
+    name: str = "",
+    columns: Mapping[str, ColumnSpec] | None = None,
+    duration: float | None = None,
+) -> Scene:
+    """Scene from a log.
+
+    Parameters
+    ----------
+    path : of any format that runs come in.
+    name : of the scene; the file's own name where empty.
+    columns : where the file's names or units differ from ``t f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T``,
+        by channel; (i, j, k) are the case axes x, y, z.
+    duration : of the mission, s; the record's own where absent.
+
+    Raises
+    ------
+    DataError : if the file cannot be used, or has neither force nor rate; names the file and the place.
+    """
+    table = read_table(path)
+    found = resolve(table, columns or {}, required=("t",), optional=(*_LOGGED, "T"), output_unit="")
+    t = _clock(table, found.pop("t"))
+    for one in found.values():
+        check_values(table, one)
+    channels = {channel: one.si() for channel, one in found.items()}
+    if any(len(values) != len(t) for values in channels.values()):
+        raise DataError(f"{path}: columns of unequal length: expected {len(t)} rows in each, as in the time")
+    if not any(channel[0] in "fw" for channel in channels):
+        raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
+    return _of_channels(name or path.stem, t, channels, duration, (f"record of {path.name}",))
+
+
+def _of_channels(
+    name: str, t: FloatArray, channels: dict[str, FloatArray], duration: float | None, notes: tuple[str, ...]
+) -> Scene:
+    """Scene of a record; derivatives that it lacks are taken by central differences."""
+    whole = dict(channels)
+    for source, slope in (*((f"w_{a}", f"dw_{a}") for a in BODY), ("T", "dT")):
+        if source in whole and slope not in whole:
+            whole[slope] = np.gradient(whole[source], t)
+            notes = (*notes, f"{slope} is the derivative of {source}")
+    interval = sampling_interval(t)
+    lasting = float(t[-1] - t[0]) + interval if duration is None else duration
+    return Scene(name, Inputs(t, whole, interval), lasting, notes=notes)
+
+
+def _clock(table: Table, found: Column) -> FloatArray:
+    check_values(table, found)
+    running, _ = unwrapped(table, found)
+    # differences before scaling: a clock that counts from an epoch loses its last digits otherwise
+    first = running.raw[0].item()
+    t = (running.raw - first).astype(np.float64) * running.scale
+    check_time(table, found, t)
+    return t
+
+
+def in_case(inputs: Inputs, axis: str) -> Inputs:
+    """Inputs along (i, j, k) of the component whose input axis is the case axis `axis`.
+
+    Parameters
+    ----------
+    inputs : along x, y, z.
+    axis : ``x`` (i, j, k = x, y, z), ``y`` (y, z, x) or ``z`` (z, x, y).
+
+    Raises
+    ------
+    InputError : if there is no such axis.
+
+    Examples
+    --------
+    >>> up = Inputs(np.zeros(1), {"f_k": np.array([9.8])}, 1.0)
+    >>> dict(in_case(up, "z").channels)
+    {'f_i': array([9.8])}
+    """
+    if axis not in AXES:
+        raise InputError(f"a case has no axis '{axis}': expected x, y or z")
+    new = {BODY["xyz".index(along)]: letter for letter, along in zip(BODY, AXES[axis], strict=True)}
+    turned = {
+        f"{head}_{new[tail]}" if tail in new else channel: values
+        for channel, values in inputs.channels.items()
+        for head, _, tail in (channel.partition("_"),)
+    }
+    return replace(inputs, channels=turned)

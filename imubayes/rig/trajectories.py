@@ -1,0 +1,249 @@
+"""Trajectories of the catalogue's scenes, generated within their ranges.
+
+Construction, the same for every scene:
+
+- roll, pitch and yaw are sums of two sinusoids with random phases, and steady turns where the vehicle spins
+  or circles. Rate and angular acceleration follow from them by the kinematics of Euler angles, so that dw is
+  the derivative of w and the vertical turns in the case as w says. One factor on time makes the larger of
+  rate and angular acceleration, relative to its range, reach it;
+- the load is a specific force within its range: along the vertical where the ground or water carries the
+  case (gravity, and what is on top of it), along the case's own axis where lift, thrust or drag does. It
+  swings about one g (none in free flight), grows while propellant burns, or rises and decays with drag;
+  across it acts a tenth of the range;
+- the force vibrates with the middle of the range of rms, Gaussian and independent along the three axes;
+- temperature swings over its range, no faster than the scene's rate.
+
+The axes are x forward, y left, z up. Rates do not vibrate. A mission longer than the rows that resolve its
+motion repeats them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import InputError, TermError
+from imubayes.rig.inputs import Inputs
+from imubayes.rig.scene_ranges import Ranges
+from imubayes.rig.scenes import BODY, Scene
+from imubayes.units import STANDARD_GRAVITY
+
+FloatArray = NDArray[np.float64]
+
+FEWEST, MOST = 2_000, 30_000
+"""Rows of a record."""
+
+PER_TURN = 12.0
+"""Rows in a period of the fastest motion."""
+
+WITHIN = 0.9
+"""Share of its range that the larger of rate and angular acceleration reaches, so that no seed exceeds it."""
+
+SEARCHED = 4_000.0
+"""Span, over the pulsation of the swings, that is searched for the largest rate: as long as a record."""
+
+ACROSS = 0.1
+"""Force across the load, over half of the load's range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How a scene moves.
+
+    Attributes
+    ----------
+    swing : amplitude of roll, pitch and yaw, rad.
+    turn : steady rates of these, in the unit of time in which a swing has the pulsation `pace`.
+    pace : pulsation of the swings.
+    axis : case axis of the load, or ``up`` where it is the vertical.
+    load : swings, burns or drags.
+    rest : load about which it swings, in g.
+    sharp : power that makes the swings of the load pulses.
+    """
+
+    swing: tuple[float, float, float]
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pace: float = 1.0
+    axis: str = "up"
+    load: str = "swings"
+    rest: float = 1.0
+    sharp: float = 2.0
+
+
+MANNERS: Mapping[str, Manner] = {
+    "bench_static": Manner((0.0, 0.0, 0.0), turn=(0.0, 0.0, 1.0)),
+    "pedestrian": Manner((0.3, 0.4, 0.6), sharp=4.0),
+    "automotive": Manner((0.05, 0.05, 0.5)),
+    "quadrotor": Manner((0.5, 0.5, 0.5), axis="z"),
+    "fixed_wing": Manner((0.8, 0.25, 0.2), turn=(0.0, 0.0, 0.1), axis="z"),
+    "fighter": Manner((2.0, 0.5, 0.3), turn=(0.0, 0.0, 0.1), axis="z"),
+    "helicopter": Manner((0.3, 0.25, 0.4), turn=(0.0, 0.0, 0.05), axis="z"),
+    "marine": Manner((0.4, 0.12, 0.1)),
+    "planing_craft": Manner((0.2, 0.25, 0.1), sharp=8.0),
+    "missile_boost": Manner((1.0, 0.15, 0.15), axis="x", load="burns"),
+    "launch_vehicle": Manner((0.05, 0.1, 0.05), axis="x", load="burns"),
+    "gun_projectile": Manner((2.0, 0.03, 0.03), turn=(1.0, 0.0, 0.0), pace=0.05, axis="x", rest=0.0),
+    "reentry_spin": Manner((8.0, 0.1, 0.1), (1.0, 0.0, 0.0), pace=0.05, axis="x", load="drags", rest=0.0),
+    "well_drilling": Manner((15.0, 0.02, 0.02), turn=(1.0, 0.0, 0.0), pace=0.05, sharp=4.0),
+    "spacecraft": Manner((0.3, 0.3, 0.5), axis="x", rest=0.0, sharp=8.0),
+}  # fmt: skip
+"""Manner of each scene: amplitudes are orders of magnitude, the ranges come from the catalogue."""
+
+
+def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | None = None) -> Scene:
+    """Generate a scene of the catalogue.
+
+    Parameters
+    ----------
+    ranges : of the scene.
+    rng : the source of phases and vibration.
+    duration : of the mission, s; the geometric mean of the scene's range where absent.
+
+    Raises
+    ------
+    TermError : if nothing is known of how a scene of this id moves.
+
+    Examples
+    --------
+    >>> from imubayes.rig.scene_ranges import scene_named
+    >>> sea = generated(scene_named("marine"), np.random.default_rng(1), duration=3600.0)
+    >>> bool(np.abs(sea.mean_motion.channels["w_i"]).max() < np.radians(20.0))
+    True
+    """
+    manner = MANNERS.get(ranges.id)
+    if manner is None:
+        raise TermError(f"scene '{ranges.id}': nothing says how it moves; known are {', '.join(MANNERS)}")
+    lasting = math.sqrt(ranges.duration[0] * ranges.duration[1]) if duration is None else duration
+    if not (math.isfinite(lasting) and lasting > 0.0):
+        raise InputError(f"scene '{ranges.id}' lasts {lasting:g} s: expected a positive, finite duration")
+    waves = _waves(rng)
+    pace, t = _timing(ranges, manner, waves, lasting)
+    motion = _turning(pace * t, manner, waves)
+    channels = {f"w_{a}": pace * motion.w[c] for c, a in enumerate(BODY)}
+    channels |= {f"dw_{a}": pace**2 * motion.dw[c] for c, a in enumerate(BODY)}
+    channels |= _heat(ranges, t, lasting)
+    force = _force(ranges, manner, motion.up, (pace * t, t / (t[-1] + t[1])), waves)
+    return _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Waves:
+    """Random pulsations and phases, (6, 2): roll, pitch, yaw, and the load along and across."""
+
+    pulsation: FloatArray
+    phase: FloatArray
+
+    def at(self, row: int, tau: FloatArray, pace: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Wave between -1 and 1, its first and its second derivative by tau."""
+        nu = pace * self.pulsation[row][:, None]
+        angle = nu * tau + self.phase[row][:, None]
+        share = np.array([2.0, 1.0])[:, None] / 3.0
+        return (
+            (share * np.sin(angle)).sum(axis=0),
+            (share * nu * np.cos(angle)).sum(axis=0),
+            -(share * nu**2 * np.sin(angle)).sum(axis=0),
+        )
+
+
+def _waves(rng: np.random.Generator) -> _Waves:
+    pulsation = np.column_stack((rng.uniform(0.8, 1.2, 6), rng.uniform(1.5, 1.9, 6)))
+    return _Waves(pulsation, rng.uniform(0.0, 2.0 * math.pi, (6, 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Turning:
+    """Rate and its derivative (3, n) along x, y, z per unit of tau, and the vertical (3, n) in the case."""
+
+    w: FloatArray
+    dw: FloatArray
+    up: FloatArray
+
+
+def _turning(tau: FloatArray, manner: Manner, waves: _Waves) -> _Turning:
+    """Kinematics of yaw, pitch and roll, in this order, about z, y and x."""
+    angle, rate, slope = np.zeros((3, 3, len(tau)))
+    for row in range(3):
+        value, first, second = waves.at(row, tau, manner.pace)
+        angle[row] = manner.turn[row] * tau + manner.swing[row] * value
+        rate[row] = manner.turn[row] + manner.swing[row] * first
+        slope[row] = manner.swing[row] * second
+    (c_r, c_p, _), (s_r, s_p, _) = np.cos(angle), np.sin(angle)
+    (roll, pitch, yaw), (ddr, ddp, ddy) = rate, slope
+    up = np.array([-s_p, s_r * c_p, c_r * c_p])
+    d_up = np.array(
+        [-c_p * pitch, c_r * c_p * roll - s_r * s_p * pitch, -s_r * c_p * roll - c_r * s_p * pitch]
+    )
+    w = yaw * up + np.array([roll, pitch * c_r, -pitch * s_r])
+    dw = ddy * up + yaw * d_up
+    dw += np.array([ddr, ddp * c_r - pitch * roll * s_r, -ddp * s_r - pitch * roll * c_r])
+    return _Turning(w, dw, up)
+
+
+def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tuple[float, FloatArray]:
+    """Pace in rad/s, at which rate and angular acceleration stay within their ranges, and times (n,)."""
+    tau = np.linspace(0.0, SEARCHED / manner.pace, 60_001)
+    motion = _turning(tau, manner, waves)
+    w, dw = (float(np.linalg.norm(v, axis=0).max()) for v in (motion.w, motion.dw))
+    pace = ranges.rate[1] / w
+    if dw > 0.0:
+        pace = min(WITHIN * pace, math.sqrt(WITHIN * ranges.slope[1] / dw))
+    fastest = max(w, 2.0 * manner.pace * manner.sharp)
+    resolved = 2.0 * math.pi / (PER_TURN * fastest * pace)
+    step = min(resolved, lasting / FEWEST)
+    times = np.arange(min(round(lasting / step), MOST), dtype=np.float64)
+    return pace, step * times
+
+
+def _force(
+    ranges: Ranges, manner: Manner, up: FloatArray, clock: tuple[FloatArray, FloatArray], waves: _Waves
+) -> FloatArray:
+    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed)."""
+    tau, passed = clock
+    load = _load(ranges, manner, waves.at(3, tau, manner.pace)[0], passed)
+    main = 2 if manner.axis == "up" else "xyz".index(manner.axis)
+    force = load * (up if manner.axis == "up" else np.eye(3)[main][:, None])
+    half = 0.5 * (ranges.load[1] - ranges.load[0])
+    for number, axis in enumerate(a for a in range(3) if a != main):
+        force[axis] += ACROSS * half * waves.at(4 + number, tau, manner.pace)[0]
+    return force
+
+
+def _load(ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray) -> FloatArray:
+    low, high = ranges.load
+    if manner.load == "burns":
+        return low + (high - low) * passed**2
+    rest = min(max(manner.rest * STANDARD_GRAVITY, low), high)
+    if manner.load == "drags":
+        return rest + (low - rest) * np.sin(math.pi * passed) ** 2
+    pulses = (0.5 + 0.5 * wave) ** manner.sharp, (0.5 - 0.5 * wave) ** manner.sharp
+    return rest + (high - rest) * pulses[0] - (rest - low) * pulses[1]
+
+
+def _heat(ranges: Ranges, t: FloatArray, lasting: float) -> dict[str, FloatArray]:
+    """Temperature over the mission, seen at times that the record spreads over it."""
+    low, high = ranges.temperature
+    half, middle = 0.5 * (high - low), 0.5 * (high + low)
+    pulsation = ranges.warming / half if half > 0.0 else 0.0
+    phase = pulsation * t * lasting / (t[-1] + t[1])
+    return {"T": middle + half * np.sin(phase), "dT": half * pulsation * np.cos(phase)}
+
+
+def _with_vibration(
+    ranges: Ranges, slow: Inputs, force: FloatArray, lasting: float, rng: np.random.Generator
+) -> Scene:
+    """Scene of a motion and a force (3, n), with the vibration that each row happens to meet."""
+    rms = 0.5 * (ranges.vibration[0] + ranges.vibration[1])
+    shaken = force + rms * rng.standard_normal(force.shape)
+    forces = ({f"f_{a}": values[c] for c, a in enumerate(BODY)} for values in (force, shaken))
+    smooth, rough = (Inputs(slow.t, {**one, **slow.channels}, slow.interval) for one in forces)
+    repeats = lasting / (len(slow) * slow.interval)
+    notes = [f"generated within the catalogue's ranges; vibration {rms / STANDARD_GRAVITY:.3g} g rms"]
+    if repeats > 1.001:
+        notes.append(f"a record of {len(slow) * slow.interval:.3g} s, repeated {repeats:.3g} times")
+    if ranges.note:
+        notes.append(ranges.note)
+    return Scene(ranges.id, rough, lasting, rms, ranges.band, smooth, tuple(notes))

@@ -1,0 +1,370 @@
+"""Which terms a scene requires: what each costs there, and the smallest model that stays within a budget.
+
+Everything is linear in the coefficients. With ``A`` the rows of what is budgeted (the scene's factor over
+``sqrt(n)`` for an error of the output, `kernels.functionals` at times over the mission for attitude, velocity
+and position), a sensor whose coefficients are theta and that is compensated with the posterior mean m of the
+terms of a model S is left with ``A (theta - m_S)``: the terms that are left out in full, and what the
+calibration does not know of those that are kept. Its size is the rms for the output and the largest value
+over the mission otherwise. theta is uncertain: all of it is computed over posterior draws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import InputError
+from imubayes.rig.scenes import Scene
+from imubayes.selection.decision import Selection
+from imubayes.selection.kernels import Budget, noise_growth
+from imubayes.selection.scene_effects import SceneEffects, budget_effects, output_effects
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import Kind, Library
+from imubayes.units import STANDARD_GRAVITY
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+SURE = 0.95
+"""Share of the posterior draws that must stay within the budget."""
+
+INTERVAL = (0.05, 0.5, 0.95)
+"""Quantiles of a share of the budget: median and 90 % interval."""
+
+MATTERS = 0.1
+"""Share of the budget from which a term matters."""
+
+THERE = 0.5
+"""Inclusion from which a term is there: the median probability model."""
+
+LOAD = 0.2
+"""How far the force may be from 1 g, relatively, where a tilt is taken to turn 1 g into the level."""
+
+FIXED = 0.5 * np.pi
+"""rad; turn of the case beyond which an error along its axes does not keep its direction."""
+
+QUADRANTS = ("there and matters", "there, does not matter", "not shown, could matter", "neither")
+"""What inclusion and relevance say of a term together."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knowledge:
+    """What is known of a component's coefficients, in the order of its library.
+
+    Attributes
+    ----------
+    draws : (m, p) of the posterior, averaged over models: zero where a draw's model lacks the term.
+    inclusion : (p,) posterior probability of each term.
+    limit95 : (p,) what |theta| stays below with 95 % if the term is in the model.
+    """
+
+    draws: FloatArray
+    inclusion: FloatArray
+    limit95: FloatArray
+
+
+def known(selection: Selection, draws: FloatArray) -> Knowledge:
+    """Collect what a decision and its posterior draws (m, p) say."""
+    inclusion, limit = (
+        np.array([getattr(t, key) for t in selection.terms]) for key in ("inclusion", "limit95")
+    )
+    return Knowledge(draws, inclusion, limit)
+
+
+def known_normal(
+    mean: FloatArray,
+    covariance: FloatArray,
+    inclusion: FloatArray,
+    rng: np.random.Generator,
+    size: int = 2000,
+) -> Knowledge:
+    """Take coefficients as normal, given (p,) means, their covariance (p, p) and inclusions (p,).
+
+    Examples
+    --------
+    >>> k = known_normal(np.zeros(1), np.eye(1), np.ones(1), np.random.default_rng(1))
+    >>> k.draws.shape, bool(abs(k.limit95[0] - 1.96) < 0.1)
+    ((2000, 1), True)
+    """
+    draws = rng.multivariate_normal(mean, covariance, size=size, method="eigh")
+    return Knowledge(draws, inclusion, np.quantile(np.abs(draws), SURE, axis=0))
+
+
+@dataclass(frozen=True, slots=True)
+class TermRelevance:
+    """What one term costs in a scene.
+
+    Attributes
+    ----------
+    name : of the term.
+    inclusion : posterior probability that it is there.
+    rms : rms effect on the output, root mean square over the draws, m/s^2 or rad/s.
+    effect : median size on what is budgeted, SI.
+    share : 5 %, 50 % and 95 % quantiles of its share of the budget.
+    possible : share of the budget at its limit with 95 %, if it is there.
+    unknown : share of the budget of one sd of its posterior: what stays of it when it is kept.
+    kept : whether the scene's model has it.
+    quadrant : one of `QUADRANTS`.
+    """
+
+    name: str
+    inclusion: float
+    rms: float
+    effect: float
+    share: tuple[float, float, float]
+    possible: float
+    unknown: float
+    kept: bool
+    quadrant: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Relevance:
+    """Which terms a scene requires of a component.
+
+    Attributes
+    ----------
+    scene, axis : of which scene, and along which case axis.
+    kind : of the component.
+    duration : of the mission, s.
+    budget : that the model has to stay within.
+    terms : in the order of the library.
+    model : the smallest that stays within the budget with 95 %; where the calibration lets none, the smallest
+        of which the terms left out stay within it.
+    met : whether the calibration lets a model stay within the budget with 95 %.
+    left : size of the error with this model at 50 % and 95 %, SI of the budget: the terms left out, and what
+        the calibration does not know of those kept.
+    left_out : size of the terms left out alone, at 50 % and 95 %.
+    left_out_rms : their rms effect on the output, root mean square over the draws, m/s^2 or rad/s.
+    calibrated : what would be left with every term kept, at 50 % and 95 %.
+    uncompensated : what would be left with none.
+    path : (number of terms, term dropped to get there, bound of the error at 95 % in SI, see
+        `smallest_model`), from all terms down to none.
+    noise : sd that N, B and K bring about in the unit of the budget; zeros where no noise was given.
+    notes : of the scene.
+    """
+
+    scene: str
+    axis: str
+    kind: Kind
+    duration: float
+    budget: Budget
+    terms: tuple[TermRelevance, ...]
+    model: tuple[str, ...]
+    met: bool
+    left: tuple[float, float]
+    left_out: tuple[float, float]
+    left_out_rms: float
+    calibrated: tuple[float, float]
+    uncompensated: tuple[float, float]
+    path: tuple[tuple[int, str, float], ...]
+    noise: tuple[float, float, float]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exposure:
+    """What a scene makes of the terms of a library: the same for every unit.
+
+    Attributes
+    ----------
+    scene, lib, budget, axis : of which scene, component and budget, along which case axis.
+    output : effect on the output.
+    budgeted : effect on what is budgeted.
+    """
+
+    scene: Scene
+    lib: Library
+    budget: Budget
+    axis: str
+    output: SceneEffects
+    budgeted: SceneEffects
+
+
+def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> Exposure:
+    """Work out the effects of a library's terms in a scene, once for all units that are weighed with it."""
+    output = output_effects(scene, lib, axis)
+    budgeted = output if budget.quantity == "output" else budget_effects(scene, lib, budget, axis)
+    return Exposure(scene, lib, budget, axis, output, budgeted)
+
+
+def relevance(
+    scene: Scene,
+    lib: Library,
+    knowledge: Knowledge,
+    budget: Budget,
+    *,
+    axis: str = "x",
+    noise: Noise | None = None,
+) -> Relevance:
+    """Weigh every term of a component over a scene, and choose the smallest model that it requires.
+
+    Parameters
+    ----------
+    scene : what the sensor will see.
+    lib : of the component.
+    knowledge : of its coefficients, in the order of `lib`.
+    budget : what the error may come to.
+    axis : case axis of the component's input.
+    noise : of the component, to set beside.
+
+    Raises
+    ------
+    InputError : if the knowledge is not of this library.
+    """
+    return weigh(exposure(scene, lib, budget, axis=axis), knowledge, noise=noise)
+
+
+def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None) -> Relevance:
+    """Weigh one unit's terms over a scene whose effects are known: `relevance` in its second half."""
+    lib, scene, budget = exposed.lib, exposed.scene, exposed.budget
+    if knowledge.draws.ndim != 2 or knowledge.draws.shape[1] != len(lib.terms):
+        raise InputError(
+            f"draws of shape {knowledge.draws.shape}: expected (m, {len(lib.terms)}), a column for each term"
+        )
+    output, effects = exposed.output, exposed.budgeted
+    keep, path = smallest_model(effects, knowledge, budget.limit)
+    theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
+    growth = (0.0, 0.0, 0.0)
+    if noise is not None:
+        growth = noise_growth(lib.kind, noise, budget.quantity, scene.duration, schuler=budget.schuler)
+    left = _half_and_most(effects.size(theta - mean * keep))
+    return Relevance(
+        scene=scene.name,
+        axis=exposed.axis,
+        kind=lib.kind,
+        duration=scene.duration,
+        budget=budget,
+        terms=_terms(output, effects, knowledge, budget.limit, keep),
+        model=tuple(name for name, kept in zip(lib.names, keep, strict=True) if kept),
+        met=path[0][2] <= budget.limit,
+        left=left,
+        left_out=_half_and_most(effects.size(theta * ~keep)),
+        left_out_rms=_rms(output.size(theta * ~keep)),
+        calibrated=_half_and_most(effects.size(theta - mean)),
+        uncompensated=_half_and_most(effects.size(theta)),
+        path=path,
+        noise=growth,
+        notes=(*scene.notes, *_turned(scene, budget), *_loaded(scene, lib, budget), *_reheated(scene, lib)),
+    )
+
+
+def _loaded(scene: Scene, lib: Library, budget: Budget) -> tuple[str, ...]:
+    """Say where a tilt does not turn 1 g into the level, as the kernels of a gyroscope take it."""
+    if lib.kind != "gyroscope" or budget.quantity not in ("velocity", "position"):
+        return ()
+    channels = scene.mean_motion.channels
+    squares = sum(channels[f"f_{axis}"] ** 2 for axis in "ijk" if f"f_{axis}" in channels)
+    load = float(np.sqrt(np.mean(squares))) / STANDARD_GRAVITY
+    if abs(load - 1.0) < LOAD:
+        return ()
+    return (
+        f"an error of attitude is taken to turn 1 g into the level, and here {load:.3g} g act (rms): read"
+        " velocity and position as an order of magnitude, or give a budget of attitude",
+    )
+
+
+def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
+    """Say where a course of temperature is run through more than once."""
+    heated = any(f.channel in ("T", "dT") for term in lib.terms for f in term.factors)
+    motion = scene.mean_motion
+    if not heated or scene.duration <= 1.01 * len(motion) * motion.interval:
+        return ()
+    return ("the course of temperature is that of the record, which the mission repeats",)
+
+
+def _turned(scene: Scene, budget: Budget) -> tuple[str, ...]:
+    """Say where the case turns too far for errors along fixed axes."""
+    motion = scene.mean_motion
+    rates = (motion.channels.get(f"w_{axis}", np.zeros(1)) for axis in "ijk")
+    angle = max(float(np.abs(np.cumsum(rate)).max()) for rate in rates) * motion.interval
+    if budget.quantity == "output" or angle < FIXED:
+        return ()
+    return (
+        f"the case turns by up to {np.degrees(angle):.3g} deg about one of its axes, and the error is"
+        " integrated along its axes as if they stayed: read what it comes to as an order of magnitude",
+    )
+
+
+def smallest_model(
+    effects: SceneEffects, knowledge: Knowledge, limit: float
+) -> tuple[BoolArray, tuple[tuple[int, str, float], ...]]:
+    """Drop the term that costs least, one after the other, until the budget would be exceeded.
+
+    The error of a model is bounded by what the calibration leaves of all terms, with 95 %, and what the means
+    of the terms left out add up to. None of these is let off because another one happens to cancel it: a
+    somewhat different flight would tell them apart.
+
+    Parameters
+    ----------
+    effects : of every term on what is budgeted.
+    knowledge : of the coefficients.
+    limit : of this error, SI. Where the calibration alone exceeds it, it is the limit of the terms left out.
+
+    Returns
+    -------
+    (keep, path) : (p,) of the smallest model of the path that stays within the limit, and the whole path.
+
+    Examples
+    --------
+    >>> e = SceneEffects(("a", "b", "c"), np.eye(3), largest=True)
+    >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
+    >>> smallest_model(e, k, 1.0)[0].tolist()
+    [True, False, True]
+    """
+    mean = knowledge.draws.mean(axis=0)
+    least = float(np.quantile(effects.size(knowledge.draws - mean), SURE))
+    room = limit - least if least <= limit else limit
+    keep = np.ones(len(mean), dtype=bool)
+    chosen, path = keep.copy(), [(len(mean), "", least)]
+    while keep.any():
+        without = {j: keep & (np.arange(len(mean)) != j) for j in np.flatnonzero(keep).tolist()}
+        costs = {j: effects.added(np.where(kept, 0.0, mean)) for j, kept in without.items()}
+        # of equal costs the term that is less likely there goes first
+        dropped = min(costs, key=lambda j: (costs[j], knowledge.inclusion[j]))
+        keep = without[dropped]
+        path.append((int(keep.sum()), effects.names[dropped], least + costs[dropped]))
+        if costs[dropped] <= room:
+            chosen = keep
+    return chosen, tuple(path)
+
+
+def _half_and_most(sizes: FloatArray) -> tuple[float, float]:
+    half, most = np.quantile(sizes, (0.5, SURE)).tolist()
+    return half, most
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _terms(
+    output: SceneEffects, effects: SceneEffects, knowledge: Knowledge, limit: float, keep: BoolArray
+) -> tuple[TermRelevance, ...]:
+    rms = output.single(np.sqrt(np.mean(knowledge.draws**2, axis=0)))
+    sizes = effects.single(knowledge.draws) / limit
+    low, half, high = np.quantile(sizes, INTERVAL, axis=0)
+    possible = effects.single(knowledge.limit95) / limit
+    unknown = effects.single(knowledge.draws.std(axis=0)) / limit
+    return tuple(
+        TermRelevance(
+            name=name,
+            inclusion=float(knowledge.inclusion[j]),
+            rms=float(rms[j]),
+            effect=float(half[j] * limit),
+            share=(float(low[j]), float(half[j]), float(high[j])),
+            possible=float(possible[j]),
+            unknown=float(unknown[j]),
+            kept=bool(keep[j]),
+            quadrant=_quadrant(float(knowledge.inclusion[j]), float(half[j]), float(possible[j])),
+        )
+        for j, name in enumerate(effects.names)
+    )
+
+
+def _quadrant(inclusion: float, share: float, possible: float) -> str:
+    if inclusion >= THERE:
+        return QUADRANTS[0] if share >= MATTERS else QUADRANTS[1]
+    return QUADRANTS[2] if possible >= MATTERS else QUADRANTS[3]

@@ -1,0 +1,217 @@
+"""What a scene requires: the smallest model, what is left, and the four quadrants."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.rig.scene_ranges import scene_named
+from imubayes.rig.scenes import recorded
+from imubayes.rig.trajectories import generated
+from imubayes.selection.kernels import Budget, noise_growth
+from imubayes.selection.relevance import (
+    QUADRANTS,
+    Knowledge,
+    known,
+    known_normal,
+    relevance,
+    smallest_model,
+)
+from imubayes.selection.scene_effects import SceneEffects, budget_effects, output_effects
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import library
+
+LIB = library("accelerometer")
+P = len(LIB.names)
+
+
+def desk(n=50, a=20.0):
+    force = np.tile([a, 0.0, 9.80665], (n, 1))
+    return recorded("desk", np.arange(float(n)), force, np.zeros((n, 3)))
+
+
+def certain(theta):
+    """Coefficients that are known exactly."""
+    return Knowledge(theta[None, :], np.ones(len(theta)), np.abs(theta))
+
+
+def coefficients(**known_ones):
+    return np.array([known_ones.get(name, 0.0) for name in LIB.names])
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """A drone with a calibrated sensor: relevance, and what it was made of."""
+    scene = generated(scene_named("quadrotor"), np.random.default_rng(1))
+    rng = np.random.default_rng(3)
+    mean = coefficients(b0=2e-3, b1=3e-4, b2=3e-6, m_k=4e-4, c_jj=1e-6, b3=1e-9)
+    sd = 0.02 * np.abs(mean) + coefficients(b0=1e-5, b1p=1e-6, c_jk=1e-7)
+    knowledge = known_normal(mean, np.diag(sd**2), (mean != 0.0).astype(float), rng)
+    budget, noise = Budget("position", 60.0), Noise(6e-4, 4e-4, 3e-6)
+    return relevance(scene, LIB, knowledge, budget, noise=noise), scene, knowledge, budget, noise
+
+
+def test_term_by_itself_costs_what_the_formula_says() -> None:
+    found = relevance(
+        desk(), LIB, certain(coefficients(b0=0.01, b2=1e-5)), Budget("position", 100.0, schuler=False)
+    )
+    by_name = {term.name: term for term in found.terms}
+    assert by_name["b0"].effect == pytest.approx(0.5 * 0.01 * 50.0**2)
+    assert by_name["b2"].effect == pytest.approx(0.5 * 1e-5 * 400.0 * 50.0**2)
+    assert by_name["b0"].share == pytest.approx((0.125, 0.125, 0.125))
+    assert by_name["b2"].rms == pytest.approx(4e-3)
+
+
+def test_errors_of_the_terms_left_out_add_and_do_not_cancel() -> None:
+    """Two like terms of 0.75 of the budget: one has to stay. Two that share nothing add in squares."""
+    alike, apart = np.ones((1, 2)), np.eye(2)
+    for rows, theta, kept in (
+        (alike, [0.75, 0.75], 1),
+        (alike, [0.75, -0.75], 1),
+        (alike, [0.45, -0.45], 0),
+        (apart, [0.75, 0.75], 1),
+        (apart, [0.75, -0.6], 0),
+    ):
+        keep, _ = smallest_model(SceneEffects(("a", "b"), rows, largest=False), certain(np.array(theta)), 1.0)
+        assert keep.sum() == kept
+
+
+def test_bound_of_a_model_holds_for_every_sign_of_the_terms_left_out(flown) -> None:
+    _, scene, knowledge, budget, _ = flown
+    rng = np.random.default_rng(1)
+    for effects in (budget_effects(scene, LIB, budget), output_effects(scene, LIB)):
+        theta = knowledge.draws[0]
+        sizes = effects.size(theta * rng.choice([-1.0, 1.0], (500, P)))
+        assert effects.size(theta) <= sizes.max() <= effects.added(theta) * (1.0 + 1e-12)
+        alone = np.where(np.arange(P) == 2, theta, 0.0)
+        assert effects.added(alone) == pytest.approx(float(effects.size(alone)), rel=1e-12)
+
+
+def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_interact() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        theta, limit = rng.exponential(size=7), 1.2
+        effects = SceneEffects(tuple("abcdefg"), np.diag(rng.uniform(0.5, 2.0, 7)), largest=False)
+        keep, _ = smallest_model(effects, certain(theta), limit)
+        sizes = [
+            k
+            for k in range(8)
+            for kept in combinations(range(7), k)
+            if effects.size(np.where(np.isin(np.arange(7), kept), 0.0, theta)) <= limit
+        ]
+        assert keep.sum() == min(sizes) and effects.size(theta * ~keep) <= limit
+
+
+def test_what_is_left_is_what_draws_leave_after_compensation_with_the_means(flown) -> None:
+    found, scene, knowledge, budget, _ = flown
+    effects = budget_effects(scene, LIB, budget)
+    keep = np.isin(LIB.names, found.model)
+    mean = knowledge.draws.mean(axis=0)
+    sizes = np.array([np.abs(effects.rows @ (draw - mean * keep)).max() for draw in knowledge.draws])
+    assert found.left == pytest.approx(tuple(np.quantile(sizes, (0.5, 0.95))), rel=1e-10)
+    assert found.met and sizes[sizes <= budget.limit].size >= 0.95 * len(sizes)
+    output = output_effects(scene, LIB)
+    left_out = [output.size(draw * ~keep) ** 2 for draw in knowledge.draws]
+    assert found.left_out_rms == pytest.approx(np.sqrt(np.mean(left_out)), rel=1e-10)
+
+
+def test_model_is_smallest_on_its_path_and_the_path_tells_the_error_of_each_size(flown) -> None:
+    found, _, _, budget, _ = flown
+    sizes = [count for count, _, error in found.path if error <= budget.limit]
+    assert len(found.model) == min(sizes) and 0 < len(found.model) < P
+    assert [count for count, _, _ in found.path] == list(range(P, -1, -1))
+    dropped = {name for count, name, _ in found.path[1:] if count >= len(found.model)}
+    assert dropped == set(LIB.names) - set(found.model)
+    by_count = {count: error for count, _, error in found.path}
+    assert found.left[1] <= by_count[len(found.model)] <= budget.limit
+    assert by_count[P] == pytest.approx(found.calibrated[1])
+
+
+def test_calibrated_error_is_the_propagated_covariance() -> None:
+    """One row: J (theta - m) is normal with variance J Sigma J', so half of it lies within 0.6745 sd."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(P, P)) * 1e-5
+    covariance = root @ root.T
+    knowledge = known_normal(rng.normal(size=P) * 1e-3, covariance, np.ones(P), rng, size=20_000)
+    scene, budget = desk(), Budget("position", 1e9, schuler=False)
+    found = relevance(scene, LIB, knowledge, budget)
+    J = budget_effects(scene, LIB, budget).rows[-1]
+    sd = np.sqrt(J @ covariance @ J)
+    assert found.calibrated[0] == pytest.approx(0.6745 * sd, rel=0.03)
+    assert found.calibrated[1] == pytest.approx(1.96 * sd, rel=0.03)
+
+
+def test_calibration_that_cannot_meet_the_budget_still_names_the_terms_to_model() -> None:
+    theta = coefficients(b0=0.05, b1=1e-6)
+    sd = coefficients(c_kk=1e-3)
+    knowledge = known_normal(theta, np.diag(sd**2), np.ones(P), np.random.default_rng(1))
+    found = relevance(desk(), LIB, knowledge, Budget("position", 10.0, schuler=False))
+    assert not found.met and "b0" in found.model and found.calibrated[1] > 10.0
+    assert set(found.model) <= {"b0", "c_kk"}
+
+
+def test_no_term_is_modelled_where_none_costs_the_budget() -> None:
+    found = relevance(desk(), LIB, certain(coefficients(b0=1e-6)), Budget("velocity", 1.0))
+    assert found.model == () and found.met and found.left_out_rms == pytest.approx(1e-6)
+
+
+def test_inclusion_and_share_make_four_quadrants() -> None:
+    theta = coefficients(b0=0.01, b1=1e-9)
+    inclusion, limits = np.zeros(P), np.zeros(P)
+    inclusion[:2] = 1.0
+    limits[LIB.names.index("b2")], limits[LIB.names.index("b3")] = 1e-4, 1e-12
+    knowledge = Knowledge(theta[None, :], inclusion, limits)
+    found = relevance(desk(), LIB, knowledge, Budget("position", 10.0))
+    by_name = {term.name: term.quadrant for term in found.terms}
+    assert [by_name[name] for name in ("b0", "b1", "b2", "b3")] == list(QUADRANTS)
+
+
+def test_share_is_averaged_over_models() -> None:
+    """A term that is there in 30 % of the draws: the median share is zero, the upper end is its own."""
+    draws = np.zeros((100, P))
+    draws[:30, 0] = 0.01
+    knowledge = Knowledge(draws, (draws != 0.0).mean(axis=0), np.full(P, 0.01))
+    found = relevance(desk(), LIB, knowledge, Budget("position", 25.0))
+    low, half, high = found.terms[0].share
+    assert low == half == 0.0 and high == pytest.approx(0.5, rel=0.01)
+    assert found.terms[0].quadrant == QUADRANTS[2]
+    assert found.terms[0].rms == pytest.approx(0.01 * np.sqrt(0.3))
+
+
+def test_relevance_does_not_depend_on_the_order_of_the_terms(flown) -> None:
+    found, scene, knowledge, budget, noise = flown
+    order = np.random.default_rng(1).permutation(P)
+    turned = library("accelerometer")
+    turned = type(turned)(turned.kind, tuple(turned.terms[k] for k in order))
+    again = Knowledge(knowledge.draws[:, order], knowledge.inclusion[order], knowledge.limit95[order])
+    other = relevance(scene, turned, again, budget, noise=noise)
+    assert set(other.model) == set(found.model) and other.left == pytest.approx(found.left)
+
+
+def test_noise_stands_beside_in_the_unit_of_the_budget(flown) -> None:
+    found, scene, _, budget, noise = flown
+    assert found.noise == noise_growth("accelerometer", noise, "position", scene.duration)
+    assert relevance(desk(), LIB, certain(np.zeros(P)), budget).noise == (0.0, 0.0, 0.0)
+
+
+def test_case_that_spins_is_said_to_break_the_assumption_of_fixed_axes() -> None:
+    scene = generated(scene_named("reentry_spin"), np.random.default_rng(1))
+    notes = relevance(scene, LIB, certain(np.zeros(P)), Budget("position", 1.0)).notes
+    assert any("order of magnitude" in note for note in notes)
+    output = relevance(scene, LIB, certain(np.zeros(P)), Budget("output", 1.0)).notes
+    assert not any("order of magnitude" in note for note in output)
+
+
+def test_knowledge_is_taken_from_a_decision() -> None:
+    terms = [SimpleNamespace(inclusion=0.9, limit95=3.0), SimpleNamespace(inclusion=0.1, limit95=1.0)]
+    found = known(SimpleNamespace(terms=terms), np.zeros((4, 2)))
+    assert found.inclusion.tolist() == [0.9, 0.1] and found.limit95.tolist() == [3.0, 1.0]
+
+
+def test_knowledge_of_another_library_is_refused() -> None:
+    with pytest.raises(InputError, match=f"expected \\(m, {P}\\)"):
+        relevance(desk(), LIB, certain(np.zeros(3)), Budget("position", 1.0))
