@@ -34,9 +34,12 @@ if TYPE_CHECKING:
     from imubayes.inference.summary import Summary as Summary
     from imubayes.inference.summary import summarize as summarize
     from imubayes.rig.profiles import centrifuge as centrifuge
+    from imubayes.rig.profiles import oscillation as oscillation
+    from imubayes.rig.profiles import positions as positions
     from imubayes.rig.profiles import rate_table as rate_table
     from imubayes.rig.profiles import static as static
     from imubayes.rig.profiles import tumble as tumble
+    from imubayes.rig.profiles import vibration as vibration
     from imubayes.rig.simulate import simulate as simulate
     from imubayes.rig.thermal import thermal as thermal
     from imubayes.selection.decision import select as select
@@ -65,9 +68,12 @@ _HOME = {
     "Summary": "inference.summary",
     "summarize": "inference.summary",
     "centrifuge": "rig.profiles",
+    "oscillation": "rig.profiles",
+    "positions": "rig.profiles",
     "rate_table": "rig.profiles",
     "static": "rig.profiles",
     "tumble": "rig.profiles",
+    "vibration": "rig.profiles",
     "simulate": "rig.simulate",
     "thermal": "rig.thermal",
     "select": "selection.decision",

@@ -19,8 +19,11 @@ from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
 from imubayes.planning.observability import Observability
 from imubayes.rig.runs import RunSpec
+from imubayes.rig.scenes import Scene
 from imubayes.selection.decision import Selection
+from imubayes.selection.kernels import Budget
 from imubayes.selection.panel import Panel
+from imubayes.selection.relevance import Relevance
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library
@@ -99,6 +102,26 @@ class Appendix:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Mission:
+    """A scene, and what is asked of the sensors there.
+
+    Attributes
+    ----------
+    name : of the scene.
+    scene : what they will see.
+    budget : of their error.
+    axis : case axis along which a sensor has its input; a component of a triad has its own.
+    kind : of the sensors that the budget is for; None for all.
+    """
+
+    name: str
+    scene: Scene
+    budget: Budget
+    axis: str = "x"
+    kind: Kind | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """A study, as its file says.
 
@@ -113,6 +136,7 @@ class Study:
     costs : of wrong choices.
     hierarchical : whether a term may only be in a model that has what it modifies.
     compare : whether the other methods are run beside the decision.
+    scenes : that the terms of every sensor are held against.
     """
 
     title: str
@@ -125,6 +149,7 @@ class Study:
     costs: Costs = EQUAL
     hierarchical: bool = False
     compare: bool = True
+    scenes: tuple[Mission, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,6 +202,7 @@ class SensorResult:
     distrusted : dwells that the robust analysis holds for contaminated, worst first.
     panel : what every other method says.
     misfit : what the residuals say that the library does not contain; None where they were not asked.
+    correlation : (p, p) of the coefficients under the full library; None where it was not asked.
     """
 
     id: str
@@ -198,15 +224,25 @@ class SensorResult:
     distrusted: tuple[Distrusted, ...] = ()
     panel: Panel | None = None
     misfit: Misfit | None = None
+    correlation: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResult:
-    """Results of a study: one entry per component, and what sessions of one unit have in common."""
+    """Results of a study.
+
+    Attributes
+    ----------
+    study : that was run.
+    sensors : one entry per component.
+    sessions : what sessions of one unit have in common.
+    scenes : (id of a component, what a scene requires of it), scene by scene.
+    """
 
     study: Study
     sensors: tuple[SensorResult, ...]
     sessions: tuple[Repeatability, ...] = ()
+    scenes: tuple[tuple[str, Relevance], ...] = ()
 
 
 def file_name(name: str) -> str:

@@ -1,4 +1,4 @@
-"""The command line: ``imubayes run | check | simulate | catalogue``.
+"""The command line: ``imubayes run | check | simulate | catalogue | compare``.
 
 Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
 needs is imported when it runs, so that ``--help`` answers at once.
@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,9 +24,8 @@ import typer
 from imubayes.errors import ConvergenceError, InputError, TermError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from imubayes.campaign import Sampling
+    from imubayes.lots.plan import LotStudy
     from imubayes.quality.trials import QualityStudy
     from imubayes.sensors.catalogue import SensorClass
 
@@ -92,18 +92,18 @@ def _run(
     ] = None,
 ) -> None:
     """Decide which terms each sensor needs; write the report."""
-    from imubayes.config import read_quality, read_study
+    from imubayes.config import read_lots, read_quality, read_study
     from imubayes.reporting.document import write_results
     from imubayes.reporting.tables import terminal_summary
     from imubayes.study import run
 
     folder = _usable(out or Path("reports") / study.stem)
-    if quality := read_quality(study):
+    if other := read_lots(study) or read_quality(study):
         if resume or any(option is not None for option in (method, time_limit, ess)):
             raise InputError(
                 "--method, --resume, --time-limit and --ess are of chains, which this study has none of"
             )
-        _measure(quality, folder)
+        _measure(other, folder)
         return
     read = read_study(study)
     sampling = _overruled(read.sampling, method, ess, time_limit)
@@ -116,15 +116,23 @@ def _run(
     _written(folder, files)
 
 
-def _measure(quality: QualityStudy, folder: Path) -> None:
-    """Measure how good the decision is; write the report."""
-    from imubayes.quality.measure import measure
+def _measure(study: LotStudy | QualityStudy, folder: Path) -> None:
+    """Run a study of simulated lots, or of how good the decision is; write the report."""
+    from imubayes.lots import measure as lots
+    from imubayes.lots.plan import LotStudy
+    from imubayes.quality import measure as quality
+    from imubayes.reporting.lots_page import terminal_lots, write_lots
     from imubayes.reporting.quality_page import terminal_quality, write_quality
 
-    found = measure(quality, progress=_progress())
+    if isinstance(study, LotStudy):
+        lot = lots.measure(study, progress=_progress())
+        shown, write = terminal_lots(lot), partial(write_lots, lot)
+    else:
+        found = quality.measure(study, progress=_progress())
+        shown, write = terminal_quality(found), partial(write_quality, found)
     with _complete(folder) as part:
-        files = write_quality(found, part)
-    _show(terminal_quality(found))
+        files = write(part)
+    _show(shown)
     _written(folder, files)
 
 
@@ -159,16 +167,45 @@ def _catalogue(
         str | None, typer.Argument(metavar="CLASS", help="A class id.", show_default=False)
     ] = None,
     kind: Annotated[str | None, typer.Option(help="accelerometer or gyroscope.", show_default=False)] = None,
+    own: Annotated[Path | None, typer.Option(help="TOML file of own classes.", show_default=False)] = None,
 ) -> None:
-    """List the technologies and grades, or one's priors."""
+    """List the technologies and grades, or one's figures and priors."""
+    from imubayes.reporting.catalogue_tables import bench_list, class_list, class_page
     from imubayes.sensors.catalogue import classes
+    from imubayes.sensors.catalogue_file import read_catalogue
 
-    known = classes(kind)
+    known = classes(kind, catalogue=() if own is None else read_catalogue(own))
     if name is None:
-        for one in dict.fromkeys(entry.kind for entry in known):
-            _show(_class_table(one, [entry for entry in known if entry.kind == one]))
+        _show(class_list(known))
+    if name is None and kind is None:
+        _show(bench_list())
     for entry in [] if name is None else _named(name, known):
-        _show(_prior_table(entry))
+        _show(class_page(entry))
+
+
+@app.command("compare")
+def _compare(
+    results: Annotated[
+        list[Path], typer.Argument(metavar="RESULT...", help="Files result.json, or their folders.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the comparison's report.", show_default=False)
+    ] = None,
+) -> None:
+    """Set results side by side; say what differs beyond uncertainty."""
+    from imubayes.reporting.comparison import compared
+    from imubayes.reporting.comparison_page import terminal_comparison, write_comparison
+    from imubayes.reporting.result_files import read_result
+
+    folder = None if out is None else _usable(out)
+    found = compared([read_result(path) for path in results])
+    files: tuple[Path, ...] = ()
+    if folder is not None:
+        with _complete(folder) as part:
+            files = write_comparison(found, part)
+    _show(terminal_comparison(found))
+    if folder is not None:
+        _written(folder, files)
 
 
 def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
@@ -268,46 +305,3 @@ def _complete(folder: Path) -> Iterator[Path]:
             file.replace(folder / file.name)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-
-
-def _class_table(kind: str, entries: Sequence[SensorClass]) -> Table:
-    table = _plain_table(kind, "technology", "grade", "such as")
-    for entry in entries:
-        table.add_row(entry.id, entry.technology, entry.grade, ", ".join(entry.examples[:3]))
-    return table
-
-
-def _prior_table(entry: SensorClass) -> Table:
-    """Prior sd of every term of the extended library, and the noise, in the units that people use."""
-    from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
-    from imubayes.sensors.catalogue import prior_sd
-    from imubayes.sensors.terms import library
-
-    table = _plain_table("term", "symbol", "prior sd", "unit", "from")
-    table.title = f"{entry.id}, {entry.kind}: {entry.technology}, {entry.grade}"
-    for term in library(entry.kind, set="extended", temperature=1).terms:
-        sd, origin = prior_sd(entry, term)
-        table.add_row(term.name, term.symbol, *_printed(sd, term.unit, term.printed), origin)
-    for name, si, printed in zip("NBK", NOISE_SI[entry.kind], NOISE_UNITS[entry.kind], strict=True):
-        low, typical, high = entry.noise[name]
-        size, unit = _printed(typical, si, printed)
-        spread = f"{_printed(low, si, printed)[0]} to {_printed(high, si, printed)[0]}"
-        table.add_row(name, "noise", size, unit, f"typical of {spread}")
-    return table
-
-
-def _printed(value: float, si: str, printed: str) -> tuple[str, str]:
-    from imubayes.units import factor
-
-    return f"{value / factor(printed, like=si):.3g}", printed
-
-
-def _plain_table(*headings: str) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, title_justify="left")
-    table.add_column(headings[0], no_wrap=True)
-    for heading in headings[1:]:
-        table.add_column(heading, justify="right" if heading == "prior sd" else "left")
-    return table

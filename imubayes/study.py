@@ -34,6 +34,7 @@ from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
 from imubayes.inference.sessions import Repeatability, SessionEstimate, repeatability
 from imubayes.inference.triad import COMPONENTS, calibration
+from imubayes.missions import required
 from imubayes.planning.observability import Observability, observe
 from imubayes.preparation import (
     Prepared,
@@ -75,7 +76,9 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
             found = _triad(job, triad) if triad else [_single(job, _of_component(runs))]
             results.append((spec, found))
     components = tuple(one for _, found in results for one in found)
-    return StudyResult(study, components, _between_sessions(results))
+    if study.scenes:
+        progress(f"what {len(study.scenes)} scenes require")
+    return StudyResult(study, components, _between_sessions(results), required(study.scenes, results))
 
 
 def check(study: Study) -> tuple[SensorCheck, ...]:
@@ -286,7 +289,17 @@ def _result(
         distrusted=ready.distrusted,
         panel=told.panel,
         misfit=told.misfit,
+        correlation=_correlation(ready, selection.columns),
     )
+
+
+def _correlation(ready: Prepared, columns: Sequence[str]) -> np.ndarray:
+    """Correlation (p, p) of the coefficients of some columns under the full library."""
+    f = ready.summary.factor
+    rows = algebra.invert_triangular(algebra.with_prior_rows(f.R, 1.0 / ready.prior.sd)[:-1, :-1])
+    rows = rows[[f.names.index(name) for name in columns]]
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows @ rows.T
 
 
 def _extras(ready: Prepared, selection: Selection, chains: Chains | None) -> tuple[ExtraPosterior, ...]:

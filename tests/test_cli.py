@@ -73,7 +73,9 @@ def test_help_answers_in_half_a_second():
 def test_help_lists_the_commands(monkeypatch, capsys):
     assert _call(monkeypatch, "--help") == 0
     listed = capsys.readouterr().out
-    assert all(f"\n  {command} " in listed for command in ("run", "check", "simulate", "catalogue"))
+    assert all(
+        f"\n  {command} " in listed for command in ("run", "check", "simulate", "catalogue", "compare")
+    )
 
 
 def test_version_is_the_packages(monkeypatch, capsys):
@@ -203,11 +205,56 @@ def test_catalogue_of_a_class_gives_every_terms_prior_in_printed_units(monkeypat
     assert lines["N"][2:4] == ["60", "ug/sqrt(Hz)"]
 
 
+def test_catalogue_holds_the_classes_of_a_file_of_ones_own(tmp_path, monkeypatch, capsys):
+    own = tmp_path / "own.toml"
+    own.write_text('[gyroscope.mine]\nlike = "mems_tactical"\ngrade = "screened"\n')
+    assert _call(monkeypatch, "catalogue", "mine", "--own", str(own)) == 0
+    assert "screened" in capsys.readouterr().out
+    assert _call(monkeypatch, "catalogue", "--own", str(tmp_path / "none.toml")) == 2
+    assert "none.toml" in capsys.readouterr().err
+
+
 def test_catalogue_suggests_the_class_that_was_meant(monkeypatch, capsys):
     assert _call(monkeypatch, "catalogue", "fog_tactica") == 2
     assert capsys.readouterr().err == (
         "imubayes: class 'fog_tactica' is not in the catalogue: did you mean 'fog_tactical'?\n"
     )
+
+
+LOTS = """
+[lots]
+kind = "gyroscope"
+classes = ["mems_tactical", "fog_tactical"]
+units = 2
+processes = 1
+library = { powers = 1, asymmetry = -1 }
+[[lots.run]]
+name = "steps"
+procedure = "rate-table"
+simulate = { rates = ["-50 deg/s", "50 deg/s"], mounts = 6, dwell = "10 s", rate = "1 Hz" }
+[[scene]]
+name = "helicopter"
+duration = "1 min"
+budget = { attitude = "1 deg" }
+"""
+
+
+def test_class_level_study_has_a_report_over_its_classes(tmp_path, monkeypatch, capsys):
+    path, out = tmp_path / "lots.toml", tmp_path / "out"
+    path.write_text(LOTS)
+    assert _call(monkeypatch, "run", str(path), "--out", str(out)) == 0
+    assert {file.name for file in out.iterdir()} == {"report.html", "result.json"}
+    told = json.loads((out / "result.json").read_text())
+    assert [one["id"] for one in told["lots"]["classes"]] == ["mems_tactical", "fog_tactical"]
+    assert [len(one["units"]) for one in told["lots"]["classes"]] == [2, 2]
+    assert "tactical FOG" in capsys.readouterr().out
+
+
+def test_class_level_study_has_no_chains(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "lots.toml"
+    path.write_text(LOTS)
+    assert _call(monkeypatch, "run", str(path), "--method", "full") == 2
+    assert "are of chains" in capsys.readouterr().err
 
 
 def test_fault_of_ours_exits_with_one(study, monkeypatch, capsys):

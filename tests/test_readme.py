@@ -6,7 +6,7 @@ import io
 import re
 import subprocess
 import tomllib
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,8 +15,8 @@ import pytest
 from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
-from imubayes.campaign import ExtraPosterior, Sampling
-from imubayes.config import read_quality, read_study, shapes
+from imubayes.campaign import ExtraPosterior, Mission, Sampling
+from imubayes.config import read_lots, read_quality, read_study, shapes, simulated
 from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
@@ -28,6 +28,8 @@ from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
+from imubayes.rig.scenes import recorded
+from imubayes.selection.kernels import Budget
 from imubayes.study import run
 from imubayes.units import factor, quantity
 
@@ -45,8 +47,10 @@ SHAPES = {
     "[[sensor.run]]": shapes.RunTable,
     "gravity": shapes.SiteTable,
     "[sensor.run.columns]": shapes.ColumnTable,
-    **shapes.SIMULATED,
+    **simulated.SIMULATED,
     "[quality]": shapes.QualityTable,
+    "[lots]": shapes.LotsTable,
+    "[[scene]]": shapes.SceneTable,
     "[[appendix]]": shapes.AppendixTable,
 }
 """Shape of the table that each section of docs/study.md describes."""
@@ -150,10 +154,11 @@ def _anchor(title: str) -> str:
 
 
 def test_every_shape_of_a_study_has_its_section():
-    there = {one for one in vars(shapes).values() if inspect.isclass(one) and is_pydantic_dataclass(one)}
+    named = (vars(shapes) | vars(simulated)).values()
+    there = {one for one in named if inspect.isclass(one) and is_pydantic_dataclass(one)}
     assert there == {*SHAPES.values(), shapes.StudyFile}
     assert {field.name for field in fields(shapes.StudyFile)} == {
-        "study", "sampling", "decision", "sensor", "quality", "appendix",
+        "study", "sampling", "decision", "sensor", "quality", "lots", "scene", "appendix",
     }  # fmt: skip
 
 
@@ -184,11 +189,16 @@ NEEDED: dict[str, dict[str, Any]] = {
     "gravity": {"latitude": "1 deg", "height": "1 m"},
     "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
     "[[sensor]]": {"unit": "U", "session": "1"},
+    "[lots]": {"kind": "accelerometer", "classes": ["mems_tactical"], "run": [MADE]},
+    "[[scene]]": {"file": "flight.csv", "budget": {"position": "1 m"}},
     "[[appendix]]": {"title": "Case", "file": "case.csv"},
     "noise": {"N": "1 mg/sqrt(Hz)"},
     "static": {"duration": "1 min", "rate": "1 Hz"},
     "rate-table": {"rates": ["1 deg/s"]},
+    "positions": {"positions": 6},
+    "oscillation": {"frequencies": ["1 Hz"]},
     "centrifuge": {"levels": ["1 g"]},
+    "vibration": {"levels": ["1 g"]},
     "thermal": {"temperatures": ["300 K"]},
 }
 """Keys that most tables of a section cannot do without."""
@@ -203,12 +213,14 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     alone = any((section, key) in ALONE for key in given)
     content = given if alone else NEEDED.get(section, {}) | given
     match section:
-        case "[quality]":
-            return {"quality": content}
+        case "[quality]" | "[lots]":
+            return {section.strip("[]"): content}
         case "[study]" | "[sampling]" | "[decision]":
             others = {section.strip("[]"): content}
         case "[[appendix]]":
             others = {"appendix": [content]}
+        case "[[scene]]":
+            others = {"scene": [content]}
         case "[[sensor]]":
             sensor |= ({"run": [MADE]} if "truth" in given else {}) | content
         case "[sensor.library]" | "[sensor.reference]":
@@ -225,7 +237,8 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
         case "noise":
             sensor["run"] = [READ | {"noise": content}, LOG]
         case _:
-            sensor["run"] = [MADE | {"procedure": section, "simulate": content}]
+            procedure = simulated.CALLED.get(section, section)
+            sensor["run"] = [MADE | {"procedure": procedure, "simulate": content}]
     return {**others, "sensor": [sensor]}
 
 
@@ -234,7 +247,11 @@ def _read(folder: Path, tables: dict[str, Any]):
     path.write_text("\n".join(toml_lines(tables)), encoding="utf-8")
     for appendix in tables.get("appendix", []):
         (folder / appendix["file"]).write_text("sampler,ESS/s\nstretch,430\n")
-    return read_quality(path) or read_study(path)
+    (folder / "flight.csv").write_text("t [s],f_k [g],az [g]\n0,1,1\n1,1,1\n")
+    (folder / "own.toml").write_text(
+        STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0]
+    )
+    return read_lots(path) or read_quality(path) or read_study(path)
 
 
 @pytest.mark.parametrize(
@@ -305,7 +322,8 @@ def own_result(tmp_path_factory):
     runs = ib.simulate(ib.sensor("mems_industrial", kind="accelerometer"), plans, seed=3, truth=TRUTH)
     for spec, header, made in zip(study.sensors[0].runs, _block("csv").splitlines(), runs, strict=True):
         _record(made, header, str(spec.file))
-    return run(study)
+    still = recorded("still", np.arange(3.0), np.tile([9.8, 0.0, 0.0], (3, 1)), np.zeros((3, 3)))
+    return run(replace(study, scenes=(Mission("still", still, Budget("output", 1.0)),)))
 
 
 def _record(made: Run, header: str, file: str) -> None:
@@ -358,6 +376,7 @@ def test_documented_keys_of_results_are_those_written(own_result):
         "terms[]": sensor["terms"][0],
         "mcmc": sensor["mcmc"],
         "extras[]": extra_entry(extra),
+        "scenes[]": document["scenes"][0],
         "sessions[]": session_entry(session),
     }
     assert _documented_results() == {name: set(table) for name, table in written.items()}

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 from imubayes.config.shapes import HeaderTable, Place, QualityTable, StudyFile, hint, shaped
 from imubayes.quality.trials import MODELLED, TREATMENTS, QualityStudy
-from imubayes.sensors.terms import library
+from imubayes.sensors.catalogue import classes
+from imubayes.sensors.terms import Kind, library
 
 
 def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:
@@ -33,6 +35,7 @@ def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:
     with here.blamed():
         library("accelerometer", powers=table.powers, asymmetry=table.asymmetry)
     _check_treatments(table.treatments, here.at("treatments"))
+    _check_classes(table.classes, here.at("classes"))
     return QualityStudy(
         title=header.title or path.stem,
         seed=header.seed,
@@ -43,9 +46,21 @@ def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:
         asymmetry=table.asymmetry,
         resamples=table.resamples,
         processes=table.processes,
+        classes=table.classes,
         path=path,
         text=text,
     )
+
+
+def _check_classes(asked: tuple[str, ...], place: Place) -> None:
+    known = {kind: [entry.id for entry in classes(kind)] for kind in get_args(Kind)}
+    ids = [name for names in known.values() for name in names]
+    for k, name in enumerate(asked):
+        if name not in ids:
+            raise place.at(k).error(f"'{name}' is no class of the catalogue: {hint(name, ids)}")
+    for kind, names in known.items():
+        if asked and not set(asked) & set(names):
+            raise place.error(f"there is no {kind} among them: expected classes of both kinds")
 
 
 def _check_treatments(treatments: tuple[str, ...], place: Place) -> None:

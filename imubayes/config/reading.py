@@ -10,8 +10,10 @@ from typing import Any
 
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.config.appendix_tables import appendix
+from imubayes.config.lot_tables import lot_study
 from imubayes.config.quality_tables import quality_study
-from imubayes.config.sensor_tables import sensor_spec
+from imubayes.config.scene_tables import scenes_of
+from imubayes.config.sensor_tables import own_classes, sensor_spec
 from imubayes.config.shapes import (
     DecisionTable,
     HeaderTable,
@@ -23,6 +25,7 @@ from imubayes.config.shapes import (
     unique,
 )
 from imubayes.errors import StudyError
+from imubayes.lots.plan import LotStudy
 from imubayes.preparation import runs_of
 from imubayes.quality.trials import QualityStudy
 from imubayes.rig.inputs import Run, TriadRun
@@ -44,13 +47,18 @@ def read_study(path: Path) -> Study:
     place = Place(str(path))
     if tables.quality is not None:
         raise place.at("quality").error("a study of how good the decision is has no runs: 'imubayes run' it")
+    if tables.lots is not None:
+        raise place.at("lots").error("a class-level study draws its own units: 'imubayes run' it")
     header = shaped(HeaderTable, tables.study, place.at("study"))
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
     sampling = shaped(SamplingTable, tables.sampling, place.at("sampling"))
     decision = shaped(DecisionTable, tables.decision, place.at("decision"))
     here, there = place.at("sensor"), place.at("appendix")
-    sensors = tuple(sensor_spec(raw, path.parent, here.at(k)) for k, raw in enumerate(tables.sensor))
+    own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
+    sensors = tuple(
+        sensor_spec(raw, path.parent, here.at(k), catalogue=own) for k, raw in enumerate(tables.sensor)
+    )
     unique([one.id for one in sensors], "id", here)
     _check_sessions(sensors, here)
     return Study(
@@ -64,6 +72,7 @@ def read_study(path: Path) -> Study:
         Costs(decision.false_keep, decision.false_drop),
         decision.hierarchy,
         decision.compare,
+        scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, {one.kind for one in sensors}),
     )
 
 
@@ -80,6 +89,21 @@ def read_quality(path: Path) -> QualityStudy | None:
     """
     text, tables = _tables(path)
     return quality_study(tables, path, text) if tables.quality is not None else None
+
+
+def read_lots(path: Path) -> LotStudy | None:
+    """Read and check a class-level study; None where a study file is not one.
+
+    Parameters
+    ----------
+    path : of the TOML file.
+
+    Raises
+    ------
+    StudyError : as `read_study` does.
+    """
+    text, tables = _tables(path)
+    return lot_study(tables, path, text) if tables.lots is not None else None
 
 
 def read_runs(path: Path | str, sensor: str = "") -> tuple[Run | TriadRun, ...]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from imubayes import units
 from imubayes.config.shapes import (
-    SIMULATED,
     ColumnTable,
     Place,
     RunTable,
@@ -20,6 +20,7 @@ from imubayes.config.shapes import (
     shaped,
     shown,
 )
+from imubayes.config.simulated import CALLED, SIMULATED
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.runs import FREE_TUMBLE, OUTPUT_UNIT, RUN_CHANNELS, TRIAD, RunSpec
@@ -112,18 +113,37 @@ def located(file: str, folder: Path) -> Path:
 
 
 def _columns(run: RunTable, kind: Kind, place: Place) -> dict[str, ColumnSpec]:
-    known = ["t", *TRIAD] if run.procedure == FREE_TUMBLE else list(RUN_CHANNELS)
     if run.simulate is not None and run.columns:
         raise place.error("a simulated run has no file whose columns could differ: leave it out")
+    known = ("t", *TRIAD) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
+    return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
+
+
+def columns_of(
+    raw: Mapping[str, Any], known: Collection[str], output_unit: str, place: Place
+) -> dict[str, ColumnSpec]:
+    """Check the table of columns of a file: where it has a channel under another name, unit or scale.
+
+    Parameters
+    ----------
+    raw : the table.
+    known : channels that the file may have.
+    output_unit : SI unit of the channel ``output``.
+    place : of the table, for errors.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
     columns = {}
-    for channel, raw in run.columns.items():
+    for channel, entry in raw.items():
         here = place.at(channel)
         if channel not in known:
-            raise here.error(f"is not a channel of this run: {hint(channel, known)}")
-        table = shaped(ColumnTable, raw if isinstance(raw, dict) else {"column": raw}, here)
+            raise here.error(f"is not a channel of this file: {hint(channel, list(known))}")
+        table = shaped(ColumnTable, entry if isinstance(entry, dict) else {"column": entry}, here)
         if table.wraps and channel != "t":
             raise here.at("wraps").error("only the clock, channel t, wraps around: leave it out")
-        columns[channel] = _column(table, channel_unit(channel, OUTPUT_UNIT[kind]), here)
+        columns[channel] = _column(table, channel_unit(channel, output_unit), here)
     return columns
 
 
@@ -172,9 +192,16 @@ def _local_gravity(run: RunTable, place: Place) -> float | None:
 
 
 def _simulation(run: RunTable, place: Place) -> dict[str, object]:
-    options = SIMULATED.get(run.procedure)
-    if options is None:
-        known = ", ".join(SIMULATED)
+    profile = _profile(run)
+    if profile not in SIMULATED:
+        known = ", ".join(dict.fromkeys(CALLED.get(profile, profile) for profile in SIMULATED))
         raise place.at("procedure").error(f"'{run.procedure}' cannot be simulated: expected one of {known}")
-    given = asdict(shaped(options, run.simulate, place.at("simulate")))
-    return {"profile": run.procedure, **{key: value for key, value in given.items() if value is not None}}
+    given = asdict(shaped(SIMULATED[profile], run.simulate, place.at("simulate")))
+    return {"profile": profile, **{key: value for key, value in given.items() if value is not None}}
+
+
+def _profile(run: RunTable) -> str:
+    """Profile of a simulated run: a tumble with `positions` is a standard set, anything else is shaken."""
+    if run.procedure == CALLED["positions"] and "positions" in (run.simulate or {}):
+        return "positions"
+    return "vibration" if run.procedure == CALLED["vibration"] else run.procedure

@@ -8,18 +8,39 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign import SensorSpec
-from imubayes.config.run_tables import noise_rule, run_spec
+from imubayes.config.run_tables import located, noise_rule, run_spec
 from imubayes.config.shapes import LibraryTable, Place, SensorTable, hint, quantity, shaped, shown, unique
 from imubayes.rig.reference import KINDS, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.runs import FREE_TUMBLE, RunSpec
 from imubayes.rig.simulate import library_of
-from imubayes.sensors.catalogue import SensorClass, sensor
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library, library
 
 
-def sensor_spec(raw: object, folder: Path, place: Place) -> SensorSpec:
+def own_classes(file: str | None, folder: Path, place: Place) -> tuple[SensorClass, ...]:
+    """Read the classes of a study's own catalogue; none where it names no file.
+
+    Parameters
+    ----------
+    file : as the study names it.
+    folder : of the study's file.
+    place : of the key, for errors.
+
+    Raises
+    ------
+    StudyError : naming the file, the class and the key.
+    """
+    with place.blamed():
+        return () if file is None else read_catalogue(located(file, folder))
+
+
+def sensor_spec(
+    raw: object, folder: Path, place: Place, *, catalogue: Sequence[SensorClass] = ()
+) -> SensorSpec:
     """Check one sensor of a study.
 
     Parameters
@@ -27,6 +48,7 @@ def sensor_spec(raw: object, folder: Path, place: Place) -> SensorSpec:
     raw : the table.
     folder : of the study's file.
     place : of the table, for errors.
+    catalogue : classes of the study's own.
 
     Raises
     ------
@@ -41,7 +63,8 @@ def sensor_spec(raw: object, folder: Path, place: Place) -> SensorSpec:
     if not table.run:
         raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
     with place.at("class").blamed():
-        sensor_class = None if table.class_ is None else sensor(table.class_, kind=table.kind)
+        name = table.class_
+        sensor_class = None if name is None else sensor(name, kind=table.kind, catalogue=catalogue)
     lib = _candidates(table.kind, table.library, place.at("library"))
     runs = tuple(_runs(table, table.kind, folder, place))
     _check_runs(runs, sensor_class, place)

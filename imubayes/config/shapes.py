@@ -1,21 +1,20 @@
 """Shapes of the tables of a study file: the keys of each, and what a value of each may be.
 
-The only module that knows pydantic. An error becomes one sentence that names the file and the key.
+An error becomes one sentence that names the file and the key.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 from pydantic.dataclasses import dataclass as shape
 
-from imubayes import units
+from imubayes.config.measured import STRICT, Angle, Count, Metres, Seconds, Several, Text, measured
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.runs import Procedure
 
@@ -48,54 +47,13 @@ class Place:
             raise self.error(str(error)) from None
 
 
-_STRICT = ConfigDict(extra="forbid", strict=True)
-
-
-def _measured(like: str, *, positive: bool = False) -> Callable[[Any], float]:
-    """Give the reader of a quantity such as ``"30 s"``."""
-
-    def read(value: Any) -> float:
-        if not isinstance(value, str):
-            raise ValueError(f'expected a quantity with its unit, such as "1 {like}"')
-        try:
-            si = units.quantity(value, like)
-        except InputError as error:
-            raise ValueError(str(error)) from None
-        if not math.isfinite(si):
-            raise ValueError("expected a finite number")
-        if positive and not si > 0.0:
-            raise ValueError("expected more than zero")
-        return si
-
-    return read
-
-
 def _column_name(value: Any) -> str | int:
     if isinstance(value, bool) or not isinstance(value, str | int) or value == "":
         raise ValueError("expected a column's name, or its number counted from 0")
     return value
 
 
-def _in_g(levels: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(level / units.STANDARD_GRAVITY for level in levels)
-
-
-_Text = Annotated[str, Field(min_length=1)]
-_Seconds = Annotated[float, BeforeValidator(_measured("s", positive=True))]
-_Settle = Annotated[float, BeforeValidator(_measured("s"))]
-_Hertz = Annotated[float, BeforeValidator(_measured("Hz", positive=True))]
-_Metres = Annotated[float, BeforeValidator(_measured("m"))]
-_Angle = Annotated[float, BeforeValidator(_measured("rad"))]
-_Gravity = Annotated[float, BeforeValidator(_measured("m/s^2", positive=True))]
-_Acceleration = Annotated[float, BeforeValidator(_measured("m/s^2"))]
-_Rate = Annotated[float, BeforeValidator(_measured("rad/s"))]
-_Kelvin = Annotated[float, BeforeValidator(_measured("K", positive=True))]
-_Ramp = Annotated[float, BeforeValidator(_measured("K/s", positive=True))]
-_Several = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-_Count = Annotated[int, Field(ge=1)]
-
-
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class StudyFile:
     """A study file."""
 
@@ -103,28 +61,31 @@ class StudyFile:
     study: Table = Field(default_factory=dict)
     sampling: Table = Field(default_factory=dict)
     decision: Table = Field(default_factory=dict)
+    scene: list[Table] = Field(default_factory=list)
     appendix: list[Table] = Field(default_factory=list)
     quality: Table | None = None
+    lots: Table | None = None
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class HeaderTable:
     """``[study]``."""
 
     title: str = ""
     seed: Annotated[int, Field(ge=0)] = 0
+    catalogue: Text | None = None
     method: Literal["auto", "exact", "collapsed", "full"] = "auto"
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class SamplingTable:
     """``[sampling]``."""
 
     ess: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
-    time_limit: _Seconds = 600.0
+    time_limit: Seconds = 600.0
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class DecisionTable:
     """``[decision]``."""
 
@@ -134,48 +95,76 @@ class DecisionTable:
     compare: bool = True
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class QualityTable:
     """``[quality]``."""
 
-    sensors: _Count = 200
-    treatments: Annotated[tuple[str, ...], _Several] = ("as modelled",)
-    misspecified: _Count | None = None
+    sensors: Count = 200
+    treatments: Annotated[tuple[str, ...], Several] = ("as modelled",)
+    misspecified: Count | None = None
     powers: int = 3
     asymmetry: int = 2
-    resamples: _Count = 20
-    processes: _Count = 2
+    resamples: Count = 20
+    processes: Count = 2
+    classes: Annotated[tuple[str, ...], Several] = ()
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
+class LotsTable:
+    """``[lots]``."""
+
+    kind: Literal["accelerometer", "gyroscope"]
+    classes: Annotated[tuple[Text, ...], Several]
+    units: Annotated[int, Field(ge=2)] = 8
+    basic: bool = False
+    processes: Count = 2
+    library: Table = Field(default_factory=dict)
+    reference: Table = Field(default_factory=dict)
+    run: list[Table] = Field(default_factory=list)
+
+
+@shape(config=STRICT, frozen=True)
+class SceneTable:
+    """``[[scene]]``."""
+
+    budget: Table
+    name: Text | None = None
+    file: Text | None = None
+    columns: Table = Field(default_factory=dict)
+    duration: Seconds | None = None
+    axis: Literal["x", "y", "z"] = "x"
+    free_flight: bool | None = None
+
+
+@shape(config=STRICT, frozen=True)
 class AppendixTable:
     """``[[appendix]]``."""
 
-    title: _Text
-    file: _Text
+    title: Text
+    file: Text
     note: str = ""
     command: str = ""
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class SensorTable:
     """``[[sensor]]``."""
 
-    id: _Text
+    id: Text
     kind: Literal["accelerometer", "gyroscope", "imu"]
     run: list[Table] = Field(default_factory=list)
-    class_: Annotated[_Text | None, Field(alias="class")] = None
+    class_: Annotated[Text | None, Field(alias="class")] = None
     library: Table = Field(default_factory=dict)
     noise: Any = None
     truth: Table = Field(default_factory=dict)
     prior: Table = Field(default_factory=dict)
     reference: Table = Field(default_factory=dict)
     robust: bool = False
-    unit: _Text | None = None
-    session: _Text | None = None
+    unit: Text | None = None
+    session: Text | None = None
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class LibraryTable:
     """``[sensor.library]``: the arguments of `imubayes.sensors.terms.library`."""
 
@@ -183,17 +172,17 @@ class LibraryTable:
     asymmetry: int = 2
     set: Literal["slide", "extended"] = "slide"
     temperature: int = 0
-    temperature_of: Annotated[tuple[str, ...], _Several] = ("b0", "b1")
-    rate_of: Annotated[tuple[str, ...], _Several] = ("b0",)
+    temperature_of: Annotated[tuple[str, ...], Several] = ("b0", "b1")
+    rate_of: Annotated[tuple[str, ...], Several] = ("b0",)
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class RunTable:
     """``[[sensor.run]]``."""
 
-    name: _Text
+    name: Text
     procedure: Procedure
-    file: _Text | None = None
+    file: Text | None = None
     columns: Table = Field(default_factory=dict)
     gravity: Any = None
     noise: Any = None
@@ -201,94 +190,24 @@ class RunTable:
     source: str = ""
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class SiteTable:
     """``gravity`` of a run by place."""
 
-    latitude: _Angle
-    height: _Metres
+    latitude: Angle
+    height: Metres
 
 
-@shape(config=_STRICT, frozen=True)
+@shape(config=STRICT, frozen=True)
 class ColumnTable:
     """A channel of ``[sensor.run.columns]``."""
 
     column: Annotated[Any, AfterValidator(_column_name)] = None
-    unit: _Text | None = None
-    scale: _Text | None = None
-    offset: _Text | None = None
-    wraps: _Text | None = None
+    unit: Text | None = None
+    scale: Text | None = None
+    offset: Text | None = None
+    wraps: Text | None = None
 
-
-@shape(config=_STRICT, frozen=True)
-class StaticOptions:
-    """``simulate`` of a static log."""
-
-    duration: _Seconds
-    rate: _Hertz
-    up: Annotated[tuple[float, float, float] | None, _Several] = None
-    gravity: _Gravity | None = None
-
-
-@shape(config=_STRICT, frozen=True)
-class TumbleOptions:
-    """``simulate`` of a tumble."""
-
-    angles: _Count | None = None
-    planes: _Count | None = None
-    dwell: _Seconds | None = None
-    rate: _Hertz | None = None
-    settle: _Settle | None = None
-    gravity: _Gravity | None = None
-
-
-@shape(config=_STRICT, frozen=True)
-class RateTableOptions:
-    """``simulate`` of a rate table."""
-
-    rates: Annotated[tuple[_Rate, ...], _Several]
-    mounts: _Count | None = None
-    dwell: _Seconds | None = None
-    rate: _Hertz | None = None
-    settle: _Settle | None = None
-    latitude: _Angle | None = None
-    radius: _Metres | None = None
-
-
-@shape(config=_STRICT, frozen=True)
-class CentrifugeOptions:
-    """``simulate`` of a centrifuge."""
-
-    levels: Annotated[tuple[_Acceleration, ...], _Several, AfterValidator(_in_g)]
-    mounts: _Count | None = None
-    dwell: _Seconds | None = None
-    rate: _Hertz | None = None
-    settle: _Settle | None = None
-    arm: _Metres | None = None
-    ramp: bool | None = None
-
-
-@shape(config=_STRICT, frozen=True)
-class ThermalOptions:
-    """``simulate`` of soaks and ramps."""
-
-    temperatures: Annotated[tuple[_Kelvin, ...], _Several]
-    positions: _Count | None = None
-    dwell: _Seconds | None = None
-    soak: _Settle | None = None
-    ramp: _Ramp | None = None
-    rate: _Hertz | None = None
-    turning: _Rate | None = None
-
-
-SIMULATED = {
-    "static": StaticOptions,
-    "tumble": TumbleOptions,
-    "rate-table": RateTableOptions,
-    "centrifuge": CentrifugeOptions,
-    "thermal": ThermalOptions,
-}
-"""Procedures that can be simulated, with the shape of their options."""
 
 _Shape = TypeVar("_Shape")
 
@@ -323,7 +242,7 @@ def quantity(text: object, like: str, place: Place, *, positive: bool = False) -
     StudyError : if it is not a quantity like `like`.
     """
     try:
-        return _measured(like, positive=positive)(text)
+        return measured(like, positive=positive)(text)
     except ValueError as error:
         raise place.error(f"{error}, came {shown(text)}") from None
 

@@ -37,7 +37,7 @@ SETTLED = 1e-3
 NOISE_ROUNDS = 2
 """Rounds that estimate the noise: the rows of the first may be off by the sensor's own errors."""
 
-ROUNDS = 12
+ROUNDS = 30
 """Most relinearisations; four are usual, seven with gains that are off by several percent."""
 
 LONGEST = 3.0

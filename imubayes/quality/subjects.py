@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -75,12 +75,12 @@ class Subject:
     seed: tuple[int, ...]
 
 
-def subject(lib: Library, number: int, seed: int) -> Subject:
+def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> Subject:
     """Draw a sensor.
 
-    Classes of the catalogue take turns. A share of the terms, uniform over sensors (the beta-binomial model
-    prior), is not zero; their sizes are normal with the class's typical magnitudes, and N, B and K log-normal
-    over the class.
+    Classes of the catalogue (those `among` its ids, if there are any) take turns. A share of the terms,
+    uniform over sensors (the beta-binomial model prior), is not zero; their sizes are normal with the class's
+    typical magnitudes, and N, B and K log-normal over the class.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def subject(lib: Library, number: int, seed: int) -> Subject:
     >>> one.sensor.id, [plan.name for plan in one.plans]
     ('quartz_flexure_servo', ['tumble'])
     """
-    entries = classes(lib.kind)
+    entries = [entry for entry in classes(lib.kind) if not among or entry.id in among]
     sensor = entries[number % len(entries)]
     place = (seed, get_args(Kind).index(lib.kind), number)
     rng = np.random.default_rng([*place, 0])

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import get_args
 
@@ -18,6 +15,7 @@ from imubayes.factor import Factor
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import Summary, summarize
+from imubayes.processes import Progress, shared
 from imubayes.quality.subjects import Subject, runs_of, subject
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import LOOSE, Selection, select
@@ -26,7 +24,6 @@ from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
 
 FloatArray = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 MODELLED = "as modelled"
 WHITE = "noise assumed white"
@@ -59,6 +56,7 @@ class QualityStudy:
     powers, asymmetry : of the candidate terms (see `imubayes.sensors.terms.library`).
     resamples : campaigns drawn for the frequencies of the sparse regressions.
     processes : that share the work.
+    classes : ids of the catalogue that sensors are drawn from; empty for all.
     path : the study's file.
     text : the file's content, for the report.
     """
@@ -72,6 +70,7 @@ class QualityStudy:
     asymmetry: int
     resamples: int
     processes: int
+    classes: tuple[str, ...]
     path: Path
     text: str
 
@@ -112,9 +111,7 @@ class Trial:
     missing: str = ""
 
 
-def trials(
-    study: QualityStudy, *, progress: Callable[[str], None] = lambda message: None
-) -> tuple[Trial, ...]:
+def trials(study: QualityStudy, *, progress: Progress = lambda message: None) -> tuple[Trial, ...]:
     """Simulate every sensor, and ask every method about it under every treatment.
 
     Parameters
@@ -127,38 +124,14 @@ def trials(
     in the order of kinds, sensors and treatments, whatever the number of processes.
     """
     jobs = [(study, kind, k) for kind in get_args(Kind) for k in range(study.sensors)]
-    start, found = time.perf_counter(), dict[int, list[Trial]]()
-    for done, (index, told) in enumerate(_judged(jobs, study.processes), 1):
-        found[index] = told
-        left = (time.perf_counter() - start) / done * (len(jobs) - done)
-        progress(f"{done} of {len(jobs)} sensors, about {left / 60.0:.0f} min left")
-    return tuple(trial for index in range(len(jobs)) for trial in found[index])
-
-
-_Job = tuple[QualityStudy, Kind, int]
-
-
-def _judged(jobs: Sequence[_Job], processes: int) -> Iterator[tuple[int, list[Trial]]]:
-    """Trials of each job with its index, as they are done."""
-    if processes == 1:
-        yield from ((index, judge(*job)) for index, job in enumerate(jobs))
-        return
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_alone) as pool:
-        index: dict[Future[list[Trial]], int] = {pool.submit(judge, *job): k for k, job in enumerate(jobs)}
-        yield from ((index[done], done.result()) for done in as_completed(index))
-
-
-def _alone() -> None:
-    """Leave linear algebra to one thread: the processes share the cores."""
-    from threadpoolctl import threadpool_limits
-
-    threadpool_limits(1)
+    found = shared(judge, jobs, study.processes, things="sensors", progress=progress)
+    return tuple(trial for told in found for trial in told)
 
 
 def judge(study: QualityStudy, kind: Kind, number: int) -> list[Trial]:
     """Ask every method about one sensor under every treatment that it takes part in."""
     lib = library(kind, powers=study.powers, asymmetry=study.asymmetry)
-    one = subject(lib, number, study.seed)
+    one = subject(lib, number, study.seed, study.classes)
     runs = runs_of(one)
     reference = _Reference.of(one, summarize(runs, one.library, sensor=one.sensor))
     return [

@@ -23,6 +23,8 @@ from imubayes.reporting.sampled_results import (
     noise_posterior,
     session_entry,
 )
+from imubayes.reporting.scene_views import scene_record
+from imubayes.reporting.standard_views import standards_record
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, Study, StudyResult
@@ -38,8 +40,8 @@ def result_dict(result: StudyResult) -> dict[str, Any]:
         "imubayes": imubayes.__version__,
         "study": result.study.title,
         "seed": result.study.seed,
-        "sensors": [_sensor(sensor) for sensor in result.sensors],
-        "scenes": [],
+        "sensors": [_sensor(result.study, sensor) for sensor in result.sensors],
+        "scenes": [scene_record(found, sensor) for sensor, found in result.scenes],
         "sessions": [session_entry(found) for found in result.sessions],
         "appendices": [{"title": a.title, "command": a.command} for a in result.study.appendices],
         "provenance": provenance(result.study),
@@ -85,7 +87,7 @@ def _version(distribution: str) -> str:
         return "unknown"
 
 
-def _sensor(sensor: SensorResult) -> dict[str, Any]:
+def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
     selection = sensor.selection
     moments, plug_in = column_moments(sensor), plug_in_inclusion(selection)
     return {
@@ -120,6 +122,7 @@ def _sensor(sensor: SensorResult) -> dict[str, Any]:
         "runs": [_run(run) for run in sensor.runs],
         "prior_source": sensor.prior_source,
         "calibration": sensor.calibration,
+        "standards": standards_record(study, sensor),
         "seconds": sensor.seconds,
     }
 

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
+from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
 from imubayes.reporting.words import (
     confounded_sentences,
@@ -55,7 +56,7 @@ class _Verdict:
 
 
 def terminal_summary(result: StudyResult) -> Group:
-    """Verdict table of each sensor, with groups, noise and fit, and what sessions differ in, for a console.
+    """Verdict table of each sensor, with groups, noise and fit, sessions and scenes, for a console.
 
     It fits 80 columns; without a terminal it is plain text.
     """
@@ -66,6 +67,9 @@ def terminal_summary(result: StudyResult) -> Group:
             _indented(session_sentence(result.sessions)),
             Text(),
         ]
+    if result.scenes:
+        told = (_indented(scene_sentences(found, sensor)[0]) for sensor, found in result.scenes)
+        parts += [Text("scenes", style="bold"), *told, Text()]
     return Group(*parts)
 
 

@@ -12,7 +12,7 @@ from imubayes.reporting import figures, fit_figures
 from imubayes.reporting.chain_views import SampledView, sampled_view
 from imubayes.reporting.chain_words import unconverged_sentence
 from imubayes.reporting.method_views import BesideView, beside_view
-from imubayes.reporting.rounding import NOISE_UNITS, Measured
+from imubayes.reporting.rounding import NOISE_UNITS, Measured, pretty
 from imubayes.reporting.rows import (
     NoiseRow,
     TermRow,
@@ -23,6 +23,9 @@ from imubayes.reporting.rows import (
     range_texts,
     term_rows,
 )
+from imubayes.reporting.scene_views import SceneView, scene_view
+from imubayes.reporting.scene_words import scene_sentences
+from imubayes.reporting.standard_views import StandardView, standard_views
 from imubayes.reporting.words import answer, fit_sentence, sensor_groups, weighed_text
 from imubayes.selection.verdicts import listed
 
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.inference.summary import RunSummary
     from imubayes.reporting.canvas import Panel
+    from imubayes.selection.relevance import Relevance
     from imubayes.sensors.terms import Kind
 
 MOST_CURVE_POINTS = 9000
@@ -95,6 +99,9 @@ class SensorView:
         chains that have not converged.
     sampled : what stands beside the exact posterior.
     beside : other methods, what the library misses, groups.
+    standards : values in the symbols of the standards that apply.
+    required : what each scene requires, in words.
+    scenes : the same with tables and figures; empty where there are none.
     """
 
     anchor: str
@@ -117,6 +124,9 @@ class SensorView:
     doubtful: bool
     sampled: SampledView
     beside: BesideView
+    standards: tuple[StandardView, ...]
+    required: tuple[str, ...]
+    scenes: tuple[SceneView, ...]
 
 
 def sensor_views(result: StudyResult) -> tuple[SensorView, ...]:
@@ -133,7 +143,7 @@ def sensor_views(result: StudyResult) -> tuple[SensorView, ...]:
         else:
             fit = _fit_view(sensor, _anchor(k), len(drawn))
         sampled = sampled_view(sensor, _anchor(k), len(drawn) if k in drawn else 0)
-        views.append(_view(sensor, _anchor(k), fit, sampled, drawn=k in drawn))
+        views.append(_view(result, k, fit, sampled, drawn=k in drawn))
     return tuple(views)
 
 
@@ -159,8 +169,10 @@ def _is_doubtful(sensor: SensorResult) -> bool:
     return misses or not all(check.fits for check in sensor.checks) or bool(unconverged_sentence(sensor))
 
 
-def _view(sensor: SensorResult, key: str, fit: FitView, sampled: SampledView, *, drawn: bool) -> SensorView:
+def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, drawn: bool) -> SensorView:
+    sensor, key = result.sensors[k], _anchor(k)
     rows, selection = term_rows(sensor), sensor.selection
+    scenes = [found for owner, found in result.scenes if owner == sensor.id]
     if not drawn:
         rows = tuple(row for row in rows if row.verdict.verdict != "untested")
     sizes = [row.size for row in rows if row.size]
@@ -185,7 +197,16 @@ def _view(sensor: SensorResult, key: str, fit: FitView, sampled: SampledView, *,
         doubtful=_is_doubtful(sensor),
         sampled=sampled,
         beside=beside_view(sensor, key, drawn=drawn, own_rows=fit.twin is None),
+        standards=standard_views(result.study, sensor) if drawn else (),
+        required=tuple(pretty(" ".join(scene_sentences(found, sensor.id))) for found in scenes),
+        scenes=tuple(_scenes(scenes, sensor, key)) if drawn else (),
     )
+
+
+def _scenes(scenes: Sequence[Relevance], sensor: SensorResult, key: str) -> Iterator[SceneView]:
+    symbols = {term.name: term.symbol for term in sensor.selection.terms}
+    for k, found in enumerate(scenes):
+        yield scene_view(found, sensor.id, symbols, f"{key}w{k}")
 
 
 def _decimals(texts: list[str]) -> int:

@@ -25,6 +25,7 @@ def told():
         asymmetry=0,
         resamples=10,
         processes=2,
+        classes=(),
         path=Path("slow.toml"),
         text="",
     )

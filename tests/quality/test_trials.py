@@ -31,6 +31,7 @@ SMALL = QualityStudy(
     asymmetry=-1,
     resamples=2,
     processes=1,
+    classes=(),
     path=Path("small.toml"),
     text="",
 )

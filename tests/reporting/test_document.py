@@ -9,10 +9,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scenes_found import a_relevance
 
 from imubayes.errors import InputError
 from imubayes.reporting import document
 from imubayes.reporting.document import report_html, write_results
+from imubayes.reporting.views import MANY, MOST_DRAWN
 from imubayes.sensors.terms import library
 
 ATTACK = '<script>alert("x")</script>&'
@@ -241,3 +243,13 @@ def test_report_says_how_many_draws_the_file_holds(make_sampled, make_sensor, ma
     # 600 averaged draws are 150 in each of four chains, and as many are kept of each chain's 500
     assert "600 draws of the full library, and as many averaged" in report_html(make_study(make_sampled()))
     assert "600 independent draws" in report_html(make_study(make_sensor()))
+
+
+def test_report_says_what_scenes_require_in_words_where_components_are_many(make_sensor, make_study) -> None:
+    many = make_study(*(make_sensor(f"U{k}", runs=("tumble",)) for k in range(MANY + 1)))
+    many = replace(many, scenes=tuple((sensor.id, a_relevance()) for sensor in many.sensors))
+    html = report_html(many)
+    assert all(f"{sensor.id} in quadrotor" in html for sensor in many.sensors)
+    # tables and figures only of the components that are drawn
+    assert html.count(' in quadrotor"') == MOST_DRAWN
+    structure(html)

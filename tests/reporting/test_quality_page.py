@@ -23,6 +23,7 @@ STUDY = QualityStudy(
     asymmetry=1,
     resamples=5,
     processes=1,
+    classes=(),
     path=Path("quality.toml"),
     text="[quality]\n",
 )

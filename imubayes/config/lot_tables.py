@@ -1,0 +1,95 @@
+"""The ``[lots]`` table becomes a `LotStudy`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from imubayes.campaign import Mission, SensorSpec
+from imubayes.config.scene_tables import scenes_of
+from imubayes.config.sensor_tables import own_classes, sensor_spec
+from imubayes.config.shapes import HeaderTable, LotsTable, Place, StudyFile, shaped, unique
+from imubayes.lots.plan import LotStudy
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Kind
+
+APART = ("sensor", "sampling", "decision", "appendix", "quality")
+"""Tables that a class-level study has no use for."""
+
+
+def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
+    """Check a class-level study.
+
+    Parameters
+    ----------
+    tables : of the file.
+    path, text : of the file.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    place = Place(str(path))
+    header = shaped(HeaderTable, tables.study, place.at("study"))
+    here = place.at("lots")
+    table = shaped(LotsTable, tables.lots, here)
+    for key in APART:
+        if getattr(tables, key):
+            raise place.at(key).error("a class-level study draws the units of its own classes: leave it out")
+    if header.method not in ("auto", "exact"):
+        raise place.at("study").at("method").error("a class-level study is exact: leave it out")
+    own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
+    entries = _classes(table, own, here.at("classes"))
+    campaign = _campaign(table, own, path.parent, here)
+    return LotStudy(
+        title=header.title or path.stem,
+        seed=header.seed,
+        kind=table.kind,
+        classes=entries,
+        units=table.units,
+        library=campaign.library,
+        runs=campaign.runs,
+        reference=campaign.reference,
+        missions=_missions(tables, table.kind, header.seed, path),
+        basic=table.basic,
+        processes=table.processes,
+        path=path,
+        text=text,
+    )
+
+
+def _classes(table: LotsTable, own: Sequence[SensorClass], place: Place) -> tuple[SensorClass, ...]:
+    ids, found = table.classes, list[SensorClass]()
+    if not ids:
+        raise place.error("expected the id of at least one class ('imubayes catalogue' lists them)")
+    for k, name in enumerate(ids):
+        if name in ids[:k]:
+            raise place.at(k).error(f"'{name}' is there already: expected each class once")
+        with place.at(k).blamed():
+            found.append(sensor(name, kind=table.kind, catalogue=own))
+    return tuple(found)
+
+
+def _campaign(table: LotsTable, own: Sequence[SensorClass], folder: Path, place: Place) -> SensorSpec:
+    """Check the test campaign as that of a sensor of the first class: it is the same for all."""
+    raw = {
+        "id": table.classes[0],
+        "kind": table.kind,
+        "class": table.classes[0],
+        "library": table.library,
+        "reference": table.reference,
+        "run": table.run,
+    }
+    spec = sensor_spec(raw, folder, place, catalogue=own)
+    for k, run in enumerate(spec.runs):
+        if run.simulate is None:
+            raise place.at("run").at(k).error("units of a lot are simulated: expected simulate, not a file")
+    return spec
+
+
+def _missions(tables: StudyFile, kind: Kind, seed: int, path: Path) -> tuple[Mission, ...]:
+    place = Place(str(path)).at("scene")
+    missions = scenes_of(tables.scene, path.parent, place, seed, {kind})
+    unique([one.name for one in missions], "name", place)
+    return missions

@@ -1,0 +1,95 @@
+"""The whole class-level study: every unit of every class tested, put together, and held against the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from imubayes.lots.answers import Check, ClassFound, LotResult, UnitFound
+from imubayes.lots.missions import exposures, missions, over_units
+from imubayes.lots.plan import LotStudy
+from imubayes.lots.population import CANNOT_TELL, frequency, population
+from imubayes.lots.units import lot_of, unit_of
+from imubayes.processes import Progress, shared
+from imubayes.selection.relevance import MATTERS
+from imubayes.sensors.lots import Lot
+
+HALF = 0.5
+"""Share of the units by which a class has no answer, if it is exceeded."""
+
+
+def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> LotResult:
+    """Measure what the classes of a study need.
+
+    Parameters
+    ----------
+    study : as `config.read_lots` gives it.
+    progress : is told how many units are done.
+    """
+    start = time.perf_counter()
+    lots = [lot_of(study, k) for k in range(len(study.classes))]
+    units = _units(study, lots, progress)
+    progress("scenes")
+    exposed = exposures(study)
+    classes = tuple(
+        ClassFound(
+            sensor_class=lot.sensor_class,
+            units=own,
+            terms=population(own, study.library, lot),
+            order=over_units([unit.verdicts.count("needed") for unit in own]),
+            missions=missions(own, study, exposed),
+        )
+        for lot, own in zip(lots, units, strict=True)
+    )
+    return LotResult(study, classes, check(classes), time.perf_counter() - start)
+
+
+def _units(study: LotStudy, lots: Sequence[Lot], progress: Progress) -> list[tuple[UnitFound, ...]]:
+    """Units of each class; scenes stay behind, as no unit needs them and they are large."""
+    slim = replace(study, missions=())
+    jobs = [(slim, k, number, lot) for k, lot in enumerate(lots) for number in range(study.units)]
+    found = shared(unit_of, jobs, study.processes, things="units", progress=progress)
+    return [tuple(found[k * study.units : (k + 1) * study.units]) for k in range(len(lots))]
+
+
+def check(classes: Sequence[ClassFound]) -> Check:
+    """Hold the class-level answers against the simulated truth.
+
+    A cell is a term of a class in a scene. It is *required* where its median share of the budget over the
+    units is `relevance.MATTERS` or more: of the estimates for what the study says, of the simulated
+    coefficients for the truth. A term that the tests of more than half of the units cannot tell
+    (`population.CANNOT_TELL`) has no answer, and its cells are counted apart. The coverage counts means and
+    spreads together, of each term that the test excites: of the others the interval is the prior's.
+    """
+    cells = [
+        (term.share.value >= MATTERS, term.true_share >= MATTERS)
+        for one in classes
+        for scene in one.missions
+        for term, told in zip(scene.terms, _told(one), strict=True)
+        if told
+    ]
+    both = sum(said and true for said, true in cells)
+    said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
+    held = [
+        share.low <= truth <= share.high
+        for one in classes
+        for j, term in enumerate(one.terms)
+        if any(unit.verdicts[j] != "untested" for unit in one.units)
+        for share, truth in ((term.mean, term.true_mean), (term.spread, term.true_spread))
+    ]
+    return Check(
+        precision=frequency(both, said),
+        recall=frequency(both, true),
+        cells=(len(cells), true),
+        coverage=frequency(sum(held), len(held)),
+        untold=sum(len(scene.terms) for one in classes for scene in one.missions) - len(cells),
+    )
+
+
+def _told(one: ClassFound) -> list[bool]:
+    """Whether the tests of half of the units or more tell each term."""
+    blind = np.array([[verdict in CANNOT_TELL for verdict in unit.verdicts] for unit in one.units])
+    return (blind.mean(axis=0) <= HALF).tolist()

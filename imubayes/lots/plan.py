@@ -1,0 +1,47 @@
+"""A class-level study as its file says: which classes, how many units, which test, which scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from imubayes.campaign import Mission
+from imubayes.rig.runs import RunSpec
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Kind, Library
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LotStudy:
+    """A class-level study.
+
+    Attributes
+    ----------
+    title, seed : of the study.
+    kind : of all its sensors.
+    classes : of the catalogue, in the order of the report.
+    units : simulated of each class.
+    library : candidate terms.
+    runs : the test campaign that each unit goes through, simulated.
+    reference : sd in SI of each error of the test bench, by kind: drawn for each unit, and allowed for in its
+        analysis.
+    missions : scenes that the terms are held against.
+    basic : whether the report asks what the twelve-parameter triad would cost.
+    processes : that share the work.
+    path, text : of the file.
+    """
+
+    title: str
+    seed: int
+    kind: Kind
+    classes: tuple[SensorClass, ...]
+    units: int
+    library: Library
+    runs: tuple[RunSpec, ...]
+    reference: Mapping[str, float]
+    missions: tuple[Mission, ...]
+    basic: bool
+    processes: int
+    path: Path
+    text: str

@@ -1,0 +1,278 @@
+"""Figures of a class-level study: matrices of terms by class or by scene, model order, populations.
+
+The matrices are drawn here and not by the plotting library: each of their cells is a link to its numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imubayes.reporting.canvas import (
+    ACCENT,
+    GREY,
+    PALE,
+    WARNING,
+    WIDTH,
+    Axes,
+    Margins,
+    Panel,
+    dots,
+    draw,
+    few_ticks,
+)
+from imubayes.reporting.lots_words import (
+    MAJORITY,
+    class_name,
+    of_budget,
+    percent,
+    required,
+    scene_name,
+    shares,
+    slug,
+)
+from imubayes.selection.relevance import MATTERS
+from imubayes.sensors.catalogue import prior_sd
+
+if TYPE_CHECKING:
+    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, MissionTerm, PopulationTerm
+    from imubayes.sensors.terms import Library
+
+OPEN = "#E69F00"
+"""Colour of what a test cannot tell; a question mark goes with it."""
+
+EMPTY = "#eceef1"
+"""Colour of the units that do not need a term."""
+
+LEAST = 0.01
+"""Share of a budget below which a cell is a point."""
+
+LABEL, LETTER = 46, 6.6
+"""px left of a matrix for the terms, and of a letter of a heading."""
+
+ROW, NARROWEST, WIDEST = 19, 20, 40
+"""px of a matrix's rows, and of its narrowest and widest columns."""
+
+LINE = 17
+"""px of a row of a panel."""
+
+FARTHEST = 3.0
+"""Typical sizes at which the axis of the populations ends; what lies beyond is drawn at the end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell of a matrix.
+
+    Attributes
+    ----------
+    drawing : SVG within a box of `wide` by `ROW` px whose middle is the origin.
+    title : what it shows, in words.
+    anchor : of its numbers.
+    """
+
+    drawing: str
+    title: str
+    anchor: str
+
+
+def needed_matrix(result: LotResult, key: str) -> Panel:
+    """Share of the units of each class in which each term is needed, or open."""
+    names, columns = result.study.library.names, [class_name(one.sensor_class) for one in result.classes]
+    wide = _column(len(columns))
+    cells = [[_needed_cell(one, one.terms[row], wide) for one in result.classes] for row in range(len(names))]
+    all_of = [name for row, name in enumerate(names) if _least(result, row) >= MAJORITY]
+    title = f"{len(all_of)} of {len(names)} terms are needed by most units of every class"
+    alt = "Terms needed in half of the units or more: " + "; ".join(
+        f"{column}: {' '.join(t.name for t in one.terms if t.needed.value >= MAJORITY) or 'none'}"
+        for column, one in zip(columns, result.classes, strict=True)
+    )
+    return Panel(title, _matrix(key, names, columns, cells, alt))
+
+
+def _least(result: LotResult, row: int) -> float:
+    return min(one.terms[row].needed.value for one in result.classes)
+
+
+def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
+    """Bar of the units: needed, open, and the rest."""
+    room, tall = wide - 4.0, ROW - 5.0
+    first = room * term.needed.value
+    second = min(room * term.open, room - first)
+    boxes = [(0.0, room, EMPTY), (0.0, first, ACCENT), (first, second, OPEN)]
+    drawing = "".join(
+        f'<rect x="{x - room / 2:.1f}" y="{-tall / 2:.1f}" width="{w:.1f}" height="{tall:.1f}" fill="{c}"/>'
+        for x, w, c in boxes
+        if w > 0.0
+    )
+    if term.open >= MAJORITY:
+        drawing += f'<text x="{first + second / 2 - room / 2:.1f}" y="4" text-anchor="middle">?</text>'
+    name = class_name(found.sensor_class)
+    title = f"{term.name}, {name}: needed in {shares(term.needed)} of the units, open in {percent(term.open)}"
+    return Cell(drawing, title, slug("class", found.sensor_class.id, term.name))
+
+
+def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
+    """Share of the budget of the k-th scene that each term takes in each class."""
+    columns = [class_name(one.sensor_class) for one in result.classes]
+    found = [one.missions[k] for one in result.classes]
+    needs = sum(bool(required(one)) for one in found)
+    title = f"{needs} of {len(found)} classes need a model in the scene {scene_name(found[0].mission)}"
+    return Panel(title, _share_matrix(key, found, columns, result.classes))
+
+
+def class_matrix(one: ClassFound, key: str) -> Panel:
+    """Share of each scene's budget that each term takes in a class."""
+    columns = [scene_name(found.mission) for found in one.missions]
+    needs = sum(bool(required(found)) for found in one.missions)
+    title = f"{needs} of {len(columns)} scenes require a model of {class_name(one.sensor_class)}"
+    return Panel(title, _share_matrix(key, one.missions, columns, [one] * len(columns)))
+
+
+def _share_matrix(
+    key: str, found: Sequence[MissionFound], columns: Sequence[str], owners: Sequence[ClassFound]
+) -> str:
+    """Matrix of the terms that take something anywhere, a column for each scene of a class."""
+    rows = [
+        j
+        for j in range(len(found[0].terms))
+        if any(max(one.terms[j].share.value, one.terms[j].required) >= LEAST for one in found)
+    ]
+    wide = _column(len(columns))
+    cells = [
+        [
+            Cell(
+                _share_drawing(one.terms[j], owner.terms[j].open, min(wide, ROW) - 4.0),
+                f"{one.terms[j].name}, {column}: {of_budget(one.terms[j].share.value)}, required by"
+                f" {percent(one.terms[j].required)} of the units",
+                slug("class", owner.sensor_class.id, one.mission),
+            )
+            for one, column, owner in zip(found, columns, owners, strict=True)
+        ]
+        for j in rows
+    ]
+    names = [found[0].terms[j].name for j in rows]
+    alt = "Terms that take a tenth of the budget or more in the median unit: " + "; ".join(
+        f"{column}: {' '.join(t.name for t in one.terms if t.share.value >= MATTERS) or 'none'}"
+        for one, column in zip(found, columns, strict=True)
+    )
+    return _matrix(key, names, columns, cells, alt)
+
+
+def _share_drawing(term: MissionTerm, unknown: float, largest: float) -> str:
+    """Square whose side is a logarithm of the share, framed where half of the units require the term.
+
+    A question mark takes its place where the share is little and the tests of half of the units cannot tell.
+    """
+    share = term.share.value
+    if unknown >= MAJORITY and share < MATTERS:
+        drawing = f'<text y="4" text-anchor="middle" fill="{GREY}">?</text>'
+    else:
+        reach = math.log10(max(share, LEAST) / LEAST) / 2.0
+        colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
+        drawing = _square(max(2.0, largest * min(reach, 1.0)), f'fill="{colour}"')
+    if term.required >= MAJORITY:
+        drawing += _square(largest + 3.0, f'fill="none" stroke="{GREY}"')
+    return drawing
+
+
+def _square(side: float, style: str) -> str:
+    half = f"{-side / 2:.1f}"
+    return f'<rect x="{half}" y="{half}" width="{side:.1f}" height="{side:.1f}" {style}/>'
+
+
+def _column(count: int) -> int:
+    return max(NARROWEST, min(WIDEST, (WIDTH - LABEL) // max(count, 1)))
+
+
+def _matrix(
+    key: str, rows: Sequence[str], columns: Sequence[str], cells: Sequence[Sequence[Cell]], alt: str
+) -> str:
+    """SVG of a matrix; headings stand upright, and each cell is a link."""
+    wide, head = _column(len(columns)), 12 + LETTER * max(len(name) for name in columns)
+    width, height = max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6)
+    parts = [
+        f'<text transform="translate({LABEL + wide * (c + 0.5) + 4:.1f} {head - 6:.1f}) rotate(-90)">'
+        f"{escape(name)}</text>"
+        for c, name in enumerate(columns)
+    ]
+    for r, (name, row) in enumerate(zip(rows, cells, strict=True)):
+        y = head + ROW * (r + 0.5)
+        parts.append(f'<text x="{LABEL - 6}" y="{y + 4:.1f}" text-anchor="end">{escape(name)}</text>')
+        parts.extend(
+            f'<a href="#{cell.anchor}"><g transform="translate({LABEL + wide * (c + 0.5):.1f} {y:.1f})">'
+            f"<title>{escape(cell.title)}</title>{cell.drawing}</g></a>"
+            for c, cell in enumerate(row)
+        )
+    size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
+    return f'<svg id="{key}" {size} role="img" aria-label="{escape(alt)}">{"".join(parts)}</svg>'
+
+
+def order_panel(result: LotResult, key: str) -> Panel:
+    """Number of needed terms by class, with its range over the units."""
+    names = [class_name(one.sensor_class) for one in result.classes]
+    orders = [one.order for one in result.classes]
+    most, least = max(orders, key=lambda o: o.value), min(orders, key=lambda o: o.value)
+    biggest, smallest = names[orders.index(most)], names[orders.index(least)]
+    title = f"{biggest[:1].upper()}{biggest[1:]} needs {most.value:.0f} terms, {smallest} {least.value:.0f}"
+
+    def paint(axes: Axes) -> None:
+        _lines(axes, names, [(o.low, o.value, o.high) for o in orders])
+        axes.set(xlabel="terms needed", xlim=(0.0, len(result.study.library.terms)))
+        few_ticks(axes, 5, len(names), counts=True)
+        axes.set_yticks(range(len(names)), names)
+
+    alt = "Terms needed, median and 90 % of the units: " + "; ".join(
+        f"{name} {o.value:.0f} ({o.low:.0f} to {o.high:.0f})" for name, o in zip(names, orders, strict=True)
+    )
+    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=_margins(names))
+
+
+def population_panel(found: ClassFound, lib: Library, key: str) -> Panel:
+    """Population of each term beside the class's typical size: mean with its interval, and spread."""
+    scales = [prior_sd(found.sensor_class, term)[0] for term in lib.terms]
+    names = list(lib.names)
+    shared = [
+        term.name
+        for term in found.terms
+        if term.needed.value >= MAJORITY and term.mean.low * term.mean.high > 0.0
+    ]
+    title = f"{len(shared)} of {len(names)} terms are needed, and have a mean that all units share"
+
+    def paint(axes: Axes) -> None:
+        scaled = [(term, scale) for term, scale in zip(found.terms, scales, strict=True)]
+        spreads = [
+            ((t.mean.value - t.spread.value) / s, (t.mean.value + t.spread.value) / s) for t, s in scaled
+        ]
+        for row, (low, high) in enumerate(np.clip(spreads, -FARTHEST, FARTHEST)):
+            axes.plot([low, high], [row, row], color=PALE, linewidth=5.0, solid_capstyle="butt")
+        means = [(t.mean.low / s, t.mean.value / s, t.mean.high / s) for t, s in scaled]
+        _lines(axes, names, np.clip(means, -FARTHEST, FARTHEST).tolist())
+        axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        axes.set(
+            xlabel="population over the typical size of the class", xlim=(-1.05 * FARTHEST, 1.05 * FARTHEST)
+        )
+
+    alt = "Population mean over the class's typical size: " + "; ".join(
+        f"{t.name} {t.mean.value / s:.2g}" for t, s in zip(found.terms, scales, strict=True)
+    )
+    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=_margins(names))
+
+
+def _margins(names: Sequence[str]) -> Margins:
+    return Margins(left=int(14 + LETTER * max(len(name) for name in names)))
+
+
+def _lines(axes: Axes, names: Sequence[str], rows: Sequence[tuple[float, float, float]]) -> None:
+    """Draw low, middle and high of each row, the first row on top."""
+    for row, (low, middle, high) in enumerate(rows):
+        axes.plot([low, high], [row, row], color=ACCENT, linewidth=1.5)
+        dots(axes, np.array([middle]), np.array([float(row)]), color=ACCENT, size=6.0)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)

@@ -1,0 +1,255 @@
+"""The report of a class-level study: one page and its numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imubayes.reporting.lots_figures import (
+    class_matrix,
+    needed_matrix,
+    order_panel,
+    population_panel,
+    scene_matrix,
+)
+from imubayes.reporting.lots_results import lots_json
+from imubayes.reporting.lots_sentences import (
+    SIMULATED,
+    basic_sentences,
+    check_sentences,
+    class_sentences,
+    lots_answer,
+    scene_sentences,
+)
+from imubayes.reporting.lots_words import (
+    budget,
+    class_name,
+    counts,
+    of_budget,
+    percent,
+    ranged,
+    required,
+    scene_name,
+    shares,
+    slug,
+)
+from imubayes.reporting.results import versions
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty
+from imubayes.sensors.catalogue import prior_sd
+
+if TYPE_CHECKING:
+    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, MissionTerm, Share
+    from imubayes.reporting.canvas import Panel
+    from imubayes.sensors.terms import Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of a table: its anchor, name, the anchor that the name leads to, and its numbers as texts."""
+
+    anchor: str
+    name: str
+    leads: str
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneView:
+    """A scene over the classes, or within one.
+
+    Attributes
+    ----------
+    anchor, title : of the scene.
+    terms : of the study's budget, in words.
+    said : sentences made from the numbers.
+    panel : matrix of terms by class; None within a class.
+    rows : of the table of its terms; empty over the classes.
+    """
+
+    anchor: str
+    title: str
+    terms: str
+    said: tuple[str, ...]
+    panel: Panel | None
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassView:
+    """A class's page."""
+
+    anchor: str
+    title: str
+    told: str
+    said: tuple[str, ...]
+    rows: tuple[Row, ...]
+    panels: tuple[Panel, ...]
+    scenes: tuple[SceneView, ...]
+
+
+def write_lots(result: LotResult, folder: Path) -> tuple[Path, ...]:
+    """Write ``report.html`` and ``result.json`` into a folder."""
+    report, values = folder / "report.html", folder / "result.json"
+    report.write_text(lots_html(result), encoding="utf-8")
+    values.write_text(lots_json(result), encoding="utf-8")
+    return report, values
+
+
+def lots_html(result: LotResult) -> str:
+    """Text of the report; names that come from the study file are escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    page = Environment(
+        loader=PackageLoader("imubayes", "reporting"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template("lots.html.j2")
+    study = result.study
+    return page.render(
+        study=study,
+        answer=lots_answer(result),
+        simulated=SIMULATED,
+        names=tuple(class_name(one.sensor_class) for one in result.classes),
+        orders=_orders(result),
+        matrix=needed_matrix(result, "needed-matrix"),
+        order=order_panel(result, "order-panel"),
+        scenes=tuple(_scene_view(result, k) for k in range(len(study.missions))),
+        classes=tuple(_class_view(result, k) for k in range(len(result.classes))),
+        check=check_sentences(result),
+        basic=basic_sentences(result) if study.basic else (),
+        basic_rows=tuple(_by_scene(result, "basic", lambda scene: ranged_share(scene.basic_share))),
+        minutes=f"{result.seconds / 60.0:.1f}",
+        unit=pretty(OUTPUT_UNIT[study.kind]),
+        versions=versions(),
+        command=f"imubayes run {study.path}",
+    )
+
+
+def _orders(result: LotResult) -> tuple[Row, ...]:
+    """Sizes of the models, a class a column: what the test shows, and what each scene requires."""
+    shown = Row("order-shown", "needed", "needed-terms", tuple(_range(one.order) for one in result.classes))
+    return (shown, *_by_scene(result, "order", lambda scene: _range(scene.order)))
+
+
+def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str]) -> Iterator[Row]:
+    """Tell something of each scene, a class a column."""
+    for k, mission in enumerate(result.study.missions):
+        cells = tuple(told(one.missions[k]) for one in result.classes)
+        yield Row(slug(what, mission.name), scene_name(mission.name), slug("scene", mission.name), cells)
+
+
+def _range(found: Share) -> str:
+    return f"{found.value:.0f} ({found.low:.0f} to {found.high:.0f})"
+
+
+def _scene_view(result: LotResult, k: int) -> SceneView:
+    mission = result.study.missions[k]
+    return SceneView(
+        anchor=slug("scene", mission.name),
+        title=scene_name(mission.name),
+        terms=budget(mission, result.study.kind),
+        said=scene_sentences(result, k),
+        panel=scene_matrix(result, k, f"scene{k}"),
+        rows=(),
+    )
+
+
+def _class_view(result: LotResult, k: int) -> ClassView:
+    found, study = result.classes[k], result.study
+    entry, name = found.sensor_class, class_name(found.sensor_class)
+    panels = [population_panel(found, study.library, f"population{k}")]
+    if found.missions:
+        panels.append(class_matrix(found, f"class{k}"))
+    return ClassView(
+        anchor=slug("class", entry.id),
+        title=f"{name[:1].upper()}{name[1:]}",
+        told=f"{entry.technology}, {entry.grade} ({', '.join(entry.examples[:3])})",
+        said=class_sentences(found, len(study.library.terms)),
+        rows=tuple(_population_rows(result, found)),
+        panels=tuple(panels),
+        scenes=tuple(_own_scene(result, found, m) for m in range(len(found.missions))),
+    )
+
+
+def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
+    rows = []
+    for term, one in zip(result.study.library.terms, found.terms, strict=True):
+        size = per_unit(term.printed, term.unit)
+        typical = prior_sd(found.sensor_class, term)[0]
+        cells = (
+            term.symbol,
+            ranged(one.mean, size=size),
+            _plain(one.true_mean / size),
+            ranged(one.spread, size=size),
+            _plain(one.true_spread / size),
+            pretty(term.printed),
+            _plain(typical / size),
+            shares(one.needed),
+            percent(one.open),
+        )
+        rows.append(Row(slug("class", found.sensor_class.id, one.name), one.name, "needed-terms", cells))
+    return rows
+
+
+def _plain(value: float) -> str:
+    return str(measured(value, 0.0)).replace("-", "−")
+
+
+def _own_scene(result: LotResult, found: ClassFound, k: int) -> SceneView:
+    """One scene on the page of a class."""
+    mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
+    anchor = slug("class", found.sensor_class.id, scene.mission)
+    noise = (
+        f"Noise comes to {of_budget(scene.noise_share)}; {percent(scene.within)} of the units have a model"
+    )
+    said = [
+        f"The smallest model that stays within the budget has {scene.order.value:.0f} terms"
+        f" (90 % of the units: {scene.order.low:.0f} to {scene.order.high:.0f}).",
+        f"{noise} that stays within the budget with 95 %.",
+    ]
+    if not math.isnan(scene.basic_share):
+        said.append(f"The basic triad leaves {of_budget(scene.basic_share)}.")
+    return SceneView(
+        anchor=anchor,
+        title=scene_name(scene.mission),
+        terms=budget(mission, kind),
+        said=tuple(said),
+        panel=None,
+        rows=tuple(_scene_row(term, anchor, mission.name, kind) for term in scene.terms if counts(term)),
+    )
+
+
+def _scene_row(term: MissionTerm, anchor: str, scene: str, kind: Kind) -> Row:
+    size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    cells = (
+        _plain(term.rms / size),
+        ranged(term.share, "%", 0.01),
+        ranged_share(term.true_share),
+        percent(term.required),
+    )
+    return Row(f"{anchor}-{slug(term.name)}", term.name, slug("scene", scene), cells)
+
+
+def ranged_share(share: float) -> str:
+    """Share of a budget as a number of percent, two digits.
+
+    Examples
+    --------
+    >>> ranged_share(0.1234)
+    '12 %'
+    """
+    return f"{measured(100.0 * share, 0.0).value} %"
+
+
+def terminal_lots(result: LotResult) -> str:
+    """Lines for a terminal: the answer, and the size of each class's models."""
+    lines = [f"{'class':24} {'terms needed':>16} {'scenes that require a model':>32}"]
+    for one in result.classes:
+        needs = f"{sum(bool(required(scene)) for scene in one.missions)} of {len(one.missions)}"
+        lines.append(f"{class_name(one.sensor_class):24} {_range(one.order):>16} {needs:>32}")
+    return "\n".join((*(one.text for one in lots_answer(result)), "", *lines))

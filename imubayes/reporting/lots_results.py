@@ -1,0 +1,93 @@
+"""A class-level study as plain values for ``result.json``: SI units, finite numbers or null."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import imubayes
+from imubayes.reporting.lots_sentences import lots_answer
+from imubayes.reporting.lots_words import required
+from imubayes.reporting.quality_page import finite
+from imubayes.reporting.results import versions
+
+if TYPE_CHECKING:
+    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, Share, UnitFound
+
+
+def lots_json(result: LotResult) -> str:
+    """Text of ``result.json``: SI; what is not finite becomes null."""
+    study = result.study
+    document = {
+        "imubayes": imubayes.__version__,
+        "study": study.title,
+        "seed": study.seed,
+        "answer": [one.text for one in lots_answer(result)],
+        "scenes": [_scene_entry(one, scene) for one in result.classes for scene in one.missions],
+        "lots": {
+            "kind": study.kind,
+            "units": study.units,
+            "terms": study.library.names,
+            "classes": [_class_entry(one) for one in result.classes],
+            "check": asdict(result.check),
+        },
+        "provenance": {
+            "study_file": str(study.path),
+            "study_text": study.text,
+            "command": f"imubayes run {study.path}",
+            "versions": versions(),
+        },
+    }
+    return json.dumps(finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _scene_entry(found: ClassFound, scene: MissionFound) -> dict[str, Any]:
+    """A scene with the keys of ordinary studies; `sensor` is the class."""
+    return {
+        "name": scene.mission,
+        "sensor": found.sensor_class.id,
+        "model": required(scene),
+        "terms": [
+            {
+                "name": term.name,
+                "rms": term.rms,
+                "share_of_budget": term.share.value,
+                "share_range": (term.share.low, term.share.high),
+                "required": term.required,
+                "true_share_of_budget": term.true_share,
+            }
+            for term in scene.terms
+        ],
+        "order": _entry(scene.order),
+        "within": scene.within,
+        "noise_share_of_budget": scene.noise_share,
+        "basic_share_of_budget": scene.basic_share,
+    }
+
+
+def _class_entry(found: ClassFound) -> dict[str, Any]:
+    return {
+        "id": found.sensor_class.id,
+        "order": _entry(found.order),
+        "terms": [asdict(term) for term in found.terms],
+        "units": [_unit_entry(unit) for unit in found.units],
+    }
+
+
+def _unit_entry(unit: UnitFound) -> dict[str, Any]:
+    arrays = {"truth": unit.truth, "mean": unit.average, "sd": unit.sd, "inclusion": unit.inclusion}
+    return {
+        "number": unit.number,
+        **{name: np.asarray(values).tolist() for name, values in arrays.items()},
+        "full_mean": unit.mean.tolist(),
+        "full_sd": np.sqrt(np.diagonal(unit.cov)).tolist(),
+        "verdicts": unit.verdicts,
+        "noise": dict(zip("NBK", unit.noise, strict=True)),
+    }
+
+
+def _entry(found: Share) -> dict[str, float]:
+    return asdict(found)

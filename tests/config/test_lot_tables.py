@@ -1,0 +1,116 @@
+from pathlib import Path
+
+import pytest
+
+from imubayes.config import read_lots, read_quality, read_study
+from imubayes.errors import StudyError
+from imubayes.rig.scene_ranges import catalogue_scenes
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+SMALL = """
+[study]
+seed = 4
+[lots]
+kind = "gyroscope"
+classes = ["mems_tactical", "fog_navigation"]
+units = 3
+[lots.library]
+powers = 2
+asymmetry = -1
+[[lots.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = { angles = 4, planes = 2, dwell = "4 s", rate = "1 Hz" }
+[[scene]]
+name = "helicopter"
+budget = { attitude = "1 deg" }
+"""
+
+
+def _read(folder: Path, text: str):
+    path = folder / "lots.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_lots(path)
+
+
+def test_study_has_what_its_file_says(tmp_path):
+    study = _read(tmp_path, SMALL)
+    assert (study.title, study.seed, study.kind, study.units, study.basic) == (
+        "lots",
+        4,
+        "gyroscope",
+        3,
+        False,
+    )
+    assert [one.id for one in study.classes] == ["mems_tactical", "fog_navigation"]
+    assert {one.kind for one in study.classes} == {"gyroscope"}
+    assert [run.name for run in study.runs] == ["tumble"]
+    assert [(one.name, one.budget.quantity) for one in study.missions] == [("helicopter", "attitude")]
+    assert study.text == study.path.read_text(encoding="utf-8")
+
+
+def test_study_without_the_table_is_no_class_level_study():
+    assert read_lots(STUDIES / "quickstart.toml") is None
+    assert read_lots(STUDIES / "decision_quality.toml") is None
+
+
+def test_class_level_study_is_no_other_study(tmp_path):
+    study = _read(tmp_path, SMALL)
+    assert read_quality(study.path) is None
+    with pytest.raises(StudyError, match="lots: a class-level study draws its own units: 'imubayes run' it"):
+        read_study(study.path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "said"),
+    [
+        ("units = 3", "units = 1", "lots.units", "greater than or equal to 2"),
+        ("units = 3", "unit = 3", "lots.unit", "did you mean 'units'?"),
+        ('"fog_navigation"]', '"fog_navigatio"]', "lots.classes[1]", "did you mean fog_navigation"),
+        ('"fog_navigation"]', '"mems_tactical"]', "lots.classes[1]", "is there already"),
+        ('["mems_tactical", "fog_navigation"]', "[]", "lots.classes", "at least one class"),
+        ('kind = "gyroscope"', 'kind = "accelerometer"', "lots.classes[1]", "is of kind gyroscope"),
+        ('kind = "gyroscope"', 'kind = "imu"', "lots.kind", "came 'imu'"),
+        ("powers = 2", "powers = 99", "lots.library", "out of range"),
+        ('procedure = "tumble"', 'procedure = "tumbl"', "lots.run[0].procedure", "expected"),
+        ("simulate = {", 'file = "a.csv"\n# {', "lots.run[0]", "are simulated: expected simulate"),
+        ("[study]", "[sampling]\ness = 5\n[study]", "sampling", "leave it out"),
+        ("seed = 4", 'method = "full"', "study.method", "is exact"),
+        ('name = "helicopter"', 'name = "helicoptre"', "scene[0].name", "did you mean helicopter"),
+        ("attitude", "atitude", "scene[0].budget.atitude", "did you mean 'attitude'?"),
+        (
+            "[[scene]]",
+            '[[scene]]\nname = "helicopter"\nbudget = { velocity = "1 m/s" }\n[[scene]]',
+            "scene[1].name",
+            "is the name of scene[0] already",
+        ),
+    ],
+)
+def test_error_names_the_key_and_what_to_do(tmp_path, old, new, key, said):
+    assert old in SMALL
+    with pytest.raises(StudyError) as caught:
+        _read(tmp_path, SMALL.replace(old, new, 1))
+    assert f"lots.toml: {key}: " in str(caught.value)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["mems_vs_fog", "accelerometer_grades", "basic_vs_generalized", "scenes"])
+def test_committed_study_has_an_imperfect_bench_scenes_and_two_runs(name):
+    study = read_lots(STUDIES / f"{name}.toml")
+    assert 8 <= study.units <= 10
+    assert study.reference
+    assert study.missions
+    assert {run.procedure for run in study.runs} >= {"tumble"}
+    assert len(study.runs) == 2
+
+
+def test_scenes_are_all_those_of_the_catalogue():
+    study = read_lots(STUDIES / "scenes.toml")
+    assert [one.name for one in study.missions] == [one.id for one in catalogue_scenes()]
+
+
+def test_only_the_study_of_the_triad_asks_what_it_costs():
+    studies = (read_lots(path) for path in STUDIES.glob("*.toml"))
+    asked = {study.path.stem for study in studies if study is not None and study.basic}
+    assert asked == {"basic_vs_generalized"}

@@ -1,0 +1,131 @@
+"""Scenes of a study, and its own catalogue."""
+
+import numpy as np
+import pytest
+
+from imubayes.config import read_study
+from imubayes.errors import StudyError
+from imubayes.rig.trajectories import MANNERS
+
+G = 9.80665
+SENSOR = """
+[[sensor]]
+id = "A"
+kind = "accelerometer"
+class = "mems_tactical"
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+file = "tumble.csv"
+"""
+GYROSCOPE = SENSOR.replace("accelerometer", "gyroscope").replace('"A"', '"G"')
+SCENE = '[[scene]]\nname = "quadrotor"\nbudget = { position = "100 m" }\n'
+LOG = "t [s],up [mg],w_i [deg/s]\n0,1000,0\n1,1000,90\n2,1000,180\n"
+OWN = """
+[accelerometer.mine]
+like = "mems_tactical"
+grade = "mine"
+[accelerometer.mine.coefficients]
+K0 = [1, 2, 3, "ug"]
+"""
+
+
+def _scenes(folder, text, head=""):
+    path = folder / "bench.toml"
+    path.write_text(head + SENSOR + text)
+    return read_study(path).scenes
+
+
+def test_scene_of_the_catalogue_has_the_defaults_of_the_design(tmp_path):
+    (found,) = _scenes(tmp_path, SCENE)
+    assert (found.name, found.axis, found.kind) == ("quadrotor", "x", None)
+    assert (found.budget.quantity, found.budget.limit, found.budget.schuler) == ("position", 100.0, True)
+    assert found.scene.duration > 0.0 and len(found.scene.inputs) > 1000
+    (short,) = _scenes(tmp_path, SCENE + 'duration = "2 min"\naxis = "z"\n')
+    assert (short.scene.duration, short.axis) == (120.0, "z")
+
+
+def test_trajectory_depends_on_the_seed_and_its_own_name_only(tmp_path):
+    (alone,) = _scenes(tmp_path, SCENE)
+    *_, last = _scenes(tmp_path, SCENE.replace("quadrotor", "marine") + SCENE)
+    (other,) = _scenes(tmp_path, SCENE, "[study]\nseed = 2\n")
+    w = [one.scene.inputs.channels["w_i"] for one in (alone, last, other)]
+    assert np.array_equal(w[0], w[1]) and not np.array_equal(w[0], w[2][: len(w[0])])
+
+
+def test_log_is_read_through_its_columns_in_si(tmp_path):
+    (tmp_path / "flight.csv").write_text(LOG)
+    text = (
+        '[[scene]]\nfile = "flight.csv"\nbudget = { velocity = "2 km/h" }\n[scene.columns]\nf_k = "up [mg]"\n'
+    )
+    (found,) = _scenes(tmp_path, text)
+    assert (found.name, found.scene.duration, found.budget.quantity) == ("flight", 3.0, "velocity")
+    assert found.budget.limit == pytest.approx(2.0 / 3.6, rel=1e-14)
+    channels = found.scene.inputs.channels
+    assert channels["f_k"] == pytest.approx(np.full(3, G), rel=1e-14)
+    assert channels["w_i"] == pytest.approx([0.0, np.pi / 2, np.pi], rel=1e-14)
+
+
+def test_budget_of_the_output_is_for_the_kind_that_its_unit_is_of(tmp_path):
+    rates = SCENE.replace('position = "100 m"', 'output = "1 deg/h"')
+    forces = SCENE.replace('position = "100 m"', 'output = "1 mg"')
+    found = _scenes(tmp_path, GYROSCOPE + rates + forces)
+    assert [one.kind for one in found] == ["gyroscope", "accelerometer"]
+    assert found[0].budget.limit == pytest.approx(np.radians(1.0) / 3600.0, rel=1e-14)
+    with pytest.raises(StudyError, match=r"bench.toml: scene\[0\].budget.output"):
+        _scenes(tmp_path, rates)
+
+
+@pytest.mark.parametrize("name", MANNERS)
+def test_free_flight_is_that_of_scenes_without_weight_unless_the_study_says_so(name, tmp_path):
+    text = SCENE.replace("quadrotor", name.replace("_", "-")) + 'duration = "30 s"\n'
+    (found,) = _scenes(tmp_path, text)
+    assert found.budget.schuler == (name not in ("gun_projectile", "reentry_spin", "spacecraft"))
+    (said,) = _scenes(tmp_path, f"{text}free_flight = {str(found.budget.schuler).lower()}\n")
+    assert said.budget.schuler != found.budget.schuler
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[[scene]]\nname = "quadrotor"\n', r"scene\[0\].budget: the key is missing"),
+        ('[[scene]]\nbudget = { position = "1 m" }\n', r"scene\[0\]: expected the name .* or the file"),
+        (SCENE.replace("quadrotor", "quadroter"), r"scene\[0\].name: .*did you mean quadrotor"),
+        (SCENE.replace("position", "positoin"), r"scene\[0\].budget.positoin: .*did you mean 'position'"),
+        (SCENE.replace("100 m", "100 s"), r"scene\[0\].budget.position: "),
+        (SCENE.replace("100 m", "0 m"), r"budget.position: expected more than zero"),
+        (
+            SCENE.replace(" }", ', velocity = "1 m/s" }'),
+            r"budget: expected one of .* came position, velocity",
+        ),
+        (SCENE + 'duration = "0 s"\n', r"scene\[0\].duration: expected more than zero"),
+        (SCENE + 'axis = "w"\n', r"scene\[0\].axis: "),
+        (SCENE + 'columns = { t = "time" }\n', r"scene\[0\].columns: .*no file"),
+        (SCENE + 'file = "none.csv"\n', r"scene\[0\].file: .*none.csv"),
+        (SCENE + 'file = "flight.csv"\n', r"scene\[0\].file: .*f_i"),
+        (SCENE + 'file = "f.csv"\ncolumns = { output = "a" }\n', r"columns.output: is not a channel"),
+    ],
+)
+def test_error_names_the_file_and_the_key(text, says, tmp_path):
+    (tmp_path / "flight.csv").write_text("t [s],T [degC]\n0,1\n1,1\n")
+    with pytest.raises(StudyError, match=says) as error:
+        _scenes(tmp_path, text)
+    assert str(error.value).startswith(f"{tmp_path / 'bench.toml'}: scene[0]")
+
+
+def test_class_of_the_study_s_own_catalogue_gives_the_priors(tmp_path):
+    (tmp_path / "own.toml").write_text(OWN)
+    path = tmp_path / "bench.toml"
+    path.write_text('[study]\ncatalogue = "own.toml"\n' + SENSOR.replace("mems_tactical", "mine"))
+    (sensor,) = read_study(path).sensors
+    assert sensor.sensor_class is not None and sensor.sensor_class.grade == "mine"
+    assert sensor.sensor_class.coefficients["K0"] == pytest.approx((G * 1e-6, 2e-6 * G, 3e-6 * G), rel=1e-14)
+
+
+@pytest.mark.parametrize("content", [None, "[accelerometer.mine]\nlike = 'none'\n"])
+def test_catalogue_that_cannot_be_used_is_named_with_its_key(content, tmp_path):
+    if content is not None:
+        (tmp_path / "own.toml").write_text(content)
+    (tmp_path / "bench.toml").write_text('[study]\ncatalogue = "own.toml"\n' + SENSOR)
+    with pytest.raises(StudyError, match=r"bench.toml: study.catalogue: .*own.toml"):
+        read_study(tmp_path / "bench.toml")

@@ -1,0 +1,66 @@
+"""How a study asks for a profile."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from imubayes.config import read_study
+from imubayes.errors import StudyError
+from imubayes.rig.runs import plan_run
+
+STUDY = """
+[[sensor]]
+id = "A"
+kind = "accelerometer"
+class = "mems_tactical"
+[[sensor.run]]
+name = "run"
+procedure = "{procedure}"
+simulate = {{ {simulate} }}
+"""
+
+
+def planned(tmp_path, procedure: str, simulate: str):
+    path = tmp_path / "case.toml"
+    path.write_text(STUDY.format(procedure=procedure, simulate=simulate), encoding="utf-8")
+    (sensor,) = read_study(path).sensors
+    return plan_run(sensor.runs[0])
+
+
+def test_tumble_with_positions_is_a_standard_set_and_without_them_turns_in_planes(tmp_path):
+    assert len(planned(tmp_path, "tumble", 'positions = 26, dwell = "1 s", rate = "1 Hz"').inputs) == 26
+    assert len(planned(tmp_path, "tumble", 'angles = 5, dwell = "1 s", rate = "1 Hz"').inputs) == 15
+
+
+def test_other_is_simulated_as_vibration_with_levels_in_any_unit_of_acceleration(tmp_path):
+    plan = planned(tmp_path, "other", 'levels = ["19.6133 m/s^2"], mounts = 1')
+    assert plan.procedure == "other"
+    assert plan.inputs.channels["f_i"].std() == pytest.approx(2.0 * 9.80665, rel=1e-12)
+
+
+def test_amplitude_of_an_oscillation_is_an_angle_and_its_frequencies_are_in_hertz(tmp_path):
+    plan = planned(tmp_path, "oscillation", 'frequencies = ["2 Hz"], amplitude = "1 deg", latitude = "0 deg"')
+    peak = plan.inputs.channels["w_i"].max()
+    assert peak == pytest.approx(math.radians(1.0) * 2.0 * math.pi * 2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("procedure", "simulate", "said"),
+    [
+        ("tumble", "positions = 5", "5 positions are no standard set"),
+        ("tumble", "positions = 6, angles = 4", "simulate.angles: unknown key"),
+        ("other", "", "simulate.levels: the key is missing"),
+        ("other", 'levels = ["1 g"], band = ["20 Hz"]', "simulate.band"),
+        (
+            'free-tumble"\ngravity = "9.8 m/s^2',
+            "",
+            "procedure: 'free-tumble' cannot be simulated: expected one of static, tumble,",
+        ),
+    ],
+)
+def test_profile_that_cannot_be_is_refused_with_the_key(tmp_path, procedure, simulate, said):
+    with pytest.raises(StudyError) as caught:
+        planned(tmp_path, procedure, simulate)
+    assert said in str(caught.value)

@@ -1,0 +1,56 @@
+"""Small class-level studies, shared by tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from imubayes.campaign import Mission
+from imubayes.lots.plan import LotStudy
+from imubayes.rig.runs import RunSpec
+from imubayes.rig.scenes import recorded
+from imubayes.selection.kernels import Budget
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.terms import library
+
+TUMBLE = RunSpec(
+    "tumble",
+    "tumble",
+    simulate={"profile": "tumble", "angles": 12, "planes": 3, "dwell": 20.0, "rate": 0.5},
+)
+WHIRL = RunSpec(
+    "centrifuge",
+    "centrifuge",
+    simulate={"profile": "centrifuge", "levels": [1.0, 5.0, 20.0], "dwell": 20.0, "rate": 0.5},
+)
+
+
+def shaken(name: str = "shaken", *, still: bool = False):
+    """A minute along all axes; at rest, f_z = g alone."""
+    t = np.arange(0.0, 60.0, 0.1)
+    wave = np.column_stack([np.sin((k + 1.0) * t + k) for k in range(3)])
+    up = np.array([0.0, 0.0, 9.8])
+    return recorded(name, t, up + (0.0 if still else 8.0) * wave, (0.0 if still else 0.5) * wave)
+
+
+def small(**options) -> LotStudy:
+    """Two classes of accelerometers, two units of each, few terms."""
+    asked = {
+        "title": "small",
+        "seed": 5,
+        "kind": "accelerometer",
+        "classes": tuple(
+            sensor(name, kind="accelerometer") for name in ("mems_tactical", "quartz_flexure_servo")
+        ),
+        "units": 2,
+        "library": library("accelerometer", powers=2, asymmetry=-1),
+        "runs": (TUMBLE, WHIRL),
+        "reference": {"plane_zero": 1e-5, "gravity": 1e-5, "turn_on": 1e-4},
+        "missions": (Mission("shaken", shaken(), Budget("output", 1e-3)),),
+        "basic": True,
+        "processes": 1,
+        "path": Path("small.toml"),
+        "text": "",
+    }
+    return LotStudy(**{**asked, **options})

@@ -1,0 +1,85 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lot_studies import TUMBLE, small
+
+from imubayes.campaign import SensorSpec
+from imubayes.inference.linear import linear_of
+from imubayes.lots.units import at_found_noise, lot_of, simulate_unit, unit_of, unshrunk
+from imubayes.preparation import prepare
+from imubayes.selection.decision import loose_fit, select
+from imubayes.sensors.noise import Noise
+
+STUDY = small()
+LOT = lot_of(STUDY, 0)
+
+
+def spec_of(study, lot, number=0):
+    entry = lot.sensor_class
+    return SensorSpec(
+        entry.id,
+        study.kind,
+        entry,
+        study.library,
+        study.runs,
+        lot.truth(number),
+        reference=dict(study.reference),
+    )
+
+
+@pytest.fixture(scope="module")
+def ready():
+    runs = simulate_unit(spec_of(STUDY, LOT), LOT, 0, np.random.default_rng(1))
+    return prepare(spec_of(STUDY, LOT), runs, lambda message: None, np.random.default_rng(2))
+
+
+def test_estimates_without_shrinkage_are_those_of_the_loose_fit(ready):
+    mean, cov = unshrunk(ready.summary, ready.prior)
+    p = len(STUDY.library.terms)
+    loose, sd = loose_fit(ready.summary, ready.prior)
+    np.testing.assert_allclose(mean, loose[:p], rtol=1e-10)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov)), sd[:p], rtol=1e-10)
+    np.testing.assert_allclose(cov, cov.T, rtol=1e-12)
+
+
+def test_a_noise_that_is_held_hardly_moves_an_inclusion(ready):
+    held = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
+    averaged = select(ready.summary, ready.prior)
+    inclusions = np.array([[term.inclusion for term in one.terms] for one in (held, averaged)])
+    # n rows know the scale to 1/sqrt(2 n), here 3 %, and log odds of a term near one half, of about 3, to 0.2
+    np.testing.assert_allclose(inclusions[0], inclusions[1], atol=0.07)
+    assert held.log_evidence == pytest.approx(averaged.log_evidence, abs=5.0)
+
+
+def test_truths_lie_within_what_the_test_says_of_them():
+    """Squares of the standardised errors of all terms of a unit are chi-squared of its degrees."""
+    study = small(units=6)
+    lot = lot_of(study, 0)
+    sizes = []
+    for number in range(6):
+        unit = unit_of(study, 0, number, lot)
+        # untested terms have a prior a thousand times as wide as they are
+        left = unit.mean - unit.truth
+        sizes.append(float(left @ np.linalg.solve(unit.cov, left)))
+    p = len(study.library.terms)
+    assert 0.3 * p < np.mean(sizes) < p + 4.0 * np.sqrt(2.0 * p / 6.0)
+
+
+def test_errors_of_the_bench_move_the_output_and_not_what_the_rig_says():
+    study = small(runs=(TUMBLE,), reference={"gravity": 1.0, "turn_on": 100.0})
+    lot = replace(LOT, noise=tuple(Noise(0.0, 0.0, 0.0) for _ in LOT.noise), theta=np.zeros_like(LOT.theta))
+    (run,) = simulate_unit(spec_of(study, lot), lot, 0, np.random.default_rng(4))
+    own = linear_of(run, study.library)
+    drawn = np.random.default_rng(4).standard_normal(2) * [1.0, 100.0]
+    up = run.inputs.channels["f_i"] / 9.80665
+    np.testing.assert_allclose(own.y, drawn[0] * up + drawn[1], atol=1e-9)
+
+
+def test_units_differ_and_each_is_the_same_whenever_it_is_tested():
+    first, again, second = (unit_of(STUDY, 0, number, LOT) for number in (0, 0, 1))
+    np.testing.assert_array_equal(first.draws, again.draws)
+    assert (first.class_id, first.number) == ("mems_tactical", 0)
+    excited = np.array(first.verdicts) != "untested"
+    assert not np.any(first.mean[excited] == second.mean[excited])
+    np.testing.assert_array_equal(second.truth, LOT.theta[1])

@@ -1,0 +1,86 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lot_studies import small
+
+from imubayes.lots.measure import check, measure
+from imubayes.lots.missions import exposures, missions
+from imubayes.lots.population import population
+from imubayes.lots.units import lot_of, unit_of
+
+
+@pytest.fixture(scope="module")
+def found():
+    told: list[str] = []
+    return measure(small(), progress=told.append), told
+
+
+def test_every_class_has_its_units_terms_and_scenes(found):
+    result, told = found
+    study = result.study
+    assert [one.sensor_class.id for one in result.classes] == [entry.id for entry in study.classes]
+    for one in result.classes:
+        assert [unit.number for unit in one.units] == [0, 1]
+        assert [term.name for term in one.terms] == list(study.library.names)
+        assert [scene.mission for scene in one.missions] == ["shaken"]
+    assert told[-2].startswith("4 of 4 units")
+
+
+def test_classes_are_what_their_units_say_one_by_one(found):
+    study, second = found[0].study, found[0].classes[1]
+    lot = lot_of(study, 1)
+    units = [unit_of(study, 1, number, lot) for number in range(2)]
+    assert second.terms == population(units, study.library, lot)
+    assert second.missions[0].terms == missions(units, study, exposures(study))[0].terms
+    assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
+
+
+@pytest.mark.slow
+def test_two_processes_find_what_one_does(found):
+    shared = measure(replace(found[0].study, processes=2))
+    assert shared.check == found[0].check
+    assert [one.terms for one in shared.classes] == [one.terms for one in found[0].classes]
+
+
+def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
+    one = found[0].classes[0]
+    scene, term = one.missions[0], one.missions[0].terms[0]
+    said_true = [(0.2, 0.2), (0.2, 0.05), (0.05, 0.2), (0.3, 0.3), (0.01, 0.0), (0.05, 0.099)]
+    terms = tuple(
+        replace(term, share=replace(term.share, value=said), true_share=true) for said, true in said_true
+    )
+    telling = tuple(replace(unit, verdicts=("undecided",) * len(terms)) for unit in one.units)
+    told = check([replace(one, units=telling, terms=one.terms[:6], missions=(replace(scene, terms=terms),))])
+    assert told.cells == (6, 3)
+    assert told.precision.value == pytest.approx(2 / 3)
+    assert told.recall.value == pytest.approx(2 / 3)
+
+
+def test_cells_of_terms_that_most_units_cannot_tell_are_counted_apart(found):
+    one = found[0].classes[0]
+    blind, half = (
+        tuple(
+            replace(unit, verdicts=(verdict, *("needed",) * (len(one.terms) - 1)))
+            for unit, verdict in zip(one.units, verdicts, strict=True)
+        )
+        for verdicts in (("untested", "unresolved"), ("inseparable", "undecided"))
+    )
+    told, still = (check([replace(one, units=units)]) for units in (blind, half))
+    assert (told.cells[0], told.untold) == (len(one.terms) - 1, 1)
+    assert (still.cells[0], still.untold) == (len(one.terms), 0)
+
+
+def test_coverage_counts_means_and_spreads_of_what_is_tested(found):
+    one = found[0].classes[0]
+    untested = tuple(
+        replace(unit, verdicts=("untested", *("needed",) * (len(unit.verdicts) - 1))) for unit in one.units
+    )
+    held = [
+        replace(t, true_mean=t.mean.value, true_spread=t.spread.high * (2.0 if k == 1 else 1.0))
+        for k, t in enumerate(one.terms)
+    ]
+    lost = (replace(held[0], true_mean=1e9, true_spread=1e9), *held[1:])
+    told = check([replace(one, units=untested, terms=lost)])
+    n = 2 * (len(held) - 1)
+    assert told.coverage.value == pytest.approx((n - 1) / n)

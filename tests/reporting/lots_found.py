@@ -1,0 +1,106 @@
+"""A small, complete class-level result, made by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from imubayes.campaign import Mission
+from imubayes.lots.answers import (
+    Check,
+    ClassFound,
+    LotResult,
+    MissionFound,
+    MissionTerm,
+    PopulationTerm,
+    Share,
+    UnitFound,
+)
+from imubayes.lots.plan import LotStudy
+from imubayes.rig.scene_ranges import scene_named
+from imubayes.rig.trajectories import generated
+from imubayes.selection.kernels import Budget
+from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Library, library
+
+SIZES = {"mems_consumer": 1.0, "mems_tactical": 0.3, "fog_navigation": 0.001}
+"""Shares of the budget that the largest term of each class takes."""
+
+SHAKEN = ("g_i", "g_k")
+"""Terms that the first scene requires of MEMS."""
+
+
+def lot_library() -> Library:
+    """Candidates of the made-up study."""
+    return library("gyroscope", powers=2, asymmetry=0, set="extended")
+
+
+def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> LotResult:
+    """Three classes in two scenes: MEMS needs g_i and g_k in the first, navigation FOG nothing."""
+    entries = tuple(sensor(name, kind="gyroscope") for name in SIZES)
+    missions = tuple(
+        Mission(name, generated(scene_named(name), np.random.default_rng(1), duration=600.0), budget)
+        for name, budget in (
+            ("helicopter", Budget("attitude", 0.0175)),
+            ("fixed_wing", Budget("position", 1852.0)),
+        )
+    )
+    study = LotStudy(
+        title=title, seed=3, kind="gyroscope", classes=entries, units=4, library=lot_library(), runs=(),
+        reference={}, missions=missions, basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n",
+    )  # fmt: skip
+    check = Check(Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99), (84, 20), Share(0.9, 0.86, 0.94))
+    return LotResult(study, tuple(_class(one, study) for one in entries), check, 90.0)
+
+
+def _class(entry: SensorClass, study: LotStudy) -> ClassFound:
+    lib, size = study.library, SIZES[entry.id]
+    terms = tuple(_population(entry, lib, k, size) for k in range(len(lib.terms)))
+    units = tuple(_unit(entry, lib, number) for number in range(study.units))
+    missions = tuple(
+        _mission(lib, mission.name, size if k == 0 else 0.1 * size, study.basic)
+        for k, mission in enumerate(study.missions)
+    )
+    return ClassFound(entry, units, terms, Share(round(12 * size**0.2), 3.0, 14.0), missions)
+
+
+def _population(entry: SensorClass, lib: Library, k: int, size: float) -> PopulationTerm:
+    typical = prior_sd(entry, lib.terms[k])[0]
+    mean = (0.4 - 0.1 * k) * typical
+    needed = max(0.0, 1.0 - 0.08 * k) if size > 0.1 else 0.25 * (k < 3)
+    return PopulationTerm(
+        lib.terms[k].name,
+        Share(needed, 0.8 * needed, min(1.0, needed + 0.2)),
+        min(1.0 - needed, 0.7 if k % 5 == 4 else 0.1),
+        Share(mean, mean - 0.3 * typical, mean + 0.3 * typical),
+        Share(typical, 0.6 * typical, 2.0 * typical),
+        1.1 * mean,
+        0.9 * typical,
+    )
+
+
+def _mission(lib: Library, name: str, size: float, basic: bool) -> MissionFound:
+    terms = tuple(_in_scene(term.name, size) for term in lib.terms)
+    order = float(sum(term.required >= 0.5 for term in terms))
+    return MissionFound(
+        name, terms, Share(order, order, order + 1.0), 1.0, 0.2, 3.0 * size if basic else np.nan
+    )
+
+
+def _in_scene(name: str, size: float) -> MissionTerm:
+    share = size * (1.0 if name in SHAKEN else 0.05)
+    return MissionTerm(
+        name, 1e-5 * share, Share(share, 0.3 * share, 3.0 * share), float(share > 0.1), 1.1 * share
+    )
+
+
+def _unit(entry: SensorClass, lib: Library, number: int) -> UnitFound:
+    sd = np.array([prior_sd(entry, term)[0] for term in lib.terms])
+    rng = np.random.default_rng(number)
+    truth = sd * rng.standard_normal(len(sd))
+    return UnitFound(
+        entry.id, number, truth, truth, np.diag(1e-4 * sd**2), truth, 0.01 * sd, np.full(len(sd), 0.9),
+        ("needed",) * len(sd), np.tile(truth, (8, 1)), (1e-5, 1e-6, 1e-7),
+    )  # fmt: skip

@@ -1,0 +1,71 @@
+"""A comparison for a terminal, as a page, and as numbers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from imubayes.reporting.comparison import compared
+from imubayes.reporting.comparison_page import comparison_html, comparison_json, terminal_comparison
+from imubayes.reporting.result_files import read_result
+from imubayes.reporting.results import result_json
+
+ATTACK = "<b>x</b>"
+
+
+@pytest.fixture
+def found(make_study, make_sensor, tmp_path):
+    """B differs from A in b2, by 50 sd; its sensor has another id."""
+    files = []
+    for name, moved in (("A-1", 0.0), (f"A-2{ATTACK}", 50.0)):
+        sensor = make_sensor(name)
+        terms = tuple(
+            replace(t, full_mean=t.full_mean + moved * t.full_sd, verdict="undecided" if moved else t.verdict)
+            if t.name == "b2"
+            else t
+            for t in sensor.selection.terms
+        )
+        sensor = replace(sensor, selection=replace(sensor.selection, terms=terms))
+        file = tmp_path / f"{len(files)}.json"
+        file.write_text(result_json(make_study(sensor)))
+        files.append(read_result(file))
+    return compared(files)
+
+
+def _printed(found):
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(terminal_comparison(found))
+    return capture.get()
+
+
+def test_terminal_says_what_differs_in_80_columns(found):
+    printed = _printed(found)
+    assert all(len(line) <= 80 for line in printed.splitlines())
+    said = " ".join(printed.split())
+    assert "1 value differs beyond uncertainty, most b2" in said and "35.4 sd" in said
+    assert "The verdict differs on b2." in said and "matched by kind and order" in said
+    assert "N tumble" in printed
+
+
+def test_page_is_offline_links_lead_somewhere_and_names_are_escaped(found):
+    html = comparison_html(found)
+    assert ATTACK not in html and "&lt;b&gt;x" in html
+    assert "http" not in html and "<script" not in html
+    for anchor in ("c1", "repeat"):
+        assert f'href="#{anchor}"' in html and f'id="{anchor}"' in html
+    assert html.count("beyond uncertainty</strong>") == 1
+
+
+def test_numbers_are_those_of_the_comparison(found):
+    document = json.loads(comparison_json(found))
+    (component,) = document["components"]
+    assert component["matched_by"] == "order" and len(component["ids"]) == 2
+    assert [term["name"] for term in component["terms"] if term["differs"]] == ["b2"]
+    (b2,) = [term for term in component["terms"] if term["name"] == "b2"]
+    (a, b), (sd_a, sd_b) = b2["full_mean"], b2["full_sd"]
+    assert b2["difference_over_sd"] == pytest.approx(abs(a - b) / (sd_a**2 + sd_b**2) ** 0.5, rel=1e-12)
+    assert document["comparisons"] == found.tests and b2["between"] == ["A", "B"]

@@ -1,0 +1,77 @@
+import re
+from xml.etree import ElementTree
+
+import pytest
+from lots_found import lot_result
+
+from imubayes.reporting.lots_figures import (
+    ACCENT,
+    EMPTY,
+    OPEN,
+    class_matrix,
+    needed_matrix,
+    order_panel,
+    population_panel,
+    scene_matrix,
+)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return lot_result()
+
+
+def _panels(result):
+    yield needed_matrix(result, "a")
+    yield scene_matrix(result, 0, "b")
+    yield class_matrix(result.classes[0], "c")
+    yield order_panel(result, "d")
+    yield population_panel(result.classes[0], result.study.library, "e")
+
+
+def test_every_figure_is_one_svg_that_says_what_it_shows(result):
+    for panel in _panels(result):
+        root = ElementTree.fromstring(panel.svg)
+        assert root.get("role") == "img"
+        assert len(root.get("aria-label", "")) > 20
+        assert panel.title
+
+
+def test_bar_of_a_lot_is_as_long_as_its_shares(result):
+    svg = needed_matrix(result, "a").svg
+    cells = re.findall(r"<title>(\S+), [^<]*</title>(.*?)</g>", svg)
+    widths = dict.fromkeys((EMPTY, ACCENT, OPEN), 0.0)
+    term = next(t for t in result.classes[0].terms if t.name == "b1")
+    drawing = next(drawn for name, drawn in cells if name == "b1")
+    widths |= {
+        fill: float(w) for w, fill in re.findall(r'width="([\d.]+)" height="[\d.]+" fill="(#\w+)"', drawing)
+    }
+    whole = widths[EMPTY]
+    assert widths[ACCENT] / whole == pytest.approx(term.needed.value, abs=0.1 / whole)
+    assert widths[OPEN] / whole == pytest.approx(term.open, abs=0.1 / whole)
+
+
+def test_question_mark_stands_where_the_test_cannot_tell_of_half_of_the_units(result):
+    marks = needed_matrix(result, "a").svg.count(">?</text>")
+    assert marks == sum(term.open >= 0.5 for one in result.classes for term in one.terms) > 0
+
+
+def test_frame_stands_where_half_of_the_units_require_the_term(result):
+    frames = scene_matrix(result, 0, "b").svg.count('fill="none"')
+    assert frames == sum(t.required >= 0.5 for one in result.classes for t in one.missions[0].terms) == 4
+
+
+def test_little_share_that_the_tests_cannot_tell_is_a_question_mark(result):
+    marks = scene_matrix(result, 0, "b").svg.count(">?</text>")
+    told = (
+        (one.terms[j].open, t.share.value)
+        for one in result.classes
+        for j, t in enumerate(one.missions[0].terms)
+    )
+    assert marks == sum(unknown >= 0.5 and share < 0.1 for unknown, share in told) > 0
+
+
+def test_term_that_takes_nothing_anywhere_has_no_row(result):
+    assert ">b0</text>" in scene_matrix(result, 0, "b").svg
+    rows = re.findall(r'text-anchor="end">(\w+)</text>', scene_matrix(result, 1, "b").svg)
+    assert rows == ["g_i", "g_k"]

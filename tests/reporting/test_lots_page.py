@@ -1,0 +1,71 @@
+import re
+from dataclasses import replace
+
+import pytest
+from lots_found import SIZES, lot_result
+
+from imubayes.reporting.lots_page import lots_html, terminal_lots, write_lots
+
+
+@pytest.fixture(scope="module")
+def result():
+    return lot_result()
+
+
+@pytest.fixture(scope="module")
+def html(result):
+    return lots_html(result)
+
+
+def test_names_of_the_study_are_escaped(html):
+    assert "<b>or" not in html
+    assert "MEMS &lt;b&gt;or&lt;/b&gt; FOG?" in html
+
+
+def test_page_opens_offline_and_needs_no_script(html):
+    assert "http" not in html
+    assert "<script" not in html
+
+
+def test_every_link_leads_to_a_place_of_the_page_and_no_place_is_there_twice(html):
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(set(ids)) == len(ids)
+    links = set(re.findall(r'href="#([^"]+)"', html))
+    assert links <= set(ids), links - set(ids)
+
+
+def test_every_cell_of_the_first_matrix_leads_to_the_row_of_its_numbers(html, result):
+    matrix = html[html.index('<svg id="needed-matrix"') :].partition("</svg>")[0]
+    cells = [f"class-{name}-{term}" for term in result.study.library.names for name in SIZES]
+    assert re.findall(r'href="#([^"]+)"', matrix) == cells
+    assert all(f'<tr id="{cell}">' in html for cell in cells)
+
+
+def test_index_over_classes_comes_first_and_a_page_a_class_after_it(html):
+    places = [html.index("<nav"), html.index('id="needed-matrix"'), html.index('id="scene-helicopter"')]
+    places += [html.index(f'<h2 id="class-{name}"') for name in SIZES]
+    assert places == sorted(places)
+    assert html.count('<section class="page">') == len(SIZES)
+
+
+def test_triad_is_only_spoken_of_where_it_was_asked(html):
+    assert '<h2 id="basic">' in html
+    assert "triad" not in lots_html(lot_result(basic=False))
+
+
+def test_study_without_scenes_has_its_classes_only(result):
+    bare = [replace(one, missions=()) for one in result.classes]
+    found = replace(result, study=replace(result.study, missions=()), classes=tuple(bare))
+    assert 'id="scenes"' not in lots_html(found)
+    assert '<h2 id="class-mems_tactical">' in lots_html(found)
+
+
+def test_two_files_are_written_and_the_terminal_has_a_line_a_class(result, tmp_path):
+    assert [file.name for file in write_lots(result, tmp_path)] == ["report.html", "result.json"]
+    lines = terminal_lots(result).splitlines()
+    assert [line.split("  ")[0] for line in lines[-3:]] == [
+        "consumer MEMS",
+        "tactical MEMS",
+        "navigation FOG",
+    ]
+    assert all(len(line) <= 80 for line in lines[-4:])

@@ -1,0 +1,135 @@
+"""Fitted coefficients in the symbols of the standards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imubayes.reporting.document import report_html
+from imubayes.reporting.results import result_dict
+from imubayes.reporting.standard_views import standard_views, standards_record
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.equations.standards import standard
+from imubayes.sensors.terms import library
+from imubayes.units import factor
+
+
+def _correlation(p, rng):
+    root = rng.standard_normal((p, 2 * p))
+    cov = root @ root.T
+    sd = np.sqrt(np.diag(cov))
+    return cov / np.outer(sd, sd)
+
+
+@pytest.fixture
+def study_of(make_study, make_sensor):
+    """A component of a class, with correlated coefficients."""
+
+    def make(kind, class_id):
+        lib = library(kind)
+        one = make_sensor("S", lib=lib)
+        one = replace(one, correlation=_correlation(len(lib.terms), np.random.default_rng(4)))
+        result = make_study(one)
+        spec = replace(result.study.sensors[0], sensor_class=sensor(class_id, kind=kind), library=lib)
+        return replace(result, study=replace(result.study, sensors=(spec,)))
+
+    return make
+
+
+def _values(result):
+    return standards_record(result.study, result.sensors[0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "class_id", "ids"),
+    [
+        ("accelerometer", "mems_tactical", ["ieee1293", "basic"]),
+        ("gyroscope", "fog_tactical", ["ieee952", "basic"]),
+        ("gyroscope", "rlg_tactical", ["ieee647", "basic"]),
+    ],
+)
+def test_technology_of_the_class_chooses_the_standard(kind, class_id, ids, study_of):
+    assert list(_values(study_of(kind, class_id))) == ids
+
+
+def test_value_of_a_symbol_is_its_term_over_the_gain_and_the_convention(study_of):
+    result = study_of("accelerometer", "mems_tactical")
+    mean = {term.name: term.full_mean for term in result.sensors[0].selection.terms}
+    found = {row["symbol"]: row for row in _values(result)["ieee1293"]["values"]}
+    gain = 1.0 + mean["b1"]
+    for symbol, term, weight in (("K0", "b0", 1.0), ("K2", "b2", 1.0), ("delta_p", "m_k", -1.0)):
+        assert found[symbol]["value"] == pytest.approx(mean[term] / (gain * weight), rel=1e-12)
+        assert found[symbol]["term"] == term
+
+
+def test_sd_carries_the_correlations_as_draws_do(study_of):
+    """60,000 draws know an sd to 0.3 %; five of that."""
+    result = study_of("accelerometer", "mems_tactical")
+    one = result.sensors[0]
+    terms = one.selection.terms
+    mean, sd = (np.array([getattr(t, key) for t in terms]) for key in ("full_mean", "full_sd"))
+    # a scale factor so uncertain that it shows in every value
+    sd[1] = 0.01
+    terms = tuple(replace(t, full_sd=float(s)) for t, s in zip(terms, sd, strict=True))
+    one = replace(one, selection=replace(one.selection, terms=terms))
+    cov = one.correlation * np.outer(sd, sd)
+    draws = np.random.default_rng(1).multivariate_normal(mean, cov, 60_000, method="eigh")
+    p = standard("ieee1293", kind="accelerometer").from_general(
+        dict(zip([t.name for t in terms], draws.T, strict=True))
+    )
+    view = standard_views(result.study, one)[0]
+    fields = {row.symbol: row.field for row in standard("ieee1293", kind="accelerometer").symbols}
+    tested = {row.found.symbol: row.found.sd for row in view.rows}
+    for symbol in ("K0", "K2", "delta_p"):
+        # what the linearisation leaves out is of the order of the gain's variance, 1e-4
+        assert tested[symbol] == pytest.approx(float(np.std(getattr(p, fields[symbol]))), rel=0.015)
+
+
+def test_printed_value_is_in_the_unit_that_people_use(study_of):
+    result = study_of("gyroscope", "fog_tactical")
+    (row,) = [r for r in standard_views(result.study, result.sensors[0])[0].rows if r.found.symbol == "D_F"]
+    assert row.size.unit == "deg/h"
+    assert float(row.size.sd) == pytest.approx(row.found.sd / factor("deg/h", like="rad/s"), rel=0.05)
+
+
+def test_terms_without_a_symbol_and_those_not_tested_are_said(study_of):
+    result = study_of("accelerometer", "mems_tactical")
+    basic = _values(result)["basic"]
+    verdicts = {term.name: term.verdict for term in result.sensors[0].selection.terms}
+    assert {row["verdict"] for row in basic["values"]} <= set(verdicts.values()) - {"untested"}
+    assert "b2" in basic["general_only"]
+    html = report_html(result)
+    assert "In the symbols of IEEE 1293" in html and "Without a symbol there: b2" in html
+
+
+def test_every_symbol_of_the_standard_is_somewhere(study_of):
+    result = study_of("accelerometer", "mems_tactical")
+    spec = result.study.sensors[0]
+    # a triad's component leaves out what only turns its case
+    one = result.sensors[0]
+    kept = [k for k, t in enumerate(one.selection.terms) if t.name != "m_k"]
+    terms = tuple(one.selection.terms[k] for k in kept)
+    one = replace(
+        one, selection=replace(one.selection, terms=terms), correlation=one.correlation[np.ix_(kept, kept)]
+    )
+    found = standards_record(replace(result.study, sensors=(spec,)), one)["ieee1293"]
+    assert "delta_p" in found["absent"]
+    told = [row["symbol"] for row in found["values"]] + found["untested"] + found["absent"]
+    symbols = [row.symbol for row in standard("ieee1293", kind="accelerometer").symbols if row.term]
+    assert sorted(told) == sorted(symbols)
+
+
+def test_gain_that_is_not_positive_is_said_in_place_of_values(study_of):
+    result = study_of("accelerometer", "mems_tactical")
+    one = result.sensors[0]
+    terms = tuple(replace(t, full_mean=-2.0) if t.name == "b1" else t for t in one.selection.terms)
+    one = replace(one, selection=replace(one.selection, terms=terms))
+    found = standards_record(result.study, one)["ieee1293"]
+    assert found["values"] == [] and "gain" in found["trouble"]
+    assert "gain" in report_html(replace(result, sensors=(one,)))
+
+
+def test_component_without_correlations_has_no_standards(result):
+    assert result_dict(result)["sensors"][0]["standards"] == {}

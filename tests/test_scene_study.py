@@ -1,0 +1,137 @@
+"""A study with scenes, from its file to its report."""
+
+import json
+
+import numpy as np
+import pytest
+
+from imubayes import factor as algebra
+from imubayes.config import read_study, record_study
+from imubayes.preparation import prepare, runs_of
+from imubayes.reporting.document import report_html, write_results
+from imubayes.reporting.results import result_dict
+from imubayes.sensors.terms import columns
+from imubayes.study import run
+
+STUDY = """
+[study]
+title = "in use"
+seed = 3
+method = "exact"
+catalogue = "own.toml"
+[decision]
+compare = false
+[[sensor]]
+id = "ACC"
+kind = "accelerometer"
+class = "mine"
+library = { powers = 2, asymmetry = -1, temperature = 1 }
+truth = { b0 = "3 mg", b2 = "300 ug/g^2", m_j = "1 mrad" }
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = { angles = 12, dwell = "10 s", rate = "2 Hz" }
+[[scene]]
+file = "flight.csv"
+budget = { velocity = "10 cm/s" }
+[[scene]]
+name = "quadrotor"
+duration = "1 min"
+budget = { output = "1 mg" }
+axis = "z"
+"""
+OWN = '[accelerometer.mine]\nlike = "mems_tactical"\ngrade = "mine"\n'
+STEP, ROWS = 0.1, 400
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("use")
+    (path / "use.toml").write_text(STUDY)
+    (path / "own.toml").write_text(OWN)
+    t = STEP * np.arange(ROWS)
+    table = np.column_stack((t, 2.0 + np.sin(t), np.cos(3.0 * t), np.full(ROWS, 9.8)))
+    np.savetxt(
+        path / "flight.csv",
+        table,
+        delimiter=",",
+        header="t [s],f_i [m/s^2],f_j [m/s^2],f_k [m/s^2]",
+        comments="",
+        fmt="%.17g",
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(folder):
+    return run(read_study(folder / "use.toml"))
+
+
+def test_rms_effect_is_that_of_the_draws_over_the_log(result, folder):
+    """Second route: the output error of every draw at every row."""
+    (_, found) = result.scenes[0]
+    t, f_i, f_j, f_k = np.loadtxt(folder / "flight.csv", delimiter=",", skiprows=1).T
+    lib = result.study.sensors[0].library
+    X = columns(lib, {"f_i": f_i, "f_j": f_j, "f_k": f_k}, len(t))
+    theta = result.sensors[0].draws
+    for j, term in enumerate(found.terms):
+        error = np.outer(theta[:, j], X[:, j])
+        assert term.rms == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-10, abs=1e-30)
+
+
+def test_model_holds_what_costs_the_budget_and_leaves_out_what_does_not(result):
+    (_, flight), (_, hover) = result.scenes
+    # 3 mg over 40 s is 1.2 m/s of velocity, 12 budgets; b0 is known to about 0.1 mg
+    assert "b0" in flight.model and "S_ij" not in flight.model
+    assert {"b0"} <= set(hover.model)
+    assert (hover.axis, hover.duration) == ("z", 60.0)
+
+
+def test_log_without_temperature_or_rates_says_so(result):
+    (_, flight), _ = result.scenes
+    (note,) = [note for note in flight.notes if "drives" in note]
+    assert note.startswith("it has no temperature") and "b0*T" in note and "S_ij" in note
+
+
+def test_correlation_is_that_of_the_posterior_covariance(result):
+    """Second route: the inverse of the normal equations with the prior, scaled to unit variance."""
+    spec = result.study.sensors[0]
+    ready = prepare(spec, runs_of(spec, result.study.seed, 0), lambda _: None, np.random.default_rng(0))
+    R = ready.summary.factor.R[:-1, :-1] * ready.prior.sd
+    cov = np.linalg.inv(R.T @ R + np.eye(len(R)))
+    sd = np.sqrt(np.diag(cov))
+    assert result.sensors[0].correlation == pytest.approx(cov / np.outer(sd, sd), abs=1e-8)
+    assert algebra.posterior(ready.summary.factor, ready.prior.sd)[1] == pytest.approx(
+        sd * ready.prior.sd, rel=1e-8
+    )
+
+
+def test_files_hold_the_scenes_and_the_standards(result, tmp_path):
+    write_results(result, tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert [(one["name"], one["sensor"]) for one in document["scenes"]] == [
+        ("flight", "ACC"),
+        ("quadrotor", "ACC"),
+    ]
+    assert {"name", "rms", "share_of_budget"} <= set(document["scenes"][0]["terms"][0])
+    standards = document["sensors"][0]["standards"]
+    assert [row["symbol"] for row in standards["ieee1293"]["values"]][:2] == ["K1/K1nom - 1", "K0"]
+
+
+def test_report_has_a_section_for_the_scenes(result):
+    html = report_html(result)
+    assert 'href="#s1-scene"' in html and 'id="s1-scene"' in html
+    assert "ACC in flight (40 s, budget" in html
+    assert 'aria-label="ACC in flight"' in html and 'aria-label="ACC in quadrotor"' in html
+
+
+def test_same_study_gives_the_same_scenes(result, folder):
+    again = result_dict(run(read_study(folder / "use.toml")))["scenes"]
+    assert again == result_dict(result)["scenes"]
+
+
+def test_recorded_study_still_finds_its_log_and_its_catalogue(folder, tmp_path):
+    record_study(read_study(folder / "use.toml"), tmp_path)
+    study = read_study(tmp_path / "use.toml")
+    assert study.scenes[0].scene.duration == pytest.approx(STEP * ROWS)
+    assert study.sensors[0].sensor_class.id == "mine"
