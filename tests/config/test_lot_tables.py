@@ -5,6 +5,7 @@ import pytest
 from imubayes.config import read_lots, read_quality, read_study
 from imubayes.errors import StudyError
 from imubayes.rig.scene_ranges import catalogue_scenes
+from imubayes.sensors.catalogue import classes
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -95,7 +96,10 @@ def test_error_names_the_key_and_what_to_do(tmp_path, old, new, key, said):
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["mems_vs_fog", "accelerometer_grades", "basic_vs_generalized", "scenes"])
+NAMES = ["mems_vs_fog", "accelerometer_grades", "basic_vs_generalized", "scenes", "scenes_accelerometers"]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_committed_study_has_an_imperfect_bench_scenes_and_two_runs(name):
     study = read_lots(STUDIES / f"{name}.toml")
     assert 8 <= study.units <= 10
@@ -106,11 +110,13 @@ def test_committed_study_has_an_imperfect_bench_scenes_and_two_runs(name):
 
 
 def test_scenes_are_all_those_of_the_catalogue():
-    study = read_lots(STUDIES / "scenes.toml")
-    assert [one.name for one in study.missions] == [one.id for one in catalogue_scenes()]
+    for name in ("scenes", "scenes_accelerometers"):
+        study = read_lots(STUDIES / f"{name}.toml")
+        assert {one.name for one in study.missions} == {one.id for one in catalogue_scenes()}
+        assert {one.id for one in study.classes} == {one.id for one in classes(study.kind)}
 
 
-def test_only_the_study_of_the_triad_asks_what_it_costs():
+def test_studies_of_both_kinds_ask_what_the_triad_costs():
     studies = (read_lots(path) for path in STUDIES.glob("*.toml"))
     asked = {study.path.stem for study in studies if study is not None and study.basic}
-    assert asked == {"basic_vs_generalized"}
+    assert asked == {"basic_vs_generalized", "mems_vs_fog"}
