@@ -5,7 +5,6 @@ import pytest
 from imubayes.config import read_lots, read_quality, read_study
 from imubayes.errors import StudyError
 from imubayes.rig.scene_ranges import catalogue_scenes
-from imubayes.sensors.catalogue import classes
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -113,7 +112,6 @@ def test_scenes_are_all_those_of_the_catalogue():
     for name in ("scenes", "scenes_accelerometers"):
         study = read_lots(STUDIES / f"{name}.toml")
         assert {one.name for one in study.missions} == {one.id for one in catalogue_scenes()}
-        assert {one.id for one in study.classes} == {one.id for one in classes(study.kind)}
 
 
 def test_studies_of_both_kinds_ask_what_the_triad_costs():
