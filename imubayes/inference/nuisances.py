@@ -14,12 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError
-from imubayes.factor import noise_scale, posterior
+from imubayes.factor import Factor, invert_triangular, noise_scale, posterior, with_prior_rows
 from imubayes.inference.linear import Extra, Linear, blocks_of
 from imubayes.inference.summary import Rules, RunSummary, Summary, summarize
 from imubayes.inference.tangent import tangent
@@ -37,11 +39,20 @@ SETTLED = 1e-3
 NOISE_ROUNDS = 2
 """Rounds that estimate the noise: the rows of the first may be off by the sensor's own errors."""
 
-ROUNDS = 30
-"""Most relinearisations; four are usual, seven with gains that are off by several percent."""
+NEARLY = 0.02
+"""Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly."""
 
-LONGEST = 3.0
-"""Most of the last move that a round adds to its own step."""
+FEW_ROUNDS = 12
+"""Relinearisations after which a search begins anew with louder noise; four are usual."""
+
+LOUDER = (1e3, 1e2, 10.0, 1.0)
+"""Factors on the noise in such a search, one after the other."""
+
+STALLED = 1e-15
+"""Relative change of place or misfit that is rounding."""
+
+ROUNDS = 100
+"""Most relinearisations at each of them."""
 
 ROOM = 3.0
 """Prior sd of a tilt over that of the misalignment: so wide that it hardly tells the one from the other."""
@@ -84,7 +95,13 @@ def extras_for(
 
 
 def rows_with(
-    runs: Sequence[Run], lib: Library, extras: Sequence[Extra], theta: FloatArray, nu: FloatArray
+    runs: Sequence[Run],
+    lib: Library,
+    extras: Sequence[Extra],
+    theta: FloatArray,
+    nu: FloatArray,
+    *,
+    leaning: FloatArray | None = None,
 ) -> tuple[Linear, ...]:
     """Rows of runs on a bench with errors, linearised.
 
@@ -94,6 +111,7 @@ def rows_with(
     lib : candidate terms.
     extras : columns for the errors (see `extras_for`).
     theta, nu : (p,) coefficients and (q,) errors to linearise at, SI.
+    leaning : (p,) coefficients whose axes a tilt turns; by default `theta`.
 
     Returns
     -------
@@ -107,7 +125,7 @@ def rows_with(
     kinds = dict.fromkeys(extra.kind for extra in extras)
     known = {error.name: error for error in errors_of(runs, kinds)}
     errors = tuple(known[extra.name] for extra in extras)
-    return tuple(tangent(run, lib, errors, theta, nu) for run in runs)
+    return tuple(tangent(run, lib, errors, theta, nu, leaning=leaning) for run in runs)
 
 
 def solve(
@@ -165,44 +183,107 @@ class _Asked:
     rules: Rules | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tangents:
+    """Linearisations of runs; `taken` says which rows are taken of a run's, `judged` is what its noise is."""
+
+    runs: Sequence[Run]
+    ask: _Asked
+    taken: Callable[[Linear], Linear]
+    judged: Sequence[RunSummary] = ()
+    leaning: FloatArray | None = None
+
+    def at(self, place: FloatArray) -> tuple[Summary, tuple[Linear, ...]]:
+        """Summary and rows, linearised at coefficients and errors (p + q,)."""
+        ask, p = self.ask, len(self.ask.lib.terms)
+        parts = rows_with(self.runs, ask.lib, ask.extras, place[:p], place[p:], leaning=self.leaning)
+        rows = tuple(self.taken(part) for part in parts)
+        rules = _held(self.judged, ask.rules) if self.judged else ask.rules
+        summary = summarize(self.runs, ask.lib, sensor=ask.sensor, rules=rules, rows=rows, extras=ask.extras)
+        return summary, rows
+
+
 def _settled(
     runs: Sequence[Run], ask: _Asked, at: FloatArray, taken: Callable[[Linear], Linear]
 ) -> tuple[Summary, tuple[Linear, ...], FloatArray]:
     """Summary and rows where the linearisation has settled, and coefficients and errors (p + q,) there.
 
-    `taken` says which rows are taken of a run's.
+    `taken` says which rows are taken of a run's. While the noise is judged each round goes where the linear
+    problem is solved; where that does not settle, trust regions do.
     """
-    p, judged, scale, before = len(ask.lib.terms), (), 1.0, (at, np.zeros(len(at)))
-    for turn in range(ROUNDS):
-        rows = tuple(taken(part) for part in rows_with(runs, ask.lib, ask.extras, at[:p], at[p:]))
-        rules = ask.rules if turn < NOISE_ROUNDS else _held(judged, ask.rules)
-        summary = summarize(runs, ask.lib, sensor=ask.sensor, rules=rules, rows=rows, extras=ask.extras)
+    tangents, judged, scale = _Tangents(runs, ask, taken), (), 1.0
+    for turn in range(NOISE_ROUNDS + 1):
+        summary, rows = tangents.at(at)
         judged = summary.runs if turn < NOISE_ROUNDS else judged
-        scale = noise_scale(summary.factor, ask.sd) if turn <= NOISE_ROUNDS else scale
+        tangents = replace(tangents, judged=judged if turn + 1 >= NOISE_ROUNDS else ())
+        scale = noise_scale(summary.factor, ask.sd)
         mean, spread = posterior(summary.factor, ask.sd, scale)
         if np.all(np.abs(mean - at) <= SETTLED * spread):
             return _with_judged(summary, judged), rows, mean
-        at, before = _onward(at, mean - at, before, spread), (at, mean - at)
-    raise ConvergenceError(
-        f"the errors of the test bench did not settle in {ROUNDS} rounds: check scale and sign of the output",
-        at,
-    )
+        at = mean if turn < NOISE_ROUNDS else at
+    at = _peak(replace(tangents, leaning=at[: len(ask.lib.terms)]), at, summary.factor, scale)
+    summary, rows = tangents.at(at)
+    return _with_judged(summary, judged), rows, at
 
 
-def _onward(
-    at: FloatArray, step: FloatArray, before: tuple[FloatArray, FloatArray], spread: FloatArray
-) -> FloatArray:
-    """Where to linearise next: a step on, and further along it if the steps shrink by a steady share.
+def _peak(tangents: _Tangents, start: FloatArray, f: Factor, scale: float) -> FloatArray:
+    """Coefficients and errors at the posterior's peak, the noise and the tilt's columns held.
 
-    They do where the data bend what the prior holds. `before` is (place, step) of the last round (Anderson's
-    acceleration with one past step, which for a single direction is the secant rule).
+    Parameters
+    ----------
+    tangents : linearisations.
+    start : where to begin, with the factor f there.
+    scale : of the noise that whitened.
+
+    Raises
+    ------
+    ConvergenceError : if it is not found; it carries the place so far.
     """
-    was, last = before
-    change = (step - last) / spread
-    if not last.any() or not change.any():
-        return at + step
-    share = float(np.clip(change @ (step / spread) / (change @ change), -LONGEST, LONGEST))
-    return at + step - share * (at - was + step - last)
+    place, left = _descended(tangents, start, f, scale, FEW_ROUNDS)
+    if left > SETTLED:
+        # the valley is curved and narrow: with louder noise it is wide, and leads to where it is deepest
+        place = start
+        for louder in LOUDER:
+            place, left = _descended(tangents, place, f, louder * scale, ROUNDS)
+            f = tangents.at(place)[0].factor
+    if left > NEARLY:
+        raise ConvergenceError(
+            f"the errors of the test bench did not settle in {ROUNDS} rounds: check scale and sign of the"
+            " output, and whether the errors that the study states for the bench are as large as that",
+            place,
+        )
+    return place
+
+
+def _descended(
+    tangents: _Tangents, start: FloatArray, f: Factor, scale: float, rounds: int
+) -> tuple[FloatArray, float]:
+    """Go downhill by trust regions; give the place, and the step that is left in posterior sd.
+
+    The way is taken in coordinates in which the posterior is a unit ball at the start.
+    """
+    from scipy.optimize import least_squares
+
+    rows = scale / tangents.ask.sd
+    metric = scale * invert_triangular(with_prior_rows(f.R, rows)[:-1, :-1])
+
+    @lru_cache(maxsize=1)
+    def there(way: bytes) -> tuple[FloatArray, FloatArray]:
+        place = start + metric @ np.frombuffer(way)
+        T = with_prior_rows(tangents.at(place)[0].factor.R, rows) / scale
+        return T[:, :-1] @ place - T[:, -1], T[:, :-1] @ metric
+
+    slope: Any = lambda way: there(way.tobytes())[1]  # noqa: E731
+    found = least_squares(
+        lambda way: there(way.tobytes())[0],
+        np.zeros(len(start)),
+        slope,
+        gtol=SETTLED,
+        xtol=STALLED,
+        ftol=STALLED,
+        max_nfev=rounds,
+    )
+    return start + metric @ found.x, float(found.optimality)
 
 
 def _averaged(rows: Linear) -> Linear:

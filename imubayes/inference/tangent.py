@@ -24,7 +24,15 @@ MOST_HELD = 10_000_000
 """Numbers of a run's columns that are held at a time; longer ones are made a part of the run at a time."""
 
 
-def tangent(run: Run, lib: Library, errors: tuple[Error, ...], theta: FloatArray, nu: FloatArray) -> Linear:
+def tangent(
+    run: Run,
+    lib: Library,
+    errors: tuple[Error, ...],
+    theta: FloatArray,
+    nu: FloatArray,
+    *,
+    leaning: FloatArray | None = None,
+) -> Linear:
     """Rows of a run, linearised.
 
     Parameters
@@ -33,10 +41,12 @@ def tangent(run: Run, lib: Library, errors: tuple[Error, ...], theta: FloatArray
     lib : candidate terms.
     errors : of the test bench.
     theta, nu : (p,) coefficients and (q,) errors to linearise at, SI.
+    leaning : (p,) coefficients whose axes a tilt turns; by default `theta`.
     """
     # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
     kept = np.where([error.kind in (OFFSET, TILT.name) for error in errors], 0.0, nu)
-    parts = _parts(run, lib, errors, theta, kept)
+    place = _Place(lib, errors, theta, kept, theta if leaning is None else leaning)
+    parts = _parts(run, place)
     plain, y = linear_of(run, lib), run.output.copy()
     for a in range(0, len(y), CHUNK):
         b = min(a + CHUNK, len(y))
@@ -50,22 +60,20 @@ def tangent(run: Run, lib: Library, errors: tuple[Error, ...], theta: FloatArray
     )
 
 
-def _parts(
-    run: Run, lib: Library, errors: tuple[Error, ...], theta: FloatArray, nu: FloatArray
-) -> Callable[[int, int], FloatArray]:
-    """Give the parts of `_Place` for rows from start to stop.
+def _parts(run: Run, place: _Place) -> Callable[[int, int], FloatArray]:
+    """Give the parts of `_Rows` for rows from start to stop.
 
     While the inputs stand still, as they do in a dwell, all rows are alike: one is made for all of them.
     """
-    kinds = {error.kind for error in errors}
+    kinds = {error.kind for error in place.errors}
     firsts = np.arange(len(run.inputs)) if "latency" in kinds else _firsts(run.inputs)
-    if len(firsts) * (1 + len(theta) + len(nu)) > MOST_HELD:
-        return _Place(bench_of(run, kinds), lib, errors, theta, nu).parts
+    if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
+        return _Rows(bench_of(run, kinds), place).parts
     inputs = run.inputs
     channels = {name: values[firsts] for name, values in inputs.channels.items()}
     mount = None if inputs.mount is None else inputs.mount[firsts]
     few = replace(run, inputs=Inputs(inputs.t[firsts], channels, inputs.interval, mount))
-    held = _Place(bench_of(few, kinds), lib, errors, theta, nu).parts(0, len(firsts))
+    held = _Rows(bench_of(few, kinds), place).parts(0, len(firsts))
     of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
     return lambda start, stop: held[of_row[start:stop]]
 
@@ -81,17 +89,25 @@ def _firsts(inputs: Inputs) -> NDArray[np.intp]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    """Where the rows of a run are linearised: coefficients theta (p,) and errors nu (q,), SI."""
+    """Where rows are linearised: coefficients theta and leaning (p,) (see `tangent`), errors nu (q,), SI."""
 
-    bench: Bench
     lib: Library
     errors: tuple[Error, ...]
     theta: FloatArray
     nu: FloatArray
+    leaning: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Rows of a run on a bench, linearised at a place."""
+
+    bench: Bench
+    at: _Place
 
     def parts(self, start: int, stop: int) -> FloatArray:
         """Own input, columns of the library, derivatives by the errors in some rows: (rows, 1 + p + q)."""
-        own, X = self._model(self.bench.sizes(self.errors, self.nu), start, stop)
+        own, X = self._model(self.bench.sizes(self.at.errors, self.at.nu), start, stop)
         return np.column_stack((own, X, self._slopes(start, stop)))
 
     def _model(self, sizes: Errors, start: int, stop: int) -> tuple[FloatArray, FloatArray]:
@@ -100,17 +116,17 @@ class _Place:
         leant = _leant(sizes)
         seen = channels if leant is sizes else self.bench.channels(leant, start, stop)
         said = {name: values[start:stop] for name, values in self.bench.run.inputs.channels.items()}
-        X = columns(self.lib, seen, stop - start)
-        for k, term in enumerate(self.lib.terms):
+        X = columns(self.at.lib, seen, stop - start)
+        for k, term in enumerate(self.at.lib.terms):
             for name in (f.channel for f in term.factors if f.signed and f.channel in seen):
                 X[:, k] *= np.sign(said.get(name, 0.0)) * np.sign(seen[name])
-        return np.broadcast_to(channels.get(self.lib.own, 0.0), stop - start), X
+        return np.broadcast_to(channels.get(self.at.lib.own, 0.0), stop - start), X
 
     def _slopes(self, start: int, stop: int) -> FloatArray:
         """Derivatives (rows, q) of the output by the errors."""
-        out = np.zeros((stop - start, len(self.errors)))
+        out = np.zeros((stop - start, len(self.at.errors)))
         place, directions = self.bench.place[start:stop], {}
-        for k, error in enumerate(self.errors):
+        for k, error in enumerate(self.at.errors):
             if error.applies(self.bench.run):
                 way = error.kind, error.part
                 if way not in directions:
@@ -124,12 +140,13 @@ class _Place:
         if kind == OFFSET:
             return 1.0
         step = kind_of(kind).step * (self.bench.run.inputs.interval if kind == "latency" else 1.0)
+        theta = self.at.leaning if kind == TILT.name else self.at.theta
         ends = []
         for change in (step, -step):
-            sizes = self.bench.sizes(self.errors, self.nu)
+            sizes = self.bench.sizes(self.at.errors, self.at.nu)
             sizes[kind][:, part] += change
             own, X = self._model(sizes, start, stop)
-            ends.append(own + X @ self.theta)
+            ends.append(own + X @ theta)
         return (ends[0] - ends[1]) / (2.0 * step)
 
 

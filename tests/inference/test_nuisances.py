@@ -150,6 +150,9 @@ def test_noise_that_is_not_estimated_keeps_its_rule(rule, origin):
 def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):
     runs, kinds, sd, _ = raw_campaign(107)
     monkeypatch.setattr(module, "ROUNDS", 1)
+    monkeypatch.setattr(module, "FEW_ROUNDS", 1)
+    monkeypatch.setattr(module, "SETTLED", 1e-9)
+    monkeypatch.setattr(module, "NEARLY", 1e-9)
     with pytest.raises(ConvergenceError, match="did not settle in 1 rounds") as caught:
         solve(runs, LIB, sd, kinds, sensor=RAW)
     assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + len(module.TILT.parts)

@@ -1,0 +1,40 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imubayes.campaign import SensorSpec
+from imubayes.config import read_lots
+from imubayes.lots.units import lot_of, simulate_unit
+from imubayes.preparation import prepare
+from imubayes.selection.decision import loose_fit
+from imubayes.sensors.catalogue import sensor
+
+SCENES = read_lots(Path(__file__).parents[2] / "studies" / "scenes.toml")
+ARCSECOND = np.pi / 180.0 / 3600.0
+
+
+@pytest.mark.parametrize(
+    ("class_id", "arcseconds", "number"), [("ifog_strategic", 5, 2), ("hrg_navigation", 20, 4)]
+)
+def test_errors_of_a_bench_settle_where_they_are_thousands_of_times_the_noise(class_id, arcseconds, number):
+    """Plain relinearisation runs astray here; the coefficients must be the truth within their own sds."""
+    study = replace(
+        SCENES,
+        classes=(sensor(class_id, kind="gyroscope"),),
+        reference={**SCENES.reference, "fixture": arcseconds * ARCSECOND},
+    )
+    lot = lot_of(study, 0)
+    entry, truth = study.classes[0], lot.truth(number)
+    spec = SensorSpec(
+        entry.id, "gyroscope", entry, study.library, study.runs, truth, reference=dict(study.reference)
+    )
+    runs = simulate_unit(spec, lot, number, np.random.default_rng(7))
+    ready = prepare(spec, runs, lambda message: None, np.random.default_rng(8))
+    mean, cov = loose_fit(ready.summary, ready.prior)
+    p = len(study.library.terms)
+    off = (mean[:p] - lot.theta[number]) / np.sqrt(np.diag(cov)[:p])
+    # of 20 standard normals one in 12,000 sets holds one beyond 4.5
+    assert np.abs(off).max() < 4.5
+    assert off @ off / p < 2.5
