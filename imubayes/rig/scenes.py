@@ -37,6 +37,32 @@ _LOGGED = tuple(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis i
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """Temperature over a mission, linear between its knots; from the last one on it stays as it is.
+
+    Attributes
+    ----------
+    t : (m,) knots, s since the start, strictly increasing.
+    channels : (m,) arrays of ``T``, K, and ``dT``, K/s; one that is absent counts as in `Inputs`.
+    """
+
+    t: FloatArray
+    channels: Mapping[str, FloatArray]
+
+    def at(self, t: FloatArray) -> dict[str, FloatArray]:
+        """Temperature (n,) and its rate (n,) at times (n,) of the mission.
+
+        Examples
+        --------
+        >>> soak = Course(np.array([0.0, 60.0]), {"T": np.array([290.0, 320.0]), "dT": np.full(2, 0.5)})
+        >>> soak.at(np.array([30.0, 90.0]))
+        {'T': array([305., 320.]), 'dT': array([0.5, 0. ])}
+        """
+        held = {"T": None, "dT": 0.0}
+        return {name: np.interp(t, self.t, v, right=held[name]) for name, v in self.channels.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """What a sensor will see.
 
@@ -49,6 +75,8 @@ class Scene:
     band : (lowest, highest) frequency of the vibration, Hz.
     slow : the same rows without vibration; None where `inputs` has none added.
     notes : how the record was made, and what was assumed, in words.
+    course : temperature over the mission; None where it is that of the record, held from its end on. Motion
+        is repeated and temperature is not.
     """
 
     name: str
@@ -58,6 +86,7 @@ class Scene:
     band: tuple[float, float] = (0.0, math.inf)
     slow: Inputs | None = None
     notes: tuple[str, ...] = ()
+    course: Course | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
@@ -69,6 +98,14 @@ class Scene:
     def mean_motion(self) -> Inputs:
         """Return the motion that vibration is on top of."""
         return self.slow or self.inputs
+
+    @property
+    def temperature(self) -> Course:
+        """Return the temperature over the mission."""
+        if self.course is not None:
+            return self.course
+        logged = {name: v for name, v in self.inputs.channels.items() if name in ("T", "dT")}
+        return Course(self.inputs.t - self.inputs.t[0], logged)
 
 
 def recorded(

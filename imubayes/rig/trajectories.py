@@ -14,14 +14,14 @@ Construction, the same for every scene:
 - temperature swings over its range, no faster than the scene's rate.
 
 The axes are x forward, y left, z up. Rates do not vibrate. A mission longer than the rows that resolve its
-motion repeats them.
+motion repeats them; its temperature runs on. The rows themselves see the temperatures of the whole mission.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from imubayes.errors import InputError, TermError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.scene_ranges import Ranges
-from imubayes.rig.scenes import BODY, Scene
+from imubayes.rig.scenes import BODY, Course, Scene
 from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
@@ -48,6 +48,10 @@ SEARCHED = 4_000.0
 
 ACROSS = 0.1
 """Force across the load, over half of the load's range."""
+
+KNOTS, MOST_KNOTS = 1_000, 200_000
+"""Knots of the temperature in one of its swings, and in all: up to 200 swings are linear between knots to
+5e-6 of half their range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,9 +129,10 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     motion = _turning(pace * t, manner, waves)
     channels = {f"w_{a}": pace * motion.w[c] for c, a in enumerate(BODY)}
     channels |= {f"dw_{a}": pace**2 * motion.dw[c] for c, a in enumerate(BODY)}
-    channels |= _heat(ranges, t, lasting)
+    channels |= _heat(ranges, t * lasting / (t[-1] + t[1]))
     force = _force(ranges, manner, motion.up, (pace * t, t / (t[-1] + t[1])), waves)
-    return _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
+    scene = _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
+    return replace(scene, course=_course(ranges, lasting))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,13 +228,27 @@ def _load(ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray) 
     return rest + (high - rest) * pulses[0] - (rest - low) * pulses[1]
 
 
-def _heat(ranges: Ranges, t: FloatArray, lasting: float) -> dict[str, FloatArray]:
-    """Temperature over the mission, seen at times that the record spreads over it."""
+def _heat(ranges: Ranges, t: FloatArray) -> dict[str, FloatArray]:
+    """Temperature (n,) and its rate (n,) at times (n,) of the mission."""
     low, high = ranges.temperature
-    half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    pulsation = ranges.warming / half if half > 0.0 else 0.0
-    phase = pulsation * t * lasting / (t[-1] + t[1])
-    return {"T": middle + half * np.sin(phase), "dT": half * pulsation * np.cos(phase)}
+    half, middle, pulsation = 0.5 * (high - low), 0.5 * (high + low), _swinging(ranges)
+    return {
+        "T": middle + half * np.sin(pulsation * t),
+        "dT": half * pulsation * np.cos(pulsation * t),
+    }
+
+
+def _swinging(ranges: Ranges) -> float:
+    """Pulsation of the temperature, rad/s: as fast as its rate allows over its range."""
+    low, high = ranges.temperature
+    return 2.0 * ranges.warming / (high - low) if high > low else 0.0
+
+
+def _course(ranges: Ranges, lasting: float) -> Course:
+    """Temperature over the mission."""
+    swings = _swinging(ranges) * lasting / (2.0 * math.pi)
+    t = np.linspace(0.0, lasting, min(2 + math.ceil(KNOTS * swings), MOST_KNOTS))
+    return Course(t, _heat(ranges, t))
 
 
 def _with_vibration(

@@ -1,23 +1,31 @@
 """What an error of a sensor's output does to attitude, velocity and position.
 
-One horizontal channel of an inertial navigator, straight and level, heading known, driven by the output
-error of one component: the accelerometer along the channel, or the level gyroscope across it::
+One horizontal channel of an inertial navigator, heading known, driven by the output error of one component:
+the accelerometer along the channel, or the level gyroscope across it::
 
-    dphi/dt = e_g - dv / R        tilt: attitude error about the level axis, rad
-    dv/dt   = e_a + g dphi        velocity error, m/s
+    dphi/dt = e_g - dv / R        tilt: attitude error about the gyroscope's axis, rad
+    dv/dt   = e_a + f(t) dphi     velocity error, m/s
     dx/dt   = dv                  position error, m
 
-It is linear in the error, and so in every coefficient: ``p(T) = J(T) theta``, one integration of the columns.
-Over times that are short beside the Schuler period of 84.4 min it is double integration of an accelerometer's
-error (b t^2/2) and triple integration of g times a gyroscope's (g e t^3/6). Without the term dv/R it stays
-that: the navigator of a vehicle that flies free, to which no local level belongs. Coupling by heading, the
-vertical channel and position-dependent gravity are not in it.
+f is the load: the specific force that a small turn about the gyroscope's axis moves into the channel, which
+is the part of it that lies across that axis, ``|e_i x f|``. Straight and level it is g. A channel of an
+accelerometer is taken as level, with g.
+
+All is linear in the error, and so in every coefficient: ``p(T) = J(T) theta``, one integration of the
+columns. Over times that are short beside the Schuler period of 84.4 min it is double integration of an
+accelerometer's error (b t^2/2) and triple integration of f times a gyroscope's (g e t^3/6). Without the term
+dv/R it stays that: the navigator of a vehicle that flies free, to which no local level belongs. Coupling by
+heading, the vertical channel and position-dependent gravity are not in it.
+
+Inputs hold from one row to the next, the load as well as the error. While f holds, all follows from Stumpff's
+functions ``c_k(z) = 1/k! - z/(k+2)! + z^2/(k+4)! - ...`` of ``z = f t^2/R`` (0 without dv/R; negative where f
+is): ``c0 = cos sqrt(z)``, ``c1 = sin sqrt(z)/sqrt(z)``, and so on.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -33,9 +41,6 @@ from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 Quantity = Literal["output", "attitude", "velocity", "position"]
-
-SCHULER = math.sqrt(STANDARD_GRAVITY / SEMI_MAJOR_AXIS)
-"""rad/s; pulsation of a pendulum as long as the Earth's radius: a period of 84.4 min."""
 
 STATES = ("attitude", "velocity", "position")
 
@@ -54,6 +59,8 @@ RATIO, SPANS = 4.0, 10.0
 CELLS = 2_000
 """Steps in which the integrals over noise take a mission."""
 
+SERIES = 9
+"""Terms of a series in z, up to z = 1: the next one is below 1e-19."""
 
 MOST_RECORDS = 10_000
 """Times that a record may be repeated to fill a mission."""
@@ -83,14 +90,17 @@ class Budget:
             raise StudyError(f"a budget of {self.limit:g} leaves nothing out: expected a positive limit")
 
 
-def constant_response(kind: Kind, time: FloatArray, *, schuler: bool = True) -> FloatArray:
-    """Response to a unit error that stays constant, from rest.
+def constant_response(
+    kind: Kind, time: FloatArray, *, schuler: bool = True, load: FloatArray | float = STANDARD_GRAVITY
+) -> FloatArray:
+    """Response to a unit error that stays constant under a load that does, from rest.
 
     Parameters
     ----------
     kind : of the component.
     time : (...) s since the error began; before it the response is zero.
     schuler : whether the navigator keeps a local level.
+    load : force that a tilt turns into the channel, m/s^2, of the shape of `time` or a number.
 
     Returns
     -------
@@ -101,55 +111,146 @@ def constant_response(kind: Kind, time: FloatArray, *, schuler: bool = True) -> 
     >>> constant_response("accelerometer", np.array([10.0]), schuler=False)[:, 0].tolist()
     [0.0, 10.0, 50.0]
     """
-    t = np.maximum(time, 0.0)
-    g = STANDARD_GRAVITY
-    if not schuler:
-        attitude, velocity = np.zeros_like(t), t
-        chain = (attitude, velocity, 0.5 * t**2)
-        return np.array(chain if kind == "accelerometer" else (t, 0.5 * g * t**2, g * t**3 / 6.0))
-    sine, turned = np.sin(SCHULER * t) / SCHULER, 2.0 * np.sin(0.5 * SCHULER * t) ** 2 / SCHULER**2
+    t, back = np.maximum(time, 0.0), _feedback(schuler)
+    _, c1, c2, c3 = _stumpff(back * load * t**2)
     if kind == "accelerometer":
-        return np.array((-turned * SCHULER**2 / g, sine, turned))
-    return np.array((sine, g * turned, SEMI_MAJOR_AXIS * _lag(t)))
+        return np.array((0.0 - back * t**2 * c2, t * c1, t**2 * c2))
+    return np.array((t * c1, load * t**2 * c2, load * t**3 * c3))
 
 
-def _lag(t: FloatArray) -> FloatArray:
-    """``t - sin(w t)/w``, by its series where the difference would cancel."""
-    x = SCHULER * t
-    series = t * x**2 / 6.0 * (1.0 - x**2 / 20.0 * (1.0 - x**2 / 42.0 * (1.0 - x**2 / 72.0)))
-    return np.where(x < 0.1, series, t - np.sin(x) / SCHULER)
-
-
-def transition(time: float, *, schuler: bool = True) -> FloatArray:
-    """Matrix (3, 3) that carries attitude, velocity and position errors on by `time`, with no new error.
+def transition(
+    time: FloatArray | float, *, schuler: bool = True, load: FloatArray | float = STANDARD_GRAVITY
+) -> FloatArray:
+    """Matrices (..., 3, 3) that carry attitude, velocity and position errors on by `time`, with no new error.
 
     Examples
     --------
     >>> transition(2.0, schuler=False).round(4).tolist()
     [[1.0, 0.0, 0.0], [19.6133, 1.0, 0.0], [19.6133, 2.0, 1.0]]
     """
-    g = STANDARD_GRAVITY
-    if not schuler:
-        return np.array([[1.0, 0.0, 0.0], [g * time, 1.0, 0.0], [0.5 * g * time**2, time, 1.0]])
-    c, s = math.cos(SCHULER * time), math.sin(SCHULER * time)
-    rise = 2.0 * math.sin(0.5 * SCHULER * time) ** 2 * SEMI_MAJOR_AXIS
-    return np.array([[c, -s * SCHULER / g, 0.0], [g * s / SCHULER, c, 0.0], [rise, s / SCHULER, 1.0]])
+    t, back = np.asarray(time), _feedback(schuler)
+    c0, c1, c2, _ = _stumpff(back * load * t**2)
+    out = np.zeros((*c0.shape, 3, 3))
+    out[..., 0, 0], out[..., 0, 1] = c0, 0.0 - back * t * c1
+    out[..., 1, 0], out[..., 1, 1] = load * t * c1, c0
+    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = load * t**2 * c2, t * c1, 1.0
+    return out
 
 
-def functionals(
-    kind: Kind, X: FloatArray, inputs: Inputs, times: Sequence[float], *, schuler: bool = True
-) -> FloatArray:
-    """Attitude, velocity and position errors per unit of each coefficient, at given times.
+def _feedback(schuler: bool) -> float:
+    """Tilt rate by velocity, 1/m."""
+    return 1.0 / SEMI_MAJOR_AXIS if schuler else 0.0
 
-    Each row holds until the next; the last for the sampling interval. Times beyond the record repeat it.
+
+def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """c0, c1, c2 and c3, (...) each; by their series where the closed forms would cancel."""
+    near = np.abs(z) < 1.0
+    little, root = np.where(near, z, 0.0), np.sqrt(np.where(near, 1.0, z).astype(np.complex128))
+    c2, c3 = np.ones_like(little), np.ones_like(little)
+    for k in range(SERIES, 0, -1):
+        c2 = 1.0 - little * c2 / ((2 * k + 1) * (2 * k + 2))
+        c3 = 1.0 - little * c3 / ((2 * k + 2) * (2 * k + 3))
+    sine, half = np.sin(root) / root, np.sin(0.5 * root) / (0.5 * root)
+    c2 = np.where(near, c2 / 2.0, np.real(0.5 * half**2))
+    c3 = np.where(near, c3 / 6.0, np.real((1.0 - sine) / root**2))
+    c0 = np.where(near, 1.0 - z * c2, np.real(np.cos(root)))
+    return c0, np.where(near, 1.0 - z * c3, np.real(sine)), c2, c3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Propagation:
+    """How errors pass through a record, row by row.
+
+    Attributes
+    ----------
+    kind : of the component.
+    schuler : whether the navigator keeps a local level.
+    edges : (n + 1,) starts of the rows, s since the first, and the end of the last.
+    load : (n,) force that a tilt turns into the channel, m/s^2.
+    moved : (n + 1, 3, 3) transitions from the start to each edge.
+    driven : (3, n) errors at the start that are, at the end of each row, what a unit error in it leaves.
+    """
+
+    kind: Kind
+    schuler: bool
+    edges: FloatArray
+    load: FloatArray
+    moved: FloatArray
+    driven: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Length of the record, s."""
+        return float(self.edges[-1])
+
+    def until(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Transition (3, 3) from the start to a time, and weights (3, n) of the errors in the rows."""
+        row = min(int(np.searchsorted(self.edges, time, "right")), len(self.load)) - 1
+        rest, load = np.array(time - self.edges[row]), float(self.load[row])
+        carry = transition(rest, schuler=self.schuler, load=load) @ self.moved[row]
+        weights = np.zeros_like(self.driven)
+        weights[:, :row] = carry @ self.driven[:, :row]
+        weights[:, row] = constant_response(self.kind, rest, schuler=self.schuler, load=load)
+        return carry, weights
+
+
+def propagation(
+    kind: Kind, inputs: Inputs, *, schuler: bool = True, load: FloatArray | float = STANDARD_GRAVITY
+) -> Propagation:
+    """Work out how errors pass through a record.
 
     Parameters
     ----------
     kind : of the component.
-    X : (n, p) columns, SI.
-    inputs : the record that they belong to.
-    times : m times, s since the start.
+    inputs : (n,) rows of the record; each holds until the next, the last for the sampling interval.
     schuler : whether the navigator keeps a local level.
+    load : force that a tilt turns into the channel, m/s^2: (n,), or a number that holds throughout.
+
+    Examples
+    --------
+    >>> boost = propagation("gyroscope", Inputs(np.arange(60.0), {}, 1.0), schuler=False, load=98.1)
+    >>> carry, weights = boost.until(10.0)
+    >>> float(weights[1].sum().round(9))
+    4905.0
+    """
+    start = inputs.t - inputs.t[0]
+    edges = np.append(start, start[-1] + inputs.interval)
+    steps, course = np.diff(edges), np.broadcast_to(load, start.shape)
+    if np.ndim(load):
+        moved = _running(transition(steps, schuler=schuler, load=course))
+    else:
+        moved = transition(edges, schuler=schuler, load=load)
+    done = constant_response(kind, steps, schuler=schuler, load=course)
+    return Propagation(kind, schuler, edges, course, moved, _undone(moved[1:], done))
+
+
+def _running(steps: FloatArray) -> FloatArray:
+    """Products (n + 1, 3, 3) of the first 0, 1, ..., n of n matrices, the later ones on the left.
+
+    Spans are doubled, so that rounding grows with the logarithm of n.
+    """
+    out, span = np.concatenate((np.eye(3)[None], steps)), 1
+    while span < len(out):
+        out[span:] = out[span:] @ out[:-span]
+        span *= 2
+    return out
+
+
+def _undone(moved: FloatArray, errors: FloatArray) -> FloatArray:
+    """Errors (3, n) taken back through transitions (n, 3, 3), of which the determinant is 1."""
+    attitude = moved[:, 1, 1] * errors[0] - moved[:, 0, 1] * errors[1]
+    velocity = moved[:, 0, 0] * errors[1] - moved[:, 1, 0] * errors[0]
+    return np.array((attitude, velocity, errors[2] - moved[:, 2, 0] * attitude - moved[:, 2, 1] * velocity))
+
+
+def functionals(propagated: Propagation, X: FloatArray, times: Sequence[float]) -> FloatArray:
+    """Attitude, velocity and position errors per unit of each coefficient, at given times.
+
+    Parameters
+    ----------
+    propagated : of the record that the columns belong to; times beyond the record repeat it.
+    X : (n, p) columns, SI.
+    times : m times, s since the start.
 
     Returns
     -------
@@ -161,47 +262,64 @@ def functionals(
 
     Examples
     --------
-    >>> minute = Inputs(np.arange(60.0), {}, 1.0)
-    >>> J = functionals("accelerometer", np.ones((60, 1)), minute, [60.0, 120.0], schuler=False)
-    >>> J[:, 2, 0].tolist()
+    >>> minute = propagation("accelerometer", Inputs(np.arange(60.0), {}, 1.0), schuler=False)
+    >>> functionals(minute, np.ones((60, 1)), [60.0, 120.0])[:, 2, 0].tolist()
     [1800.0, 7200.0]
     """
-    start = inputs.t - inputs.t[0]
-    edges = np.append(start, start[-1] + inputs.interval)
-    length = float(edges[-1])
+    once = propagated.until(propagated.length)[1] @ X
+    return _at_times(propagated, lambda _: X, lambda _: once, times)
+
+
+def running_functionals(
+    propagated: Propagation, columns: Callable[[int], FloatArray], times: Sequence[float]
+) -> FloatArray:
+    """Errors as `functionals` gives them, of columns that differ from one repetition of a record to the next.
+
+    Parameters
+    ----------
+    propagated : of the record.
+    columns : (n, p) columns in repetition 0, 1, ... of the record.
+    times : m times, s since the start.
+    """
+    weights = propagated.until(propagated.length)[1]
+    return _at_times(propagated, columns, lambda record: weights @ columns(record), times)
+
+
+def _at_times(
+    propagated: Propagation,
+    columns: Callable[[int], FloatArray],
+    once: Callable[[int], FloatArray],
+    times: Sequence[float],
+) -> FloatArray:
+    """Errors (m, 3, p), given the columns of each record and what each leaves at its end, from rest."""
+    carry, length = propagated.until(propagated.length)[0], propagated.length
     whole = [int(time / length * (1.0 + ROUNDED)) for time in times]
-    once = _within(kind, X, edges, length, schuler)
-    if max(whole, default=0) > MOST_RECORDS:
+    most = max(whole, default=0)
+    if most > MOST_RECORDS:
         raise InputError(
-            f"a mission of {max(times):.4g} s repeats its record of {length:.4g} s {max(whole):,} times:"
+            f"a mission of {max(times):.4g} s repeats its record of {length:.4g} s {most:,} times:"
             f" expected {MOST_RECORDS:,} at most; give a longer log, or a shorter duration"
         )
-    carried = _repeated(once, transition(length, schuler=schuler), max(whole, default=0))
-    out = np.empty((len(times), 3, X.shape[1]))
+    carried = [np.zeros((3, columns(0).shape[1]))]
+    for record in range(most):
+        carried.append(carry @ carried[-1] + once(record))
+    out = [carried[records] for records in whole]
     for row, (time, records) in enumerate(zip(times, whole, strict=True)):
-        rest = max(time - records * length, 0.0)
-        out[row] = transition(rest, schuler=schuler) @ carried[records]
+        rest = time - records * length
         if rest > 0.0:
-            out[row] += _within(kind, X, edges, rest, schuler)
-    return out
-
-
-def _within(kind: Kind, X: FloatArray, edges: FloatArray, time: float, schuler: bool) -> FloatArray:
-    """Errors (3, p) at a time within the record, from rest at its start."""
-    answer = constant_response(kind, time - edges, schuler=schuler)
-    return (answer[:, :-1] - answer[:, 1:]) @ X
-
-
-def _repeated(once: FloatArray, carry: FloatArray, most: int) -> list[FloatArray]:
-    """Errors after 0, 1, ... records."""
-    states = [np.zeros_like(once)]
-    for _ in range(most):
-        states.append(carry @ states[-1] + once)
-    return states
+            on, weights = propagated.until(rest)
+            out[row] = on @ carried[records] + weights @ columns(records)
+    return np.array(out)
 
 
 def noise_growth(
-    kind: Kind, noise: Noise, quantity: Quantity, time: float, *, schuler: bool = True
+    kind: Kind,
+    noise: Noise,
+    quantity: Quantity,
+    time: float,
+    *,
+    schuler: bool = True,
+    load: FloatArray | float = STANDARD_GRAVITY,
 ) -> tuple[float, float, float]:
     """Standard deviation that white noise, bias instability and random walk bring about, SI.
 
@@ -217,6 +335,8 @@ def noise_growth(
     quantity : that is budgeted.
     time : s, end of the mission.
     schuler : whether the navigator keeps a local level.
+    load : force that a tilt turns into the channel, m/s^2: a number, or its means (2000,)
+        over as many parts of the mission (`scene_effects.cell_loads`).
 
     Examples
     --------
@@ -228,10 +348,11 @@ def noise_growth(
         floor = math.sqrt(2.0 * math.log(2.0) / math.pi)
         return noise.N / math.sqrt(OUTPUT_TIME), floor * noise.B, noise.K * math.sqrt(0.5 * time)
     step = time / CELLS
-    edges = time - step * np.arange(CELLS + 1, dtype=np.float64)
-    state = STATES.index(quantity)
-    answer = constant_response(kind, edges, schuler=schuler)[state]
-    weights = answer[:-1] - answer[1:]
+    cells = Inputs(step * np.arange(CELLS, dtype=np.float64), {}, step)
+    propagated = propagation(kind, cells, schuler=schuler, load=load)
+    weights = propagated.until(propagated.length)[1][STATES.index(quantity)]
+    # response to a unit error that begins with a cell and goes on: the sum of the later cells
+    answer = np.append(0.0, np.cumsum(weights[::-1]))
     return (
         noise.N * math.sqrt(float(np.sum(weights**2)) / step),
         _flicker_growth(noise.B, weights, step, time),

@@ -16,10 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import InputError
-from imubayes.rig.scenes import Scene
+from imubayes.rig.gravity import SEMI_MAJOR_AXIS
+from imubayes.rig.scenes import Scene, in_case
 from imubayes.selection.decision import Selection
 from imubayes.selection.kernels import Budget, noise_growth
-from imubayes.selection.scene_effects import SceneEffects, budget_effects, output_effects
+from imubayes.selection.scene_effects import (
+    SceneEffects,
+    budget_effects,
+    cell_loads,
+    output_effects,
+    turned_force,
+)
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
@@ -40,7 +47,10 @@ THERE = 0.5
 """Inclusion from which a term is there: the median probability model."""
 
 LOAD = 0.2
-"""How far the force may be from 1 g, relatively, where a tilt is taken to turn 1 g into the level."""
+"""How far the mean force across an axis may be from 1 g, relatively, over a long mission."""
+
+LONG = 0.5 * np.pi * np.sqrt(SEMI_MAJOR_AXIS / STANDARD_GRAVITY)
+"""s; a quarter of the Schuler period: a mission as long must be carried by 1 g on the average."""
 
 FIXED = 0.5 * np.pi
 """rad; turn of the case beyond which an error along its axes does not keep its direction."""
@@ -71,25 +81,6 @@ def known(selection: Selection, draws: FloatArray) -> Knowledge:
         np.array([getattr(t, key) for t in selection.terms]) for key in ("inclusion", "limit95")
     )
     return Knowledge(draws, inclusion, limit)
-
-
-def known_normal(
-    mean: FloatArray,
-    covariance: FloatArray,
-    inclusion: FloatArray,
-    rng: np.random.Generator,
-    size: int = 2000,
-) -> Knowledge:
-    """Take coefficients as normal, given (p,) means, their covariance (p, p) and inclusions (p,).
-
-    Examples
-    --------
-    >>> k = known_normal(np.zeros(1), np.eye(1), np.ones(1), np.random.default_rng(1))
-    >>> k.draws.shape, bool(abs(k.limit95[0] - 1.96) < 0.1)
-    ((2000, 1), True)
-    """
-    draws = rng.multivariate_normal(mean, covariance, size=size, method="eigh")
-    return Knowledge(draws, inclusion, np.quantile(np.abs(draws), SURE, axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +164,8 @@ class Exposure:
     scene, lib, budget, axis : of which scene, component and budget, along which case axis.
     output : effect on the output.
     budgeted : effect on what is budgeted.
+    load : force that an error of attitude turns into velocity, m/s^2: a number, or the course of it over the
+        mission (see `scene_effects.cell_loads`).
     """
 
     scene: Scene
@@ -181,13 +174,16 @@ class Exposure:
     axis: str
     output: SceneEffects
     budgeted: SceneEffects
+    load: FloatArray | float
 
 
 def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> Exposure:
     """Work out the effects of a library's terms in a scene, once for all units that are weighed with it."""
     output = output_effects(scene, lib, axis)
     budgeted = output if budget.quantity == "output" else budget_effects(scene, lib, budget, axis)
-    return Exposure(scene, lib, budget, axis, output, budgeted)
+    motion = in_case(scene.mean_motion, axis)
+    load = cell_loads(turned_force(lib.kind, motion), motion, scene.duration)
+    return Exposure(scene, lib, budget, axis, output, budgeted, load)
 
 
 def relevance(
@@ -229,7 +225,9 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
     theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
     growth = (0.0, 0.0, 0.0)
     if noise is not None:
-        growth = noise_growth(lib.kind, noise, budget.quantity, scene.duration, schuler=budget.schuler)
+        growth = noise_growth(
+            lib.kind, noise, budget.quantity, scene.duration, schuler=budget.schuler, load=exposed.load
+        )
     left = _half_and_most(effects.size(theta - mean * keep))
     return Relevance(
         scene=scene.name,
@@ -247,32 +245,33 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
         uncompensated=_half_and_most(effects.size(theta)),
         path=path,
         noise=growth,
-        notes=(*scene.notes, *_turned(scene, budget), *_loaded(scene, lib, budget), *_reheated(scene, lib)),
+        notes=(*scene.notes, *_turned(scene, budget), *_loaded(exposed), *_reheated(scene, lib)),
     )
 
 
-def _loaded(scene: Scene, lib: Library, budget: Budget) -> tuple[str, ...]:
-    """Say where a tilt does not turn 1 g into the level, as the kernels of a gyroscope take it."""
-    if lib.kind != "gyroscope" or budget.quantity not in ("velocity", "position"):
+def _loaded(exposed: Exposure) -> tuple[str, ...]:
+    """Say where the force that an error of attitude turns into velocity is not what the scene knows."""
+    budget, known = exposed.budget, any(name[0] == "f" for name in exposed.scene.inputs.channels)
+    if exposed.lib.kind != "gyroscope" or budget.quantity not in ("velocity", "position"):
         return ()
-    channels = scene.mean_motion.channels
-    squares = sum(channels[f"f_{axis}"] ** 2 for axis in "ijk" if f"f_{axis}" in channels)
-    load = float(np.sqrt(np.mean(squares))) / STANDARD_GRAVITY
-    if abs(load - 1.0) < LOAD:
+    if not known:
+        return ("it has no force: an error of attitude is taken to turn 1 g into velocity",)
+    load = float(np.mean(exposed.load)) / STANDARD_GRAVITY
+    if not budget.schuler or exposed.scene.duration < LONG or abs(load - 1.0) < LOAD:
         return ()
     return (
-        f"an error of attitude is taken to turn 1 g into the level, and here {load:.3g} g act (rms): read"
-        " velocity and position as an order of magnitude, or give a budget of attitude",
+        f"{load:.3g} g act across the axis on the average, and all of it is taken as upwards; over a time"
+        " this long 1 g carries a level vehicle: read velocity and position as an order of magnitude",
     )
 
 
 def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
-    """Say where a course of temperature is run through more than once."""
+    """Say where a record of temperature ends before the mission does."""
     heated = any(f.channel in ("T", "dT") for term in lib.terms for f in term.factors)
-    motion = scene.mean_motion
-    if not heated or scene.duration <= 1.01 * len(motion) * motion.interval:
+    motion, logged = scene.mean_motion, scene.course is None and "T" in scene.inputs.channels
+    if not (heated and logged) or scene.duration <= 1.01 * len(motion) * motion.interval:
         return ()
-    return ("the course of temperature is that of the record, which the mission repeats",)
+    return ("motion repeats the record, and from its end on temperature stays as it is there",)
 
 
 def _turned(scene: Scene, budget: Budget) -> tuple[str, ...]:

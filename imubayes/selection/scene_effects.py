@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.factor import row_blocks, triangular
+from imubayes.rig.inputs import Inputs
 from imubayes.rig.scenes import Scene, in_case
 from imubayes.rig.vibration import mean_columns
-from imubayes.selection.kernels import STATES, Budget, functionals
-from imubayes.sensors.terms import Library, columns
+from imubayes.selection.kernels import CELLS, STATES, Budget, functionals, propagation, running_functionals
+from imubayes.sensors.terms import Factor, Kind, Library, columns
+from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 TIMES = 48
 """Times over the mission at which an error is looked at."""
@@ -105,12 +109,92 @@ def budget_effects(scene: Scene, lib: Library, budget: Budget, axis: str = "x") 
     Returns
     -------
     for attitude, velocity and position, the largest error over the mission: of the columns averaged over
-    vibration, whose oscillations integrate to nothing.
+    vibration, whose oscillations integrate to nothing. Where the mission repeats its record, temperature runs
+    on.
     """
     if budget.quantity == "output":
         return output_effects(scene, lib, axis)
     inputs = in_case(scene.mean_motion, axis)
-    X = mean_columns(lib, inputs, scene.vibration if scene.slow else 0.0)
-    times = scene.duration * np.arange(1, TIMES + 1) / TIMES
-    J = functionals(lib.kind, X, inputs, times.tolist(), schuler=budget.schuler)
+    propagated = propagation(lib.kind, inputs, schuler=budget.schuler, load=turned_force(lib.kind, inputs))
+    times = (scene.duration * np.arange(1, TIMES + 1) / TIMES).tolist()
+    heated = np.array([any(_is_heat(factor) for factor in term.factors) for term in lib.terms])
+    J = np.empty((TIMES, 3, len(lib.terms)))
+    J[..., ~heated] = functionals(propagated, _mean_motion(scene, _some(lib, ~heated), inputs), times)
+    if heated.any():
+        columns_of = _warming(scene, _some(lib, heated), inputs)
+        J[..., heated] = running_functionals(propagated, columns_of, times)
     return SceneEffects(lib.names, J[:, STATES.index(budget.quantity)], largest=True)
+
+
+def turned_force(kind: Kind, inputs: Inputs) -> FloatArray | float:
+    """Force that a small turn about a gyroscope's axis moves into velocity, m/s^2: ``|e_i x f|``.
+
+    A turn by dphi about i moves f by dphi e_i x f. Its direction is taken to stay, as that of the axis is.
+    A channel of an accelerometer is level: g; so is one of which nothing says what force acts.
+
+    Parameters
+    ----------
+    kind : of the component.
+    inputs : (n,) rows along its (i, j, k).
+
+    Examples
+    --------
+    >>> force = {"f_i": np.array([9.0]), "f_j": np.array([3.0]), "f_k": np.array([-4.0])}
+    >>> boost = Inputs(np.zeros(1), force, 1.0)
+    >>> turned_force("gyroscope", boost), round(turned_force("accelerometer", boost), 2)
+    (array([5.]), 9.81)
+    """
+    if kind == "accelerometer" or not any(name.startswith("f_") for name in inputs.channels):
+        return STANDARD_GRAVITY
+    absent = np.zeros(len(inputs))
+    return np.hypot(inputs.channels.get("f_j", absent), inputs.channels.get("f_k", absent))
+
+
+def cell_loads(load: FloatArray | float, inputs: Inputs, time: float) -> FloatArray | float:
+    """Means (2000,) of a load (n,) that a mission repeats, over the cells in which `noise_growth` takes it.
+
+    Examples
+    --------
+    >>> burn = np.linspace(10.0, 30.0, 4000)
+    >>> cell_loads(burn, Inputs(np.arange(4000.0), {}, 1.0), 4000.0)[[0, -1]].round(2).tolist()
+    [10.0, 30.0]
+    """
+    if not np.ndim(load):
+        return load
+    start = inputs.t - inputs.t[0]
+    edges = np.append(start, start[-1] + inputs.interval)
+    total = np.append(0.0, np.cumsum(load * np.diff(edges)))
+    cells = time * np.arange(CELLS + 1) / CELLS
+    whole = np.floor(cells / edges[-1])
+    passed = whole * total[-1] + np.interp(cells - whole * edges[-1], edges, total)
+    return np.diff(passed) * CELLS / time
+
+
+def _is_heat(factor: Factor) -> bool:
+    return factor.channel in ("T", "dT")
+
+
+def _some(lib: Library, chosen: BoolArray) -> Library:
+    return Library(lib.kind, tuple(term for term, one in zip(lib.terms, chosen, strict=True) if one))
+
+
+def _mean_motion(scene: Scene, lib: Library, inputs: Inputs) -> FloatArray:
+    """Columns (n, p) of terms without temperature, averaged over the scene's vibration."""
+    return mean_columns(lib, inputs, scene.vibration if scene.slow else 0.0)
+
+
+def _warming(scene: Scene, lib: Library, inputs: Inputs) -> Callable[[int], FloatArray]:
+    """Columns (n, p) of terms with temperature in each repetition of the record: a product of two.
+
+    The motion is the record's, the temperature that of the mission.
+    """
+    moving = _mean_motion(scene, _factored(lib, heat=False), inputs)
+    warm, course, start = _factored(lib, heat=True), scene.temperature, inputs.t - inputs.t[0]
+    length = float(start[-1]) + inputs.interval
+    return lambda record: moving * columns(warm, course.at(start + record * length), len(start))
+
+
+def _factored(lib: Library, *, heat: bool) -> Library:
+    """Terms with only those factors that are a temperature, or with only the others."""
+    parts = (tuple(f for f in term.factors if _is_heat(f) is heat) for term in lib.terms)
+    return Library(lib.kind, tuple(replace(t, factors=p) for t, p in zip(lib.terms, parts, strict=True)))

@@ -80,6 +80,15 @@ def test_log_with_angular_acceleration_keeps_it(tmp_path) -> None:
     assert channels["w_i"] == pytest.approx(np.radians([1.0, 2.0, 4.0])) and "f_i" not in channels
 
 
+def test_temperature_of_a_log_counts_from_its_start_and_stays_after_its_end() -> None:
+    t, three = 100.0 + np.arange(4.0), np.zeros((4, 3))
+    warm = recorded("log", t, three, three, temperature=np.array([290.0, 292.0, 294.0, 296.0]), duration=60.0)
+    heat = warm.temperature.at(np.array([0.0, 1.5, 3.0, 3.1, 50.0]))
+    assert heat["T"].tolist() == [290.0, 293.0, 296.0, 296.0, 296.0]
+    assert heat["dT"].tolist() == [2.0, 2.0, 2.0, 0.0, 0.0]
+    assert not recorded("cold", t, three, three).temperature.at(t)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -86,6 +86,28 @@ def test_temperature_rate_is_the_derivative_where_the_record_covers_the_mission(
     assert np.abs(np.gradient(heat, t) - rate)[1:-1].max() < np.abs(rate).max() / len(t)
 
 
+def test_temperature_runs_on_over_the_whole_mission_within_its_range_and_its_rate(ranges) -> None:
+    """The longest mission of the catalogue's range, up to 30 days: the record is repeated, this is not."""
+    scene = generated(ranges, np.random.default_rng(6), duration=ranges.duration[1])
+    course, (low, high) = scene.temperature, ranges.temperature
+    heat, rate = course.channels["T"], course.channels["dT"]
+    assert course.t[0] == 0.0 and course.t[-1] == pytest.approx(scene.duration)
+    assert low - 1e-9 <= heat.min() and heat.max() <= high + 1e-9
+    assert np.abs(rate).max() <= ranges.warming * (1.0 + 1e-12)
+    slope = np.diff(heat) / np.diff(course.t)
+    # a chord lies within p^2 h^2 / 12 of the mean of the rates at its ends, p h = 2 pi/1000 between knots
+    assert np.abs(slope - 0.5 * (rate[1:] + rate[:-1])).max() <= ranges.warming * 4e-6 + 1e-12
+
+
+def test_rows_of_a_record_see_the_temperatures_of_the_whole_mission() -> None:
+    """At times spread over it: a knot every 1/1000 of a swing leaves (2 pi/1000)^2/8 of half the range."""
+    scene = generated(scene_named("marine"), np.random.default_rng(1))
+    n, half = len(scene.inputs), 22.5
+    seen = scene.temperature.at(scene.duration * np.arange(n) / n)
+    assert np.abs(seen["T"] - scene.inputs.channels["T"]).max() < 5e-6 * half
+    assert scene.duration > 1.5 * n * scene.inputs.interval
+
+
 def test_vibration_has_the_middle_of_its_range_of_rms() -> None:
     for one in SCENES:
         scene = generated(one, np.random.default_rng(7))

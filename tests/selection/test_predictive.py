@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from imubayes.errors import UnobservableError
 from imubayes.factor import factor_of, triangular
 from imubayes.inference.pieces import Pieces
 from imubayes.selection.mixture import candidates
@@ -17,11 +17,9 @@ from imubayes.selection.predictive import (
     RELIABLE,
     by_dwell,
     by_run,
-    exact_loo,
     leave_out,
     psis_loo,
     waic,
-    waic_of_draws,
 )
 from imubayes.selection.spaces import Every, Listed
 
@@ -119,7 +117,10 @@ def test_waic_in_closed_form_is_that_of_draws_of_the_posterior(rows, pieces, fie
         ],
         axis=2,
     )
-    batches = [-2.0 * waic_of_draws(batch)[0].sum() for batch in log_lik]
+    batches = [
+        -2.0 * np.sum(logsumexp(one, axis=0) - math.log(len(one)) - np.var(one, axis=0, ddof=1))
+        for one in log_lik
+    ]
     error = np.std(batches, ddof=1) / math.sqrt(len(batches))
     assert abs(waic(by_dwell(pieces, field, SCALE), inside) - np.mean(batches)) < 4.0 * error
 
@@ -144,18 +145,10 @@ def _log_lik(X: np.ndarray, y: np.ndarray, batches: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["attitude_m2", "attitude_outlier_full"])
-def test_exact_leave_one_out_is_that_of_the_reference(references, name):
-    X, y, published = _reference(references, name)
-    assert exact_loo(X, y) == pytest.approx(published["elpd_loo_exact"], rel=1e-10)
-
-
-@pytest.mark.parametrize("name", ["attitude_m2", "attitude_outlier_full"])
-def test_waic_and_psis_are_those_of_r_loo_within_the_error_of_its_draws(references, name):
+def test_psis_is_that_of_r_loo_within_the_error_of_its_draws(references, name):
     X, y, published = _reference(references, name)
     batches = _log_lik(X, y, 40)
     ours = {
-        "elpd_waic": np.array([waic_of_draws(batch)[0] for batch in batches]),
-        "p_waic": np.array([waic_of_draws(batch)[1] for batch in batches]),
         "elpd_loo": np.array([psis_loo(batch)[0] for batch in batches]),
         "pareto_k": np.array([psis_loo(batch)[1] for batch in batches]),
     }
@@ -176,7 +169,7 @@ def test_psis_flags_the_outlier_whose_weights_r_found_at_k_above_one(references)
     # R's k of the others is known to about 0.1: those that it has well below the limit are below it here
     calm = published["pareto_k"] < RELIABLE - 0.3
     assert np.all(k[calm] < RELIABLE)
-    error = np.abs(elpd - exact_loo(X, y))
+    error = np.abs(elpd - published["elpd_loo_exact"])
     assert error[outlier] > 0.3
     assert np.max(error[calm]) < 0.1
 
@@ -199,8 +192,3 @@ def test_equal_weights_need_no_smoothing():
 
 def test_too_few_draws_for_a_tail_are_not_trusted():
     assert psis_loo(np.random.default_rng(1).normal(size=(15, 1)))[1].tolist() == [math.inf]
-
-
-def test_leaving_out_a_row_that_the_coefficients_need_is_refused():
-    with pytest.raises(UnobservableError, match="two rows more than columns"):
-        exact_loo(np.eye(3), np.ones(3))

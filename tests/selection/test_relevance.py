@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
+from imubayes.rig.inputs import Inputs
 from imubayes.rig.scene_ranges import scene_named
-from imubayes.rig.scenes import recorded
+from imubayes.rig.scenes import Scene, recorded
 from imubayes.rig.trajectories import generated
 from imubayes.selection.kernels import Budget, noise_growth
 from imubayes.selection.relevance import (
     QUADRANTS,
     Knowledge,
     known,
-    known_normal,
     relevance,
     smallest_model,
 )
@@ -37,6 +37,12 @@ def desk(n=50, a=20.0):
 def certain(theta):
     """Coefficients that are known exactly."""
     return Knowledge(theta[None, :], np.ones(len(theta)), np.abs(theta))
+
+
+def known_normal(mean, covariance, inclusion, rng, size=2000):
+    """Knowledge of coefficients that are normal."""
+    draws = rng.multivariate_normal(mean, covariance, size=size, method="eigh")
+    return Knowledge(draws, inclusion, np.quantile(np.abs(draws), 0.95, axis=0))
 
 
 def coefficients(**known_ones):
@@ -204,6 +210,55 @@ def test_case_that_spins_is_said_to_break_the_assumption_of_fixed_axes() -> None
     assert any("order of magnitude" in note for note in notes)
     output = relevance(scene, LIB, certain(np.zeros(P)), Budget("output", 1.0)).notes
     assert not any("order of magnitude" in note for note in output)
+
+
+GYRO = library("gyroscope", temperature=1)
+IDLE = Knowledge(np.zeros((2, len(GYRO.names))), np.zeros(len(GYRO.names)), np.zeros(len(GYRO.names)))
+
+
+def notes_of(scene, budget, axis="y"):
+    return " ".join(relevance(scene, GYRO, IDLE, budget, axis=axis).notes)
+
+
+def test_noise_of_a_gyroscope_in_a_boost_grows_with_the_load_of_the_boost() -> None:
+    """Constant load f: f N t^2.5/sqrt(20) in position; along the thrust only what lies across it counts."""
+    t, f, noise = 50.0, 200.0, Noise(1e-5, 0.0, 0.0)
+    boost = recorded("boost", np.arange(t), np.tile([f, 0.0, 20.0], (50, 1)), np.zeros((50, 3)))
+    budget = Budget("position", 1.0, schuler=False)
+    for axis, across in (("y", np.hypot(f, 20.0)), ("x", 20.0), ("z", f)):
+        found = relevance(boost, GYRO, IDLE, budget, axis=axis, noise=noise).noise[0]
+        assert found == pytest.approx(across * noise.N * t**2.5 / 20.0**0.5, rel=1e-6)
+
+
+def test_load_is_remarked_on_only_where_no_vehicle_carries_it_that_long() -> None:
+    """Three g for an hour in a level channel; not for a minute, in free flight, or in an attitude."""
+    force = np.tile([0.0, 0.0, 3.0 * 9.80665], (60, 1))
+
+    def flight(duration):
+        return recorded("flight", np.arange(60.0), force, 0.0 * force, duration=duration)
+
+    assert "3 g act across the axis on the average" in notes_of(flight(3600.0), Budget("position", 1.0))
+    for scene, budget in (
+        (flight(60.0), Budget("position", 1.0)),
+        (flight(3600.0), Budget("velocity", 1.0, schuler=False)),
+        (flight(3600.0), Budget("attitude", 1.0)),
+    ):
+        assert "across the axis" not in notes_of(scene, budget)
+
+
+def test_scene_without_a_force_is_said_to_have_been_given_one_g() -> None:
+    log = Scene("rates", Inputs(np.arange(60.0), {"w_i": np.ones(60)}, 1.0), 60.0)
+    assert "turn 1 g into velocity" in notes_of(log, Budget("velocity", 1.0))
+
+
+def test_log_that_is_shorter_than_its_mission_is_said_to_hold_its_temperature() -> None:
+    force = np.tile([0.0, 0.0, 9.80665], (60, 1))
+    for duration, said in ((600.0, True), (60.0, False)):
+        warm = np.linspace(290.0, 300.0, 60)
+        log = recorded("log", np.arange(60.0), force, 0.0 * force, temperature=warm, duration=duration)
+        assert ("temperature stays as it is there" in notes_of(log, Budget("attitude", 1.0))) is said
+    ship = generated(scene_named("marine"), np.random.default_rng(1))
+    assert "temperature stays" not in notes_of(ship, Budget("attitude", 1.0))
 
 
 def test_knowledge_is_taken_from_a_decision() -> None:
