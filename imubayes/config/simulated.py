@@ -51,6 +51,7 @@ class TumbleOptions:
     rate: Hertz | None = None
     settle: Settle | None = None
     gravity: Gravity | None = None
+    latitude: Angle | None = None
 
 
 @shape(config=STRICT, frozen=True)

@@ -18,6 +18,7 @@ from imubayes.rig.motion import components, motion_of, vectors
 from imubayes.rig.profiles import Plan
 from imubayes.rig.reference import HEADS, KINDS, TURNING, Error, errors_of, kind_of
 from imubayes.sensors.terms import AXES
+from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 Errors = Mapping[str, FloatArray]
@@ -25,6 +26,10 @@ Errors = Mapping[str, FloatArray]
 
 FLAT = 0.1
 """Positions that leave their plane by less than this share of their spread turn in it."""
+
+AT_REST = 0.05
+"""Share of 1 g by which the mean force of a mount may differ from it if the case hangs or stands there: ten
+times what gravity itself differs from place to place, since a dwell may end amid a swing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +42,8 @@ class Bench:
     mounts : numbers of its mounts.
     place : (n,) index of each row's mount in `mounts`.
     normals : (mounts, 3) of the planes of a tumble, where an error about them is asked for; else zero.
+    uprights : (mounts, 3) unit vectors against gravity, where the case is shaken and an error of gravity is
+        asked for; else zero.
     turning : whether f across the axis of w comes from turning; else all of f is gravity.
     """
 
@@ -44,6 +51,7 @@ class Bench:
     mounts: tuple[int, ...]
     place: NDArray[np.intp]
     normals: FloatArray
+    uprights: FloatArray
     turning: bool
 
     def sizes(self, errors: Sequence[Error], values: Sequence[float] | FloatArray) -> dict[str, FloatArray]:
@@ -66,7 +74,7 @@ class Bench:
         if not wanted:
             return channels
         place = self.place[start:stop]
-        motion = motion_of(channels, self.normals[place], turning=self.turning)
+        motion = motion_of(channels, self.normals[place], self.uprights[place], turning=self.turning)
         for kind in wanted:
             if kind.apply:
                 motion = kind.apply(motion, sizes[kind.name][place])
@@ -89,17 +97,19 @@ def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
     wanted = {name for name in kinds if run.procedure in kind_of(name).procedures}
     numbers = np.zeros(len(run.inputs), dtype=np.int64) if run.inputs.mount is None else run.inputs.mount
     mounts, place = np.unique(numbers, return_inverse=True)
-    normals = np.zeros((len(mounts), 3))
+    turning, normals, uprights = _turning(run, wanted), *np.zeros((2, len(mounts), 3))
+    f = vectors(run.inputs.channels, "f", len(run.inputs))
     if wanted & {"table_zero", "plane_zero"}:
-        f = vectors(run.inputs.channels, "f", len(run.inputs))
         normals = np.array([_normal(f[place == k], run.name, m) for k, m in enumerate(mounts.tolist())])
-    return Bench(run, tuple(mounts.tolist()), place, normals, _turning(run, wanted))
+    if "gravity" in wanted and not turning and not _one_length(run):
+        uprights = np.array([_upright(f[place == k]) for k in range(len(mounts))])
+    return Bench(run, tuple(mounts.tolist()), place, normals, uprights, turning)
 
 
 def _turning(run: Run | Plan, wanted: set[str]) -> bool:
     """Tell whether part of f comes from turning, which w must then tell."""
     channels = run.inputs.channels
-    if run.procedure not in TURNING or facts_of([channels], "gyroscope").constant_force:
+    if run.procedure not in TURNING or _one_length(run):
         return False
     lacking = sorted(wanted & {"gravity", "rate_scale", "radius", "arm_stretch"})
     if lacking and not any(f"w_{axis}" in channels for axis in AXES):
@@ -108,6 +118,11 @@ def _turning(run: Run | Plan, wanted: set[str]) -> bool:
             f" and {' and '.join(lacking)} cannot be allowed for: record the rate, or leave them out"
         )
     return True
+
+
+def _one_length(run: Run | Plan) -> bool:
+    """Tell whether |f| is the same in every row: then all of f is gravity, in whatever position."""
+    return facts_of([run.inputs.channels], "gyroscope").constant_force
 
 
 def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
@@ -138,6 +153,13 @@ def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
     bench = bench_of(run, kinds)
     channels = bench.channels(bench.sizes(known, [errors.get(error.name, 0.0) for error in known]))
     return replace(run.inputs, channels=channels)
+
+
+def _upright(f: FloatArray) -> FloatArray:
+    """Direction (3,) of the mean force f (n, 3) of a shaken case; zero if that is not gravity alone."""
+    mean = f.mean(axis=0)
+    size = float(np.linalg.norm(mean))
+    return mean / size if abs(size / STANDARD_GRAVITY - 1.0) < AT_REST else np.zeros(3)
 
 
 def _normal(f: FloatArray, run: str, mount: int) -> FloatArray:

@@ -33,6 +33,7 @@ class Motion:
     f, w, dw : (n, 3).
     axis : (n, 3) unit vector that the rig turns about; zero where it is at rest.
     normal : (n, 3) normal of the plane of a tumble; zero elsewhere.
+    up : (n, 3) unit vector against gravity; zero where nothing tells it.
     """
 
     f: FloatArray
@@ -40,12 +41,12 @@ class Motion:
     dw: FloatArray
     axis: FloatArray
     normal: FloatArray
+    up: FloatArray
 
     @property
     def along(self) -> FloatArray:
-        """Part of f that is gravity: along the axis, or all of it where nothing turns."""
-        turns = self.axis.any(axis=1, keepdims=True)
-        return np.where(turns, _dot(self.f, self.axis) * self.axis, self.f)
+        """Part of f that does not come from turning: along the axis, or all of it where nothing turns."""
+        return _along(self.f, self.axis)
 
     @property
     def across(self) -> FloatArray:
@@ -61,13 +62,23 @@ def vectors(channels: Channels, quantity: str, n: int) -> FloatArray:
     return out
 
 
-def motion_of(channels: Channels, normal: FloatArray, *, turning: bool) -> Motion:
-    """Motion that channels tell, about the axis of w (of dw where the rate is hardly any) if `turning`."""
+def motion_of(channels: Channels, normal: FloatArray, upright: FloatArray, *, turning: bool) -> Motion:
+    """Motion that channels tell.
+
+    Parameters
+    ----------
+    channels : (n,) by name.
+    normal : (n, 3), see `Motion`.
+    upright : (n, 3) unit vector against gravity where the force does not tell it from moment to moment, as it
+        does not under vibration; zero where the force along the axis is gravity.
+    turning : whether the rig turns, about the axis of w (of dw where the rate is hardly any).
+    """
     f, w, dw = (vectors(channels, quantity, len(normal)) for quantity in ("f", "w", "dw"))
     axis = np.zeros_like(w)
     if turning:
         axis = _unit(np.where(np.linalg.norm(w, axis=1, keepdims=True) > SLOW, w, dw))
-    return Motion(f, w, dw, axis, normal)
+    known = upright.any(axis=1, keepdims=True)
+    return Motion(f, w, dw, axis, normal, np.where(known, upright, _unit(_along(f, axis), FELT)))
 
 
 def components(m: Motion, channels: Channels) -> dict[str, FloatArray]:
@@ -82,6 +93,11 @@ def components(m: Motion, channels: Channels) -> dict[str, FloatArray]:
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.einsum("na,na->n", a, b)[:, None]
+
+
+def _along(f: FloatArray, axis: FloatArray) -> FloatArray:
+    turns = axis.any(axis=1, keepdims=True)
+    return np.where(turns, _dot(f, axis) * axis, f)
 
 
 def _unit(v: FloatArray, least: float = 0.0) -> FloatArray:
@@ -119,8 +135,8 @@ def in_fixture(m: Motion, rotation: FloatArray) -> Motion:
 
 
 def heavier(m: Motion, change: FloatArray) -> Motion:
-    """Gravity stronger by `change` (n, 1), m/s^2."""
-    return replace(m, f=m.f + change * _unit(m.along, FELT))
+    """Gravity stronger by `change` (n, 1), m/s^2, whatever else the force is made of."""
+    return replace(m, f=m.f + change * m.up)
 
 
 def longer(m: Motion, share: FloatArray) -> Motion:

@@ -5,8 +5,10 @@ Vectors v (f, w and dw) are components along the case axes, and ``f = +g`` up at
 - the zero of a tumble's table off by d about the normal n of a plane, right-handed in the sense in which its
   positions turn: ``v' = v + d n x v``;
 - the case turned by rho in its fixture: ``v' = v - rho x v``;
-- gravity off by dg: ``f' = f + dg up``; radius off by dR/R: ``across' = (1 + dR/R) across``, the part of f
-  across the axis of a centrifuge; a stretch k of the arm by its level: ``across' = (1 + k |across|) across``;
+- gravity off by dg: ``f' = f + dg up``, up being along f at rest, along the axis of what turns, and along the
+  mean of f in a mount that is shaken;
+- radius off by dR/R: ``across' = (1 + dR/R) across``, the part of f across the axis of a centrifuge; a
+  stretch k of the arm by its level: ``across' = (1 + k |across|) across``;
 - a rate off by s: ``w' = (1 + s) w``, and the part of f across its axis by the powers of the rate in it;
 - a latency tau: what the rig says for t was applied at ``t + tau``.
 

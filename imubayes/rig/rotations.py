@@ -154,8 +154,9 @@ def centrifuge(
 ) -> Plan:
     """Levels of centripetal acceleration on a precision centrifuge, in one mount after the other (IEEE 836).
 
-    ``f = -R w^2 out + g up``, ``w`` along the vertical, plus ``R dw/dt`` along the motion while ramping.
-    The Earth's rate, which turns with the arm, averages out over whole turns.
+    ``f = -R w^2 out + g up``, ``w`` along the vertical, plus ``R dw/dt`` along the motion while ramping. The
+    rate that gives a level is the inertial one: the Earth's vertical part is in it, and its horizontal part,
+    which turns with the arm, averages out over whole turns.
 
     An accelerometer sees, along the arm (4 mounts), ``b2 b3`` and, at four levels or more, the asymmetries;
     because gravity is then always across it, ``b0`` is there only with ``m_j m_k c_jj c_kk``, ``b1`` with

@@ -75,40 +75,55 @@ def tumble(
     rate: float = 10.0,
     settle: float = 5.0,
     gravity: float = STANDARD_GRAVITY,
+    latitude: float | None = None,
 ) -> Plan:
     """Multiposition tumble in the Earth's field (IEEE 1293's static test), plane by plane.
 
-    Sees ``b1 m_j m_k b3``, the products ``c_ij c_ik c_jk`` of the planes that are run, and with 24 angles or
-    so the asymmetries. Does not see ``b0 b2 c_jj c_kk`` apart: |f| = g in every row, so only ``b0 + g^2 b2``,
-    ``b2 - c_jj`` and ``b2 - c_kk`` are there. One plane of 4 angles has rank 4, one of 12 has 9, two of 24
-    have 13, three 14 of the 15 terms of f up to third order. Rates are not applied: nothing of S and s.
+    An accelerometer sees ``b1 m_j m_k b3``, the products ``c_ij c_ik c_jk`` of the planes that are run, and
+    with 24 angles or so the asymmetries. It does not see ``b0 b2 c_jj c_kk`` apart: |f| = g in every row, so
+    only ``b0 + g^2 b2``, ``b2 - c_jj`` and ``b2 - c_kk`` are there. One plane of 4 angles has rank 4, one of
+    12 has 9, two of 24 have 13, three 14 of the 15 terms of f up to third order. Nothing of S and s: the rig
+    applies no rates.
+
+    A gyroscope sees ``g_i g_j g_k`` and S, whose trace is confounded with the bias. The Earth's 15 deg/h go
+    on top of that: leave them out only where the noise drowns them. The table's axis lies level to the north,
+    so that in a plane the rate is ``W sin(latitude)`` along f and ``W cos(latitude)`` along the normal, and
+    ``b1 m_j m_k`` look like ``g_i g_j g_k`` but for steps from plane to plane: take them from a rate table.
 
     Parameters
     ----------
     angles : equally spaced positions in each plane; 4 leave the asymmetries and K3 open, 24 do not.
-    planes : 1 to 3 of the planes i-j, i-k, j-k; each starts with its first axis up.
+    planes : 1 to 3 of the planes i-j, i-k, j-k; each starts with its first axis up, turns towards its second
+        one, and has the normal that is right-handed to that, k, -j or i, to the north.
     dwell : recorded time at a position, s.
     rate : samples per second.
     settle : time between dwells, not recorded, s.
     gravity : local gravity, m/s^2.
+    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer.
 
     Raises
     ------
-    InputError : if there are no positions, no samples, or other than 1 to 3 planes.
+    InputError : if there are no positions, no samples, other than 1 to 3 planes, or no such latitude.
 
     Examples
     --------
-    >>> run = tumble(angles=4, planes=1, dwell=1.0, rate=1.0).inputs
+    >>> run = tumble(angles=4, planes=1, dwell=1.0, rate=1.0, latitude=math.pi / 6.0).inputs
     >>> run.t.tolist(), (run.channels["f_i"] / 9.80665).tolist()
     ([0.0, 6.0, 12.0, 18.0], [1.0, 0.0, -1.0, 0.0])
+    >>> (run.channels["w_i"] / 7.292115e-5).round(9).tolist()
+    [0.5, 0.0, -0.5, 0.0]
     """
     if planes not in (1, 2, 3) or angles < 1:
         raise InputError(
             f"tumble of {planes} planes by {angles} angles: expected 1 to 3 planes, 1 angle or more"
         )
-    up = np.concatenate([_circle(angles, *pair) for pair in ((0, 1), (0, 2), (1, 2))[:planes]])
+    pairs = ((0, 1), (0, 2), (1, 2))[:planes]
+    up = np.concatenate([_circle(angles, *pair) for pair in pairs])
+    vectors = {"f": gravity * up}
+    if latitude is not None:
+        vectors["w"] = earth_rate(up, np.repeat([_normal(*pair) for pair in pairs], angles, axis=0), latitude)
     t = dwells(planes * angles, dwell, rate, settle)
-    inputs = at_rest({"f": gravity * up}, t, 1.0 / rate)
+    inputs = at_rest(vectors, t, 1.0 / rate)
     return Plan("tumble", "tumble", replace(inputs, mount=numbers(planes, len(t))))
 
 
@@ -169,6 +184,12 @@ def _circle(angles: int, first: int, second: int) -> FloatArray:
     up = np.zeros((angles, 3))
     up[:, first], up[:, second] = snapped(np.cos(turn)), snapped(np.sin(turn))
     return up
+
+
+def _normal(first: int, second: int) -> FloatArray:
+    """Axis (3,) of the turn from one case axis towards another."""
+    axes = np.eye(3)
+    return np.cross(axes[first], axes[second])
 
 
 def _north(up: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Gaussian vibration of a scene's force: what it does to the mean of a term, and how it looks when sampled.
+"""Gaussian vibration of a scene's force: what it does to the mean of a term.
 
 What vibration adds to the mean of a term, the rectification, follows from its moments at each row of the slow
 motion, and needs no fast sampling.
@@ -12,9 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scenes import BODY, Scene
 from imubayes.sensors.terms import Factor, Library, Term, column
 
 FloatArray = NDArray[np.float64]
@@ -76,34 +74,3 @@ def _moment(level: FloatArray, rms: float, factor: Factor) -> FloatArray:
     for n in range(2, factor.power + 1):
         before, here = here, level * here + (n - 1) * rms**2 * before
     return here
-
-
-def burst(scene: Scene, seconds: float, rng: np.random.Generator) -> Inputs:
-    """First seconds of a scene, sampled fast enough for its vibration.
-
-    Between the rows the motion is interpolated; the vibration is Gaussian with a flat spectrum within its
-    band and none outside.
-
-    Raises
-    ------
-    InputError : if the scene has no vibration, or the burst no period of it.
-    """
-    low, high = scene.band
-    n = round(4.0 * high * seconds) if math.isfinite(high) else 0
-    if scene.vibration == 0.0 or n * low < 4.0 * high:
-        raise InputError(
-            f"scene '{scene.name}': a burst of {seconds:g} s holds no period of a vibration between"
-            f" {low:g} and {high:g} Hz: expected a longer one, and a scene that vibrates"
-        )
-    t = np.arange(n) / (4.0 * high)
-    motion = scene.mean_motion
-    channels = {name: np.interp(t, motion.t, values) for name, values in motion.channels.items()}
-    inside = (np.fft.rfftfreq(n, 1.0 / (4.0 * high)) >= low) & (
-        np.fft.rfftfreq(n, 1.0 / (4.0 * high)) <= high
-    )
-    # white noise of n rows keeps the share of its variance that lies within the band
-    gain = scene.vibration * math.sqrt((n // 2 + 1) / inside.sum())
-    for axis in BODY:
-        white = np.fft.rfft(rng.standard_normal(n))
-        channels[f"f_{axis}"] = channels[f"f_{axis}"] + gain * np.fft.irfft(white * inside, n)
-    return Inputs(t, channels, 1.0 / (4.0 * high))

@@ -34,6 +34,11 @@ def test_tumble_with_positions_is_a_standard_set_and_without_them_turns_in_plane
     assert len(planned(tmp_path, "tumble", 'angles = 5, dwell = "1 s", rate = "1 Hz"').inputs) == 15
 
 
+def test_tumble_with_a_latitude_has_the_earths_rate(tmp_path):
+    plan = planned(tmp_path, "tumble", 'angles = 4, planes = 1, latitude = "30 deg"')
+    assert plan.inputs.channels["w_i"].max() == pytest.approx(7.292115e-5 / 2.0, rel=1e-12)
+
+
 def test_other_is_simulated_as_vibration_with_levels_in_any_unit_of_acceleration(tmp_path):
     plan = planned(tmp_path, "other", 'levels = ["19.6133 m/s^2"], mounts = 1')
     assert plan.procedure == "other"

@@ -6,18 +6,27 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError, TermError
 from imubayes.rig.bench import bench_of, true_inputs
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.plans import EARTH_RATE
+from imubayes.rig.profiles import Plan, centrifuge, positions, rate_table, static, tumble, vibration
 from imubayes.rig.reference import KINDS, errors_of
 
 seeds = st.integers(0, 2**32 - 1)
 SHORT = {"dwell": 2.0, "rate": 2.0}
 RAMPED = centrifuge([1, 5, 20], ramp=True, settle=4.0, **SHORT)
 TABLE = rate_table([-2.0, 0.0, 3.0], mounts=9, radius=0.2, latitude=0.0, **SHORT)
-PLANS = {"tumble": tumble(angles=24, **SHORT), "centrifuge": RAMPED, "rate-table": TABLE}
+SHAKER = vibration([0.0, 2.0, 20.0], dwell=0.5)
+PLANS = {
+    "tumble": tumble(angles=24, **SHORT),
+    "tumble on the Earth": tumble(angles=24, latitude=0.8, **SHORT),
+    "centrifuge": RAMPED,
+    "rate-table": TABLE,
+    "vibration": SHAKER,
+}
 ROUNDING = 1e-11
 """Of components of some 200 m/s^2."""
 
@@ -120,6 +129,59 @@ def test_gravity_is_along_the_axis_of_a_rig_that_turns():
     np.testing.assert_allclose(moved, 0.02 * up[RAMPED.inputs.mount], atol=ROUNDING)
 
 
+@pytest.mark.parametrize("size", [0.1, 2.0, 40.0])
+def test_gravity_acts_upwards_however_hard_a_case_is_shaken_across(size):
+    t = np.arange(400.0) / 400.0
+    shaken = {"f_i": size * 9.80665 * np.sin(20.0 * np.pi * t), "f_k": np.full(400, 9.80665)}
+    moved = vectors(true_inputs(Plan("shaker", "other", Inputs(t, shaken, 1 / 400)), {"gravity": 0.02}), "f")
+    np.testing.assert_allclose(moved, np.stack([shaken["f_i"], 0.0 * t, shaken["f_k"] + 0.02], axis=1),
+                               atol=ROUNDING)  # fmt: skip
+
+
+def test_gravity_acts_along_the_vertical_of_each_mount_of_a_shaker():
+    at_rest = vectors(vibration([0.0], dwell=0.5).inputs, "f")[::500]
+    np.testing.assert_allclose(np.linalg.norm(at_rest, axis=1), 9.80665, rtol=1e-15)
+    moved = vectors(true_inputs(SHAKER, {"gravity": 0.02}), "f") - vectors(SHAKER.inputs, "f")
+    np.testing.assert_allclose(moved, 0.02 * at_rest[SHAKER.inputs.mount] / 9.80665, atol=ROUNDING)
+
+
+def test_gravity_is_all_of_the_force_where_the_case_lies_still_in_one_position_after_the_other():
+    plan = positions(26, **SHORT)
+    unknown = replace(plan, procedure="other")
+    same(true_inputs(unknown, {"gravity": 0.02}), positions(26, gravity=9.82665, **SHORT))
+
+
+def test_gravity_follows_the_momentary_force_where_the_mean_one_is_not_one_g():
+    t = np.arange(200.0)
+    swung = 9.80665 * (1.0 + 0.1 * np.sin(t))
+    channels = {"f_i": swung * np.cos(0.1 * t), "f_j": swung * np.sin(0.1 * t)}
+    moved = true_inputs(Plan("carried", "other", Inputs(t, channels, 1.0)), {"gravity": 0.02})
+    np.testing.assert_allclose(
+        np.hypot(moved.channels["f_i"], moved.channels["f_j"]), swung + 0.02, rtol=1e-13
+    )
+
+
+def test_the_zero_of_a_table_turns_the_earths_rate_with_gravity():
+    plan, latitude, zero = tumble(angles=24, planes=1, latitude=0.8, **SHORT), 0.8, 0.3
+    moved = true_inputs(plan, {"plane_zero.tumble.0": zero})
+    angle = np.repeat(2.0 * np.pi * np.arange(24) / 24, 4) + zero
+    up = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    np.testing.assert_allclose(vectors(moved, "f"), 9.80665 * up, atol=ROUNDING)
+    w = EARTH_RATE * (np.sin(latitude) * up + np.cos(latitude) * np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(vectors(moved, "w"), w, atol=1e-14 * EARTH_RATE)
+
+
+def test_a_fixture_turns_the_earths_rate_with_gravity():
+    rho, plan = np.array([0.1, -0.2, 0.3]), PLANS["tumble on the Earth"]
+    moved = true_inputs(plan, {f"fixture_{a}.tumble.1": r for a, r in zip("ijk", rho, strict=True)})
+    there = plan.inputs.mount == 1
+    for quantity, size in (("f", 9.80665), ("w", EARTH_RATE)):
+        v, seen = vectors(plan.inputs, quantity), vectors(moved, quantity)
+        expected = Rotation.from_rotvec(-rho).apply(v[there])
+        np.testing.assert_allclose(seen[there], expected, atol=1e-14 * size)
+        np.testing.assert_array_equal(seen[~there], v[~there])
+
+
 def test_an_arm_is_longer_by_its_level():
     plan, stretch = centrifuge([1, 5, 20], mounts=1, **SHORT), 1e-6
     f = vectors(true_inputs(plan, {"arm_stretch": stretch}), "f")
@@ -140,7 +202,7 @@ def test_where_the_force_is_gravity_alone_a_turning_table_changes_none_of_it():
 @given(seeds)
 def test_a_part_of_the_rows_is_what_the_whole_has_there(seed):
     rng = np.random.default_rng(seed)
-    plan = [*PLANS.values()][int(rng.integers(3))]
+    plan = [*PLANS.values()][int(rng.integers(len(PLANS)))]
     kinds = [name for name, kind in KINDS.items() if plan.procedure in kind.procedures]
     errors = errors_of([plan], kinds)
     bench = bench_of(plan, kinds)

@@ -38,7 +38,7 @@ def spinning(rng, *, w=None, dw=None, radius=0.7, n=6):
     f = 9.8 * axis + radius * (-(w**2) * out + dw * np.cross(axis, out))
     vectors = {"f": f, "w": w * axis, "dw": dw * axis}
     channels = {f"{q}_{a}": v[:, k] for q, v in vectors.items() for k, a in enumerate("ijk")}
-    return motion_of(channels, np.zeros((n, 3)), turning=True), axis, out, w, dw
+    return motion_of(channels, *np.zeros((2, n, 3)), turning=True), axis, out, w, dw
 
 
 @given(seeds)
@@ -72,7 +72,7 @@ def test_where_nothing_turns_all_of_the_force_is_gravity():
     f = rng.normal(size=(4, 3))
     f *= 9.8 / np.linalg.norm(f, axis=1, keepdims=True)
     channels = {f"f_{a}": f[:, k] for k, a in enumerate("ijk")} | {"w_i": np.full(4, 3.0)}
-    still = motion_of(channels, np.zeros((4, 3)), turning=False)
+    still = motion_of(channels, *np.zeros((2, 4, 3)), turning=False)
     np.testing.assert_allclose(heavier(still, np.full((4, 1), 0.1)).f, f * (9.9 / 9.8), rtol=1e-14)
     assert not longer(still, np.full((4, 1), 0.1)).across.any()
 
@@ -91,6 +91,6 @@ def test_a_rig_that_starts_from_rest_turns_about_its_acceleration():
 def test_gravity_across_the_axis_is_left_alone_rather_than_given_a_direction_by_rounding():
     f = np.array([[0.0, 9.8, 1e-15]])
     motion = motion_of(
-        {"f_i": f[:, 0], "f_j": f[:, 1], "f_k": f[:, 2], "w_k": np.ones(1)}, 0.0 * f, turning=True
+        {"f_i": f[:, 0], "f_j": f[:, 1], "f_k": f[:, 2], "w_k": np.ones(1)}, 0.0 * f, 0.0 * f, turning=True
     )
     np.testing.assert_array_equal(heavier(motion, np.ones((1, 1))).f, f)

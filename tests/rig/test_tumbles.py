@@ -72,13 +72,51 @@ def test_variance_inflation_in_26_directions_is_six_for_scale_and_cubic_and_one_
     assert [inflation[name] for name in ("m_j", "m_k", "c_ij", "c_ik", "c_jk")] == pytest.approx([1.0] * 5)
 
 
-@pytest.mark.parametrize("number", SETS)
-@pytest.mark.parametrize("latitude", [-1.2, 0.0, 0.4, math.pi / 2.0])
-def test_gravity_and_the_earths_rate_make_the_angle_of_the_latitude(number, latitude):
-    plan = positions(number, latitude=latitude, **SHORT)
+LATITUDES = [-1.2, 0.0, 0.4, math.pi / 2.0]
+
+
+@pytest.mark.parametrize("profile", [*SETS, tumble])
+@pytest.mark.parametrize("latitude", LATITUDES)
+def test_gravity_and_the_earths_rate_make_the_angle_of_the_latitude(profile, latitude):
+    options = {"latitude": latitude, **SHORT}
+    plan = tumble(**options) if profile is tumble else positions(profile, **options)
     f, w = applied(plan, "f"), applied(plan, "w")
     np.testing.assert_allclose(np.linalg.norm(w, axis=1), EARTH_RATE, rtol=1e-14)
     np.testing.assert_allclose(np.sum(f * w, axis=1) / (G * EARTH_RATE), math.sin(latitude), atol=1e-14)
+
+
+@pytest.mark.parametrize("latitude", LATITUDES)
+def test_tumble_has_the_earths_rate_of_the_standard_positions_in_every_attitude_that_both_have(latitude):
+    cube, run = (
+        np.hstack([applied(plan, "f") / G, applied(plan, "w") / EARTH_RATE])
+        for plan in (positions(24, latitude=latitude, **SHORT), tumble(angles=4, latitude=latitude, **SHORT))
+    )
+    assert all(np.abs(cube - row).max(axis=1).min() < 1e-15 for row in run)
+    for number in (4, 12):
+        same = tumble(angles=number, planes=1, latitude=latitude, **SHORT)
+        np.testing.assert_array_equal(
+            applied(same, "w"), applied(positions(number, latitude=latitude, **SHORT), "w")
+        )
+
+
+def test_axis_that_a_tumbling_case_turns_about_stays_level_to_the_north_in_every_plane():
+    plan = tumble(angles=24, latitude=0.7, **SHORT)
+    f, w = (applied(plan, quantity).reshape(3, 24, 3) for quantity in ("f", "w"))
+    for up, rate in zip(f / G, w / EARTH_RATE, strict=True):
+        steps = np.cross(up, np.roll(up, -1, axis=0)) / math.sin(2.0 * math.pi / 24)
+        np.testing.assert_allclose(rate - math.sin(0.7) * up, math.cos(0.7) * steps, atol=1e-14)
+
+
+def test_earths_rate_in_a_tumble_looks_like_g_sensitivity_but_for_steps_from_plane_to_plane():
+    lib = library("gyroscope", powers=1, asymmetry=-1, set="extended")
+    wanted = [lib.names.index(name) for name in ("b0", "b1", "m_j", "m_k", "g_i", "g_j", "g_k")]
+    for planes, rank in ((1, 3), (2, 5), (3, 6)):
+        plan = tumble(angles=12, planes=planes, latitude=0.7, **SHORT)
+        X = columns(lib, plan.inputs.channels, 12 * planes)[:, wanted]
+        sizes = np.linalg.norm(X, axis=0)
+        scaled = X / np.where(sizes > 0.0, sizes, 1.0)
+        assert np.linalg.matrix_rank(scaled, tol=1e-9) == rank
+    assert "w_i" not in tumble(**SHORT).inputs.channels
 
 
 def test_earths_rate_is_15_041_degrees_an_hour_upwards_at_the_north_pole_and_downwards_at_the_south_pole():
@@ -127,6 +165,7 @@ def test_log_has_the_earths_rate_only_where_a_latitude_is_given():
         (lambda: positions(5), "5 positions are no standard set: expected 4, 6, 12, 24, 26"),
         (lambda: positions(6, latitude=1.6), "latitude = 1.6 rad is nowhere on Earth"),
         (lambda: positions(6, latitude=math.nan), "nowhere on Earth"),
+        (lambda: tumble(latitude=1.6), "nowhere on Earth"),
         (lambda: positions(6, dwell=0.0), "0 samples"),
         (lambda: static(1.0, 1.0, latitude=0.5, north=(-2.0, 0.0, 0.0)), "no horizontal part"),
         (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, 0.0, 0.0)), "no horizontal part"),
