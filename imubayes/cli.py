@@ -193,17 +193,16 @@ def _compare(
     ] = None,
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
-    from imubayes.reporting.comparison import compared
-    from imubayes.reporting.comparison_page import terminal_comparison, write_comparison
-    from imubayes.reporting.result_files import read_result
+    from imubayes.reporting.comparison.kinds import side_by_side, write_comparison
+    from imubayes.reporting.comparison.view import terminal_page
 
     folder = None if out is None else _usable(out)
-    found = compared([read_result(path) for path in results])
+    found = side_by_side(results)
     files: tuple[Path, ...] = ()
     if folder is not None:
         with _complete(folder) as part:
             files = write_comparison(found, part)
-    _show(terminal_comparison(found))
+    _show(terminal_page(found.page))
     if folder is not None:
         _written(folder, files)
 

@@ -217,9 +217,15 @@ def posterior(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[FloatArray
     sd : (p,) prior sds.
     scale : of the noise.
     """
+    mean, root = posterior_root(f, sd, scale)
+    return mean, np.linalg.norm(root, axis=1)
+
+
+def posterior_root(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Mean (p,) as `posterior`, and a root S (p, p) of the covariance ``S S'``."""
     T = with_prior_rows(f.R, scale / sd)
     inverse = invert_triangular(T[:-1, :-1])
-    return inverse @ T[:-1, -1], scale * np.linalg.norm(inverse, axis=1)
+    return inverse @ T[:-1, -1], scale * inverse
 
 
 def least_squares(f: Factor) -> LeastSquares:

@@ -6,8 +6,10 @@ import sys
 import pytest
 
 from imubayes.cli import main
-from imubayes.config import read_study
+from imubayes.config import read_lots, read_study
+from imubayes.lots.measure import measure
 from imubayes.reporting.document import write_results
+from imubayes.reporting.lots_results import lots_json
 from imubayes.study import run
 
 STUDY = """
@@ -27,6 +29,20 @@ truth = {{ b0 = "{truth}", b2 = "300 ug/g^2" }}
 name = "tumble"
 procedure = "tumble"
 simulate = {{ angles = 12, dwell = "10 s", rate = "2 Hz" }}
+"""
+LOT = """
+[study]
+seed = 2
+[lots]
+kind = "accelerometer"
+classes = ["mems_tactical"]
+units = 4
+processes = 1
+library = { powers = 2, asymmetry = -1 }
+[[lots.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = { angles = 12, dwell = "10 s", rate = "2 Hz" }
 """
 
 
@@ -74,6 +90,29 @@ def test_file_that_is_no_result_exits_with_two_and_writes_nothing(
     said = capsys.readouterr()
     assert name in said.err and said.err.count("\n") == 1 and not said.out
     assert not list(tmp_path.iterdir())
+
+
+def test_results_of_other_kinds_of_studies_exit_with_two_and_say_what_can_be_compared(
+    folders, monkeypatch, capsys, tmp_path
+):
+    other = tmp_path / "quality.json"
+    other.write_text(json.dumps({"imubayes": "1", "scores": []}))
+    assert _call(monkeypatch, "compare", folders / "first", other) == 2
+    said = capsys.readouterr()
+    assert "results of one kind of study" in said.err and said.err.count("\n") == 1 and not said.out
+
+
+def test_unit_is_held_against_the_lot_of_its_class(folders, monkeypatch, capsys, tmp_path):
+    """The unit whose bias is 11 mg, against a lot with biases of 1 mg or so."""
+    out = tmp_path / "class"
+    (tmp_path / "lot.toml").write_text(LOT)
+    (tmp_path / "lot.json").write_text(lots_json(measure(read_lots(tmp_path / "lot.toml"))))
+    assert _call(monkeypatch, "compare", folders / "other", tmp_path / "lot.json", "--out", out) == 0
+    assert "ACC is not typical of the lot of class mems_tactical: b0" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    (unit,) = json.loads((out / "result.json").read_text())["units"]
+    assert not unit["typical"] and (out / "report.html").stat().st_size > 0
 
 
 def test_one_result_alone_is_refused(folders, monkeypatch, capsys):

@@ -219,6 +219,8 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
             others = {section.strip("[]"): content}
         case "[[appendix]]":
             others = {"appendix": [content]}
+        case "[[scene]]" if "scene" in given:
+            others = {"scene": [{"budget": content["budget"]} | given]}
         case "[[scene]]":
             others = {"scene": [content]}
         case "[[sensor]]":

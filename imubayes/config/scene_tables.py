@@ -34,7 +34,8 @@ def scenes_of(
     tables : one for each scene.
     folder : of the study's file.
     place : of the list, for errors.
-    seed : of the study. With the scene's name it decides a trajectory, whatever other scenes there are.
+    seed : of the study. With the catalogue's scene it decides a trajectory, whatever other scenes there are,
+        and by whatever name the study calls it.
     kinds : of the study's sensors: a budget of the output has the unit of one kind.
 
     Raises
@@ -52,19 +53,22 @@ def _mission(raw: object, folder: Path, place: Place, seed: int, kinds: Collecti
 
 
 def _generated(table: SceneTable, seed: int, place: Place) -> Scene:
-    """Trajectory of a scene of the catalogue."""
-    if table.name is None:
+    """Trajectory of a scene of the catalogue: `scene` says of which, or `name` alone."""
+    key, of = ("name", table.name) if table.scene is None else ("scene", table.scene)
+    if of is None:
         raise place.error("expected the name of a catalogue scene, or the file of a log, came neither")
     if table.columns:
         raise place.at("columns").error("a scene of the catalogue has no file: leave it out, or give one")
-    with place.at("name").blamed():
-        ranges = scene_named(table.name)
+    with place.at(key).blamed():
+        ranges = scene_named(of)
     rng = np.random.default_rng([seed, zlib.crc32(ranges.id.encode())])
     return generated(ranges, rng, duration=table.duration)
 
 
 def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
     """Scene from a log."""
+    if table.scene is not None:
+        raise place.at("scene").error("a log is no scene of the catalogue: leave out this or the file")
     file = table.file or ""
     columns = columns_of(table.columns, CHANNELS, "", place.at("columns"))
     with place.at("file").blamed():
@@ -109,5 +113,5 @@ def _is_free(table: SceneTable) -> bool:
     """Whether the vehicle keeps no local level: as the study says, or as the scene of the catalogue does."""
     if table.free_flight is not None:
         return table.free_flight
-    manner = MANNERS.get((table.name or "").replace("-", "_"))
+    manner = MANNERS.get((table.scene or table.name or "").replace("-", "_"))
     return table.file is None and manner is not None and manner.rest == 0.0

@@ -129,6 +129,7 @@ class SceneTable:
 
     budget: Table
     name: Text | None = None
+    scene: Text | None = None
     file: Text | None = None
     columns: Table = Field(default_factory=dict)
     duration: Seconds | None = None

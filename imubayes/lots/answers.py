@@ -137,6 +137,21 @@ class ClassFound:
 
 
 @dataclass(frozen=True, slots=True)
+class Coverage:
+    """How many of the truths their 90 % intervals hold.
+
+    Attributes
+    ----------
+    held, of : count of them, and of all.
+    share : of the truths that are held, with its 90 % interval.
+    """
+
+    held: int
+    of: int
+    share: Share
+
+
+@dataclass(frozen=True, slots=True)
 class Check:
     """The class-level answers against the simulated truth.
 
@@ -144,14 +159,15 @@ class Check:
     ----------
     precision, recall : of "required in this scene by this class", over all terms, classes and scenes.
     cells : how many of these the tests tell, and how many of them are truly required.
-    coverage : share of the populations' spreads (and means) that their 90 % intervals hold.
+    population_mean, population_spread : what the 90 % intervals hold of the lots' means and spreads.
     untold : cells beside these, of terms that the tests of most units of the class cannot tell.
     """
 
     precision: Share
     recall: Share
     cells: tuple[int, int]
-    coverage: Share
+    population_mean: Coverage
+    population_spread: Coverage
     untold: int = 0
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.lots.answers import Check, ClassFound, LotResult, UnitFound
+from imubayes.lots.answers import Check, ClassFound, Coverage, LotResult, Share, UnitFound
 from imubayes.lots.missions import exposures, missions, over_units
 from imubayes.lots.plan import LotStudy
 from imubayes.lots.population import CANNOT_TELL, frequency, population
@@ -61,8 +61,8 @@ def check(classes: Sequence[ClassFound]) -> Check:
     A cell is a term of a class in a scene. It is *required* where its median share of the budget over the
     units is `relevance.MATTERS` or more: of the estimates for what the study says, of the simulated
     coefficients for the truth. A term that the tests of more than half of the units cannot tell
-    (`population.CANNOT_TELL`) has no answer, and its cells are counted apart. The coverage counts means and
-    spreads together, of each term that the test excites: of the others the interval is the prior's.
+    (`population.CANNOT_TELL`) has no answer, and its cells are counted apart. The coverage of means and of
+    spreads is that of the terms that the test excites: of the others the interval is the prior's.
     """
     cells = [
         (term.share.value >= MATTERS, term.true_share >= MATTERS)
@@ -73,20 +73,26 @@ def check(classes: Sequence[ClassFound]) -> Check:
     ]
     both = sum(said and true for said, true in cells)
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
-    held = [
-        share.low <= truth <= share.high
+    tested = [
+        term
         for one in classes
         for j, term in enumerate(one.terms)
         if any(unit.verdicts[j] != "untested" for unit in one.units)
-        for share, truth in ((term.mean, term.true_mean), (term.spread, term.true_spread))
     ]
     return Check(
         precision=frequency(both, said),
         recall=frequency(both, true),
         cells=(len(cells), true),
-        coverage=frequency(sum(held), len(held)),
+        population_mean=_coverage([(term.mean, term.true_mean) for term in tested]),
+        population_spread=_coverage([(term.spread, term.true_spread) for term in tested]),
         untold=sum(len(scene.terms) for one in classes for scene in one.missions) - len(cells),
     )
+
+
+def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:
+    """Count the truths that lie within their intervals."""
+    held = sum(found.low <= truth <= found.high for found, truth in pairs)
+    return Coverage(held, len(pairs), frequency(held, len(pairs)))
 
 
 def _told(one: ClassFound) -> list[bool]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.campaign import SensorSpec
-from imubayes.factor import Factor, invert_triangular, noise_scale, with_prior_rows
+from imubayes.factor import Factor, noise_scale
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
@@ -27,7 +27,7 @@ from imubayes.rig.profiles import Plan
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.runs import plan_run
 from imubayes.rig.simulate import simulate
-from imubayes.selection.decision import LOOSE, select
+from imubayes.selection.decision import loose_fit, select
 from imubayes.selection.draws import posterior_draws
 from imubayes.sensors.lots import Lot, draw_lot
 
@@ -63,13 +63,14 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> UnitFou
     rng = np.random.default_rng([*seed, 1])
     ready = prepare(spec, runs, lambda message: None, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
-    mean, cov = unshrunk(ready.summary, ready.prior)
+    mean, cov = loose_fit(ready.summary, ready.prior)
+    p = len(study.library.terms)
     return UnitFound(
         class_id=lot.sensor_class.id,
         number=number,
         truth=lot.theta[number],
-        mean=mean,
-        cov=cov,
+        mean=mean[:p],
+        cov=cov[:p, :p],
         average=np.array([term.mean for term in selection.terms]),
         sd=np.array([term.sd for term in selection.terms]),
         inclusion=np.array([term.inclusion for term in selection.terms]),
@@ -123,19 +124,6 @@ def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
     scale = noise_scale(found, prior.sd)
     log_det = found.log_det + 2.0 * found.n * math.log(scale)
     return NoiseDraw(Factor(found.names, found.R / scale, found.n, log_det), 0.0)
-
-
-def unshrunk(summary: Summary, prior: ScalePrior) -> tuple[FloatArray, FloatArray]:
-    """Mean (p,) and covariance (p, p) of the terms, under a prior that only holds what the data leave open.
-
-    The errors of the bench keep their prior (see `selection.decision.loose_fit`).
-    """
-    p = len(summary.names) - len(summary.extras)
-    loose = np.where(np.arange(len(summary.names)) < p, LOOSE, 1.0)
-    scale = noise_scale(summary.factor, prior.sd)
-    T = with_prior_rows(summary.factor.R, scale / (loose * prior.sd))
-    inverse = invert_triangular(T[:-1, :-1])
-    return (inverse @ T[:-1, -1])[:p], scale**2 * (inverse @ inverse.T)[:p, :p]
 
 
 def _noise(summary: Summary) -> tuple[float, float, float]:

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
 from rich.console import Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
+from imubayes.reporting.terminal import indented, printable
 from imubayes.sensors.catalogue import prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import origins_of, packaged_tables
 from imubayes.sensors.sensor_class import (
@@ -58,16 +58,16 @@ def class_page(entry: SensorClass) -> Group:
     scale = f"{_printed(entry.full_scale, unit, digits=6)} {unit}"
     told = [entry.technology, entry.grade, scale, f"{entry.bandwidth:.3g} Hz", f"{lowest} to {highest} degC"]
     return Group(
-        Text(_clean(f"{entry.id}  {entry.kind}"), style="bold"),
-        _indented(", ".join(told)),
-        *([_indented(f"such as {', '.join(entry.examples)}", "dim")] if entry.examples else []),
+        Text(printable(f"{entry.id}  {entry.kind}"), style="bold"),
+        indented(", ".join(told)),
+        *([indented(f"such as {', '.join(entry.examples)}", "dim")] if entry.examples else []),
         Text(),
         _figure_table(entry),
-        _indented(_LEGEND, "dim"),
+        indented(_LEGEND, "dim"),
         Text(),
         _prior_table(entry),
         Text(),
-        *(_indented(text) for text in (entry.note, entry.source) if text),
+        *(indented(text) for text in (entry.note, entry.source) if text),
     )
 
 
@@ -79,7 +79,7 @@ def bench_list() -> Group:
     for key, values in reference_errors().items():
         unit = written["figures"][key][-1]
         table.add_row(key, *_numbers(values, unit), unit, _letters(origins[key]))
-    return Group(Text("errors of test equipment, one sigma", style="bold"), table, _indented(_LEGEND, "dim"))
+    return Group(Text("errors of test equipment, one sigma", style="bold"), table, indented(_LEGEND, "dim"))
 
 
 def _kind(entry: SensorClass) -> Kind:
@@ -96,7 +96,7 @@ def _glance_table(kind: Kind, entries: Sequence[SensorClass]) -> Table:
         figures = [entry.coefficients[key] for key in keys] + [entry.noise[name] for name in "NB"]
         sizes = [_printed(figure[1], unit) for figure, (_, unit) in zip(figures, told, strict=True)]
         words = "; ".join(filter(None, (entry.technology, entry.grade, ", ".join(entry.examples[:3]))))
-        table.add_row(_clean(entry.id), Text(_clean(words)), *sizes)
+        table.add_row(printable(entry.id), Text(printable(words)), *sizes)
     return table
 
 
@@ -106,7 +106,7 @@ def _figure_table(entry: SensorClass) -> Table:
         unit = entry.units[key]
         terms = _shortened(terms_of(entry.kind, key)) or meaning.text
         origins = _letters(entry.origins[key])
-        table.add_row(key, meaning.symbol, terms, *_numbers(values, unit), Text(_clean(unit)), origins)
+        table.add_row(key, meaning.symbol, terms, *_numbers(values, unit), Text(printable(unit)), origins)
     return table
 
 
@@ -162,12 +162,3 @@ def _plain_table(*headings: str, numbers: Sequence[str] = ()) -> Table:
         justify = "right" if heading in numbers else "left"
         table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")
     return table
-
-
-def _indented(text: str, style: str = "") -> Padding:
-    return Padding(Text(_clean(text), style=style), (0, 0, 0, 1))
-
-
-def _clean(text: str) -> str:
-    """A user's own catalogue is a file: what is not printable does not reach the terminal."""
-    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -72,7 +72,7 @@ class Cell:
     Attributes
     ----------
     drawing : SVG within a box of `wide` by `ROW` px whose middle is the origin.
-    title : what it shows, in words.
+    title : what it shows, in words; empty where the drawing says all there is.
     anchor : of its numbers.
     """
 
@@ -148,8 +148,7 @@ def _share_matrix(
         [
             Cell(
                 _share_drawing(one.terms[j], owner.terms[j].open, min(wide, ROW) - 4.0),
-                f"{one.terms[j].name}, {column}: {of_budget(one.terms[j].share.value)}, required by"
-                f" {percent(one.terms[j].required)} of the units",
+                _share_title(one.terms[j], column, owner.terms[j].open),
                 slug("class", owner.sensor_class.id, one.mission),
             )
             for one, column, owner in zip(found, columns, owners, strict=True)
@@ -164,6 +163,14 @@ def _share_matrix(
     return _matrix(key, names, columns, cells, alt)
 
 
+def _share_title(term: MissionTerm, column: str, unknown: float) -> str:
+    """Share and need in words, where they are worth it."""
+    share = term.share.value
+    if term.required == 0.0 and (share < LEAST or (unknown >= MAJORITY and share < MATTERS)):
+        return ""
+    return f"{term.name}, {column}: {of_budget(share)}, required by {percent(term.required)}"
+
+
 def _share_drawing(term: MissionTerm, unknown: float, largest: float) -> str:
     """Square whose side is a logarithm of the share, framed where half of the units require the term.
 
@@ -171,19 +178,20 @@ def _share_drawing(term: MissionTerm, unknown: float, largest: float) -> str:
     """
     share = term.share.value
     if unknown >= MAJORITY and share < MATTERS:
-        drawing = f'<text y="4" text-anchor="middle" fill="{GREY}">?</text>'
+        drawing = '<text class="open">?</text>'
     else:
         reach = math.log10(max(share, LEAST) / LEAST) / 2.0
         colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
         drawing = _square(max(2.0, largest * min(reach, 1.0)), f'fill="{colour}"')
     if term.required >= MAJORITY:
-        drawing += _square(largest + 3.0, f'fill="none" stroke="{GREY}"')
+        drawing += _square(largest + 3.0, 'class="frame"')
     return drawing
 
 
 def _square(side: float, style: str) -> str:
-    half = f"{-side / 2:.1f}"
-    return f'<rect x="{half}" y="{half}" width="{side:.1f}" height="{side:.1f}" {style}/>'
+    """Square about the origin, in as few letters as may be: a report has thousands."""
+    half, whole = f"{side / 2:.3g}", f"{side:.3g}"
+    return f'<path d="M-{half}-{half}h{whole}v{whole}h-{whole}z" {style}/>'
 
 
 def _column(count: int) -> int:
@@ -193,24 +201,44 @@ def _column(count: int) -> int:
 def _matrix(
     key: str, rows: Sequence[str], columns: Sequence[str], cells: Sequence[Sequence[Cell]], alt: str
 ) -> str:
-    """SVG of a matrix; headings stand upright, and each cell is a link."""
+    """SVG of a matrix; headings stand upright.
+
+    A heading is a link where all cells below it have one target, else each cell is.
+    """
     wide, head = _column(len(columns)), 12 + LETTER * max(len(name) for name in columns)
     width, height = max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6)
+    middle = [f"{LABEL + wide * (c + 0.5):.4g}" for c in range(len(columns))]
+    ends = [{row[c].anchor for row in cells} for c in range(len(columns))]
     parts = [
-        f'<text transform="translate({LABEL + wide * (c + 0.5) + 4:.1f} {head - 6:.1f}) rotate(-90)">'
-        f"{escape(name)}</text>"
-        for c, name in enumerate(columns)
+        _linked(_heading(name, float(x) + 4.0, head - 6.0), *(end if len(end) == 1 else ()))
+        for x, name, end in zip(middle, columns, ends, strict=True)
     ]
     for r, (name, row) in enumerate(zip(rows, cells, strict=True)):
         y = head + ROW * (r + 0.5)
         parts.append(f'<text x="{LABEL - 6}" y="{y + 4:.1f}" text-anchor="end">{escape(name)}</text>')
+        parts.append(f'<g transform="translate(0 {y:.1f})">')
         parts.extend(
-            f'<a href="#{cell.anchor}"><g transform="translate({LABEL + wide * (c + 0.5):.1f} {y:.1f})">'
-            f"<title>{escape(cell.title)}</title>{cell.drawing}</g></a>"
-            for c, cell in enumerate(row)
+            _linked(
+                f'<g transform="translate({x})">{_titled(cell)}</g>',
+                *(() if len(end) == 1 else (cell.anchor,)),
+            )
+            for x, cell, end in zip(middle, row, ends, strict=True)
         )
+        parts.append("</g>")
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     return f'<svg id="{key}" {size} role="img" aria-label="{escape(alt)}">{"".join(parts)}</svg>'
+
+
+def _titled(cell: Cell) -> str:
+    return f"<title>{escape(cell.title)}</title>{cell.drawing}" if cell.title else cell.drawing
+
+
+def _heading(name: str, x: float, y: float) -> str:
+    return f'<text transform="translate({x:.1f} {y:.1f}) rotate(-90)">{escape(name)}</text>'
+
+
+def _linked(drawing: str, anchor: str = "") -> str:
+    return f'<a href="#{anchor}">{drawing}</a>' if anchor else drawing
 
 
 def order_panel(result: LotResult, key: str) -> Panel:

@@ -41,14 +41,14 @@ from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_un
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
-    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, MissionTerm, Share
+    from imubayes.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm, Share
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line of a table: its anchor, name, the anchor that the name leads to, and its numbers as texts."""
+    """A line of a table: its anchor (if anything leads there), name, where that leads, and numbers."""
 
     anchor: str
     name: str
@@ -121,6 +121,7 @@ def lots_html(result: LotResult) -> str:
         scenes=tuple(_scene_view(result, k) for k in range(len(study.missions))),
         classes=tuple(_class_view(result, k) for k in range(len(result.classes))),
         check=check_sentences(result),
+        checked=_checked(result),
         basic=basic_sentences(result) if study.basic else (),
         basic_rows=tuple(_by_scene(result, "basic", lambda scene: ranged_share(scene.basic_share))),
         minutes=f"{result.seconds / 60.0:.1f}",
@@ -145,6 +146,26 @@ def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str])
 
 def _range(found: Share) -> str:
     return f"{found.value:.0f} ({found.low:.0f} to {found.high:.0f})"
+
+
+def _checked(result: LotResult) -> tuple[Row, ...]:
+    """The answers against the simulated truth in numbers."""
+    check = result.check
+    cells, true = check.cells
+    rows = [
+        ("precision", f"{cells:,} cells", check.precision),
+        ("recall", f"{true:,} required", check.recall),
+        ("population mean", _counted(check.population_mean), check.population_mean.share),
+        ("population spread", _counted(check.population_spread), check.population_spread.share),
+    ]
+    return tuple(
+        Row(slug("check", name), name, "check", (count, "" if math.isnan(found.value) else shares(found)))
+        for name, count, found in rows
+    )
+
+
+def _counted(found: Coverage) -> str:
+    return f"{found.held:,} of {found.of:,} held"
 
 
 def _scene_view(result: LotResult, k: int) -> SceneView:
@@ -220,11 +241,11 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> SceneView:
         terms=budget(mission, kind),
         said=tuple(said),
         panel=None,
-        rows=tuple(_scene_row(term, anchor, mission.name, kind) for term in scene.terms if counts(term)),
+        rows=tuple(_scene_row(term, mission.name, kind) for term in scene.terms if counts(term)),
     )
 
 
-def _scene_row(term: MissionTerm, anchor: str, scene: str, kind: Kind) -> Row:
+def _scene_row(term: MissionTerm, scene: str, kind: Kind) -> Row:
     size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     cells = (
         _plain(term.rms / size),
@@ -232,7 +253,7 @@ def _scene_row(term: MissionTerm, anchor: str, scene: str, kind: Kind) -> Row:
         ranged_share(term.true_share),
         percent(term.required),
     )
-    return Row(f"{anchor}-{slug(term.name)}", term.name, slug("scene", scene), cells)
+    return Row("", term.name, slug("scene", scene), cells)
 
 
 def ranged_share(share: float) -> str:
@@ -247,9 +268,11 @@ def ranged_share(share: float) -> str:
 
 
 def terminal_lots(result: LotResult) -> str:
-    """Lines for a terminal: the answer, and the size of each class's models."""
+    """Lines for a terminal: the answer, the size of each class's models, and how well truths are met."""
     lines = [f"{'class':24} {'terms needed':>16} {'scenes that require a model':>32}"]
     for one in result.classes:
         needs = f"{sum(bool(required(scene)) for scene in one.missions)} of {len(one.missions)}"
         lines.append(f"{class_name(one.sensor_class):24} {_range(one.order):>16} {needs:>32}")
+    lines += ["", "against the simulated truth"]
+    lines += [f"{row.name:24} {row.cells[0]:>16} {row.cells[1]:>32}" for row in _checked(result)]
     return "\n".join((*(one.text for one in lots_answer(result)), "", *lines))

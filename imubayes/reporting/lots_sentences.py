@@ -13,11 +13,11 @@ from imubayes.reporting.lots_words import (
     MAJORITY,
     NARROW,
     class_name,
+    covered,
     of_budget,
     percent,
     required,
     scene_name,
-    shares,
     slug,
 )
 from imubayes.selection.relevance import MATTERS
@@ -256,16 +256,16 @@ def check_sentences(result: LotResult) -> tuple[str, ...]:
     cells, true = check.cells
     good = check.precision.value >= ASKED and check.recall.value >= ASKED
     low, high = COVERING
-    calibrated = low <= check.coverage.value <= high
+    calibrated = low <= check.population_spread.share.value <= high
     more = f" Of {check.untold:,} more cells the tests cannot tell." if check.untold else ""
     return (
         f"Against the simulated truth, over {cells:,} cells of class, term and scene that the tests tell, of"
         f" which {true:,} truly take {percent(MATTERS)} of the budget or more, precision is"
         f" {_bounded(check.precision)} and recall {_bounded(check.recall)}.{more}",
         f"{'Both reach' if good else 'Not both reach'} the {ASKED:g} that was asked of them.",
-        f"The 90{NARROW}% intervals of the populations' means and spreads hold the truth in"
-        f" {shares(check.coverage)} of the cases; asked were {100 * low:.0f} to {percent(high)}"
-        f"{'' if calibrated else ', which this is outside of'}.",
+        f"The 90{NARROW}% intervals hold the population spread in {covered(check.population_spread)}; asked"
+        f" were {100 * low:.0f} to {percent(high)}{'' if calibrated else ', which this is outside of'}."
+        f" They hold the population mean in {covered(check.population_mean)}.",
     )
 
 

@@ -6,14 +6,14 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty
-from imubayes.reporting.scene_words import UNITS, lasting
+from imubayes.reporting.rounding import measured, pretty
+from imubayes.reporting.scene_words import budget_unit, lasting
 from imubayes.reporting.scene_words import share as share_of_budget
 from imubayes.selection.relevance import MATTERS
 
 if TYPE_CHECKING:
     from imubayes.campaign import Mission
-    from imubayes.lots.answers import MissionFound, MissionTerm, Share
+    from imubayes.lots.answers import Coverage, MissionFound, MissionTerm, Share
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind
 
@@ -128,15 +128,23 @@ def shares(found: Share) -> str:
     return f"{percent(found.value)} ({100.0 * found.low:.0f} to {100.0 * found.high:.0f})"
 
 
+def covered(found: Coverage) -> str:
+    r"""How many truths their intervals hold, with the share's interval.
+
+    Examples
+    --------
+    >>> from imubayes.lots.answers import Coverage, Share
+    >>> covered(Coverage(9, 10, Share(0.9, 0.64, 0.98)))
+    '9 of 10 cases, 90\xa0% (64 to 98)'
+    """
+    return f"{found.held:,} of {found.of:,} cases, {shares(found.share)}"
+
+
 def budget(mission: Mission, kind: Kind) -> str:
     """Duration and budget of a scene in words."""
     quantity, limit = mission.budget.quantity, mission.budget.limit
-    if quantity == "output":
-        unit, what = OUTPUT_UNIT[kind], "rms error of the output"
-        size = per_unit(unit, OUTPUT_SI[kind])
-    else:
-        unit, what = UNITS[quantity], quantity
-        size = math.radians(1.0) if unit == "deg" else 1.0
+    unit, size = budget_unit(quantity, kind)
+    what = "rms error of the output" if quantity == "output" else quantity
     return f"{lasting(mission.scene.duration)}, budget {limit / size:.4g} {pretty(unit)} of {what}"
 
 

@@ -12,6 +12,7 @@ from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
     from imubayes.selection.relevance import Relevance, TermRelevance
+    from imubayes.sensors.terms import Kind
 
 MOST_NAMES = 6
 """Terms that a sentence names."""
@@ -30,11 +31,21 @@ RARE = 0.001
 
 
 def printed_unit(found: Relevance) -> tuple[str, float]:
-    """Unit of a budget as people use it, and its size in SI."""
-    if found.budget.quantity == "output":
-        unit = OUTPUT_UNIT[found.kind]
-        return unit, per_unit(unit, OUTPUT_SI[found.kind])
-    unit = UNITS[found.budget.quantity]
+    """Unit of a relevance's budget as people use it, and its size in SI."""
+    return budget_unit(found.budget.quantity, found.kind)
+
+
+def budget_unit(quantity: str, kind: Kind) -> tuple[str, float]:
+    """Unit of a budget as people use it, and its size in SI.
+
+    Examples
+    --------
+    >>> budget_unit("velocity", "gyroscope")
+    ('m/s', 1.0)
+    """
+    if quantity == "output":
+        return OUTPUT_UNIT[kind], per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    unit = UNITS[quantity]
     return unit, math.radians(1.0) if unit == "deg" else 1.0
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -16,6 +15,7 @@ from imubayes.reporting.chain_words import distrust_sentence, method_sentence, u
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
+from imubayes.reporting.terminal import indented, printable
 from imubayes.reporting.words import (
     confounded_sentences,
     fit_sentence,
@@ -64,36 +64,36 @@ def terminal_summary(result: StudyResult) -> Group:
     if result.sessions:
         parts += [
             Text("between sessions", style="bold"),
-            _indented(session_sentence(result.sessions)),
+            indented(session_sentence(result.sessions)),
             Text(),
         ]
     if result.scenes:
-        told = (_indented(scene_sentences(found, sensor)[0]) for sensor, found in result.scenes)
+        told = (indented(scene_sentences(found, sensor)[0]) for sensor, found in result.scenes)
         parts += [Text("scenes", style="bold"), *told, Text()]
     return Group(*parts)
 
 
 def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
-    yield Text(_clean(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
-    yield _indented(_data_line(sensor), "dim")
+    yield Text(printable(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
+    yield indented(_data_line(sensor), "dim")
     if method := method_sentence(sensor):
-        yield _indented(method, "dim")
+        yield indented(method, "dim")
     yield _term_table(sensor)
     for warning in (unconverged_sentence(sensor), strain_sentence(sensor)):
         if warning:
-            yield _indented(warning, "bold red")
-    yield from map(_indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
+            yield indented(warning, "bold red")
+    yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
-        yield _indented(distrusted)
+        yield indented(distrusted)
     for run in sensor.runs[:MOST_RUNS]:
         row = noise_row(run, sensor.kind, sensor.chains)
-        yield _indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
+        yield indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
     if len(sensor.runs) > MOST_RUNS:
-        yield _indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
+        yield indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
     yield from (
-        _indented(f"{run.name}: {note}") for run in sensor.runs for note in run.source.notes if ABSENT in note
+        indented(f"{run.name}: {note}") for run in sensor.runs for note in run.source.notes if ABSENT in note
     )
-    yield _indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
+    yield indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
     yield Text()
 
 
@@ -186,11 +186,11 @@ def terminal_check(
         )
     return Group(
         Text(
-            _clean(f"{sensor_id}  {lib.kind}: what this test can tell of {len(lib.terms)} terms"),
+            printable(f"{sensor_id}  {lib.kind}: what this test can tell of {len(lib.terms)} terms"),
             style="bold",
         ),
         table,
-        *(_indented(sentence) for sentence in _check_words(observability, columns, lib, extras)),
+        *(indented(sentence) for sentence in _check_words(observability, columns, lib, extras)),
         Text(),
     )
 
@@ -236,12 +236,3 @@ def _inflation(vif: float) -> str:
 
 def _table() -> Table:
     return Table(box=None, pad_edge=False, padding=(0, 1, 0, 1), header_style="dim", show_edge=False)
-
-
-def _indented(text: str, style: str = "") -> Padding:
-    return Padding(Text(_clean(text), style=style), (0, 0, 0, 1))
-
-
-def _clean(text: str) -> str:
-    """Names come from files: what is not printable does not reach the terminal."""
-    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import TermError
-from imubayes.factor import Factor, noise_scale, posterior, reorder
+from imubayes.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
@@ -183,18 +183,21 @@ def _groups(
 
 
 def loose_fit(summary: Summary, prior: ScalePrior) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd (p,) of all columns where the prior of the terms only holds what the data leave open.
+    """Mean (p,) and covariance (p, p) of all columns, with a prior that only holds what the data leave open.
 
     What is no term (an error of the bench) keeps its prior: it is known from elsewhere.
     """
     extras = {extra.name for extra in summary.extras}
     loose = np.array([1.0 if name in extras else LOOSE for name in summary.names])
-    return posterior(summary.factor, loose * prior.sd, noise_scale(summary.factor, prior.sd))
+    scale = noise_scale(summary.factor, prior.sd)
+    mean, root = posterior_root(summary.factor, loose * prior.sd, scale)
+    return mean, root @ root.T
 
 
 def _without_prior(summary: Summary, prior: ScalePrior) -> tuple[dict[str, float], dict[str, float]]:
     """What the data alone say of each term, and its size in prior sds where they are sure of it."""
-    mean, sd = loose_fit(summary, prior)
+    mean, cov = loose_fit(summary, prior)
+    sd = np.sqrt(np.diagonal(cov))
     strain = np.where(np.abs(mean) > SURE_PULL * sd, np.abs(mean) / prior.sd, 0.0)
     return (
         dict(zip(summary.names, mean.tolist(), strict=True)),

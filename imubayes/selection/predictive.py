@@ -18,10 +18,9 @@ from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
 
 from imubayes import factor as algebra
-from imubayes.errors import UnobservableError
 from imubayes.inference.pieces import Pieces, stacked
 from imubayes.selection.mixture import Candidates, with_always
 from imubayes.selection.spaces import Every, Space
@@ -177,67 +176,6 @@ def waic(held: Held, inside: BoolArray) -> float:
     inner = A.transpose(0, 2, 1) @ A
     variance = np.sum(np.einsum("qmk,qm->qk", A, r) ** 2, axis=1) + 0.5 * np.sum(inner**2, axis=(1, 2))
     return float(-2.0 * np.sum(log_mean - variance))
-
-
-def waic_of_draws(log_lik: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """WAIC of each point from draws of the posterior (Watanabe 2010; Gelman, Hwang, Vehtari 2014).
-
-    Parameters
-    ----------
-    log_lik : (draws, q) log likelihood of each point under each draw.
-
-    Returns
-    -------
-    (elpd, parameters) : arrays (q,), the log density less the number of parameters, and that number.
-
-    Examples
-    --------
-    >>> elpd, parameters = waic_of_draws(np.array([[-1.0, -2.0], [-1.0, -4.0]]))
-    >>> elpd.round(3).tolist(), parameters.tolist()
-    ([-1.0, -4.566], [0.0, 2.0])
-    """
-    parameters = np.var(log_lik, axis=0, ddof=1)
-    return logsumexp(log_lik, axis=0) - math.log(len(log_lik)) - parameters, parameters
-
-
-def exact_loo(X: FloatArray, y: FloatArray) -> FloatArray:
-    """Log density of each row given the others, for flat coefficients and an unknown noise scale.
-
-    With ``p(b, s) ~ 1/s`` row i has a Student t density of n - p - 1 degrees of freedom around its
-    prediction from the others: of the deleted residual ``e_i / (1 - h_i)``, scale ``s_-i / sqrt(1 - h_i)``,
-    ``(n - p - 1) s_-i^2 = rss - e_i^2 / (1 - h_i)``.
-
-    Parameters
-    ----------
-    X : (n, p) regressors, a constant among them if there is one.
-    y : (n,) response.
-
-    Returns
-    -------
-    (n,) log densities.
-
-    Raises
-    ------
-    UnobservableError : if there are fewer than two rows more than columns.
-
-    Examples
-    --------
-    >>> exact_loo(np.ones((3, 1)), np.array([0.0, 1.0, 2.0])).round(3).tolist()
-    [-2.387, -1.694, -2.387]
-    """
-    n, p = X.shape
-    dof = n - p - 1
-    if dof < 1:
-        raise UnobservableError(
-            f"leaving a row out needs two rows more than columns: got {n} rows and {p} columns; add rows, or"
-            " leave columns out"
-        )
-    Q = np.linalg.qr(X)[0]
-    left, free = y - Q @ (Q.T @ y), 1.0 - np.sum(Q**2, axis=1)
-    others = np.maximum(np.sum(left**2) - left**2 / free, np.finfo(float).tiny) / dof
-    t_squared = left**2 / (free * others)
-    constant = gammaln(0.5 * (dof + 1)) - gammaln(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    return constant - 0.5 * (dof + 1) * np.log1p(t_squared / dof) - 0.5 * np.log(others / free)
 
 
 def psis_loo(log_lik: FloatArray) -> tuple[FloatArray, FloatArray]:

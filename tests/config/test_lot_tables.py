@@ -1,9 +1,15 @@
+import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from imubayes.config import read_lots, read_quality, read_study
 from imubayes.errors import StudyError
+from imubayes.lots.measure import measure
+from imubayes.reporting.lots_page import lots_html
+from imubayes.reporting.lots_results import lots_json
 from imubayes.rig.scene_ranges import catalogue_scenes
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -48,6 +54,23 @@ def test_study_has_what_its_file_says(tmp_path):
     assert [run.name for run in study.runs] == ["tumble"]
     assert [(one.name, one.budget.quantity) for one in study.missions] == [("helicopter", "attitude")]
     assert study.text == study.path.read_text(encoding="utf-8")
+
+
+def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
+    twice = '[[scene]]\nname = "helicopter, position"\nscene = "helicopter"\nbudget = { position = "1 km" }\n'
+    study = _read(tmp_path, SMALL + twice)
+    assert [one.name for one in study.missions] == ["helicopter", "helicopter, position"]
+    forces = [one.scene.inputs.channels["f_k"] for one in study.missions]
+    assert np.array_equal(*forces)
+    study = replace(study, classes=study.classes[:1], units=2, processes=1)
+    result = measure(study)
+    scenes = json.loads(lots_json(result))["scenes"]
+    assert [one["name"] for one in scenes] == ["helicopter", "helicopter, position"]
+    assert scenes[0]["terms"][0]["share_of_budget"] != scenes[1]["terms"][0]["share_of_budget"]
+    html = lots_html(result)
+    for anchor in ("scene-helicopter", "scene-helicopter-position"):
+        assert html.count(f'id="{anchor}"') == 1 and f'href="#{anchor}"' in html
+    assert "The scene helicopter, position requires" in html
 
 
 def test_study_without_the_table_is_no_class_level_study():

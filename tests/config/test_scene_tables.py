@@ -53,6 +53,17 @@ def test_trajectory_depends_on_the_seed_and_its_own_name_only(tmp_path):
     assert np.array_equal(w[0], w[1]) and not np.array_equal(w[0], w[2][: len(w[0])])
 
 
+def test_one_scene_of_the_catalogue_stands_twice_by_names_with_the_same_motion(tmp_path):
+    turned = SCENE.replace("quadrotor", "heading").replace('position = "100 m"', 'attitude = "1 deg"')
+    plain, named = _scenes(tmp_path, SCENE + turned + 'scene = "quadrotor"\n')
+    assert (plain.name, named.name) == ("quadrotor", "heading")
+    assert (plain.budget.quantity, named.budget.quantity) == ("position", "attitude")
+    w = [one.scene.inputs.channels["w_i"] for one in (plain, named)]
+    assert np.array_equal(*w) and plain.scene.duration == named.scene.duration
+    (spinning,) = _scenes(tmp_path, turned + 'scene = "reentry_spin"\nduration = "30 s"\n')
+    assert not spinning.budget.schuler
+
+
 def test_log_is_read_through_its_columns_in_si(tmp_path):
     (tmp_path / "flight.csv").write_text(LOG)
     text = (
@@ -91,6 +102,8 @@ def test_free_flight_is_that_of_scenes_without_weight_unless_the_study_says_so(n
         ('[[scene]]\nname = "quadrotor"\n', r"scene\[0\].budget: the key is missing"),
         ('[[scene]]\nbudget = { position = "1 m" }\n', r"scene\[0\]: expected the name .* or the file"),
         (SCENE.replace("quadrotor", "quadroter"), r"scene\[0\].name: .*did you mean quadrotor"),
+        (SCENE + 'scene = "quadroter"\n', r"scene\[0\].scene: .*did you mean quadrotor"),
+        (SCENE + 'scene = "marine"\nfile = "f.csv"\n', r"scene\[0\].scene: a log is no scene"),
         (SCENE.replace("position", "positoin"), r"scene\[0\].budget.positoin: .*did you mean 'position'"),
         (SCENE.replace("100 m", "100 s"), r"scene\[0\].budget.position: "),
         (SCENE.replace("100 m", "0 m"), r"budget.position: expected more than zero"),

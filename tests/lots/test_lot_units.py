@@ -5,10 +5,11 @@ import pytest
 from lot_studies import TUMBLE, small
 
 from imubayes.campaign import SensorSpec
+from imubayes.factor import noise_scale
 from imubayes.inference.linear import linear_of
-from imubayes.lots.units import at_found_noise, lot_of, simulate_unit, unit_of, unshrunk
+from imubayes.lots.units import at_found_noise, lot_of, simulate_unit, unit_of
 from imubayes.preparation import prepare
-from imubayes.selection.decision import loose_fit, select
+from imubayes.selection.decision import LOOSE, loose_fit, select
 from imubayes.sensors.noise import Noise
 
 STUDY = small()
@@ -34,12 +35,20 @@ def ready():
     return prepare(spec_of(STUDY, LOT), runs, lambda message: None, np.random.default_rng(2))
 
 
-def test_estimates_without_shrinkage_are_those_of_the_loose_fit(ready):
-    mean, cov = unshrunk(ready.summary, ready.prior)
-    p = len(STUDY.library.terms)
-    loose, sd = loose_fit(ready.summary, ready.prior)
-    np.testing.assert_allclose(mean, loose[:p], rtol=1e-10)
-    np.testing.assert_allclose(np.sqrt(np.diag(cov)), sd[:p], rtol=1e-10)
+def test_estimates_without_shrinkage_are_ridge_regression_with_the_bench_held_to_its_prior(ready):
+    """By the singular values of scaled columns; the condition, below 1e6, takes six digits of sixteen."""
+    summary, prior = ready.summary, ready.prior
+    mean, cov = loose_fit(summary, prior)
+    p, scale = len(STUDY.library.terms), noise_scale(summary.factor, prior.sd)
+    sd = prior.sd * np.where(np.arange(len(prior.sd)) < p, LOOSE, 1.0)
+    assert summary.extras
+    rows = np.vstack((summary.factor.R[:, :-1], np.diag(scale / sd)))
+    size = np.linalg.norm(rows, axis=0)
+    U, s, Vt = np.linalg.svd(rows / size, full_matrices=False)
+    root = Vt.T / s / size[:, None]
+    seen = np.concatenate((summary.factor.R[:, -1], np.zeros(len(sd))))
+    np.testing.assert_allclose(mean, root @ (U.T @ seen), rtol=1e-8, atol=1e-8 * np.abs(mean).max())
+    np.testing.assert_allclose(np.diag(cov), scale**2 * np.sum(root**2, axis=1), rtol=1e-8)
     np.testing.assert_allclose(cov, cov.T, rtol=1e-12)
 
 

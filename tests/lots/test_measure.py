@@ -71,7 +71,7 @@ def test_cells_of_terms_that_most_units_cannot_tell_are_counted_apart(found):
     assert (still.cells[0], still.untold) == (len(one.terms), 0)
 
 
-def test_coverage_counts_means_and_spreads_of_what_is_tested(found):
+def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):
     one = found[0].classes[0]
     untested = tuple(
         replace(unit, verdicts=("untested", *("needed",) * (len(unit.verdicts) - 1))) for unit in one.units
@@ -82,5 +82,8 @@ def test_coverage_counts_means_and_spreads_of_what_is_tested(found):
     ]
     lost = (replace(held[0], true_mean=1e9, true_spread=1e9), *held[1:])
     told = check([replace(one, units=untested, terms=lost)])
-    n = 2 * (len(held) - 1)
-    assert told.coverage.value == pytest.approx((n - 1) / n)
+    n = len(held) - 1
+    means, spreads = told.population_mean, told.population_spread
+    assert (means.held, means.of, means.share.value) == (n, n, 1.0)
+    assert (spreads.held, spreads.of) == (n - 1, n)
+    assert spreads.share.value == pytest.approx((n - 1) / n)

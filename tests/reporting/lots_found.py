@@ -10,6 +10,7 @@ from imubayes.campaign import Mission
 from imubayes.lots.answers import (
     Check,
     ClassFound,
+    Coverage,
     LotResult,
     MissionFound,
     MissionTerm,
@@ -51,7 +52,8 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
         title=title, seed=3, kind="gyroscope", classes=entries, units=4, library=lot_library(), runs=(),
         reference={}, missions=missions, basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n",
     )  # fmt: skip
-    check = Check(Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99), (84, 20), Share(0.9, 0.86, 0.94))
+    means, spreads = Coverage(27, 33, Share(0.82, 0.69, 0.91)), Coverage(30, 33, Share(0.91, 0.81, 0.97))
+    check = Check(Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99), (84, 20), means, spreads)
     return LotResult(study, tuple(_class(one, study) for one in entries), check, 90.0)
 
 

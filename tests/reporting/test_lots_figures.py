@@ -57,7 +57,7 @@ def test_question_mark_stands_where_the_test_cannot_tell_of_half_of_the_units(re
 
 
 def test_frame_stands_where_half_of_the_units_require_the_term(result):
-    frames = scene_matrix(result, 0, "b").svg.count('fill="none"')
+    frames = scene_matrix(result, 0, "b").svg.count('class="frame"')
     assert frames == sum(t.required >= 0.5 for one in result.classes for t in one.missions[0].terms) == 4
 
 

@@ -53,6 +53,17 @@ def test_triad_is_only_spoken_of_where_it_was_asked(html):
     assert "triad" not in lots_html(lot_result(basic=False))
 
 
+def test_coverage_of_means_and_of_spreads_stand_apart_with_their_counts(html, result):
+    table = html[html.index('<tr id="check-precision">') :].partition("</table>")[0]
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", table)
+    assert cells[4:] == ["27 of 33 held", "82\xa0% (69 to 91)", "30 of 33 held", "91\xa0% (81 to 97)"]
+    printed = [" ".join(line.split()) for line in terminal_lots(result).splitlines()[-2:]]
+    assert printed == [
+        "population mean 27 of 33 held 82 % (69 to 91)",
+        "population spread 30 of 33 held 91 % (81 to 97)",
+    ]
+
+
 def test_study_without_scenes_has_its_classes_only(result):
     bare = [replace(one, missions=()) for one in result.classes]
     found = replace(result, study=replace(result.study, missions=()), classes=tuple(bare))
@@ -63,7 +74,7 @@ def test_study_without_scenes_has_its_classes_only(result):
 def test_two_files_are_written_and_the_terminal_has_a_line_a_class(result, tmp_path):
     assert [file.name for file in write_lots(result, tmp_path)] == ["report.html", "result.json"]
     lines = terminal_lots(result).splitlines()
-    assert [line.split("  ")[0] for line in lines[-3:]] == [
+    assert [line.split("  ")[0] for line in lines[-9:-6]] == [
         "consumer MEMS",
         "tactical MEMS",
         "navigation FOG",

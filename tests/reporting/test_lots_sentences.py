@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 from lots_found import lot_result
 
-from imubayes.lots.answers import Share
+from imubayes.lots.answers import Coverage, Share
 from imubayes.reporting.lots_sentences import (
     basic_sentences,
     check_sentences,
@@ -101,12 +101,13 @@ def test_check_is_passed_only_where_it_is(result, recall, coverage, said):
         result.check,
         untold=7,
         recall=Share(recall, 0.8, 1.0),
-        coverage=Share(coverage, coverage - 0.1, coverage + 0.05),
+        population_spread=Coverage(33, 40, Share(coverage, coverage - 0.1, coverage + 0.05)),
     )
     text = _plain(check_sentences(replace(result, check=check)))
     assert said in text
     assert ("outside" in text) == (coverage < 0.86)
     assert "Of 7 more cells the tests cannot tell." in text
+    assert "population spread in 33 of 40 cases" in text and "population mean in 27 of 33 cases" in text
 
 
 def test_class_whose_tests_leave_a_term_open_is_not_said_to_do_without_it(result):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,8 +68,64 @@ class ComponentFile:
 
 
 @dataclass(frozen=True, slots=True)
+class ShareEstimate:
+    """A term's share of a scene's budget: median, 5 % and 95 % quantiles, and whether the model has it."""
+
+    value: float
+    low: float
+    high: float
+    kept: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFile:
+    """A component in one scene of one result.
+
+    Attributes
+    ----------
+    name, sensor : of the scene, and id of the component.
+    duration : of the mission, s.
+    quantity, limit : of the budget, SI.
+    met : whether a model stays within it.
+    model : terms that the scene requires.
+    shares : of the budget, by term.
+    left_out : error of the terms left out, SI of the budget: median and 95 %.
+    """
+
+    name: str
+    sensor: str
+    duration: float
+    quantity: str
+    limit: float
+    met: bool
+    model: tuple[str, ...]
+    shares: Mapping[str, ShareEstimate]
+    left_out: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """A ``result.json`` as it is.
+
+    Attributes
+    ----------
+    path : of the file.
+    sha256 : of its bytes.
+    study : title.
+    version : of imubayes that wrote it.
+    raw : its values.
+    """
+
+    path: Path
+    sha256: str
+    study: str
+    version: str
+    raw: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class ResultFile:
-    """One ``result.json``.
+    """One ``result.json`` of a study of sensors.
 
     Attributes
     ----------
@@ -77,6 +134,8 @@ class ResultFile:
     study : title.
     version : of imubayes that wrote it.
     components : in the file's order.
+    scenes : in the file's order.
+    seed : of the study, which decides the motion of a scene of the catalogue.
     """
 
     path: Path
@@ -84,10 +143,12 @@ class ResultFile:
     study: str
     version: str
     components: tuple[ComponentFile, ...]
+    scenes: tuple[SceneFile, ...] = ()
+    seed: int | None = None
 
 
-def read_result(path: Path) -> ResultFile:
-    """Read a ``result.json`` that ``imubayes run`` wrote.
+def written(path: Path) -> Written:
+    """Read a ``result.json`` that ``imubayes run`` wrote, of whatever kind of study.
 
     Parameters
     ----------
@@ -95,7 +156,7 @@ def read_result(path: Path) -> ResultFile:
 
     Raises
     ------
-    DataError : if there is none, or it is not the result of a study of sensors.
+    DataError : if there is none, or it is no result.
     """
     file = path / RESULT if path.is_dir() else path
     try:
@@ -106,22 +167,77 @@ def read_result(path: Path) -> ResultFile:
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error.strerror}): check its permissions") from None
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        raise _no_result(file, "it is not JSON") from None
+        raise no_result(file, "it is not JSON") from None
     if not isinstance(raw, dict) or "imubayes" not in raw:
-        raise _no_result(file, "it lacks the key 'imubayes'")
-    if not isinstance(raw.get("sensors"), list) or not raw["sensors"]:
-        raise _no_result(file, "it holds no sensors, as of another kind of study")
+        raise no_result(file, "it lacks the key 'imubayes'")
     digest = hashlib.sha256(content).hexdigest()
+    return Written(file, digest, str(raw.get("study", "")), str(raw["imubayes"]), raw)
+
+
+def no_result(file: Path, why: str) -> DataError:
+    """Error of a file that is no result."""
+    return DataError(f"{file}: is no result of 'imubayes run' ({why}): expected one")
+
+
+@contextmanager
+def checked(file: Path) -> Iterator[None]:
+    """Blame what is missing or wrong in a result on its file."""
     try:
-        found = tuple(map(_component, raw["sensors"]))
-        return ResultFile(file, digest, str(raw.get("study", "")), str(raw["imubayes"]), found)
+        yield
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         key = f"the key {error} is missing" if isinstance(error, KeyError) else f"a value is wrong: {error}"
-        raise _no_result(file, key) from None
+        raise no_result(file, key) from None
 
 
-def _no_result(file: Path, why: str) -> DataError:
-    return DataError(f"{file}: is no result of 'imubayes run' on a study of sensors ({why}): expected one")
+def sensors_of(one: Written) -> ResultFile:
+    """Check the result of a study of sensors.
+
+    Raises
+    ------
+    DataError : naming what is missing or wrong.
+    """
+    raw = one.raw
+    if not isinstance(raw.get("sensors"), list) or not raw["sensors"]:
+        raise no_result(one.path, "it holds no sensors, as of another kind of study")
+    with checked(one.path):
+        components = tuple(map(_component, raw["sensors"]))
+        scenes = tuple(map(_scene, raw.get("scenes", ())))
+        seed = raw.get("seed")
+    return ResultFile(one.path, one.sha256, one.study, one.version, components, scenes, seed)
+
+
+def read_result(path: Path) -> ResultFile:
+    """Read the ``result.json`` of a study of sensors.
+
+    Parameters
+    ----------
+    path : of the file, or of the folder that holds it.
+
+    Raises
+    ------
+    DataError : if there is none, or it is not the result of a study of sensors.
+    """
+    return sensors_of(written(path))
+
+
+def _scene(raw: Mapping[str, Any]) -> SceneFile:
+    left_out = raw["left_out"]
+    return SceneFile(
+        name=str(raw["name"]),
+        sensor=str(raw["sensor"]),
+        duration=number(raw["duration"]),
+        quantity=str(raw["budget"]["quantity"]),
+        limit=number(raw["budget"]["limit"]),
+        met=bool(raw["within_budget"]),
+        model=tuple(map(str, raw["model"])),
+        shares={str(term["name"]): _share(term) for term in raw["terms"]},
+        left_out=(number(left_out["median"]), number(left_out["q95"])),
+    )
+
+
+def _share(raw: Mapping[str, Any]) -> ShareEstimate:
+    value, low, high = (number(raw[key]) for key in ("share_of_budget", "share_q05", "share_q95"))
+    return ShareEstimate(value, low, high, bool(raw["kept"]))
 
 
 def _component(raw: Mapping[str, Any]) -> ComponentFile:
@@ -145,9 +261,9 @@ def _term(raw: Mapping[str, Any]) -> Estimate:
         symbol=str(raw.get("symbol", "-")),
         unit=unit,
         printed=str(raw.get("printed_unit", unit)),
-        mean=_number(raw["full_mean"]),
-        sd=_number(raw["full_sd"]),
-        inclusion=_number(raw["inclusion"]),
+        mean=number(raw["full_mean"]),
+        sd=number(raw["full_sd"]),
+        inclusion=number(raw["inclusion"]),
         verdict=str(raw["verdict"]),
     )
 
@@ -159,11 +275,9 @@ def _noise(raw: Mapping[str, Any]) -> dict[tuple[str, str], NoiseEstimate]:
     found: dict[tuple[str, str], NoiseEstimate] = {}
     for run, values in raw["noise"].items():
         for letter in "NBK":
-            estimate = NoiseEstimate(_number(values[letter]), _number(spreads.get(run, {}).get(letter)))
+            estimate = NoiseEstimate(number(values[letter]), number(spreads.get(run, {}).get(letter)))
             if run in sampled:
-                estimate = _of_draws(
-                    _number(sampled[run][letter]["mean"]), _number(sampled[run][letter]["sd"])
-                )
+                estimate = _of_draws(number(sampled[run][letter]["mean"]), number(sampled[run][letter]["sd"]))
             found[run, letter] = estimate
     return found
 
@@ -173,7 +287,7 @@ def _of_draws(mean: float, sd: float) -> NoiseEstimate:
     return NoiseEstimate(mean, math.sqrt(math.log1p((sd / mean) ** 2)) if mean > 0.0 else math.nan)
 
 
-def _number(value: Any) -> float:
+def number(value: Any) -> float:
     """Number of a file; null is not finite."""
     if value is None:
         return math.nan

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from imubayes.errors import DataError
-from imubayes.reporting.result_files import read_result
+from imubayes.reporting.comparison.result_files import read_result
 from imubayes.reporting.results import result_dict, result_json
 
 

@@ -1,46 +1,28 @@
 """Results side by side: the same terms, and which differences are beyond their uncertainty.
 
-Two estimates differ where ``|a - b| / sqrt(sd_a^2 + sd_b^2)`` is above a threshold that all comparisons
-together exceed by chance in 5 % of cases at most (Bonferroni). Terms are compared under the full library,
-where an estimate does not depend on which other terms were kept, and noise by its logarithm. Results count as
-independent; two analyses of the same data agree better than that says.
+Terms are compared under the full library, where an estimate does not depend on which other terms were kept,
+noise by its logarithm, and scenes by what each term takes of the budget. Results count as independent; two
+analyses of the same data agree better than that says.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
-from statistics import NormalDist
 
 from imubayes.errors import InputError
-from imubayes.reporting.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
-
-LEVEL = 0.05
-"""Probability that anything at all is said to differ where nothing does."""
-
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-"""Labels of the results."""
+from imubayes.reporting.comparison.pulls import LETTERS, Pull, is_beyond, judged, largest, threshold_of
+from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
+from imubayes.reporting.comparison.scenes import (
+    SceneComparison,
+    scene_judged,
+    scene_tests,
+    scenes_compared,
+)
 
 AXES = ("ax", "ay", "az", "gx", "gy", "gz")
 """Components of a triad, which are compared with their own kind only."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pull:
-    """Largest difference between two of the results.
-
-    Attributes
-    ----------
-    pair : labels of the two.
-    size : difference over its sd.
-    beyond : whether it is more than uncertainty and the number of comparisons allow.
-    """
-
-    pair: tuple[str, str]
-    size: float
-    beyond: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +61,14 @@ class ComponentComparison:
     ----------
     members : of each result; None where it has no such component.
     by_order : whether they were matched by kind and order, for their ids differ.
-    terms, noise : compared.
+    terms, noise, scenes : compared.
     """
 
     members: tuple[ComponentFile | None, ...]
     by_order: bool
     terms: tuple[TermComparison, ...]
     noise: tuple[NoiseComparison, ...]
+    scenes: tuple[SceneComparison, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -138,9 +121,15 @@ def compared(results: Sequence[ResultFile]) -> Comparison:
     if not matches:
         raise InputError("the results have no kind of sensor in common: there is nothing to compare")
     pairs = [(_aligned(members), by_order) for members, by_order in matches]
-    components = [_component(members, by_order, labels) for members, by_order in pairs]
+    components = [
+        replace(
+            _component(members, by_order, labels),
+            scenes=scenes_compared(results, members, labels),
+        )
+        for members, by_order in pairs
+    ]
     tests = sum(_tests(component) for component in components)
-    threshold = NormalDist().inv_cdf(1.0 - LEVEL / (2.0 * max(tests, 1)))
+    threshold = threshold_of(tests)
     judged = tuple(_judged(component, threshold) for component in components)
     return Comparison(tuple(results), labels, judged, alone, tests, threshold)
 
@@ -224,7 +213,7 @@ def _term(name: str, values: Sequence[Estimate | None], labels: Sequence[str]) -
         units = ", ".join(f"{label} {value.unit}" for label, value in there.items())
         raise InputError(f"term {name} has different units ({units}): run the studies with the same version")
     tested = {label: value for label, value in there.items() if value.verdict != "untested"}
-    pull = _largest({label: (value.mean, value.sd) for label, value in tested.items()})
+    pull = largest({label: (value.mean, value.sd) for label, value in tested.items()})
     return TermComparison(name, tuple(values), pull, len({value.verdict for value in there.values()}) > 1)
 
 
@@ -236,37 +225,26 @@ def _noise(
         for label, value in zip(labels, values, strict=True)
         if value and value.value > 0.0
     }
-    return NoiseComparison(*key, tuple(values), _largest(logs))
-
-
-def _largest(found: Mapping[str, tuple[float, float]]) -> Pull | None:
-    """Largest difference over its sd between two estimates (mean, sd)."""
-    pulls = [
-        Pull((a, b), abs(found[a][0] - found[b][0]) / math.hypot(found[a][1], found[b][1]))
-        for a, b in combinations(found, 2)
-        if math.hypot(found[a][1], found[b][1]) > 0.0
-    ]
-    finite = [pull for pull in pulls if math.isfinite(pull.size)]
-    return max(finite, key=lambda pull: pull.size, default=None)
+    return NoiseComparison(*key, tuple(values), largest(logs))
 
 
 def _tests(component: ComponentComparison) -> int:
     """Count the comparisons of a component: all pairs of results of what can be compared."""
     entries = [*component.terms, *component.noise]
     counts = (sum(value is not None for value in entry.values) for entry in entries if entry.pull)
-    return sum(math.comb(count, 2) for count in counts)
+    return sum(math.comb(count, 2) for count in counts) + sum(map(scene_tests, component.scenes))
 
 
 def _judged(component: ComponentComparison, threshold: float) -> ComponentComparison:
-    def judge(pull: Pull | None) -> Pull | None:
-        return replace(pull, beyond=pull.size > threshold) if pull else None
-
-    terms = tuple(replace(term, pull=judge(term.pull)) for term in component.terms)
-    noise = tuple(replace(one, pull=judge(one.pull)) for one in component.noise)
-    return replace(component, terms=terms, noise=noise)
+    return replace(
+        component,
+        terms=tuple(replace(term, pull=judged(term.pull, threshold)) for term in component.terms),
+        noise=tuple(replace(one, pull=judged(one.pull, threshold)) for one in component.noise),
+        scenes=tuple(scene_judged(scene, threshold) for scene in component.scenes),
+    )
 
 
 def differing(component: ComponentComparison) -> Iterator[TermComparison | NoiseComparison]:
     """Terms and noise of a component that differ beyond uncertainty, the largest difference first."""
-    entries = [one for one in (*component.terms, *component.noise) if one.pull and one.pull.beyond]
+    entries = [one for one in (*component.terms, *component.noise) if is_beyond(one.pull)]
     yield from sorted(entries, key=lambda one: -one.pull.size if one.pull else 0.0)

@@ -8,9 +8,11 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from imubayes.reporting.comparison import compared
-from imubayes.reporting.comparison_page import comparison_html, comparison_json, terminal_comparison
-from imubayes.reporting.result_files import read_result
+from imubayes.reporting.comparison.kinds import comparison_json
+from imubayes.reporting.comparison.result_files import read_result
+from imubayes.reporting.comparison.results import compared
+from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
+from imubayes.reporting.comparison.view import page_html, terminal_page
 from imubayes.reporting.results import result_json
 
 ATTACK = "<b>x</b>"
@@ -38,7 +40,7 @@ def found(make_study, make_sensor, tmp_path):
 def _printed(found):
     console = Console(width=80)
     with console.capture() as capture:
-        console.print(terminal_comparison(found))
+        console.print(terminal_page(comparison_page(found)))
     return capture.get()
 
 
@@ -52,7 +54,7 @@ def test_terminal_says_what_differs_in_80_columns(found):
 
 
 def test_page_is_offline_links_lead_somewhere_and_names_are_escaped(found):
-    html = comparison_html(found)
+    html = page_html(comparison_page(found))
     assert ATTACK not in html and "&lt;b&gt;x" in html
     assert "http" not in html and "<script" not in html
     for anchor in ("c1", "repeat"):
@@ -61,7 +63,7 @@ def test_page_is_offline_links_lead_somewhere_and_names_are_escaped(found):
 
 
 def test_numbers_are_those_of_the_comparison(found):
-    document = json.loads(comparison_json(found))
+    document = json.loads(comparison_json(comparison_record(found)))
     (component,) = document["components"]
     assert component["matched_by"] == "order" and len(component["ids"]) == 2
     assert [term["name"] for term in component["terms"] if term["differs"]] == ["b2"]

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.reporting.comparison import LEVEL, compared, differing
-from imubayes.reporting.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
+from imubayes.reporting.comparison.pulls import LEVEL
+from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
+from imubayes.reporting.comparison.results import compared, differing
 
 
 def _term(name, mean, sd, verdict="needed"):

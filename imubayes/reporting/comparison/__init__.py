@@ -1,0 +1,1 @@
+"""Results side by side: what differs beyond uncertainty."""

@@ -1,0 +1,130 @@
+"""A comparison of results on how good the decision is: as a page, and as numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from imubayes.quality.questions import Interval
+from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence
+from imubayes.reporting.comparison.quality import SCORES, MethodComparison, QualityComparison
+from imubayes.reporting.comparison.records import head_record, labelled, pull_record
+from imubayes.reporting.comparison.view import (
+    Line,
+    Page,
+    Section,
+    Table,
+    counted,
+    headed,
+    largest_first,
+    pull_text,
+)
+from imubayes.reporting.lots_words import slug
+from imubayes.reporting.method_words import called
+from imubayes.reporting.quality_words import brief
+from imubayes.selection.verdicts import listed
+
+QUESTION = "How good is the decision: which scores of which methods differ beyond uncertainty?"
+
+NARROW = ("method", "result", "false keeps", "drops", "cost", "Brier", "log", "difference")
+
+HOW = "Scores are compared by their bootstrap intervals (95 %), and the studies as independent."
+
+
+def quality_page(found: QualityComparison) -> Page:
+    """Say and show which scores differ."""
+    alone = "; ".join(f"{called_as(name)} ({label})" for label, name in found.alone)
+    return Page(
+        question=QUESTION,
+        answer=(_answer(found),),
+        files=labelled(found.results, found.labels),
+        method=method_sentence(found.threshold, found.tests, HOW),
+        notes=(f"In one result only: {alone}.",) if alone else (),
+        sections=tuple(_section(name, methods, found) for name, methods in found.treatments.items()),
+    )
+
+
+def called_as(name: str) -> str:
+    """Name of a method with its treatment, as they are printed."""
+    method, _, treatment = name.partition(", ")
+    return f"{called(method)}, {treatment}"
+
+
+def _answer(found: QualityComparison) -> str:
+    far = [
+        (treatment, *pair) for treatment, methods in found.treatments.items() for pair in _differing(methods)
+    ]
+    if not far:
+        return f"No score differs beyond uncertainty in {found.tests} comparisons."
+    treatment, what, pull = max(far, key=lambda entry: entry[2].size)
+    count = counted(len(far), "score differs", "scores differ")
+    return f"{count} beyond uncertainty, most {what}, {treatment}, by {pull.size:.1f} sd."
+
+
+def _differing(methods: Sequence[MethodComparison]) -> list[tuple[str, Pull]]:
+    """Scores that differ beyond uncertainty, by name, the largest difference first."""
+    return largest_first(
+        [
+            (f"{what} of {called(one.name)}", pull)
+            for one in methods
+            for what, pull in zip(SCORES, one.pulls, strict=True)
+        ]
+    )
+
+
+def _section(treatment: str, methods: Sequence[MethodComparison], found: QualityComparison) -> Section:
+    far = [f"{what} ({pull.size:.1f} sd)" for what, pull in _differing(methods)]
+    said = f"Beyond uncertainty: {listed(far)}." if far else "No score differs beyond uncertainty."
+    lines = tuple(line for one in methods for line in _lines(one, found.labels))
+    head = ("method", "result", *SCORES, "difference")
+    return Section(
+        slug("treatment", treatment), treatment, "", (said,), (Table("The scores", head, lines, NARROW),)
+    )
+
+
+def _lines(one: MethodComparison, labels: Sequence[str]) -> Iterator[Line]:
+    there = [(what, pull) for what, pull in zip(SCORES, one.pulls, strict=True) if pull]
+    what, largest = max(there, key=lambda pair: pair[1].size, default=("", None))
+    beyond = is_beyond(largest)
+    for k, (label, values) in enumerate(zip(labels, one.values, strict=True)):
+        name, pull = headed(k, called(one.name), pull_text(largest, len(labels), what))
+        scores = tuple(map(_score, SCORES, values)) if values else ("not there",) + ("",) * (len(SCORES) - 1)
+        brief = tuple(text.partition(" (")[0] for text in scores)
+        short = (name, label, *brief, pull.replace(f"{what} ", ""))
+        yield Line((name, label, *scores, pull), beyond, beyond or one.name == "decision", short)
+
+
+def _score(what: str, found: Interval) -> str:
+    """Rates in percent, the others as numbers; empty where a method has none."""
+    if math.isnan(found.value):
+        return ""
+    if what in SCORES[:2]:
+        return brief(found)
+    return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
+
+
+def quality_record(found: QualityComparison) -> dict[str, Any]:
+    """Values of ``result.json``."""
+    return {
+        **head_record(found.results, found.labels, found.tests, found.threshold),
+        "treatments": [
+            {"treatment": name, "methods": [_method_record(one) for one in methods]}
+            for name, methods in found.treatments.items()
+        ],
+        "alone": [{"result": label, "method": name} for label, name in found.alone],
+    }
+
+
+def _method_record(one: MethodComparison) -> dict[str, Any]:
+    return {
+        "method": one.name,
+        "scores": {
+            what: {
+                "values": [asdict(values[k]) if values else None for values in one.values],
+                **pull_record(one.pulls[k]),
+            }
+            for k, what in enumerate(SCORES)
+        },
+    }

@@ -1,0 +1,163 @@
+"""Units beside their class: as a page, and as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from imubayes.reporting.comparison.lot_files import unit_of_term
+from imubayes.reporting.comparison.lots_page import estimate
+from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence
+from imubayes.reporting.comparison.records import head_record, labelled, pull_record
+from imubayes.reporting.comparison.units import NoiseOfUnit, TermOfUnit, UnitInClass, UnitsComparison
+from imubayes.reporting.comparison.view import Line, Page, Section, Table, largest_first, pull_text
+from imubayes.reporting.lots_words import shares
+from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, measured, per_unit
+from imubayes.selection.verdicts import listed
+from imubayes.sensors.terms import Kind
+
+QUESTION = "Is this unit typical of its class? Its terms and noise beside the population of a simulated lot."
+
+HOW = (
+    "A term's sd is that of the unit's estimate (under the full library), of the population's mean, and the"
+    " population's spread together; noise is compared by its logarithm with that of the lot's units. The lot"
+    " is one batch of its class: another may be wider."
+)
+
+HEAD = ("term", "value", "class mean", "class spread", "needed in", "verdict", "difference")
+NARROW_HEAD = ("term", "value", "class: mean, spread", "verdict", "difference")
+NOISE_HEAD = ("noise", "value", "median of the class", "difference")
+
+
+def units_page(found: UnitsComparison) -> Page:
+    """Say and show whether units are typical of their class."""
+    alone = ", ".join(f"{name} ({label}, class {entry or 'none'})" for label, name, entry in found.alone)
+    return Page(
+        question=QUESTION,
+        answer=tuple(_answer(one) for one in found.units),
+        files=labelled(found.results, found.labels),
+        method=method_sentence(found.threshold, found.tests, HOW),
+        notes=(f"Their class is not in the class-level study: {alone}.",) if alone else (),
+        sections=tuple(_section(k, one, found) for k, one in enumerate(found.units)),
+    )
+
+
+def _answer(one: UnitInClass) -> str:
+    far = _far(one)
+    id, lot = one.component.id, f"the lot of class {one.component.class_id}"
+    if not far:
+        return f"{id} is typical of {lot}."
+    name, pull = far[0]
+    return f"{id} is not typical of {lot}: {name} is {pull.size:.1f} sd from it."
+
+
+def _far(one: UnitInClass) -> list[tuple[str, Pull]]:
+    terms = [(term.name, term.pull) for term in one.terms]
+    return largest_first([*terms, *((f"noise {noise.letter}", noise.pull) for noise in one.noise)])
+
+
+def _section(k: int, one: UnitInClass, found: UnitsComparison) -> Section:
+    kind = found.lot.kind
+    return Section(
+        anchor=f"u{k + 1}",
+        title=one.component.id,
+        told=f"{kind} of {one.label}, beside the {one.component.class_id} of {found.lot_label}",
+        sentences=tuple(_sentences(one)),
+        tables=(
+            Table("The terms", HEAD, tuple(_line(term, kind) for term in one.terms), NARROW_HEAD),
+            Table("Noise", NOISE_HEAD, tuple(_noise_line(noise, kind) for noise in one.noise)),
+        ),
+    )
+
+
+def _sentences(one: UnitInClass) -> Iterator[str]:
+    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in _far(one)]
+    count = sum(entry.pull is not None for entry in (*one.terms, *one.noise))
+    yield (
+        f"Beyond what a typical unit shows: {listed(far)}."
+        if far
+        else f"None of {count} terms and noise figures is beyond what a typical unit shows."
+    )
+    silent = [term.name for term in one.terms if term.pull is None]
+    if silent:
+        yield f"Not tested in the unit or the class: {listed(silent)}."
+    if one.missing:
+        yield f"The class-level study does not have {listed(one.missing)}."
+
+
+def _line(term: TermOfUnit, kind: Kind) -> Line:
+    unit, tested = term.unit, term.population.tested
+    scale = per_unit(unit.printed, unit.unit)
+    value = "not tested"
+    if unit.verdict != "untested":
+        value = str(measured(unit.mean / scale, unit.sd / scale, unit.printed))
+    known = ("not tested", "", "")
+    if tested:
+        mean, spread = (
+            estimate(one, term.name, kind) for one in (term.population.mean, term.population.spread)
+        )
+        known = (mean, spread, shares(term.population.share))
+    told = (unit.verdict, pull_text(term.pull, 2))
+    return Line(
+        cells=(term.name, value, *known, *told),
+        beyond=is_beyond(term.pull),
+        brief=tested and unit.verdict != "untested",
+        narrow=(term.name, value, _without_sd(term, kind), *told),
+    )
+
+
+def _without_sd(term: TermOfUnit, kind: Kind) -> str:
+    """Mean and spread of the class for a terminal, two digits of the spread."""
+    unit, size = unit_of_term(term.name, kind)
+    found = measured(term.population.mean.value / size, term.population.spread.value / size, unit)
+    return str(found).replace("+-", ",").replace(" ,", ",")
+
+
+def _noise_line(noise: NoiseOfUnit, kind: Kind) -> Line:
+    k = "NBK".index(noise.letter)
+    size = per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
+    value = str(measured(noise.value / size, 0.0, NOISE_UNITS[kind][k]))
+    median = str(measured(noise.median / size, noise.median / size * noise.log_sd, NOISE_UNITS[kind][k]))
+    return Line((noise.letter, value, median, pull_text(noise.pull, 2)), is_beyond(noise.pull))
+
+
+def units_record(found: UnitsComparison) -> dict[str, Any]:
+    """Values of ``result.json``, SI."""
+    return {
+        **head_record(found.results, found.labels, found.tests, found.threshold),
+        "units": [_unit_record(one) for one in found.units],
+        "alone": [{"result": label, "id": name, "class": entry} for label, name, entry in found.alone],
+    }
+
+
+def _unit_record(one: UnitInClass) -> dict[str, Any]:
+    return {
+        "result": one.label,
+        "id": one.component.id,
+        "class": one.component.class_id,
+        "typical": not _far(one),
+        "terms": [
+            {
+                "name": term.name,
+                "unit": term.unit.unit,
+                "full_mean": term.unit.mean,
+                "full_sd": term.unit.sd,
+                "verdict": term.unit.verdict,
+                "population": asdict(term.population),
+                **pull_record(term.pull),
+            }
+            for term in one.terms
+        ],
+        "noise": [
+            {
+                "name": noise.letter,
+                "value": noise.value,
+                "class_median": noise.median,
+                "class_log_sd": noise.log_sd,
+                **pull_record(noise.pull),
+            }
+            for noise in one.noise
+        ],
+        "missing": list(one.missing),
+    }

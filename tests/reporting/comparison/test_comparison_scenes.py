@@ -1,0 +1,115 @@
+"""A scene of several results side by side."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from scenes_found import TERMS, a_relevance
+
+from imubayes.reporting.comparison.kinds import comparison_json
+from imubayes.reporting.comparison.pulls import QUANTILE
+from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, ResultFile, read_result
+from imubayes.reporting.comparison.results import compared
+from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
+from imubayes.reporting.comparison.view import page_html, terminal_page
+from imubayes.reporting.results import result_json
+from imubayes.reporting.scene_views import scene_record
+
+
+@pytest.fixture
+def read(make_study, make_sensor, tmp_path):
+    """Read back a result of one sensor in the scenes that are given."""
+
+    def write(*scenes, seed=1):
+        study = replace(make_study(make_sensor("A")), scenes=tuple(("A", one) for one in scenes))
+        study = replace(study, study=replace(study.study, seed=seed))
+        file = tmp_path / f"{len(list(tmp_path.iterdir()))}.json"
+        file.write_text(result_json(study))
+        return read_result(file)
+
+    return write
+
+
+def _moved(name, low, half, high, *, kept=True):
+    """The made-up scene with another share of one term, and another model."""
+    found = a_relevance()
+    terms = tuple(
+        replace(t, share=(low, half, high), kept=kept) if t.name == name else t for t in found.terms
+    )
+    return replace(found, terms=terms, model=tuple(t.name for t in terms if t.kept))
+
+
+def test_scene_is_read_as_it_was_written(read):
+    (scene,) = read(a_relevance()).scenes
+    record = json.loads(json.dumps(scene_record(a_relevance(), "A")))
+    assert (scene.name, scene.quantity, scene.limit) == ("quadrotor", "position", 100.0)
+    assert list(scene.model) == record["model"] and scene.left_out == (3.2, 9.0)
+    shares = {name: (one.low, one.value, one.high, one.kept) for name, one in scene.shares.items()}
+    assert shares == {name: (*share, kept) for name, _, share, _, kept, _ in TERMS}
+
+
+def test_shares_differ_by_the_error_over_its_sd(read):
+    (component,) = compared([read(a_relevance()), read(_moved("b2", 1.2, 1.3, 1.4))]).components
+    (scene,) = component.scenes
+    (b2,) = [term for term in scene.terms if term.name == "b2"]
+    sd = 100.0 * (0.4 - 0.2) / (2.0 * QUANTILE)
+    assert b2.pull.size == pytest.approx(100.0 / (2.0**0.5 * sd), rel=1e-12) and b2.pull.beyond
+    assert not any(term.pull.beyond for term in scene.terms if term.pull and term.name != "b2")
+
+
+def test_budget_that_was_changed_is_no_difference_by_itself(read):
+    found = a_relevance()
+    halved = tuple(replace(t, share=tuple(2.0 * share for share in t.share)) for t in found.terms)
+    half = replace(found, budget=replace(found.budget, limit=50.0), terms=halved)
+    (component,) = compared([read(found), read(half)]).components
+    sizes = [term.pull.size for term in component.scenes[0].terms if term.pull]
+    assert sizes == pytest.approx([0.0] * len(sizes), abs=1e-12) and len(sizes) == 4  # b3 has no interval
+
+
+def test_scenes_are_matched_by_name_and_by_what_is_budgeted(read):
+    found = a_relevance()
+    other = replace(found, scene="marine")
+    turned = replace(found, budget=replace(found.budget, quantity="attitude"))
+    (component,) = compared([read(found, other), read(turned, other, found)]).components
+    assert [(one.name, one.quantity) for one in component.scenes] == [
+        ("quadrotor", "position"),
+        ("marine", "position"),
+    ]
+
+
+def test_threshold_counts_the_shares_of_a_scene(read):
+    bare, seen = ([read(*scenes), read(*scenes)] for scenes in ((), (a_relevance(),)))
+    assert compared(seen).tests == compared(bare).tests + 4
+
+
+def _component(id):
+    return ComponentFile(
+        id, "gyroscope", "", {"b0": Estimate("b0", "", "rad/s", "deg/h", 1.0, 1.0, 1.0, "needed")}, {}, ()
+    )
+
+
+def test_result_without_scenes_is_compared_as_before():
+    files = [ResultFile(Path("r.json"), "", "study", "1", (_component("G"),)) for _ in range(2)]
+    assert compared(files).components[0].scenes == ()
+
+
+def test_page_terminal_and_numbers_say_what_a_scene_requires_in_one_result_only(read):
+    found = compared([read(a_relevance()), read(_moved("b2", 0.0, 0.01, 0.02, kept=False), seed=2)])
+    page = comparison_page(found)
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(terminal_page(page))
+    printed = capture.get()
+    assert all(len(line) <= 80 for line in printed.splitlines())
+    for text in (" ".join(printed.split()), " ".join(page_html(page).split())):
+        assert "1 of 1 scenes require other terms" in text
+        assert "In the scene quadrotor (position) models differ in b2." in text
+        assert "with 95 %: A 9.0 m and B 9.0 m." in text
+        assert "different seeds" in text
+    (scene,) = json.loads(comparison_json(comparison_record(found)))["components"][0]["scenes"]
+    assert [term["name"] for term in scene["terms"] if term["required_differs"]] == ["b2"]
+    assert scene["models"] == [["b0", "b2"], ["b0"]]
