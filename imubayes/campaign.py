@@ -17,6 +17,7 @@ from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
+from imubayes.planning.fidelity import Choice
 from imubayes.planning.observability import Observability
 from imubayes.rig.runs import RunSpec
 from imubayes.rig.scenes import Scene
@@ -74,6 +75,8 @@ class Sampling:
     time_limit : s, for each sensor.
     checkpoints : folder of the chains' files; None keeps none.
     resume : continue the chains that are in that folder.
+    budget : s of compute that each sensor may take; the best rung of the ladder that fits in is taken.
+    accuracy : posterior sd; the ladder is climbed until a rung changes no coefficient by more.
     """
 
     method: str = "auto"
@@ -81,6 +84,13 @@ class Sampling:
     time_limit: float = 600.0
     checkpoints: Path | None = None
     resume: bool = False
+    budget: float | None = None
+    accuracy: float | None = None
+
+    @property
+    def climbs(self) -> bool:
+        """Whether the ladder of methods is asked for."""
+        return self.budget is not None or self.accuracy is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +213,7 @@ class SensorResult:
     panel : what every other method says.
     misfit : what the residuals say that the library does not contain; None where they were not asked.
     correlation : (p, p) of the coefficients under the full library; None where it was not asked.
+    choice : which rung of the ladder was taken, and what the next would change; None where none was asked.
     """
 
     id: str
@@ -225,6 +236,7 @@ class SensorResult:
     panel: Panel | None = None
     misfit: Misfit | None = None
     correlation: FloatArray | None = None
+    choice: Choice | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""The command line: ``imubayes run | check | simulate | catalogue | compare``.
+"""The command line: ``imubayes run | check | simulate | trade | catalogue | compare``.
 
 Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
 needs is imported when it runs, so that ``--help`` answers at once.
@@ -15,7 +15,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,8 +24,8 @@ from imubayes.errors import ConvergenceError, InputError, TermError
 
 if TYPE_CHECKING:
     from imubayes.campaign import Sampling
-    from imubayes.lots.plan import LotStudy
-    from imubayes.quality.trials import QualityStudy
+    from imubayes.fleet.plan import FleetStudy
+    from imubayes.other_studies import Done
     from imubayes.sensors.catalogue import SensorClass
 
 app = typer.Typer(
@@ -83,30 +82,56 @@ def _run(
     method: Annotated[
         Method | None, typer.Option(help="How the posterior is computed.", show_default="the study's")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the chains in the folder.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue what is in the folder.")] = False,
     time_limit: Annotated[
         str | None, typer.Option(help='Of the chains of a sensor, "5 min".', show_default="the study's")
     ] = None,
     ess: Annotated[
         float | None, typer.Option(help="Effective sample size to reach.", show_default="the study's")
     ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            help='Compute time of a sensor, "5 s": the best method that fits in.', show_default=False
+        ),
+    ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(help="In posterior sd: the cheapest method that reaches it.", show_default=False),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler, for a fleet.", show_default="local")
+    ] = None,
 ) -> None:
     """Decide which terms each sensor needs; write the report."""
-    from imubayes.config import read_lots, read_quality, read_study
+    from imubayes.config import read_extremes, read_fleet, read_lots, read_quality, read_speed, read_study
+    from imubayes.other_studies import measured
     from imubayes.reporting.document import write_results
     from imubayes.reporting.tables import terminal_summary
     from imubayes.study import run
 
     folder = _usable(out or Path("reports") / study.stem)
-    if other := read_lots(study) or read_quality(study):
-        if resume or any(option is not None for option in (method, time_limit, ess)):
+    if fleet := read_fleet(study):
+        if any(option is not None for option in (method, time_limit, ess, budget, accuracy)):
             raise InputError(
-                "--method, --resume, --time-limit and --ess are of chains, which this study has none of"
+                "--method, --time-limit, --ess, --budget and --accuracy choose how a sensor's posterior is"
+                " computed, and a fleet's is exact: leave them out"
             )
-        _measure(other, folder)
+        _run_fleet(fleet, folder, scheduler or "local", resume=resume)
+        return
+    if scheduler is not None:
+        raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
+    if other := read_lots(study) or read_quality(study) or read_extremes(study) or read_speed(study):
+        if resume or any(option is not None for option in (method, time_limit, ess, budget, accuracy)):
+            raise InputError(
+                "--method, --resume, --time-limit, --ess, --budget and --accuracy choose how a sensor's"
+                " posterior is computed, which this study leaves no choice of: leave them out"
+            )
+        _report(measured(other, _progress()), folder)
         return
     read = read_study(study)
     sampling = _overruled(read.sampling, method, ess, time_limit)
+    sampling = _climbing(sampling, budget, accuracy, method=method, resume=resume)
     if resume:
         _check_resumable(sampling.method, folder / CHAINS)
     sampling = replace(sampling, checkpoints=folder / CHAINS, resume=resume)
@@ -116,23 +141,26 @@ def _run(
     _written(folder, files)
 
 
-def _measure(study: LotStudy | QualityStudy, folder: Path) -> None:
-    """Run a study of simulated lots, or of how good the decision is; write the report."""
-    from imubayes.lots import measure as lots
-    from imubayes.lots.plan import LotStudy
-    from imubayes.quality import measure as quality
-    from imubayes.reporting.lots_page import terminal_lots, write_lots
-    from imubayes.reporting.quality_page import terminal_quality, write_quality
-
-    if isinstance(study, LotStudy):
-        lot = lots.measure(study, progress=_progress())
-        shown, write = terminal_lots(lot), partial(write_lots, lot)
-    else:
-        found = quality.measure(study, progress=_progress())
-        shown, write = terminal_quality(found), partial(write_quality, found)
+def _report(done: Done, folder: Path) -> None:
+    """Write what a study came to, and show it."""
+    shown, write = done
     with _complete(folder) as part:
         files = write(part)
     _show(shown)
+    _written(folder, files)
+
+
+def _run_fleet(study: FleetStudy, folder: Path, scheduler: str, *, resume: bool) -> None:
+    """Run a study of a fleet; its dataset grows in the folder as units are done."""
+    from imubayes.fleet.engines import engine
+    from imubayes.fleet.measure import measure
+    from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
+
+    with engine(scheduler, study.processes) as workers:
+        result = measure(study, folder, workers, resume=resume, progress=_progress())
+    with _complete(folder) as part:
+        files = write_fleet(result, part)
+    _show(terminal_fleet(result))
     _written(folder, files)
 
 
@@ -159,6 +187,33 @@ def _simulate(
     with _complete(folder) as part:
         files = record_study(read_study(study), part)
     _written(folder, files)
+
+
+@app.command("trade")
+def _trade(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the report.", show_default="reports/<study>-trade")
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="Simulated sensors whose truth is known.")] = 20,
+    rungs: Annotated[
+        str | None, typer.Option(help="Methods, separated by commas.", show_default="all")
+    ] = None,
+    limit: Annotated[str, typer.Option(help="Of the time, about.")] = "5 min",
+    only: Annotated[
+        str | None, typer.Option(help="Sensors or classes, separated by commas.", show_default="all")
+    ] = None,
+) -> None:
+    """Measure what each method costs on a study, and what it gets wrong."""
+    from imubayes.other_studies import traded
+
+    folder = _usable(out or Path("reports") / f"{study.stem}-trade")
+    asked = [] if rungs is None else rungs.split(",")
+    names = [] if only is None else [name.strip() for name in only.split(",")]
+    done = traded(
+        study, asked, names, repeats=repeats, limit=_duration(limit, "--limit"), progress=_progress()
+    )
+    _report(done, folder)
 
 
 @app.command("catalogue")
@@ -229,16 +284,31 @@ def _overruled(usual: Sampling, method: Method | None, ess: float | None, time_l
     )
 
 
-def _duration(text: str) -> float:
+def _climbing(
+    usual: Sampling, budget: str | None, accuracy: float | None, *, method: Method | None, resume: bool
+) -> Sampling:
+    """Sampling with the budget or the accuracy that the command line asks for."""
+    if budget is None and accuracy is None:
+        return usual
+    if method is not None or resume or (budget is not None and accuracy is not None):
+        raise InputError(
+            "--budget and --accuracy choose the method: give one of them, without --method and --resume"
+        )
+    if accuracy is not None and not 0.0 < accuracy < math.inf:
+        raise InputError(f"--accuracy {accuracy:g}: expected posterior standard deviations, such as 0.1")
+    return replace(usual, budget=None if budget is None else _duration(budget, "--budget"), accuracy=accuracy)
+
+
+def _duration(text: str, option: str = "--time-limit") -> float:
     """Seconds of a quantity in time."""
     from imubayes.units import quantity
 
     try:
         seconds = quantity(text, like="s")
     except InputError as error:
-        raise InputError(f"--time-limit: {error}") from None
+        raise InputError(f"{option}: {error}") from None
     if not seconds > 0.0:
-        raise InputError(f"--time-limit '{text}': expected more than zero, such as '10 min'")
+        raise InputError(f"{option} '{text}': expected more than zero, such as '10 min'")
     return seconds
 
 

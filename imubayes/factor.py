@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import UnobservableError
+from imubayes.trust import Digits, bounds, digits_within, norms, rounding_of
 
 FloatArray = NDArray[np.float64]
 
@@ -42,6 +43,9 @@ PLENTY = 2
 
 VANISHED = 1e-12
 """A column of which less is left beside the others, relative to its norm, is rounding of the input."""
+
+TAKES_PART = 0.03
+"""Smallest share of a vanished column that makes another one part of what it looks like."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +75,14 @@ class Factor:
     @property
     def column_norms(self) -> FloatArray:
         """(p,) norms of the whitened columns."""
-        return np.linalg.norm(self.R[:, :-1], axis=0)
+        return norms(self.R[:, :-1])
+
+    @property
+    def rounding(self) -> float:
+        """Relative rounding of the columns' norms that R and what it lost stand for."""
+        if isinstance(self.rest, float):
+            return rounding_of(self.n, self.p)
+        return rounding_of(self.n, self.p, float(np.finfo(np.longdouble).eps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,15 +91,18 @@ class LeastSquares:
 
     Attributes
     ----------
-    mean, sd : (p,) coefficients and their standard deviations, noise scale estimated.
-    rss : residual sum of squares.
+    mean, sd : (p,) coefficients and their standard deviations, noise scale estimated; sd is inf where no row
+        is left to estimate it from.
+    rss : residual sum of squares; 0 or inf where it leaves the range of doubles, which mean and sd do not.
     dof : rows minus columns.
+    digits : that can be trusted of mean and sd; those of an evidence that is not there are 0.
     """
 
     mean: FloatArray
     sd: FloatArray
     rss: float
     dof: int
+    digits: Digits
 
 
 def factor_of(X: FloatArray, y: FloatArray, names: Sequence[str], *, log_det: float = 0.0) -> Factor:
@@ -236,20 +250,67 @@ def least_squares(f: Factor) -> LeastSquares:
     UnobservableError : if a column vanishes to rounding once the others before it are accounted for, or
         there are fewer rows than columns.
     """
-    lost = np.abs(np.diag(f.R)[:-1]) <= VANISHED * f.column_norms
+    lost = vanished(f.R)
     if f.n < f.p or lost.any():
-        terms = tuple(name for name, gone in zip(f.names, lost, strict=True) if gone)
-        raise UnobservableError(
-            f"least squares needs independent columns: {f.n} rows do not tell"
-            f" {', '.join(terms) or f'{f.p} terms'} from the others; leave some out, or add rows that differ",
-            terms,
-        )
-    rss, dof = float(f.R[-1, -1] ** 2), f.n - f.p
-    scale = math.sqrt(rss / dof) if dof > 0 else math.nan
+        raise _dependent(f, lost)
+    dof = f.n - f.p
     whole = f.R.astype(np.longdouble) + f.rest
+    left = abs(whole[-1, -1])
+    scale = left / np.sqrt(np.longdouble(dof)) if dof > 0 else np.longdouble(np.inf)
     solved = _back_substitute(whole[:-1, :-1], np.column_stack((whole[:-1, -1], np.eye(f.p))))
-    sd = scale * np.sqrt(np.sum(solved[:, 1:] ** 2, axis=1))
-    return LeastSquares(solved[:, 0].astype(np.float64), sd.astype(np.float64), rss, dof)
+    size = np.abs(solved[:, 1:]).max(axis=1)
+    sd = scale * (size * np.sqrt(np.sum((solved[:, 1:] / size[:, None]) ** 2, axis=1)))
+    if max(np.abs(solved[:, 0]).max(), sd.max() if dof > 0 else 0.0) > np.finfo(np.float64).max:
+        raise UnobservableError(
+            "coefficients leave the range of doubles (1e308): give columns or response in other units",
+            f.names,
+        )
+    mean, sd = solved[:, 0].astype(np.float64), sd.astype(np.float64)
+    with np.errstate(over="ignore"):
+        rss = (left * left).astype(np.float64)
+    return LeastSquares(mean, sd, float(rss), dof, _digits(f, mean, sd))
+
+
+def vanished(R: FloatArray) -> NDArray[np.bool_]:
+    """Which columns (p,) depend on those before them, to rounding."""
+    return np.abs(np.diag(R)[:-1]) <= VANISHED * norms(R[:, :-1])
+
+
+def _dependent(f: Factor, lost: NDArray[np.bool_]) -> UnobservableError:
+    """What to say of columns that others stand for."""
+    terms = tuple(name for name, gone in zip(f.names, lost, strict=True) if gone)
+    alike = [_stands_for(f, k, lost) for k in np.flatnonzero(lost).tolist()]
+    told = "".join(f"; {text}" for text in alike if text)
+    return UnobservableError(
+        f"least squares needs independent columns: {f.n} rows do not tell"
+        f" {', '.join(terms) or f'{f.p} terms'} from the others{told};"
+        " leave some out, or add rows that differ",
+        terms,
+    )
+
+
+def _stands_for(f: Factor, k: int, lost: NDArray[np.bool_]) -> str:
+    """Which columns a vanished one is made of, in words; empty where there are too few rows to say."""
+    size = f.column_norms
+    if size[k] == 0.0:
+        return f"{f.names[k]} is zero in every row"
+    others = np.flatnonzero(~lost[:k])
+    A = f.R[:k, [*others, k]] / size[[*others, k]]
+    share = np.linalg.lstsq(A[:, :-1], A[:, -1])[0]
+    made = [f.names[j] for j, part in zip(others, share, strict=True) if abs(part) >= TAKES_PART]
+    return f"{f.names[k]} is a combination of {', '.join(made)}" if made else ""
+
+
+def _digits(f: Factor, mean: FloatArray, sd: FloatArray) -> Digits:
+    found = bounds(f.R, f.rounding)
+    against = np.maximum(np.abs(mean), sd)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = np.where(np.isinf(against), found.coefficients / np.abs(mean), found.coefficients / against)
+    return Digits(_fewest(error), _fewest(found.sd), 0, 0)
+
+
+def _fewest(errors: FloatArray) -> int:
+    return min(map(digits_within, np.nan_to_num(errors, nan=np.inf).tolist()), default=0)
 
 
 def _back_substitute(R: NDArray[np.longdouble], b: NDArray[np.longdouble]) -> NDArray[np.longdouble]:

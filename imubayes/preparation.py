@@ -9,7 +9,7 @@ import numpy as np
 
 from imubayes.campaign import SensorSpec
 from imubayes.errors import StudyError
-from imubayes.inference.linear import Extra, Linear, deviation, linear_of, reach_of
+from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
 from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
@@ -25,10 +25,19 @@ from imubayes.sensors.terms import Library
 from imubayes.units import factor
 
 
-def runs_of(spec: SensorSpec, seed: int, index: int) -> tuple[Run | TriadRun, ...]:
-    """Read the recorded runs of a sensor and simulate the others, in the study's order."""
+def runs_of(
+    spec: SensorSpec, seed: int, index: int, tell: Callable[[str], None] = lambda message: None
+) -> tuple[Run | TriadRun, ...]:
+    """Read the recorded runs of a sensor and simulate the others, in the study's order.
+
+    Long files are read a part at a time, unless errors of the bench or robust dwells need all rows at once;
+    `tell` is told how far that is.
+    """
+    lib = None if spec.reference or spec.robust else spec.library
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
-    return tuple(simulated[s.name] if s.simulate else read_run(s, spec.kind) for s in spec.runs)
+    return tuple(
+        simulated[s.name] if s.simulate else read_run(s, spec.kind, lib, tell=tell) for s in spec.runs
+    )
 
 
 def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:
@@ -198,7 +207,7 @@ def component_prior(spec: SensorSpec, runs: Sequence[Run]) -> tuple[ScalePrior, 
     """Physical prior of a component, and where it comes from in words."""
     if spec.sensor_class:
         return _overridden(class_sd(spec.sensor_class, spec.library), spec, [spec.library])
-    swing = max(float(np.max(np.abs(deviation(r, spec.library)))) for r in runs)
+    swing = max(swing_of(run, spec.library) for run in runs)
     reach = np.max([reach_of(linear_of(run, spec.library)) for run in runs], axis=0)
     return _overridden(weak_sd(reach, swing), spec, [spec.library])
 

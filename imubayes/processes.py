@@ -1,15 +1,28 @@
-"""Work that several processes share, with word of how far it is."""
+"""Work that several processes share, with word of how far it is; a process that dies costs only its job."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
 Progress = Callable[[str], None]
 Found = TypeVar("Found")
+
+AHEAD = 2
+"""Jobs in flight for each process: one that it does, and one that waits so that it need not."""
+
+HOPELESS = 4
+"""Jobs that end their processes, before any other is done, from which it is not the jobs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """In place of the result of a job that ended its process, not only once."""
 
 
 def shared(
@@ -34,29 +47,89 @@ def shared(
     -------
     what `work` gives for each job, in the order of the jobs, whatever the number of processes.
 
+    Raises
+    ------
+    ChildProcessError : if a job ends its process twice, or processes end as soon as they start.
+
     Examples
     --------
     >>> shared(pow, [(2, 3), (3, 2)], 1, things="powers")
     [8, 9]
     """
-    start, found = time.perf_counter(), dict[int, Found]()
-    for done, (index, one) in enumerate(_as_done(work, jobs, processes), 1):
+    tell, found = pace(len(jobs), things, progress), dict[int, Found]()
+    for index, one in as_done(work, jobs, processes):
+        if isinstance(one, Lost):
+            raise ChildProcessError(f"one of {len(jobs)} {things} ended its process twice: is memory short?")
         found[index] = one
-        left = (time.perf_counter() - start) / done * (len(jobs) - done)
-        progress(f"{done} of {len(jobs)} {things}, about {left / 60.0:.0f} min left")
+        tell(len(found))
     return [found[index] for index in range(len(jobs))]
 
 
-def _as_done(
+def pace(total: int, things: str, progress: Progress) -> Callable[[int], None]:
+    """Give what tells how many of `total` things are done, and how long the others will take."""
+    start = time.perf_counter()
+
+    def tell(done: int) -> None:
+        left = (time.perf_counter() - start) / done * (total - done)
+        progress(f"{done} of {total} {things}, about {left / 60.0:.0f} min left")
+
+    return tell
+
+
+def as_done(
     work: Callable[..., Found], jobs: Sequence[tuple[Any, ...]], processes: int
-) -> Iterator[tuple[int, Found]]:
-    """What each job gives, with its index, as they are done."""
+) -> Iterator[tuple[int, Found | Lost]]:
+    """Do every job; give its index and result as it is done.
+
+    When a process dies (killed, or out of memory), the jobs that were in flight are done again, one at a time
+    in a process of their own. A job that ends this one too is `Lost`; the others go on.
+
+    Raises
+    ------
+    ChildProcessError : if processes end as soon as they start, whatever they are to do.
+    """
     if processes == 1:
         yield from ((index, work(*job)) for index, job in enumerate(jobs))
         return
+    left, lost = dict(enumerate(jobs)), 0
+    while left:
+        suspects = yield from _until_one_dies(work, left, processes, AHEAD * processes)
+        alone = {index: left.pop(index) for index in suspects}
+        while alone:
+            for index in (yield from _until_one_dies(work, alone, 1, 1)):
+                del alone[index]
+                lost += 1
+                if HOPELESS <= lost == len(jobs) - len(left) - len(alone):
+                    raise ChildProcessError("processes end as soon as they start: is memory short?")
+                yield index, Lost()
+
+
+def _until_one_dies(
+    work: Callable[..., Found], left: dict[int, tuple[Any, ...]], processes: int, ahead: int
+) -> Generator[tuple[int, Found], None, list[int]]:
+    """Give results and take their jobs from `left`; return those of the `ahead` in flight when one died."""
+    queue, flight = iter(list(left)), dict[Future[Found], int]()
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_alone) as pool:
-        index = {pool.submit(work, *job): k for k, job in enumerate(jobs)}
-        yield from ((index[done], done.result()) for done in as_completed(index))
+        try:
+            while left:
+                for _, index in zip(range(ahead - len(flight)), queue, strict=False):
+                    flight[pool.submit(work, *left[index])] = index
+                yield from _landed(flight, left)
+        except BrokenProcessPool:
+            return sorted(index for index in flight.values() if index in left)
+    return []
+
+
+def _landed(
+    flight: dict[Future[Found], int], left: dict[int, tuple[Any, ...]]
+) -> Iterator[tuple[int, Found]]:
+    """Results that are there, those of broken processes last."""
+    done, _ = wait(flight, return_when=FIRST_COMPLETED)
+    for future in sorted(done, key=lambda one: isinstance(one.exception(), BrokenProcessPool)):
+        found = future.result()
+        index = flight.pop(future)
+        del left[index]
+        yield index, found
 
 
 def _alone() -> None:

@@ -32,8 +32,10 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
-from imubayes.inference.sessions import Repeatability, SessionEstimate, repeatability
 from imubayes.inference.triad import COMPONENTS, calibration
+from imubayes.ladder.climb import by_accuracy, by_budget
+from imubayes.ladder.costs import calibrate
+from imubayes.ladder.problem import plainly_prepared, problem_of
 from imubayes.missions import required
 from imubayes.planning.observability import Observability, observe
 from imubayes.preparation import (
@@ -44,6 +46,7 @@ from imubayes.preparation import (
     prepare_triad,
     runs_of,
 )
+from imubayes.repeats import between_sessions
 from imubayes.rig.inputs import Run, TriadRun
 from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
@@ -70,15 +73,18 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
     for k, spec in enumerate(study.sensors):
         job = _Job(spec, study, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
         job.tell(f"reading {len(spec.runs)} runs")
-        runs = runs_of(spec, study.seed, k)
+        runs = runs_of(spec, study.seed, k, job.tell)
         with _named(spec):
             triad = _of_triad(runs)
-            found = _triad(job, triad) if triad else [_single(job, _of_component(runs))]
+            if study.sampling.climbs:
+                found = [_on_ladder(job, runs)]
+            else:
+                found = _triad(job, triad) if triad else [_single(job, _of_component(runs))]
             results.append((spec, found))
     components = tuple(one for _, found in results for one in found)
     if study.scenes:
         progress(f"what {len(study.scenes)} scenes require")
-    return StudyResult(study, components, _between_sessions(results), required(study.scenes, results))
+    return StudyResult(study, components, between_sessions(results), required(study.scenes, results))
 
 
 def check(study: Study) -> tuple[SensorCheck, ...]:
@@ -136,7 +142,7 @@ class _Told:
     selection: Selection
     checks: tuple[ResidualCheck, ...]
     panel: Panel | None
-    misfit: Misfit
+    misfit: Misfit | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +157,7 @@ class _Posterior:
 def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     """Characterise one component with known inputs."""
     start, spec = time.perf_counter(), job.spec
-    job.tell(f"noise and factor of {sum(len(r.inputs) for r in runs):,} samples")
+    job.tell(f"noise and factor of {sum(run.samples for run in runs):,} samples")
     ready = prepare(spec, runs, job.tell, job.rng)
     posterior = _sampled(job, ready)
     job.tell(f"every model of {len(spec.library.terms)} terms")
@@ -166,6 +172,27 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     inputs = [run.inputs.channels for run in ready.runs if isinstance(run, Run)]
     told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
     return _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
+
+
+def _on_ladder(job: _Job, runs: Sequence[Run | TriadRun]) -> SensorResult:
+    """Characterise one component with known inputs by the rung that a budget or an accuracy asks for.
+
+    What a budget is short of is left out: other methods, residuals, what the library lacks.
+    """
+    start, sampling = time.perf_counter(), job.study.sampling
+    problem = problem_of(job.spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
+    law, limits = calibrate(job.tell), Limits(ess=sampling.ess, time_limit=sampling.time_limit)
+    asked: dict[str, Any] = {"rng": job.rng, "tell": job.tell, "limits": limits}
+    if sampling.budget is not None:
+        found, choice = by_budget(problem, sampling.budget, law, **asked)
+    else:
+        found, choice = by_accuracy(problem, sampling.accuracy or 0.0, law, **asked)
+    ready = found.ready or plainly_prepared(problem)
+    posterior = _Posterior(found.rung, f"{choice.asked} was asked for", None)
+    told = _Told(found.selection, (), None, None)
+    result = _result(job, job.spec.id, ready, posterior, told, time.perf_counter() - start)
+    chains = of_columns(found.chains, _columns(found.selection, ready)) if found.chains else None
+    return replace(result, choice=choice, chains=chains)
 
 
 def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
@@ -269,7 +296,7 @@ def _result(
     selection = told.selection
     spec, summary = job.spec, ready.summary
     chains = posterior.sampled.chains if posterior.sampled else None
-    columns = (*selection.columns, *(extra.name for extra in summary.extras))
+    columns = _columns(selection, ready)
     return SensorResult(
         id=name,
         kind=spec.kind,
@@ -291,6 +318,11 @@ def _result(
         misfit=told.misfit,
         correlation=_correlation(ready, selection.columns),
     )
+
+
+def _columns(selection: Selection, ready: Prepared) -> tuple[str, ...]:
+    """Columns that are told of: those of the terms, then the errors of the bench."""
+    return (*selection.columns, *(extra.name for extra in ready.summary.extras))
 
 
 def _correlation(ready: Prepared, columns: Sequence[str]) -> np.ndarray:
@@ -330,27 +362,3 @@ def _of_triad(runs: Sequence[Run | TriadRun]) -> list[TriadRun]:
 
 def _of_component(runs: Sequence[Run | TriadRun]) -> list[Run]:
     return [run for run in runs if isinstance(run, Run)]
-
-
-def _between_sessions(
-    results: Sequence[tuple[SensorSpec, Sequence[SensorResult]]],
-) -> tuple[Repeatability, ...]:
-    """Compare the units that were tested in several sessions."""
-    estimates = [
-        SessionEstimate(
-            unit=spec.unit,
-            session=spec.session,
-            component=result.id.removeprefix(spec.id).removeprefix("."),
-            term=term.name,
-            si=term.unit,
-            printed=term.printed,
-            mean=term.full_mean,
-            sd=term.full_sd,
-            prior_sd=term.prior_sd,
-        )
-        for spec, components in results
-        if spec.unit
-        for result in components
-        for term in result.selection.terms
-    ]
-    return repeatability(estimates)

@@ -1,10 +1,27 @@
 import os
+import signal
+from pathlib import Path
 
-from imubayes.processes import shared
+import pytest
+
+from imubayes.processes import Lost, as_done, shared
 
 
 def whoami(number: int) -> tuple[int, int]:
     return number, os.getpid()
+
+
+def killed(number: int, victims: tuple[int, ...], log: str, once: bool) -> int:
+    """Square a number; the process of a victim is killed, always or only the first time."""
+    with Path(log).open("a") as stream:
+        stream.write(f"{number}\n")
+    if number in victims and not (once and _tries(log, number) > 1):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number * number
+
+
+def _tries(log: str, number: int) -> int:
+    return Path(log).read_text().split().count(str(number))
 
 
 def test_results_come_in_the_order_of_the_jobs_from_other_processes():
@@ -18,3 +35,30 @@ def test_results_come_in_the_order_of_the_jobs_from_other_processes():
 
 def test_one_process_is_this_one():
     assert shared(whoami, [(7,)], 1, things="numbers") == [(7, os.getpid())]
+
+
+def test_process_that_is_killed_costs_only_the_jobs_that_were_in_flight(tmp_path):
+    log, n = str(tmp_path / "log"), 20
+    found = dict(as_done(killed, [(k, (9,), log, True) for k in range(n)], 2))
+    assert found == {k: k * k for k in range(n)}
+    # two processes have two jobs each, done or waiting
+    assert sum(_tries(log, k) - 1 for k in range(n)) <= 4
+    assert _tries(log, 9) == 2
+
+
+def test_job_that_ends_its_process_twice_is_lost_and_the_others_are_done(tmp_path):
+    log = str(tmp_path / "log")
+    found = dict(as_done(killed, [(k, (2,), log, False) for k in range(8)], 2))
+    assert found == {k: Lost() if k == 2 else k * k for k in range(8)}
+    assert _tries(log, 2) == 2
+
+
+def test_processes_that_all_end_at_once_are_an_error_and_no_endless_loop(tmp_path):
+    log = str(tmp_path / "log")
+    with pytest.raises(ChildProcessError, match="as soon as they start"):
+        list(as_done(killed, [(k, (0, 1, 2, 3, 4, 5), log, False) for k in range(6)], 2))
+
+
+def test_error_of_a_job_is_that_of_the_whole():
+    with pytest.raises(ZeroDivisionError):
+        shared(divmod, [(1, 1), (1, 0)], 2, things="divisions")

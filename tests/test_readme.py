@@ -16,7 +16,7 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
 from imubayes.campaign import ExtraPosterior, Mission, Sampling
-from imubayes.config import read_lots, read_quality, read_study, shapes, simulated
+from imubayes.config import read_fleet, read_lots, read_quality, read_speed, read_study, shapes, simulated
 from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
@@ -50,6 +50,9 @@ SHAPES = {
     **simulated.SIMULATED,
     "[quality]": shapes.QualityTable,
     "[lots]": shapes.LotsTable,
+    "[fleet]": shapes.FleetTable,
+    "[speed]": shapes.SpeedTable,
+    "[speed.growth]": shapes.GrowthTable,
     "[[scene]]": shapes.SceneTable,
     "[[appendix]]": shapes.AppendixTable,
 }
@@ -158,7 +161,7 @@ def test_every_shape_of_a_study_has_its_section():
     there = {one for one in named if inspect.isclass(one) and is_pydantic_dataclass(one)}
     assert there == {*SHAPES.values(), shapes.StudyFile}
     assert {field.name for field in fields(shapes.StudyFile)} == {
-        "study", "sampling", "decision", "sensor", "quality", "lots", "scene", "appendix",
+        "study", "sampling", "decision", "sensor", "quality", "lots", "fleet", "speed", "scene", "appendix",
     }  # fmt: skip
 
 
@@ -190,6 +193,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
     "[[sensor]]": {"unit": "U", "session": "1"},
     "[lots]": {"kind": "accelerometer", "classes": ["mems_tactical"], "run": [MADE]},
+    "[fleet]": {"kind": "accelerometer", "class": "mems_tactical", "units": 4, "run": [MADE]},
     "[[scene]]": {"file": "flight.csv", "budget": {"position": "1 m"}},
     "[[appendix]]": {"title": "Case", "file": "case.csv"},
     "noise": {"N": "1 mg/sqrt(Hz)"},
@@ -213,8 +217,10 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     alone = any((section, key) in ALONE for key in given)
     content = given if alone else NEEDED.get(section, {}) | given
     match section:
-        case "[quality]" | "[lots]":
+        case "[quality]" | "[lots]" | "[fleet]" | "[speed]":
             return {section.strip("[]"): content}
+        case "[speed.growth]":
+            return {"speed": {"growth": content}}
         case "[study]" | "[sampling]" | "[decision]":
             others = {section.strip("[]"): content}
         case "[[appendix]]":
@@ -253,7 +259,7 @@ def _read(folder: Path, tables: dict[str, Any]):
     (folder / "own.toml").write_text(
         STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0]
     )
-    return read_lots(path) or read_quality(path) or read_study(path)
+    return read_fleet(path) or read_lots(path) or read_quality(path) or read_speed(path) or read_study(path)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ from typing import Any
 
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.config.appendix_tables import appendix
+from imubayes.config.extremes_tables import extremes_study
+from imubayes.config.fleet_tables import fleet_study
 from imubayes.config.lot_tables import lot_study
 from imubayes.config.quality_tables import quality_study
 from imubayes.config.scene_tables import scenes_of
@@ -24,12 +26,16 @@ from imubayes.config.shapes import (
     shaped,
     unique,
 )
+from imubayes.config.speed_tables import speed_study
 from imubayes.errors import StudyError
+from imubayes.extremes.plan import ExtremesStudy
+from imubayes.fleet.plan import FleetStudy
 from imubayes.lots.plan import LotStudy
 from imubayes.preparation import runs_of
 from imubayes.quality.trials import QualityStudy
 from imubayes.rig.inputs import Run, TriadRun
 from imubayes.selection.verdicts import Costs
+from imubayes.speed.contests import SpeedStudy
 
 
 def read_study(path: Path) -> Study:
@@ -49,6 +55,12 @@ def read_study(path: Path) -> Study:
         raise place.at("quality").error("a study of how good the decision is has no runs: 'imubayes run' it")
     if tables.lots is not None:
         raise place.at("lots").error("a class-level study draws its own units: 'imubayes run' it")
+    if tables.extremes is not None:
+        raise place.at("extremes").error("a study of the extremes has no [[sensor]]: 'imubayes run' it")
+    if tables.fleet is not None:
+        raise place.at("fleet").error("a study of a fleet has no [[sensor]]: 'imubayes run' it")
+    if tables.speed is not None:
+        raise place.at("speed").error("a study of speed has no [[sensor]]: 'imubayes run' it")
     header = shaped(HeaderTable, tables.study, place.at("study"))
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
@@ -104,6 +116,51 @@ def read_lots(path: Path) -> LotStudy | None:
     """
     text, tables = _tables(path)
     return lot_study(tables, path, text) if tables.lots is not None else None
+
+
+def read_extremes(path: Path) -> ExtremesStudy | None:
+    """Read and check a study of the extremes; None where a study file is not one.
+
+    Parameters
+    ----------
+    path : of the TOML file.
+
+    Raises
+    ------
+    StudyError : as `read_study` does.
+    """
+    text, tables = _tables(path)
+    return extremes_study(tables, path, text) if tables.extremes is not None else None
+
+
+def read_fleet(path: Path) -> FleetStudy | None:
+    """Read and check a study of a fleet; None where a study file is not one.
+
+    Parameters
+    ----------
+    path : of the TOML file.
+
+    Raises
+    ------
+    StudyError : as `read_study` does.
+    """
+    text, tables = _tables(path)
+    return fleet_study(tables, path, text) if tables.fleet is not None else None
+
+
+def read_speed(path: Path) -> SpeedStudy | None:
+    """Read and check a study of speed; None where a study file is not one.
+
+    Parameters
+    ----------
+    path : of the TOML file.
+
+    Raises
+    ------
+    StudyError : as `read_study` does.
+    """
+    text, tables = _tables(path)
+    return speed_study(tables, path, text) if tables.speed is not None else None
 
 
 def read_runs(path: Path | str, sensor: str = "") -> tuple[Run | TriadRun, ...]:

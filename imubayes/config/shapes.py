@@ -65,6 +65,9 @@ class StudyFile:
     appendix: list[Table] = Field(default_factory=list)
     quality: Table | None = None
     lots: Table | None = None
+    extremes: Table | None = None
+    fleet: Table | None = None
+    speed: Table | None = None
 
 
 @shape(config=STRICT, frozen=True)
@@ -96,6 +99,14 @@ class DecisionTable:
 
 
 @shape(config=STRICT, frozen=True)
+class ExtremesTable:
+    """``[extremes]``."""
+
+    families: Annotated[tuple[str, ...], Several] = ()
+    every: Count = 1
+
+
+@shape(config=STRICT, frozen=True)
 class QualityTable:
     """``[quality]``."""
 
@@ -121,6 +132,49 @@ class LotsTable:
     library: Table = Field(default_factory=dict)
     reference: Table = Field(default_factory=dict)
     run: list[Table] = Field(default_factory=list)
+
+
+@shape(config=STRICT, frozen=True)
+class FleetTable:
+    """``[fleet]``."""
+
+    units: Any
+    kind: Literal["accelerometer", "gyroscope"]
+    class_: Annotated[Text, Field(alias="class")]
+    part: Count = 8
+    processes: Count = 2
+    library: Table = Field(default_factory=dict)
+    noise: Any = None
+    prior: Table = Field(default_factory=dict)
+    reference: Table = Field(default_factory=dict)
+    robust: bool = False
+    run: list[Table] = Field(default_factory=list)
+
+
+@shape(config=STRICT, frozen=True)
+class SpeedTable:
+    """``[speed]``."""
+
+    repeats: Count = 5
+    least_squares: Annotated[tuple[int, ...], Several] = ()
+    one_sided: Annotated[tuple[int, ...], Several] = ()
+    subsets: Annotated[tuple[int, ...], Several] = ()
+    g_prior: Annotated[tuple[int, ...], Several] = ()
+    enumeration: Annotated[tuple[int, ...], Several] = ()
+    noise: Annotated[tuple[int, ...], Several] = ()
+    posterior: Annotated[tuple[int, ...], Several] = ()
+    growth: Table = Field(default_factory=dict)
+
+
+@shape(config=STRICT, frozen=True)
+class GrowthTable:
+    """``[speed.growth]``."""
+
+    rows: Annotated[tuple[int, ...], Several] = ()
+    terms: Annotated[tuple[int, ...], Several] = ()
+    models: Annotated[tuple[int, ...], Several] = ()
+    runs: Annotated[tuple[int, ...], Several] = ()
+    units: Annotated[tuple[int, ...], Several] = ()
 
 
 @shape(config=STRICT, frozen=True)

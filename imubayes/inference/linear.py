@@ -18,6 +18,7 @@ from imubayes.sensors.terms import Library, columns
 if TYPE_CHECKING:
     from imubayes.inference.reml import Blocks
     from imubayes.inference.whiten import Processes, Rows
+    from imubayes.rig.streams import Stream
 
 FloatArray = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ class Linear:
     y : (n,) response, SI.
     columns : gives the columns (stop - start, p) of the rows from start to stop.
     axes : (n, a) weights of alike and independent components in each row; None for a single component.
+    stream : the rows behind these, which are averages over blocks of them; None where these are all.
     """
 
     name: str
@@ -53,16 +55,22 @@ class Linear:
     y: FloatArray
     columns: Callable[[int, int], FloatArray]
     axes: FloatArray | None = None
+    stream: Stream | None = None
 
     def __len__(self) -> int:
         return len(self.y)
+
+    @property
+    def samples(self) -> int:
+        """Rows of the run, held or not."""
+        return len(self) if self.stream is None else self.stream.samples
 
     @property
     def rows(self) -> Rows:
         """When the rows were taken."""
         from imubayes.inference.whiten import Rows
 
-        return Rows(self.t, self.duration, self.axes)
+        return Rows(self.t, self.duration, self.axes, None if self.stream is None else self.stream.interval)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +98,14 @@ class Extra:
 
 
 def linear_of(run: Run, lib: Library) -> Linear:
-    """Rows of a run with known inputs: output minus own input on the columns of the library."""
+    """Rows of a run with known inputs: output minus own input on the columns of the library.
+
+    Of a run that is read a part at a time, averages over its blocks.
+    """
+    if run.stream is not None:
+        from imubayes.inference.streaming import streamed_rows
+
+        return streamed_rows(run, lib, run.stream)
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -114,6 +129,11 @@ def deviation(run: Run, lib: Library) -> FloatArray:
     return run.output - run.inputs.channels.get(lib.own, 0.0)
 
 
+def swing_of(run: Run, lib: Library) -> float:
+    """Largest size of output minus own input, SI."""
+    return float(np.max(np.abs(deviation(run, lib)))) if run.stream is None else run.stream.swing
+
+
 def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
     """Response minus what the coefficients `theta` (p,) explain: (n,)."""
     left = rows.y.copy()
@@ -125,6 +145,8 @@ def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
 
 def reach_of(rows: Linear) -> FloatArray:
     """Largest size (p,) of each column."""
+    if rows.stream is not None:
+        return rows.stream.reach
     starts = range(0, len(rows), CHUNK)
     parts = (rows.columns(a, min(a + CHUNK, len(rows))) for a in starts)
     return np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
@@ -143,7 +165,7 @@ def blocks_of(rows: Linear, blocks: int = BLOCKS) -> Blocks:
     X /= counts[:, None]
     axes = None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None]
     lasting = np.add.reduceat(rows.duration, edges)
-    taken = Rows(np.add.reduceat(rows.t, edges) / counts, lasting, axes)
+    taken = Rows(np.add.reduceat(rows.t, edges) / counts, lasting, axes, rows.rows.finest)
     return Blocks(taken, X, np.add.reduceat(rows.y, edges) / counts)
 
 
@@ -155,6 +177,10 @@ def within_blocks(rows: Linear) -> FloatArray:
     """
     from imubayes.inference.reml import block_edges
 
+    if rows.stream is not None:
+        from imubayes.inference.streaming import streamed_within
+
+        return streamed_within(rows, rows.stream)
     edges = block_edges(rows.t, rows.interval)
 
     def parts():
@@ -180,6 +206,11 @@ def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) 
     """
     from imubayes.inference.whiten import whiten, whitener
 
+    if rows.stream is not None:
+        from imubayes.inference.pieces import stacked
+        from imubayes.inference.streaming import streamed_pieces
+
+        return stacked([streamed_pieces(rows, rows.stream, noise, parts)]), rows.stream.reach
     n, p = len(rows), len(rows.names)
     table = np.empty((n, p + 1))
     for a in range(0, n, CHUNK):

@@ -57,6 +57,10 @@ def pieces_of(rows: Linear, noise: Noise) -> Pieces:
     rows : of the run.
     noise : that whitens it, SI.
     """
+    if rows.stream is not None:
+        from imubayes.inference.streaming import streamed_pieces
+
+        return streamed_pieces(rows, rows.stream, noise)
     n, p = len(rows), len(rows.names)
     dwells = dwells_of(rows)
     table = np.empty((n, p + 1))

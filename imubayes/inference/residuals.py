@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.inference.allan import allan_deviation
-from imubayes.inference.linear import Linear, residuals
+from imubayes.inference.linear import Linear, linear_of, residuals
 from imubayes.inference.reml import block_edges
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Rows, whiten, whitener
@@ -87,7 +87,26 @@ def check_residuals(run: Run, rows: Linear, theta: FloatArray, summary: RunSumma
     summary : of the same run, for its noise.
     """
     fitted = int(np.count_nonzero(summary.factor.column_norms))
+    if rows.stream is not None:
+        return _streamed(run, rows, theta, summary, rows.stream.stretch)
     return judge(residuals(rows, theta), rows.rows, summary, run.inputs.channels, fitted=fitted)
+
+
+def _streamed(run: Run, rows: Linear, theta: FloatArray, summary: RunSummary, stretch: Run) -> ResidualCheck:
+    """Test averages over blocks, and what samples tell on a stretch at full rate."""
+    fitted = int(np.count_nonzero(summary.factor.column_norms))
+    coarse = replace(summary, interval=rows.interval)
+    check = judge(residuals(rows, theta), rows.rows, coarse, run.inputs.channels, fitted=fitted)
+    held = linear_of(stretch, rows.stream.library) if rows.stream else rows
+    fine = judge(residuals(held, theta), held.rows, summary, {})
+    return replace(
+        check,
+        sample_scale=fine.sample_scale,
+        sample_whiteness_p=fine.sample_whiteness_p,
+        tau=np.concatenate((fine.tau[fine.tau < rows.interval], check.tau)),
+        deviation=np.concatenate((fine.deviation[fine.tau < rows.interval], check.deviation)),
+        expected=np.concatenate((fine.expected[fine.tau < rows.interval], check.expected)),
+    )
 
 
 def judge(

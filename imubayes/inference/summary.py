@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,9 @@ from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
+
+if TYPE_CHECKING:
+    from imubayes.inference.reml import Blocks
 
 FloatArray = NDArray[np.float64]
 Rules = Mapping[str, NoiseRule]
@@ -167,7 +171,7 @@ def summarize(
         factor=reduce(algebra.add, (s.factor for s in summaries)),
         runs=summaries,
         library=lib,
-        facts=facts_of([run.inputs.channels for run in runs], lib.kind),
+        facts=facts_of([run.extremes for run in runs], lib.kind),
         reach=dict(zip(summaries[0].factor.names, reach.tolist(), strict=True)),
         extras=extras,
     )
@@ -191,20 +195,19 @@ def _summarize_run(run: Run, rows: Linear, found: _Known) -> RunSummary:
     if found.origin == "white":
         made, noise = _to_unit_residuals(made, noise)
         steering = ((noise.N, VAGUE),)
-    channels = {**run.inputs.channels, "output": run.output}
     return RunSummary(
         name=run.name,
         procedure=run.procedure,
-        samples=len(run.inputs),
+        samples=run.samples,
         duration=float(run.inputs.t[-1] - run.inputs.t[0]),
-        interval=run.inputs.interval,
+        interval=run.inputs.interval if run.stream is None else run.stream.interval,
         noise=noise,
         noise_sd=found.sd,
         noise_prior=found.prior,
         noise_origin=found.origin,
         noise_run=found.run,
         steering=steering,
-        ranges={name: (float(v.min()), float(v.max())) for name, v in channels.items()},
+        ranges={name: (float(v.min()), float(v.max())) for name, v in run.extremes.items()},
         source=run.source,
         factor=made,
         reach=reach,
@@ -229,8 +232,17 @@ def _noise(
             )
         other = done[rule.like]
         return _Known(other.noise, f"run {rule.like}", rule.like, other.noise_sd, prior, other.steering)
-    found = estimate(blocks_of(rows), prior or None)
+    found = estimate(_blocks(rows), prior or None)
     return _Known(found.noise, "REML", rows.name, found.sd, prior, found.steering)
+
+
+def _blocks(rows: Linear) -> Blocks:
+    """Averages that the noise of a run is judged by."""
+    if rows.stream is None:
+        return blocks_of(rows)
+    from imubayes.inference.streaming import noise_blocks
+
+    return noise_blocks(rows, rows.stream)
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:
@@ -251,7 +263,7 @@ def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:
 
 
 def _check_rows(runs: Sequence[Run], lib: Library) -> None:
-    rows = sum(len(run.inputs) for run in runs)
+    rows = sum(run.samples for run in runs)
     excited = {name for run in runs for name in run.inputs.channels}
     tested = tuple(t.name for t in lib.terms if all(f.channel in excited for f in t.factors))
     if rows <= len(tested):

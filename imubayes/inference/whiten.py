@@ -39,11 +39,14 @@ class Rows:
     t : (n,) centres, s, increasing.
     duration : (n,) averaging times, s.
     axes : (n, a) weights of a alike and independent components in each row; None for a single component.
+    finest : averaging time, s, of the samples that the rows were averaged from, where these have flicker
+        noise of their own to account for; None where the rows are what there is.
     """
 
     t: FloatArray
     duration: FloatArray
     axes: FloatArray | None = None
+    finest: float | None = None
 
     @property
     def span(self) -> float:
@@ -89,9 +92,10 @@ def processes(rows: Rows, shortest: float = 0.0) -> Processes:
     rows : when they were taken.
     shortest : averaging time, s, below which white noise hides the flicker; at least a row's own.
     """
-    least = float(np.median(rows.duration))
+    least = float(np.median(rows.duration)) if rows.finest is None else rows.finest
+    longest = float(rows.duration.max()) if rows.finest is None else rows.finest
     variance, tau = flicker(1.0, min(max(shortest, least), rows.span), rows.span)
-    slow = tau * FASTEST > float(rows.duration.max())
+    slow = tau * FASTEST > longest
     return Processes(variance[slow], tau[slow])
 
 
@@ -112,7 +116,7 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     parts : the processes that stand for B; by default those that matter beside the white noise.
     """
     parts = mattering(noise, rows) if parts is None else parts
-    duration = _common(rows.duration)
+    duration = common(rows.duration)
     hidden = parts.tau * OVER < rows.duration.min()
     fast = Processes(parts.variance[hidden], parts.tau[hidden])
     parts = Processes(parts.variance[~hidden], parts.tau[~hidden])
@@ -121,9 +125,9 @@ def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whiten
     walk = noise.K**2 > 0.0
     width = len(parts.tau) + walk
     U, V = np.ones((len(rows.t), width)), np.empty((len(rows.t), width))
-    averaging, variance = _averaging(x), noise.B**2 * parts.variance
-    U[:, : len(parts.tau)] = averaging
-    V[:, : len(parts.tau)] = averaging * variance
+    weight, variance = averaging(x), noise.B**2 * parts.variance
+    U[:, : len(parts.tau)] = weight
+    V[:, : len(parts.tau)] = weight * variance
     a = np.empty(len(rows.t))
     a[:] = noise.N**2 / duration + (variance * averaged_variance(x)).sum(axis=1)
     # what is over within a row is white
@@ -143,13 +147,15 @@ def whiten(w: Whitener, rows: FloatArray) -> FloatArray:
     return rows
 
 
-def _common(duration: FloatArray) -> FloatArray:
+def common(duration: FloatArray) -> FloatArray:
     """One duration where all are alike: what follows from it is then broadcast, not held for each row."""
     return duration[:1] if duration.min() == duration.max() else duration
 
 
-def _averaging(x: FloatArray) -> FloatArray:
-    return np.sinh(0.5 * x) / (0.5 * x)
+def averaging(x: FloatArray) -> FloatArray:
+    """Weight of a process in a row of x time constants; the next row sees none of one far shorter."""
+    half = 0.5 * np.minimum(x, OVER)
+    return np.where(x <= OVER, np.sinh(half) / half, 0.0)
 
 
 def averaged_variance(x: FloatArray) -> FloatArray:

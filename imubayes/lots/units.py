@@ -6,7 +6,6 @@ what the rig applied, not on what it says. The analysis allows for them under th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -14,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.campaign import SensorSpec
-from imubayes.factor import Factor, noise_scale
-from imubayes.inference.mcmc.chains import NoiseDraw
-from imubayes.inference.prior import ScalePrior
+from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.summary import Summary
 from imubayes.lots.answers import UnitFound
 from imubayes.lots.plan import LotStudy
@@ -112,18 +109,6 @@ def _errors(plans: list[Plan], reference: Mapping[str, float], rng: np.random.Ge
     return {
         error.name: float(rng.normal(0.0, reference[error.kind])) for error in errors_of(plans, reference)
     }
-
-
-def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
-    """Problem at the noise that was found, its common scale included.
-
-    Rows are hundreds or thousands, so that the scale is known to a few percent: to average over it would take
-    ten times as long and hardly move an inclusion.
-    """
-    found = summary.factor
-    scale = noise_scale(found, prior.sd)
-    log_det = found.log_det + 2.0 * found.n * math.log(scale)
-    return NoiseDraw(Factor(found.names, found.R / scale, found.n, log_det), 0.0)
 
 
 def _noise(summary: Summary) -> tuple[float, float, float]:

@@ -33,7 +33,7 @@ MOST_DWELLS = 4
 
 def method_sentence(sensor: SensorResult) -> str:
     """Say how the posterior was computed, and why so; empty where nothing was chosen."""
-    if not sensor.method_reason:
+    if not sensor.method_reason or sensor.choice is not None:
         return ""
     return sentence(f"Posterior: {HOW[sensor.method]}, because {sensor.method_reason}")
 

@@ -6,6 +6,7 @@ import json
 import math
 import platform
 from collections.abc import Mapping
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
+from imubayes.reporting.ladder_words import choice_record
 from imubayes.reporting.method_results import methods_block
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.sampled_results import (
@@ -65,9 +67,14 @@ def provenance(study: Study) -> dict[str, Any]:
 
 
 def command(study: Study) -> str:
-    """Command that repeats the study; with the method where one was asked for."""
-    asked = study.sampling.method
-    return f"imubayes run {study.path}" + ("" if asked == "auto" else f" --method {asked}")
+    """Command that repeats the study, with what was asked for beyond its file."""
+    sampling = study.sampling
+    options = "" if sampling.method == "auto" else f" --method {sampling.method}"
+    if sampling.budget is not None:
+        options = f' --budget "{sampling.budget:g} s"'
+    elif sampling.accuracy is not None:
+        options = f" --accuracy {sampling.accuracy:g}"
+    return f"imubayes run {study.path}{options}"
 
 
 @cache
@@ -99,6 +106,7 @@ def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
         "noise_posterior": noise_posterior(sensor.chains),
         "method": sensor.method,
         "method_reason": sensor.method_reason,
+        "choice": choice_record(sensor.choice),
         "terms": [
             _term(term) | _sampled_term(moments.get(term.name), plug_in.get(term.name))
             for term in selection.terms
@@ -122,6 +130,7 @@ def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
         "runs": [_run(run) for run in sensor.runs],
         "prior_source": sensor.prior_source,
         "calibration": sensor.calibration,
+        "digits": None if selection.digits is None else asdict(selection.digits),
         "standards": standards_record(study, sensor),
         "seconds": sensor.seconds,
     }

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
+from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
@@ -76,8 +77,9 @@ def terminal_summary(result: StudyResult) -> Group:
 def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     yield Text(printable(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
     yield indented(_data_line(sensor), "dim")
-    if method := method_sentence(sensor):
-        yield indented(method, "dim")
+    for text in (method_sentence(sensor), *choice_sentences(sensor.choice)):
+        if text:
+            yield indented(text, "dim")
     yield _term_table(sensor)
     for warning in (unconverged_sentence(sensor), strain_sentence(sensor)):
         if warning:
@@ -106,7 +108,7 @@ def _data_line(sensor: SensorResult) -> str:
 def _how(sensor: SensorResult) -> str:
     """Name the method; of chains with the diagnostics that say whether to trust them."""
     if sensor.chains is None:
-        return "exact"
+        return "exact" if sensor.choice is None else sensor.choice.rung
     found = sensor.chains.diagnostics
     return f"{sensor.chains.sampler}, ESS {found.ess.min():,.0f}, R-hat {found.rhat.max():.3f}"
 

@@ -13,9 +13,9 @@ from imubayes.reporting.chain_words import (
     sentence,
     unconverged_sentence,
 )
+from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.method_words import missing_sentence
 from imubayes.reporting.rows import fit_scale, label, own_groups
-from imubayes.selection.spaces import Every
 from imubayes.selection.verdicts import STRAINED, listed
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 MOST_STRAINED = 3
 """Terms that the sentence on a disagreement names."""
+
+FEW_DIGITS = 3
+"""Digits below which rounding reaches what the report prints."""
 
 MOST_NAMES = 6
 """Names that a sentence holds."""
@@ -50,6 +53,8 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_cannot_tell(sensor),
         distrust_sentence(sensor),
         fit_sentence(sensor),
+        digits_sentence(sensor),
+        *choice_sentences(sensor.choice),
         missing_sentence(
             sensor.misfit,
             fits=all(check.fits for check in sensor.checks),
@@ -177,6 +182,18 @@ def _cause(group: Confounded) -> str:
     return f"{how}{why}.{remedy}"
 
 
+def digits_sentence(sensor: SensorResult) -> str:
+    """Say where rounding leaves fewer digits than the report prints."""
+    found = sensor.selection.digits
+    if found is None or min(found.coefficients, found.sd, found.inclusion) >= FEW_DIGITS:
+        return ""
+    return (
+        f"Rounding leaves {found.coefficients} digits of the coefficients, {found.sd} of their sds and"
+        f" {found.inclusion} of the inclusions: digits beyond these say nothing. Terms whose columns are all"
+        " but alike, or noise far below what the output resolves, do that."
+    )
+
+
 def fit_sentence(sensor: SensorResult) -> str:
     """Say whether the model explains the data, and name the runs that it does not."""
     if not sensor.checks:
@@ -244,7 +261,7 @@ def models_text(count: int) -> str:
 
 def weighed_text(models: Models) -> str:
     """Say how many models were weighed, and what that leaves out."""
-    if isinstance(models.space, Every):
+    if models.n_models == 1 << len(models.candidates.names):
         return f"all {models_text(models.n_models)} models"
     of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
     if math.isnan(models.missing):

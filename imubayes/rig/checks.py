@@ -86,12 +86,14 @@ def gaps(t: FloatArray) -> str:
     """Say how many gaps the time has, and how long the longest is; empty without gaps."""
     step = np.diff(t)
     long = step > GAP * np.median(step)
-    count = int(np.count_nonzero(long))
-    if count == 0:
-        return ""
     worst = int(np.argmax(step))
+    return gap_note(int(np.count_nonzero(long)), float(step[worst]), float(t[worst]))
+
+
+def gap_note(count: int, longest: float, at: float) -> str:
+    """Say how many gaps a time has, the longest of so many s at a time in s; empty without gaps."""
     plural = "s" if count > 1 else ""
-    return f"{count} gap{plural} in time, the longest {step[worst]:.4g} s at t = {t[worst]:.6g} s"
+    return f"{count} gap{plural} in time, the longest {longest:.4g} s at t = {at:.6g} s" if count else ""
 
 
 def interval_jump(t: FloatArray) -> str:
@@ -106,8 +108,13 @@ def interval_jump(t: FloatArray) -> str:
     if not away.any():
         return ""
     first = int(np.argmax(away))
+    return jump_note(float(medians[first]), float(t[first * BLOCK]), usual)
+
+
+def jump_note(interval: float, at: float, usual: float) -> str:
+    """Say what the sampling interval is at a time, all in s."""
     return (
-        f"the sampling interval is {medians[first]:.4g} s around t = {t[first * BLOCK]:.6g} s "
+        f"the sampling interval is {interval:.4g} s around t = {at:.6g} s "
         f"where it is {usual:.4g} s over most of the run"
     )
 
@@ -120,14 +127,17 @@ def saturation(name: str, output: FloatArray) -> str:
     >>> saturation("output", np.minimum(np.arange(100.0), 90.0))
     'output rests at its smallest or largest value (3 samples or more) 10 % of the time: it may be saturated'
     """
-    share = (_railed(output, output.max()) + _railed(output, output.min())) / len(output)
-    if share == 0.0 or len(np.unique(output)) < LEVELS:
-        return ""
+    share = (railed(output, output.max()) + railed(output, output.min())) / len(output)
+    return "" if share == 0.0 or len(np.unique(output)) < LEVELS else rest_note(name, share)
+
+
+def rest_note(name: str, share: float) -> str:
+    """Say that an output rests at its extremes for a share of the time; empty if it does not."""
     where = f"{name} rests at its smallest or largest value ({RAIL} samples or more)"
-    return f"{where} {100.0 * share:.2g} % of the time: it may be saturated"
+    return f"{where} {100.0 * share:.2g} % of the time: it may be saturated" if share else ""
 
 
-def _railed(output: FloatArray, rail: float) -> int:
+def railed(output: FloatArray, rail: float) -> int:
     """Count samples in runs of `RAIL` or more at one value."""
     at = np.concatenate(([False], output == rail, [False])).astype(np.int8)
     edges = np.diff(at)

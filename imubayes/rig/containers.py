@@ -30,7 +30,7 @@ def read_hdf5(path: Path, shown: str) -> Mapping[str, Array]:
     ------
     DataError : if the file is not HDF5.
     """
-    return _named(_hdf5(path, shown, transpose=False))
+    return named(_hdf5(path, shown, transpose=False))
 
 
 def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Text:
@@ -43,7 +43,7 @@ def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Text:
     with path.open("rb") as stream:
         head = stream.read(_MATLAB_73_OFFSET + len(_HDF5_SIGNATURE))
     if head[_MATLAB_73_OFFSET:] == _HDF5_SIGNATURE:
-        return _named(_hdf5(path, shown, transpose=True))
+        return named(_hdf5(path, shown, transpose=True))
     if head.startswith(_MATLAB_BINARY):
         return _matlab5(path, shown)
     return read_spaced(path, shown)
@@ -118,19 +118,25 @@ def _columnar(values: Array) -> Array:
 def _hdf5(path: Path, shown: str, *, transpose: bool) -> dict[str, Array]:
     import h5py
 
-    found: dict[str, Array] = {}
+    with _reading(shown, "an HDF5 file"), h5py.File(path, "r") as file:
+        found = {name: node[...] for name, node in datasets_of(file).items()}
+    return {name: _columnar(values.T if transpose else values) for name, values in found.items()}
+
+
+def datasets_of(file: Any) -> dict[str, Any]:
+    """Datasets of numbers, of two entries at least, by their paths in an open HDF5 file, with their units."""
+    import h5py
+
+    found: dict[str, Any] = {}
 
     def visit(name: str, node: Any) -> None:
         if not isinstance(node, h5py.Dataset) or name.startswith("#") or node.dtype.kind not in "iuf":
             return
-        values = node[...]
-        if values.size > 1:
+        if node.size is not None and node.size > 1:
             unit = node.attrs.get("unit", node.attrs.get("units"))
-            label = name if unit is None or "[" in name else f"{name} [{_decoded(unit)}]"
-            found[label] = _columnar(values.T if transpose else values)
+            found[name if unit is None or "[" in name else f"{name} [{_decoded(unit)}]"] = node
 
-    with _reading(shown, "an HDF5 file"), h5py.File(path, "r") as file:
-        file.visititems(visit)
+    file.visititems(visit)
     return found
 
 
@@ -138,8 +144,8 @@ def _decoded(unit: object) -> str:
     return unit.decode() if isinstance(unit, bytes) else str(unit)
 
 
-def _named(found: dict[str, Array]) -> dict[str, Array]:
-    """Datasets by their own names if all of them are in one group, else by path (``imu.f_i``)."""
+def named(found: dict[str, Any]) -> dict[str, Any]:
+    """Call datasets by their own names if all of them are in one group, else by path (``imu.f_i``)."""
     groups = {name.partition(" [")[0].rpartition("/")[0] for name in found}
     if len(groups) == 1:
         cut = len(groups.pop())

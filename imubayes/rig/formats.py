@@ -60,6 +60,7 @@ class Table:
     ordered : whether columns can be addressed by number.
     text : the path of a text file, to name lines; None for a binary file.
     header : whether the first line of a text names the columns.
+    first : row of the file, counted from 0, that the arrays begin with.
     """
 
     file: str
@@ -68,12 +69,13 @@ class Table:
     ordered: bool
     text: Path | None = None
     header: bool = True
+    first: int = 0
 
     def place(self, row: int) -> str:
-        """Name the place of a row (counted from 0) as a person finds it."""
+        """Name the place of a row (of the arrays, counted from 0) as a person finds it."""
         if self.text is None:
-            return f"row {row} counted from 0"
-        return f"line {line_of(self.text, row, header=self.header)}"
+            return f"row {self.first + row} counted from 0"
+        return f"line {line_of(self.text, self.first + row, header=self.header)}"
 
     def locate(self, wanted: str | int, channel: str) -> tuple[str, Array]:
         """Find a column by name, by name without unit, by number, or by index into a matrix.

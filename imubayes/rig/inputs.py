@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from imubayes.rig.streams import Stream
 
 FloatArray = NDArray[np.float64]
 
@@ -73,6 +77,8 @@ class Run:
     inputs : what was applied.
     output : (n,) what the component said, SI (m/s^2 or rad/s).
     source : where it came from.
+    stream : the file's own rows, where they are too many to be held: inputs and output are then averages over
+        blocks of them; None where they are the rows.
     """
 
     name: str
@@ -80,6 +86,19 @@ class Run:
     inputs: Inputs
     output: FloatArray
     source: Source = field(default_factory=Source)
+    stream: Stream | None = None
+
+    @property
+    def samples(self) -> int:
+        """Rows of the record, held or not."""
+        return len(self.inputs) if self.stream is None else self.stream.samples
+
+    @property
+    def extremes(self) -> Mapping[str, FloatArray]:
+        """Inputs and ``output`` in rows among which are those with the largest and smallest of each."""
+        if self.stream is not None:
+            return self.stream.extremes
+        return {**self.inputs.channels, "output": self.output}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

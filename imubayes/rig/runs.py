@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from stat import S_ISDIR
@@ -46,11 +46,11 @@ OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s
 TRIAD = ("ax", "ay", "az")
 """Outputs of a reference-free run, along the case axes."""
 
-_INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
+INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
 MOUNT = "mount"
 """Column with the number of each row's plane or mount."""
 
-RUN_CHANNELS = ("t", "output", *_INPUTS, MOUNT)
+RUN_CHANNELS = ("t", "output", *INPUTS, MOUNT)
 """Columns of a run with known inputs."""
 
 PROFILES = {
@@ -68,7 +68,7 @@ PROFILES = {
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""
 
-_LATE_EPOCH = 1e6
+LATE_EPOCH = 1e6
 """s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
 
 
@@ -101,13 +101,22 @@ class RunSpec:
     origin: str = ""
 
 
-def read_run(spec: RunSpec, kind: Kind) -> Run | TriadRun:
+def read_run(
+    spec: RunSpec,
+    kind: Kind,
+    lib: Library | None = None,
+    *,
+    tell: Callable[[str], None] = lambda message: None,
+) -> Run | TriadRun:
     """Read and check the file of a run.
 
     Parameters
     ----------
     spec : of the run, with a file.
     kind : of the sensor; it says what unit the output has.
+    lib : its terms, with which a long file (see `imubayes.rig.streams.STREAMED`) is read a part at a time;
+        None reads every file as a whole.
+    tell : is told of the progress of that.
 
     Returns
     -------
@@ -124,10 +133,28 @@ def read_run(spec: RunSpec, kind: Kind) -> Run | TriadRun:
     if spec.file is None:
         raise DataError(f"run '{spec.name}' is simulated: it has no file to read")
     shown = spec.shown or str(spec.file)
-    table = read_table(_existing(spec.file, shown, spec.origin), shown)
+    path = _existing(spec.file, shown, spec.origin)
+    if spec.procedure != FREE_TUMBLE and (long := _long_run(spec, path, kind, lib, tell)):
+        return long
+    table = read_table(path, shown)
     if spec.procedure == FREE_TUMBLE:
         return _triad_run(spec, table, _sha256(spec.file))
     return _run(spec, kind, table, _sha256(spec.file))
+
+
+def _long_run(
+    spec: RunSpec, path: Path, kind: Kind, lib: Library | None, tell: Callable[[str], None]
+) -> Run | None:
+    """Read a long file a part at a time; None for a file that is read as a whole."""
+    from imubayes.rig.streams import is_long, refuse_whole
+
+    if lib is None:
+        refuse_whole(path, spec.shown or str(path))
+    if lib is None or not is_long(path):
+        return None
+    from imubayes.rig.stream_survey import read_long_run
+
+    return read_long_run(spec, path, kind, lib, sha256=_sha256(path), tell=tell)
 
 
 def plan_run(spec: RunSpec) -> Plan:
@@ -183,21 +210,22 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
         table,
         spec.columns,
         required=("t", "output"),
-        optional=(*_INPUTS, MOUNT),
+        optional=(*INPUTS, MOUNT),
         output_unit=OUTPUT_UNIT[kind],
     )
     t, epoch = _time(table, columns["t"])
-    values = {name: _values(table, columns[name], len(t)) for name in columns if name != "t"}
+    values = {name: values_of(table, columns[name], len(t)) for name in columns if name != "t"}
     output, mount = values.pop("output"), values.pop(MOUNT, None)
     check_output(table, columns["output"])
-    notes = (*epoch, *_notes(t, {"output": output}), *_assumed(kind, values))
+    notes = (*epoch, *_notes(t, {"output": output}), *assumed(kind, values))
     if "T" in values and "dT" not in values:
         values["dT"] = temperature_rate(t, values["T"])
         notes = (*notes, "dT/dt is the smoothed derivative of the recorded temperature")
-    channels = {name: _frozen(column) for name, column in values.items()}
+    channels = {name: frozen(column) for name, column in values.items()}
     whole = None if mount is None else _whole(table, columns[MOUNT], mount)
     inputs = Inputs(t, channels, sampling_interval(t), whole)
-    return Run(spec.name, spec.procedure, inputs, _frozen(output), _source(table, sha256, columns, notes))
+    source = source_of(table.file, sha256, columns, notes)
+    return Run(spec.name, spec.procedure, inputs, frozen(output), source)
 
 
 def _triad_run(spec: RunSpec, table: Table, sha256: str) -> TriadRun:
@@ -207,11 +235,11 @@ def _triad_run(spec: RunSpec, table: Table, sha256: str) -> TriadRun:
         )
     columns = resolve(table, spec.columns, required=("t", *TRIAD), optional=(), output_unit="m/s^2")
     t, epoch = _time(table, columns["t"])
-    outputs = {name: _values(table, columns[name], len(t)) for name in TRIAD}
+    outputs = {name: values_of(table, columns[name], len(t)) for name in TRIAD}
     for name in TRIAD:
         check_output(table, columns[name])
-    source = _source(table, sha256, columns, (*epoch, *_notes(t, outputs)))
-    output = _frozen(np.column_stack([outputs[name] for name in TRIAD]))
+    source = source_of(table.file, sha256, columns, (*epoch, *_notes(t, outputs)))
+    output = frozen(np.column_stack([outputs[name] for name in TRIAD]))
     return TriadRun(spec.name, spec.procedure, t, output, spec.gravity, sampling_interval(t), source)
 
 
@@ -222,15 +250,21 @@ def _time(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
     t, notes = running.si(), ()
     if turns:
         notes = (f"the clock wrapped around {turns} time{'s' if turns > 1 else ''}",)
-    if abs(t[0]) > _LATE_EPOCH:
+    if abs(t[0]) > LATE_EPOCH:
         clock = running.raw.astype(np.int64 if running.raw.dtype.kind in "iu" else np.float64)
         t = (clock - clock[0]).astype(np.float64) * column.scale
         notes = (*notes, "time is counted from the first sample")
     check_time(table, column, t)
-    return _frozen(t), notes
+    return frozen(t), notes
 
 
-def _values(table: Table, column: Column, n: int) -> FloatArray:
+def values_of(table: Table, column: Column, n: int) -> FloatArray:
+    """Values (n,) of a column in SI.
+
+    Raises
+    ------
+    DataError : if there are more or fewer of them, or one is not finite.
+    """
     if len(column.raw) != n:
         raise DataError(
             f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has {n}: "
@@ -259,7 +293,7 @@ def _notes(t: FloatArray, outputs: Mapping[str, FloatArray]) -> tuple[str, ...]:
     return tuple(note for note in found if note)
 
 
-def _assumed(kind: Kind, channels: Mapping[str, FloatArray]) -> tuple[str, ...]:
+def assumed(kind: Kind, channels: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """Say which inputs are taken as zero because the file does not have them."""
     families = ("f", "w", "dw") if kind == "accelerometer" else ("w", "f", "dw")
     absent = [
@@ -268,9 +302,10 @@ def _assumed(kind: Kind, channels: Mapping[str, FloatArray]) -> tuple[str, ...]:
     return (f"{ABSENT}: {', '.join(absent)}",) if absent else ()
 
 
-def _source(table: Table, sha256: str, columns: Mapping[str, Column], notes: tuple[str, ...]) -> Source:
+def source_of(file: str, sha256: str, columns: Mapping[str, Column], notes: tuple[str, ...]) -> Source:
+    """Say where a run came from: file, the columns that were used by channel, and notes."""
     used = tuple((column.address, channel, column.unit) for channel, column in columns.items())
-    return Source(table.file, sha256, used, notes)
+    return Source(file, sha256, used, notes)
 
 
 ABSENT = "not in the file, taken as zero"
@@ -294,6 +329,7 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _frozen(values: FloatArray) -> FloatArray:
+def frozen(values: FloatArray) -> FloatArray:
+    """Make an array read-only."""
     values.setflags(write=False)
     return values

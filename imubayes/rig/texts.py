@@ -47,7 +47,7 @@ class Text:
 def line_of(path: Path, row: int, *, header: bool) -> int:
     """Line (counted from 1) of a row of numbers (counted from 0); empty lines and comments do not count."""
     wanted = row + (1 if header else 0)
-    for count, (number, _) in enumerate(_lines(path)):
+    for count, (number, _) in enumerate(lines_of(path)):
         if count == wanted:
             return number
     return wanted + 1
@@ -66,21 +66,49 @@ def read_delimited(path: Path, shown: str) -> Text:
     import pyarrow as pa
     from pyarrow import csv
 
+    found = delimited(path, shown)
+    try:
+        table = csv.read_csv(
+            path,
+            read_options=csv.ReadOptions(autogenerate_column_names=found.headless, skip_rows=found.skipped),
+            parse_options=csv.ParseOptions(delimiter=found.separator),
+            convert_options=csv.ConvertOptions(decimal_point=found.decimal, null_values=[""]),
+        )
+    except pa.ArrowInvalid as error:
+        raise parse_error(path, shown, found.separator, error) from None
+    read = from_arrow(table, shown, lines=True)
+    return _numbered(read.arrays) if found.headless else read
+
+
+@dataclass(frozen=True, slots=True)
+class Delimited:
+    """How a text separates its columns.
+
+    Attributes
+    ----------
+    separator, decimal : characters.
+    skipped : lines before the first that counts.
+    headless : whether that line holds numbers already.
+    """
+
+    separator: str
+    decimal: str
+    skipped: int
+    headless: bool
+
+
+def delimited(path: Path, shown: str) -> Delimited:
+    """Tell from its first lines how a text separates its columns.
+
+    Raises
+    ------
+    DataError : if it is not text.
+    """
     skipped, first, second = _first_two(path, shown)
     separator = max(SEPARATORS, key=first.count)
     headless = all(_NUMBER.match(field) for field in first.split(separator))
     comma = separator == ";" and "," in second and "." not in second
-    try:
-        table = csv.read_csv(
-            path,
-            read_options=csv.ReadOptions(autogenerate_column_names=headless, skip_rows=skipped),
-            parse_options=csv.ParseOptions(delimiter=separator),
-            convert_options=csv.ConvertOptions(decimal_point="," if comma else ".", null_values=[""]),
-        )
-    except pa.ArrowInvalid as error:
-        raise _parse_error(path, shown, separator, error) from None
-    read = from_arrow(table, shown, lines=True)
-    return _numbered(read.arrays) if headless else read
+    return Delimited(separator, "," if comma else ".", skipped, headless)
 
 
 def read_spaced(path: Path, shown: str) -> Text:
@@ -127,7 +155,7 @@ def _require_rows(n: int, shown: str) -> None:
         raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
+def lines_of(path: Path) -> Iterator[tuple[int, str]]:
     """Lines with their number, without empty ones and comments."""
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
         for number, line in enumerate(stream, start=1):
@@ -141,7 +169,7 @@ def _first_two(path: Path, shown: str) -> tuple[int, str, str]:
         head = stream.read(_SNIFFED)
     if b"\0" in head or not _is_text(head):
         raise DataError(f"{shown}: is not a text in UTF-8: expected columns of numbers under a header")
-    lines = _lines(path)
+    lines = lines_of(path)
     number, first = next(lines, (1, ""))
     _, second = next(lines, (0, ""))
     if not first:
@@ -158,7 +186,7 @@ def _is_text(head: bytes) -> bool:
 
 
 def _spaced_rows(path: Path, shown: str, width: int, *, skip: bool) -> Iterator[list[float]]:
-    lines = _lines(path)
+    lines = lines_of(path)
     if skip:
         next(lines)
     for number, line in lines:
@@ -175,10 +203,10 @@ def _spaced_rows(path: Path, shown: str, width: int, *, skip: bool) -> Iterator[
             ) from None
 
 
-def _parse_error(path: Path, shown: str, separator: str, error: Exception) -> DataError:
+def parse_error(path: Path, shown: str, separator: str, error: Exception) -> DataError:
     """Name the line that the parser stumbled on."""
     width = None
-    for number, line in _lines(path):
+    for number, line in lines_of(path):
         fields = line.count(separator) + 1
         width = width or fields
         if fields != width:

@@ -19,8 +19,10 @@ from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models, average, components_given, inclusion_given, inclusion_of_any
+from imubayes.selection.trust import digits_of
 from imubayes.selection.verdicts import EQUAL, TENTH, Costs, Evidence, TermVerdict, decide, untested
 from imubayes.sensors.terms import Library, Term
+from imubayes.trust import Digits
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +65,7 @@ class Selection:
     groups : terms that the test sees in one combination only, and the probability that at least one of them
         is in the model.
     costs : what a wrong choice was said to cost.
+    digits : that rounding leaves of the numbers; None for a method that does not weigh every model.
     """
 
     terms: tuple[TermVerdict, ...]
@@ -76,6 +79,7 @@ class Selection:
     plug_in: tuple[float, ...] = ()
     groups: tuple[tuple[tuple[str, ...], float], ...] = ()
     costs: Costs = EQUAL
+    digits: Digits | None = None
 
     def table(self) -> str:
         """Verdicts as plain text, in SI units."""
@@ -167,6 +171,7 @@ def select(
         plug_in=_at_plug_in(excited, own) if len(noises) > 1 else (),
         groups=_groups(models, seen, own),
         costs=costs,
+        digits=digits_of(models, summary),
     )
 
 

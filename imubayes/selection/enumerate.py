@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,36 +17,45 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.factor import VANISHED
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary
+from imubayes.selection.bayes_factors import log_bayes_factors, rss_of_all, weights_of
 from imubayes.selection.beyond import search_models
-from imubayes.selection.masks import sizes
-from imubayes.selection.mixture import (
-    Candidates,
-    Components,
-    candidates,
-    g_components,
-    log_flat,
-    scale_components,
-)
-from imubayes.selection.model_prior import ModelPrior, Needs, admissible, log_model_prior
-from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
+from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
+from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
+from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 from imubayes.selection.spaces import Every
+from imubayes.selection.weighing import Logs, Products, ways
 
 FloatArray = NDArray[np.float64]
 LARGEST = 26
-"""Most candidates that are enumerated: 2^26 models of 8 bytes are half a gigabyte a noise scale."""
+"""Most candidates that are enumerated: the weights of 2^26 models, of 8 bytes, are half a gigabyte."""
+
+STORED_BITS = 22
+"""Most candidates of which every model's weight is kept; of more, models that stand for all are."""
+
+STORED = 2**15
+"""Models, about, that stand for all: each heavier than a STORED-th of all, and a sample of the others."""
+
+STANDING = 900
+"""The same for the moments of the coefficients under a prior of the g-family."""
 
 NEGLIGIBLE = 28.0
 """Log of the share below which a noise scale no longer counts: exp(-28) = 7e-13."""
 
-FINE_STEPS = 18
+FINE_STEPS = 22
 """Up to so many candidates sigma takes steps of one sd (error 1e-8); beyond, of 1.5 sd (error 5e-4)."""
 
 FEW = 9.0
 """Added to the degrees of freedom nu in the sd of ln sigma, 1/sqrt(2 nu), which makes the steps' error,
 2 |Gamma((nu + 2 pi i/step)/2) / Gamma(nu/2)|, less than 1.1e-8 for every nu: few make ln sigma skew."""
 
-COARSE = 12.0
-"""What `NEGLIGIBLE` is beyond that many candidates: exp(-12) = 6e-6."""
+COARSE = 9.0
+"""What `NEGLIGIBLE` is beyond that many candidates: exp(-9) = 1e-4, and the first scale below it counts."""
+
+QUADRATURE = 1.1e-8
+"""Largest error of the log evidence by these steps."""
+
+ROUGH = 5e-4
+"""The same of the wider steps beyond `FINE_STEPS`."""
 
 WIDEST = math.log(1e8)
 """Farthest that ln sigma goes from its start."""
@@ -55,8 +63,9 @@ WIDEST = math.log(1e8)
 SEED = 0.5
 """Distance in ln sigma of the seeds where data and prior disagree."""
 
-EXACT = 1e-10
-"""Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal."""
+EXACT = 1e-14
+"""Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal. A full
+library that leaves less fits exactly, and the noise scale is taken as this."""
 
 
 def enumerate_models(
@@ -90,7 +99,8 @@ def enumerate_models(
     ------
     TermError : if a name is unknown, the prior does not fit the terms, or there are over 26 candidates under
         a prior of the g-family.
-    UnobservableError : with the g-family, if a candidate depends linearly on others.
+    UnobservableError : with the g-family, if a candidate depends linearly on others; if the response is zero
+        in every row and the noise scale is not given.
 
     Examples
     --------
@@ -101,16 +111,20 @@ def enumerate_models(
     ('a',)
     """
     c = _prepare(summary, prior, tuple(forced), tuple(always))
+    scale = _known_scale(c, scale)
     numbered = _numbered(c, needs)
     by_size = log_model_prior(model_prior, len(c.names), numbered)
     if len(c.names) > LARGEST:
         return search_models(summary.names, c, by_size, numbered, scale)
-    log_prior = _by_mask(by_size, numbered)
     if not isinstance(prior, ScalePrior):
-        w, parts = _over_g(c, prior, log_prior)
-        return posterior_of(summary.names, w, parts)
-    w = _over_scales(c, log_prior, scale_limit) if scale is None else _at_scale(c, log_prior, scale)
-    return posterior_of(summary.names, w, scale_components(c, w.space, w.scales, w.weight))
+        return _over_g(summary.names, c, prior, by_size, numbered)
+    for sums in ways(c, by_size, numbered):
+        w = _over_scales(c, sums, scale_limit) if scale is None else _at_scale(c, sums, scale)
+        if sums.trusted:
+            break
+    told = totals(w)
+    w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
+    return posterior_of(summary.names, w, scale_components(c, w.space, w.scales, w.weight), told)
 
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:
@@ -149,14 +163,7 @@ def _numbered(c: Candidates, needs: Sequence[tuple[str, str]]) -> Needs:
     return [(number[a], number[b]) for a, b in needs if a in number and b in number]
 
 
-def _by_mask(by_size: FloatArray, needs: Needs) -> FloatArray:
-    """Log prior probability of all 2^p models."""
-    p = len(by_size) - 1
-    log_prior = by_size[sizes(p)]
-    return np.where(admissible(p, needs), log_prior, -math.inf) if needs else log_prior
-
-
-def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> Weighed:
+def _over_scales(c: Candidates, sums: Products | Logs, limit: float) -> Weighed:
     """Weigh each model over all noise scales.
 
     From the scale of the full library outwards, until both ends are negligible. Where data and prior differ,
@@ -165,33 +172,58 @@ def _over_scales(c: Candidates, log_prior: FloatArray, limit: float) -> Weighed:
     fine = len(c.names) <= FINE_STEPS
     start, largest, step = _first_scale(c)
     step, negligible = (step, NEGLIGIBLE) if fine else (1.5 * step, COARSE)
-    model_prior = log_prior + math.log(step)
-    sums = _Sums(np.zeros(len(model_prior)), -math.inf)
     heights: dict[int, float] = {}
 
     def visit(m: int) -> float:
         if m not in heights:
-            heights[m] = sums.add(_log_joint(c, start * math.exp(m * step)) + model_prior)
+            heights[m] = sums.add(start * math.exp(m * step))
         return heights[m]
 
-    lowest = math.ceil(math.log(EXACT * largest / start) / step)
+    lowest = math.ceil(math.log(_smallest(c) / start) / step)
     highest = math.ceil(min(WIDEST, math.log(limit)) / step)
     reached = min(math.floor(math.log(largest / start) / step) + 1, highest)
     seeds = range(0, reached, max(1, round(SEED / step))) if _disagree(c, start) else [0]
     for seed in seeds:
         for direction in (1, -1):
             m = seed
-            while lowest <= m < highest and visit(m) > sums.peak - negligible:
+            while lowest <= m < highest and visit(m) > sums.height - negligible:
                 m += direction
+    at_ends = [heights[m] for m in (lowest, highest - 1) if m in heights]
+    error = (QUADRATURE if fine else ROUGH) + len(heights) * math.exp(
+        max(at_ends, default=-math.inf) - sums.height
+    )
     scales = start * np.exp(np.array(sorted(heights)) * step)
-    return Weighed(c, Every(len(c.names)), scales, sums.weight, sums.peak)
+    return Weighed(c, Every(len(c.names)), scales, sums.weight, sums.level + math.log(step), error)
 
 
-def _at_scale(c: Candidates, log_prior: FloatArray, scale: float) -> Weighed:
+def _known_scale(c: Candidates, scale: float | None) -> float | None:
+    """Noise scale in the units of the candidates, where it is given or the full library fits exactly."""
+    if scale is not None:
+        return math.ldexp(scale, -c.response_unit)
+    if not c.whole[:, -1].any():
+        raise UnobservableError(
+            "the response is zero in every row, which any noise scale however small explains: give the scale,"
+            " or a response that differs from zero",
+            c.columns,
+        )
+    start, _, _ = _first_scale(c)
+    return start if start <= _smallest(c) else None
+
+
+def _smallest(c: Candidates) -> float:
+    """Smallest noise scale that is told from rounding."""
+    return EXACT * float(np.linalg.norm(c.whole[:, -1])) / math.sqrt(_spare(c))
+
+
+def _spare(c: Candidates) -> float:
+    """Degrees of freedom that the full library leaves, or half of all where it leaves few."""
+    return max(c.dof - len(c.columns), c.dof / 2.0, 1.0)
+
+
+def _at_scale(c: Candidates, sums: Products | Logs, scale: float) -> Weighed:
     """Weigh each model at one noise scale, which is known."""
-    log_joint = _log_joint(c, scale) + log_prior
-    peak = float(log_joint.max())
-    return Weighed(c, Every(len(c.names)), np.array([scale]), np.exp(log_joint - peak), peak)
+    sums.add(scale)
+    return Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
 
 
 def _disagree(c: Candidates, scale: float) -> bool:
@@ -200,63 +232,39 @@ def _disagree(c: Candidates, scale: float) -> bool:
     return 0.5 * (inside**2 - free**2) / scale**2 > NEGLIGIBLE
 
 
-@dataclass(slots=True, eq=False)
-class _Sums:
-    """Running sum of exponentials, ``weight * exp(peak)`` by model, that neither over- nor underflows."""
-
-    weight: FloatArray
-    peak: float
-
-    def add(self, logs: FloatArray) -> float:
-        """Add exp(logs); return the largest of them."""
-        height = float(logs.max())
-        if height > self.peak:
-            self.weight *= math.exp(self.peak - height)
-            self.peak = height
-        self.weight += np.exp(logs - self.peak)
-        return height
-
-
 def _first_scale(c: Candidates) -> tuple[float, float, float]:
     """Noise scale of the full library to start from, the data's rms, and the sd of the scale's logarithm."""
-    length = max(float(np.linalg.norm(c.whole[len(c.always) :, -1])), np.finfo(float).tiny)
-    dof = max(c.dof - len(c.columns), c.dof / 2.0, 1.0)
-    left = abs(float(c.whole[-1, -1]))
+    least, rows = _smallest(c), math.sqrt(_spare(c))
+    length = max(float(np.linalg.norm(c.whole[len(c.always) :, -1])) / rows, least)
+    left = abs(float(c.whole[-1, -1])) / rows
     if c.dof <= len(c.columns):  # the columns alone fit exactly: ask what a fit within the prior leaves
-        left = abs(float(c.at(length / math.sqrt(dof))[-1, -1]))
+        left = abs(float(c.at(length)[-1, -1])) / rows
     step = 1.0 / math.sqrt(2.0 * (c.dof + FEW))  # the model with the most degrees of freedom is the narrowest
-    return max(left, EXACT * length) / math.sqrt(dof), length / math.sqrt(dof), step
+    return max(left, least), length, step
 
 
-def _log_joint(c: Candidates, scale: float) -> FloatArray:
-    """Log p(data | model, scale) of every model, for theta_j ~ N(0, sd_j^2)."""
-    from imubayes.selection.tree import walk
-
-    a, T = len(c.always), c.at(scale)
-    rss, log_det = walk(np.ascontiguousarray(T[a:, a:]))
-    log_rows = np.zeros(1)
-    for width in np.log(scale / c.sd[a:]):
-        log_rows = np.concatenate((log_rows, log_rows + width))
-    return log_flat(c, T, scale) - rss / (2.0 * scale**2) - log_det + log_rows
-
-
-def _over_g(c: Candidates, prior: GFamily, log_prior: FloatArray) -> tuple[Weighed, Components]:
+def _over_g(
+    names: tuple[str, ...], c: Candidates, prior: GFamily, by_size: FloatArray, needs: Needs
+) -> Models:
     """The g-family: noise scale integrated analytically, one walk for all models."""
-    from imubayes.selection.moments import g_integrals
-    from imubayes.selection.tree import walk
+    from imubayes.selection.moments import g_integrals, solutions
 
     _check_independent(c)
-    a = len(c.always)
-    rss, _ = walk(np.ascontiguousarray(c.whole[a:, a:]))
-    count, total = sizes(len(c.names)), float(rss[0])
-    g, log_weight = g_nodes(prior, c.dof + a)
-    integrals = g_integrals(np.clip(rss / total, 0.0, 1.0), count, float(c.dof), g, log_weight)
+    a, p = len(c.always), len(c.names)
+    rss, nodes = rss_of_all(c), g_nodes(prior, c.dof + a)
+    total = float(rss[0])
+    peak = log_bayes_factors(rss, c, nodes, by_size, needs)
     null = math.lgamma(c.dof / 2) - c.dof / 2 * math.log(math.pi * total) - math.log(2.0) - 0.5 * c.log_det
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))
-    log_joint = null + integrals[:, 0] + log_prior
-    peak = float(log_joint.max())
-    w = Weighed(c, Every(len(c.names)), NO_SCALE, np.exp(log_joint - peak), peak)
-    return w, g_components(c, w.space, total, integrals, w.weight)
+    w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak)
+    told = totals(w)
+    w = thinned(w, STORED) if p > STORED_BITS else w
+    few = thinned(w, STANDING)
+    inside = few.space.members(np.arange(len(few.space)))
+    _, _, left, _ = solutions(c.whole, with_always(c, inside))
+    integrals = g_integrals(np.clip(left / total, 0.0, 1.0), inside.sum(axis=1), float(c.dof), *nodes)
+    parts = g_components(c, few.space, total, integrals, few.weight)
+    return posterior_of(names, w, parts, told)
 
 
 def _check_independent(c: Candidates) -> None:

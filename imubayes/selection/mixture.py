@@ -22,6 +22,9 @@ CHOSEN = 2_000
 LEFT_OUT = 1e-10
 """Most posterior probability that the models left out may carry together."""
 
+COMFORTABLE = 250
+"""Exponent of two of the largest and smallest numbers whose fourth powers a double holds."""
+
 BISECTIONS = 60
 """Halvings of a bracket of +-12 sd: to rounding."""
 
@@ -38,6 +41,8 @@ class Candidates:
     whole : (a + p + 1, a + p + 1) factor of all of them and the response.
     dof : rows minus columns with a flat prior.
     log_det : log determinant of the noise covariance that whitened the rows.
+    unit : (a + p + 1,) exponents of two that `whole` and `sd` count each column and the response in; 0
+        where their squares stay in the range of doubles anyway.
     """
 
     names: tuple[str, ...]
@@ -46,6 +51,7 @@ class Candidates:
     whole: FloatArray
     dof: int
     log_det: float
+    unit: NDArray[np.int64] | int = 0
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -55,6 +61,17 @@ class Candidates:
     def at(self, scale: float) -> FloatArray:
         """Factor of all columns with the rows of the prior stacked under it, at a noise scale."""
         return with_prior_rows(self.whole, scale / self.sd)
+
+    @property
+    def response_unit(self) -> int:
+        """Exponent of two of the unit of the response, and of the noise scale."""
+        return int(np.broadcast_to(self.unit, len(self.whole))[-1])
+
+    def given(self, values: FloatArray) -> FloatArray:
+        """Coefficients (..., a + p) of `whole` in the units of the data."""
+        if isinstance(self.unit, int):
+            return values
+        return np.ldexp(values, self.unit[-1] - self.unit[:-1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,14 +96,33 @@ class Components:
     def moments(self) -> tuple[FloatArray, FloatArray]:
         """Mean and sd of each column, averaged over the components."""
         mean = self.weight @ self.mean
-        return mean, np.sqrt(self.weight @ (self.sd**2 + (self.mean - mean) ** 2))
+        peak = np.maximum(np.abs(self.mean), self.sd).max(axis=0)
+        unit = np.frexp(np.where(np.isfinite(peak), peak, 1.0))[1]
+        off, sd = np.ldexp(self.mean - mean, -unit), np.ldexp(self.sd, -unit)
+        return mean, np.ldexp(np.sqrt(self.weight @ (sd**2 + off**2)), unit)
 
 
 def candidates(factor: Factor, names: tuple[str, ...], always: tuple[str, ...], sd: FloatArray) -> Candidates:
     """Bring the columns of a factor into the order of the enumeration: `always`, then `names`."""
     whole = factor if factor.names == (*always, *names) else reorder(factor, (*always, *names))
-    flat = int(np.sum(np.isinf(sd[: len(always)])))
-    return Candidates(names, always, sd, whole.R, factor.n - flat, factor.log_det)
+    dof = factor.n - int(np.sum(np.isinf(sd[: len(always)])))
+    unit = _units(whole.R, sd)
+    if unit is None:
+        return Candidates(names, always, sd, whole.R, dof, factor.log_det)
+    inside = np.ldexp(sd, unit[:-1] - unit[-1])
+    return Candidates(names, always, inside, np.ldexp(whole.R, -unit), dof, factor.log_det, unit)
+
+
+def _units(R: FloatArray, sd: FloatArray) -> NDArray[np.int64] | None:
+    """Exponents of two (p + 1,) that bring columns and response near one; None where they are near enough.
+
+    A column counts with the row of its prior where the data say less than that.
+    """
+    peak = np.abs(R).max(axis=0)
+    own = np.frexp(peak)[1].astype(np.int64)
+    prior = np.where(np.isfinite(sd), own[-1] - np.frexp(sd)[1], own[:-1])
+    unit = np.append(np.where(peak[:-1] > 0.0, np.maximum(own[:-1], prior), prior), own[-1])
+    return unit if max(np.abs(unit).max(), np.abs(own).max()) > COMFORTABLE else None
 
 
 def merged(shares: Sequence[float], parts: Sequence[Components]) -> Components:
@@ -121,15 +157,33 @@ def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: Fl
         log_joint[q], mean[q, :, skip:], sd[q, :, skip:] = _at_scale(c, scale, inside, skip)
     # within a model the scales share its probability
     given = np.exp(log_joint - log_joint.max(axis=0))
-    weights = (share * given / given.sum(axis=0)).ravel()
-    keep = weights > LEFT_OUT / len(weights)
+    weights = share * given / given.sum(axis=0)
+    keep = weights > LEFT_OUT / weights.size
+    merged_weight, merged_mean, merged_sd = _condensed(np.where(keep, 0.0, weights), mean, sd)
+    rest = merged_weight > 0.0
+    weight = np.concatenate((weights[keep], merged_weight[rest]))
+    in_rows = np.broadcast_to(inside, (len(scales), *inside.shape))
+    in_scale = np.broadcast_to(scales[:, None], weights.shape)
+    middle = np.full(int(rest.sum()), float(np.sum(weights * in_scale) / np.sum(weights)))
     return Components(
-        weight=weights[keep] / weights[keep].sum(),
-        inside=np.tile(inside, (len(scales), 1))[keep],
-        scale=np.repeat(scales, len(which))[keep],
-        mean=mean.reshape(len(weights), -1)[keep],
-        sd=sd.reshape(len(weights), -1)[keep],
+        weight=weight / weight.sum(),
+        inside=np.concatenate((in_rows[keep], inside[rest])),
+        scale=np.ldexp(np.concatenate((in_scale[keep], middle)), c.response_unit),
+        mean=c.given(np.concatenate((mean[keep], merged_mean[rest]))),
+        sd=c.given(np.concatenate((sd[keep], merged_sd[rest]))),
     )
+
+
+def _condensed(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> tuple[FloatArray, ...]:
+    """One component (m,) for each model in place of those at several scales (q, m), with the same moments.
+
+    What carries next to no probability can carry a variance: a prior of 1e10 sd at an inclusion of 1e-15.
+    """
+    total = weight.sum(axis=0)
+    share = (weight / np.where(total > 0.0, total, 1.0))[:, :, None]
+    middle = np.sum(share * mean, axis=0)
+    spread = np.sum(share * (sd**2 + (mean - middle) ** 2), axis=0)
+    return total, middle, np.sqrt(spread)
 
 
 def _at_scale(
@@ -175,9 +229,8 @@ def g_components(
     shrink, square, spread, unshrunk = integrals[chosen, 1:].T[:, :, None]
     unit = total / (c.dof - 2)
     variance = unit * (unshrunk * v0 + spread * (v - v0)) + (square - shrink**2) * (b - b0) ** 2
-    return Components(
-        share, inside, np.sqrt(unit * unshrunk[:, 0]), b0 + shrink * (b - b0), np.sqrt(variance)
-    )
+    scale = np.ldexp(np.sqrt(unit * unshrunk[:, 0]), c.response_unit)
+    return Components(share, inside, scale, c.given(b0 + shrink * (b - b0)), c.given(np.sqrt(variance)))
 
 
 def with_always(c: Candidates, inside: BoolArray) -> BoolArray:
@@ -233,11 +286,11 @@ def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) 
     which = rng.choice(len(parts.weight), size=size, p=parts.weight)
     for component in np.unique(which):
         rows = np.flatnonzero(which == component)
-        scale = float(parts.scale[component])
+        scale = math.ldexp(float(parts.scale[component]), -c.response_unit)
         T, columns = submodel(c.at(scale), with_always(c, parts.inside[component : component + 1])[0])
         z = T[:-1, -1:] + scale * rng.standard_normal((len(columns), len(rows)))
         out[np.ix_(rows, columns)] = solve_triangular(T[:-1, :-1], z).T
-    return out
+    return c.given(out)
 
 
 def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) -> FloatArray:
@@ -254,7 +307,8 @@ def _chosen(weight: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     each with the weight of its draws).
     """
     total = weight.sum()
-    chosen = np.flatnonzero(weight > LEFT_OUT * total / max(int(np.count_nonzero(weight)), 1))
+    least = LEFT_OUT / max(int(np.count_nonzero(weight)), 1) if len(weight) > CHOSEN else 0.0
+    chosen = np.flatnonzero(weight > least * total)
     if len(chosen) <= CHOSEN:
         return chosen, weight[chosen] / weight[chosen].sum()
     sums = np.cumsum(weight[chosen])
@@ -268,4 +322,6 @@ def log_flat(c: Candidates, T: FloatArray, scale: float) -> float:
     a = len(c.always)
     proper = np.isfinite(c.sd[:a])
     own = float(np.sum(np.log(scale / c.sd[:a][proper])) - np.sum(np.log(np.abs(np.diag(T)[:a]))))
-    return own - 0.5 * c.log_det - 0.5 * c.dof * math.log(2.0 * math.pi * scale**2)
+    unit = np.broadcast_to(c.unit, len(c.whole))
+    in_units = math.log(2.0) * (c.dof * float(unit[-1]) + float(np.sum(unit[:a][~proper])))
+    return own - 0.5 * c.log_det - 0.5 * c.dof * math.log(2.0 * math.pi * scale**2) - in_units

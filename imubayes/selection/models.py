@@ -9,8 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.selection.masks import Totals, heaviest, standing_for, tally
 from imubayes.selection.mixture import Candidates, Components, merged, scale_components
-from imubayes.selection.spaces import Every, Space, united
+from imubayes.selection.spaces import Every, Space, listed, united
+from imubayes.selection.trust import digits_of
+from imubayes.trust import Digits
 
 FloatArray = NDArray[np.float64]
 
@@ -39,6 +42,7 @@ class Models:
     parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
     missing : bound on the probability of all models that are not in `space`; NaN where there is none.
     error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were.
+    quadrature : bound on the error of the log evidence by the integration over the noise scale.
     """
 
     names: tuple[str, ...]
@@ -57,10 +61,18 @@ class Models:
     parts: tuple[tuple[float, Models], ...] = ()
     missing: float = 0.0
     error: float = 0.0
+    quadrature: float = 0.0
+
+    @property
+    def digits(self) -> Digits:
+        """Digits that the arithmetic leaves, of rows that were given as white."""
+        return digits_of(self)
 
 
 def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
     """Inclusion of each candidate, given that the terms `required` are in the model: (p,)."""
+    if not required:
+        return models.inclusion[[models.names.index(name) for name in models.candidates.names]]
     sums, total = models.space.sums(_containing(models, required))
     return np.minimum(sums / total, 1.0)
 
@@ -102,14 +114,31 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         [m.space for m in models], [w * m.weight for w, m in zip(share, models, strict=True)]
     )
     parts = merged(share.tolist(), [m.components for m in models])
-    error = 0.0 if isinstance(space, Every) else _error_of_few(models, share)
+    every = all(m.n_models == 1 << len(m.candidates.names) for m in models)
+    error = 0.0 if every else _error_of_few(models, share)
+    averaged = posterior_of(
+        first.names,
+        Weighed(first.candidates, space, NO_SCALE, weight, evidence),
+        parts,
+        _averaged_totals(models, share),
+    )
+    mean, off = share @ [m.mean for m in models], [m.mean for m in models]
     return replace(
-        posterior_of(first.names, Weighed(first.candidates, space, NO_SCALE, weight, evidence), parts),
+        averaged,
+        mean=mean,
+        sd=np.sqrt(share @ (np.square([m.sd for m in models]) + np.square(off - mean))),
+        n_models=first.n_models if every else len(space),
         log_evidence=evidence,
         parts=tuple(zip(share.tolist(), models, strict=True)),
         missing=float(share @ [m.missing for m in models]),
         error=error,
     )
+
+
+def _averaged_totals(models: Sequence[Models], share: FloatArray) -> Totals:
+    """Sums over the models at each draw, as these know them themselves."""
+    by_size = [np.exp(m.by_size - m.log_evidence) for m in models]
+    return Totals(share @ [inclusion_given(m, ()) for m in models], 1.0, share @ by_size)
 
 
 def _error_of_few(models: Sequence[Models], share: FloatArray) -> float:
@@ -148,6 +177,7 @@ class Weighed:
     scales : (q,) nodes of the noise scale.
     weight : (m,) joint probability of each model and the data, times ``exp(-peak)``.
     peak : logarithm of what the weights were divided by.
+    error : bound on the error of the logarithms by the rule that the noise scale was integrated with.
     """
 
     candidates: Candidates
@@ -155,16 +185,42 @@ class Weighed:
     scales: FloatArray
     weight: FloatArray
     peak: float
+    error: float = 0.0
 
 
-def posterior_of(names: tuple[str, ...], w: Weighed, parts: Components) -> Models:
-    """Posterior over weighed models, and model-averaged coefficients of the columns `names`."""
-    c, p = w.candidates, len(w.candidates.names)
+def totals(w: Weighed) -> Totals:
+    """Sums of the weights, by candidate, by size and in all."""
+    p = len(w.candidates.names)
+    if isinstance(w.space, Every):
+        return tally(w.weight, p)
     sums, total = w.space.sums(w.weight)
+    by_size = np.bincount(w.space.sizes(), weights=w.weight, minlength=p + 1).astype(np.float64)
+    return Totals(sums, total, by_size)
+
+
+def thinned(w: Weighed, count: int) -> Weighed:
+    """Return about so many models that stand for all, and the model with every candidate."""
+    which, weight = standing_for(w.weight, count)
+    space, weight = listed(w.space.members(which), weight)
+    return replace(w, space=space, weight=weight)
+
+
+def posterior_of(names: tuple[str, ...], w: Weighed, parts: Components, told: Totals | None = None) -> Models:
+    """Posterior over weighed models, and model-averaged coefficients of the columns `names`.
+
+    Parameters
+    ----------
+    names : of the summary.
+    w : the models; where they only stand for all, `told` holds the sums over all.
+    parts : the mixture of their coefficients.
+    told : `totals` of `w`, or of the models that it stands for.
+    """
+    c = w.candidates
+    every = told is not None or isinstance(w.space, Every)
+    sums, total, share = told or totals(w)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
-    mean, sd = parts.moments()
+    mean, sd = _moments(c, parts) if np.isfinite(w.scales).all() else parts.moments()
     order = [c.columns.index(name) for name in names]
-    share = np.bincount(w.space.sizes(), weights=w.weight, minlength=p + 1)
     with np.errstate(divide="ignore"):
         by_size = w.peak + np.log(share)
     return Models(
@@ -175,23 +231,32 @@ def posterior_of(names: tuple[str, ...], w: Weighed, parts: Components) -> Model
         log_evidence=w.peak + math.log(total),
         best=_best(c.names, w.space, w.weight / total),
         by_size=by_size,
-        n_models=len(w.space),
+        n_models=1 << len(c.names) if every else len(w.space),
         candidates=c,
         space=w.space,
         scales=w.scales,
         weight=w.weight / total,
         components=parts,
+        quadrature=w.error,
     )
+
+
+def _moments(c: Candidates, parts: Components) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd of every column (a + p,), those that are always in included."""
+    mean, sd = parts.moments()
+    a = len(c.always)
+    if a and np.isnan(mean[:a]).all():
+        from imubayes.selection.always import always_moments
+
+        mean[:a], sd[:a] = always_moments(c, parts)
+    return mean, sd
 
 
 def _best(
     names: tuple[str, ...], space: Space, weight: FloatArray
 ) -> tuple[tuple[tuple[str, ...], float], ...]:
-    count = min(10, len(weight))
-    top = np.argpartition(weight, -count)[-count:]
-    top = top[np.argsort(-weight[top], kind="stable")]
-    inside = space.members(top)
+    top = heaviest(weight, 10)
     return tuple(
         (tuple(name for name, there in zip(names, row, strict=True) if there), float(weight[m]))
-        for m, row in zip(top.tolist(), inside.tolist(), strict=True)
+        for m, row in zip(top.tolist(), space.members(top).tolist(), strict=True)
     )

@@ -20,9 +20,10 @@ def submodel(R, inside):
     columns = np.flatnonzero(inside)
     k = len(columns)
     A = np.empty((p + 1, k + 1))
-    for c in range(k):
-        A[:, c] = R[:, columns[c]]
-    A[:, k] = R[:, p]
+    for i in range(p + 1):
+        for c in range(k):
+            A[i, c] = R[i, columns[c]]
+        A[i, k] = R[i, p]
     for c in range(k):
         last = columns[c] + 1  # below its own row, a column of R is zero
         norm = np.sqrt(np.sum(A[c:last, c] ** 2))
@@ -32,10 +33,15 @@ def submodel(R, inside):
         v[0] += norm if v[0] >= 0.0 else -norm
         scale = 2.0 / np.sum(v * v)
         for d in range(c, k + 1):
-            A[c:last, d] -= scale * np.sum(v * A[c:last, d]) * v
+            along = 0.0
+            for i in range(c, last):
+                along += v[i - c] * A[i, d]
+            for i in range(c, last):
+                A[i, d] -= scale * along * v[i - c]
     T = np.zeros((k + 1, k + 1))
     for i in range(k):
-        T[i, i:] = A[i, i:]
+        for c in range(i, k + 1):
+            T[i, c] = A[i, c]
     T[k, k] = np.sqrt(np.sum(A[k:, k] ** 2))
     return T, columns
 
@@ -59,10 +65,14 @@ def solutions(R, inside):
             inverse[c, c] = 1.0 / T[c, c]
             log_det[m] += np.log(abs(T[c, c]))
             for r in range(c - 1, -1, -1):
-                inverse[r, c] = -np.sum(T[r, r + 1 : c + 1] * inverse[r + 1 : c + 1, c]) / T[r, r]
+                total = 0.0
+                for i in range(r + 1, c + 1):
+                    total += T[r, i] * inverse[i, c]
+                inverse[r, c] = -total / T[r, r]
         for r in range(k):
-            mean[m, columns[r]] = np.sum(inverse[r, r:] * T[r:k, k])
-            variance[m, columns[r]] = np.sum(inverse[r, r:] ** 2)
+            for c in range(r, k):
+                mean[m, columns[r]] += inverse[r, c] * T[c, k]
+                variance[m, columns[r]] += inverse[r, c] ** 2
     return mean, variance, rss, log_det
 
 

@@ -6,8 +6,9 @@ from lot_studies import TUMBLE, small
 
 from imubayes.campaign import SensorSpec
 from imubayes.factor import noise_scale
+from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.linear import linear_of
-from imubayes.lots.units import at_found_noise, lot_of, simulate_unit, unit_of
+from imubayes.lots.units import lot_of, simulate_unit, unit_of
 from imubayes.preparation import prepare
 from imubayes.selection.decision import LOOSE, loose_fit, select
 from imubayes.sensors.noise import Noise

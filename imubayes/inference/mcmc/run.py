@@ -10,15 +10,14 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError
-from imubayes.factor import add, with_prior_rows
-from imubayes.inference.linear import Linear, whitened_factor
+from imubayes.inference.at_noise import at_noise
+from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import bridge
 from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw
 from imubayes.inference.mcmc.density import (
@@ -42,8 +41,6 @@ from imubayes.inference.mcmc.ensembles import (
 from imubayes.inference.mcmc.moves import Student, draw_student, fit_noise, independent, independent_noise
 from imubayes.inference.mcmc.pointwise import by_dwell
 from imubayes.inference.summary import Summary
-from imubayes.inference.whiten import mattering
-from imubayes.sensors.noise import Noise
 
 FloatArray = NDArray[np.float64]
 Method = Literal["collapsed", "full"]
@@ -308,25 +305,13 @@ def _noise_draws(
         return (NoiseDraw(summary.factor, float(log_marginal(density, np.empty((1, 0)))[0])),), 0.0
     every = np.concatenate([_flat(chain[..., -density.d :]) for chain in history.chains])
     chosen = every[np.linspace(0, len(every) - 1, NOISE_DRAWS).astype(int)]
-    draws = tuple(_noise_draw(density, summary, rows, x) for x in chosen)
+    noises = _noise_of(density, summary, chosen)
+    draws = tuple(at_noise(summary, rows, noise, density.sd) for noise in noises)
     exact = np.array([draw.log_marginal for draw in draws])
     prior = -0.5 * np.sum(((chosen - density.center) / density.width) ** 2, axis=1)
     prior -= float(np.sum(np.log(density.width))) + 0.5 * density.d * np.log(2.0 * np.pi)
     error = log_marginal(density, chosen) - prior - exact
     return draws, float(np.max(np.abs(error - np.median(error))))
-
-
-def _noise_draw(density: Density, summary: Summary, rows: Sequence[Linear], x: FloatArray) -> NoiseDraw:
-    noises = _noise_of(density, summary, x[None])[0]
-    factors = [
-        whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))[0]
-        for part, values, run in zip(rows, noises, summary.runs, strict=True)
-    ]
-    whole = reduce(add, factors)
-    T = with_prior_rows(whole.R, 1.0 / density.sd)
-    log_det = 2.0 * float(np.sum(np.log(np.abs(np.diag(T)[:-1])))) + 2.0 * float(np.sum(np.log(density.sd)))
-    fit = whole.log_det + log_det + float(T[-1, -1] ** 2) + whole.n * float(np.log(2.0 * np.pi))
-    return NoiseDraw(whole, -0.5 * fit)
 
 
 def _bridged(

@@ -28,6 +28,10 @@ WHOLE = 4000
 NEVER = 1e300
 """Stands for an infinite cost in a search."""
 
+HOLD = 1e-9
+"""Precision, in that of all runs together, that is added where a run is looked at alone: a tumble says 1e20
+times less of a cubic term than a centrifuge at 1e5 g, and its Gram matrix would be singular to rounding."""
+
 FARTHEST = 2.0
 """Most of ln(B/N) and ln(K/N) to which the correction to exact whitenings is followed on both sides."""
 
@@ -112,15 +116,15 @@ def _powers(away: FloatArray) -> FloatArray:
 
 
 def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
-    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE else BLOCKS)
+    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.stream is not None else BLOCKS)
     parts = mattering(run.noise, rows.rows)
     return Split(
         blocks=blocks,
         stacked=np.column_stack((blocks.X, blocks.y)),
         parts=parts,
-        within=c.gram(within_blocks(rows)) if len(blocks.y) < len(rows) else np.zeros_like(c.prior),
-        inside=len(rows) - len(blocks.y),
-        rise=_rise(rows, blocks, parts) if len(blocks.y) < len(rows) else (0.0, 0.0),
+        within=c.gram(within_blocks(rows)) if len(blocks.y) < rows.samples else np.zeros_like(c.prior),
+        inside=rows.samples - len(blocks.y),
+        rise=_rise(rows, blocks, parts) if len(blocks.y) < rows.samples else (0.0, 0.0),
         c=c,
         level=run.noise.N,
         correction=np.zeros((0, 0)),
@@ -142,8 +146,9 @@ def _rise(rows: Linear, blocks: Blocks, parts: Processes) -> tuple[float, float]
     Of blocks of the mean number of rows, those of a single row (beside lost samples) left aside.
     """
     counts = np.diff(np.append(block_edges(rows.t, rows.interval), len(rows)))
+    counts = counts if rows.stream is None else rows.stream.counts
     count = float(counts[counts > 1].mean())
-    sample = float(rows.duration.mean())
+    sample = float(rows.duration.sum()) / rows.samples
     gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
     flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
     return sample * flicker, sample * sample * (count + 1.0) / 6.0
@@ -180,7 +185,12 @@ def _mended(split: Split, packed: FloatArray, missing: FloatArray) -> FloatArray
 
 def _with_prior(split: Split, packed: FloatArray) -> FloatArray:
     """Cholesky factor of the Gram matrix at the white noise `level`, with the prior's."""
-    return np.asarray(np.linalg.cholesky(unpacked(packed[:-1]) / split.level**2 + split.c.prior), dtype=float)
+    return np.asarray(np.linalg.cholesky(unpacked(packed[:-1]) / split.level**2 + _held(split)), dtype=float)
+
+
+def _held(split: Split) -> FloatArray:
+    """Gram matrix of the prior's rows, and of what holds a run alone where the others hold it."""
+    return split.c.prior + HOLD * np.eye(len(split.c.prior))
 
 
 def unpacked(triangle: FloatArray) -> FloatArray:
@@ -198,7 +208,7 @@ def packed_of(gram: FloatArray) -> FloatArray:
 
 def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
     """Log marginal likelihood of the run alone at white noise N, up to a constant; -inf if there is none."""
-    gram = unpacked(packed[:-1]) * math.exp(-2.0 * log_n) + split.c.prior
+    gram = unpacked(packed[:-1]) * math.exp(-2.0 * log_n) + _held(split)
     try:
         diagonal = np.diag(np.linalg.cholesky(gram))
     except np.linalg.LinAlgError:

@@ -1,0 +1,1 @@
+"""Fleets: hundreds or thousands of units of one kind of sensor, each tested, and what they say together."""

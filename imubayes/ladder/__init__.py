@@ -1,0 +1,1 @@
+"""The rungs of the ladder as functions with one interface."""

@@ -1,0 +1,200 @@
+"""The rung of drawn noises: every submodel, averaged over the noise's posterior without a chain.
+
+Each run's posterior of ln N, ln B, ln K is taken as normal about its peak. Draws of it are weighted by the
+exact posterior of all runs together, and resampled by these weights (Rubin 1988): what comes out counts as
+draws of the posterior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from imubayes.factor import posterior
+from imubayes.inference.at_noise import at_noise
+from imubayes.inference.mcmc.chains import NoiseDraw
+from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
+from imubayes.inference.mcmc.split import log_likelihood, splits_of
+from imubayes.ladder.answer import Answer, answer_of
+from imubayes.ladder.problem import Ground, once, prepared
+from imubayes.ladder.shared_noise import groups_of, noises_of
+from imubayes.preparation import Prepared
+from imubayes.selection.decision import select
+
+FloatArray = NDArray[np.float64]
+
+PROPOSED = 24
+"""Noises at which all rows are whitened; about half as many count."""
+
+RESAMPLED = 16
+"""Noises at which every submodel is weighed."""
+
+TINY = np.finfo(float).tiny
+"""In place of a zero whose logarithm is averaged."""
+
+STEPS = (1.0, 0.05, 0.3)
+"""Steps of the second differences: of ln N in its white sd, of ln B, and of ln K, which moves far."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Peak:
+    """Normal approximation of the noise's posterior about its peak.
+
+    Attributes
+    ----------
+    groups : (run whose noise it is, how many of ln N, ln B, ln K), in the order of the coordinates.
+    center : (d,) logarithms at the peak.
+    L : (d, d) lower triangular square root of the covariance.
+    prior : (d, 2) mean and sd of each logarithm under the prior.
+    """
+
+    groups: tuple[tuple[str, int], ...]
+    center: FloatArray
+    L: FloatArray
+    prior: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighted:
+    """Draws of the noise.
+
+    Attributes
+    ----------
+    noises : (m, g, 3) N, B, K of every run.
+    draws : m problems.
+    weight : (m,) posterior over proposal, summing to 1.
+    log_evidence : of the full library, the noise integrated out.
+    """
+
+    noises: FloatArray
+    draws: tuple[NoiseDraw, ...]
+    weight: FloatArray
+    log_evidence: float
+
+    @property
+    def count(self) -> float:
+        """How many of the draws count."""
+        return 1.0 / float(np.sum(self.weight**2))
+
+
+def averaged(ground: Ground) -> Answer:
+    """Weigh every model at draws of the noise, and average; the full library over all weighted draws."""
+    ready, problem, drawn = prepared(ground), ground.problem, weighted(ground)
+    chosen = _resampled(drawn.weight, ground.rngs["averaged"])
+    noises = tuple(drawn.draws[k] for k in chosen)
+    ground.tell(f"every model at {len(noises)} draws of the noise")
+    selection = select(
+        ready.summary,
+        ready.prior,
+        noises=noises,
+        log_evidence=drawn.log_evidence,
+        costs=problem.costs,
+        hierarchical=problem.hierarchical,
+    )
+    found = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1)).tolist()
+    answer = answer_of("averaged", selection, [(N, B, K) for N, B, K in found], noises=noises)
+    mean, sd = _moments(ready, drawn)
+    return replace(answer, full_mean=mean[: len(answer.names)], full_sd=sd[: len(answer.names)])
+
+
+def _moments(ready: Prepared, drawn: Weighted) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (p,) of all columns under the full library, over all weighted draws."""
+    each = np.array([posterior(draw.factor, ready.prior.sd) for draw in drawn.draws])
+    mean = drawn.weight @ each[:, 0]
+    return mean, np.sqrt(drawn.weight @ (each[:, 1] ** 2 + (each[:, 0] - mean) ** 2))
+
+
+def weighted(ground: Ground) -> Weighted:
+    """Draws of the noise about its peak, with the exact posterior's weights."""
+
+    def make() -> Weighted:
+        ready = prepared(ground)
+        ground.tell("the noise's posterior about its peak")
+        peak = peak_of(ready)
+        d = len(peak.center)
+        z = _spread(PROPOSED if d else 1, d, ground.rngs["averaged"])
+        x = peak.center + z @ peak.L.T
+        noises = noises_of(ready, peak.groups, x)
+        draws = tuple(at_noise(ready.summary, ready.rows, noise, ready.prior.sd) for noise in noises)
+        log_q = -0.5 * np.sum(z**2, axis=1) - float(np.sum(np.log(np.diag(peak.L))))
+        center, width = peak.prior.T
+        log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
+        logs = np.array([draw.log_marginal for draw in draws]) + log_p - log_q
+        weight = np.exp(logs - logs.max())
+        evidence = float(logs.max()) + math.log(float(weight.mean()))
+        return Weighted(noises, draws, weight / weight.sum(), evidence)
+
+    return once(ground, "noises", make)
+
+
+def peak_of(ready: Prepared) -> Peak:
+    """Peak and curvature of the noise's posterior, each run's by itself."""
+    c = coordinates(ready.summary.factor, ready.prior.sd)
+    groups = groups_of(ready)
+    each = [_peak(ready, name, c) for name, _ in groups]
+    d = sum(len(center) for center, _, _ in each)
+    L, first = np.zeros((d, d)), 0
+    for center, root, _ in each:
+        L[first : first + len(center), first : first + len(center)] = root
+        first += len(center)
+    return Peak(
+        groups=groups,
+        center=np.concatenate([np.zeros(0), *(center for center, _, _ in each)]),
+        L=L,
+        prior=np.concatenate([np.zeros((0, 2)), *(prior for _, _, prior in each)]),
+    )
+
+
+def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Peak, root of the covariance, and prior of the noise of the runs that share it."""
+    pairs = [(r, s) for r, s in zip(ready.rows, ready.summary.runs, strict=True) if s.noise_run == name]
+    rows, runs = [r for r, _ in pairs], [s for _, s in pairs]
+    prior = np.array([(math.log(median), spread) for median, spread in runs[0].steering])
+    known = 1.0 / math.sqrt(2.0 * sum(len(r) for r in rows))
+    if len(prior) == 1:
+        return np.log([runs[0].noise.N]), np.array([[known]]), prior
+    splits, top = splits_of(rows, runs, c)
+
+    def log_density(x: FloatArray) -> float:
+        return log_likelihood(splits, x) - 0.5 * float(np.sum(((x - prior[:, 0]) / prior[:, 1]) ** 2))
+
+    steps = np.array([known * STEPS[0], *STEPS[1:]])
+    return top, _root(-_curvature(log_density, top, steps), prior[:, 1]), prior
+
+
+def _curvature(function: Callable[[FloatArray], float], x: FloatArray, steps: FloatArray) -> FloatArray:
+    """Second derivatives (d, d) by central differences."""
+    d = len(x)
+    e, H = np.diag(steps), np.empty((d, d))
+    for i in range(d):
+        for j in range(i + 1):
+            corners = ((e[i] + e[j], 1.0), (e[i] - e[j], -1.0), (e[j] - e[i], -1.0), (-e[i] - e[j], 1.0))
+            rise = sum(sign * function(x + away) for away, sign in corners)
+            H[i, j] = H[j, i] = rise / (4.0 * steps[i] * steps[j])
+    return H
+
+
+def _root(information: FloatArray, width: FloatArray) -> FloatArray:
+    """Lower triangular root of the covariance; along no direction is it wider than the prior, sds (d,)."""
+    values, vectors = np.linalg.eigh(information * np.outer(width, width))
+    covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    return np.asarray(np.linalg.cholesky(covariance * np.outer(width, width)), dtype=float)
+
+
+def _spread(size: int, d: int, rng: np.random.Generator) -> FloatArray:
+    """Standard normal draws (size, d), in each coordinate one from every slice of equal probability."""
+    slices = np.argsort(rng.random((d, size)), axis=1).T
+    return ndtri((slices + rng.random((size, d))) / size) if d else np.zeros((size, 0))
+
+
+def _resampled(weight: FloatArray, rng: np.random.Generator) -> list[int]:
+    """Numbers of the draws that stand for all of them, systematically."""
+    if len(weight) == 1:
+        return [0]
+    ticks = (np.arange(RESAMPLED) + rng.random()) / RESAMPLED
+    return np.minimum(np.searchsorted(np.cumsum(weight), ticks), len(weight) - 1).tolist()

@@ -1,0 +1,136 @@
+"""Up the ladder as far as a budget of time goes, or until the answer no longer changes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder.answer import Answer, change
+from imubayes.ladder.costs import foreseen, within
+from imubayes.ladder.foresight import Foresight, foresee
+from imubayes.ladder.problem import Ground, Problem, Tell, ground_of, size_of
+from imubayes.ladder.rungs import stand
+from imubayes.planning.fidelity import LADDER, Choice, CostLaw, RungName, rung_of
+
+NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
+
+
+def climb(
+    problem: Problem,
+    *,
+    until: RungName,
+    rng: np.random.Generator,
+    tell: Tell = lambda message: None,
+    limits: Limits | None = None,
+) -> tuple[Answer, ...]:
+    """Answers of every rung from the cheapest to `until`; what they share is computed once."""
+    ground = ground_of(problem, rng, tell, limits)
+    return tuple(stand(name, ground) for name in _up_to(until))
+
+
+def by_budget(
+    problem: Problem,
+    budget: float,
+    law: CostLaw,
+    *,
+    rng: np.random.Generator,
+    tell: Tell = lambda message: None,
+    limits: Limits | None = None,
+) -> tuple[Answer, Choice]:
+    """Answer of the best rung that fits into a budget, straight away, without the rungs below it.
+
+    Parameters
+    ----------
+    problem : one component.
+    budget : s. Chains end in time, whether they have converged or not.
+    law : what the rungs take on this machine (see `imubayes.ladder.costs.calibrate`).
+    rng, tell, limits : as for `imubayes.ladder.rungs.answer`.
+    """
+    start, size = time.perf_counter(), size_of(problem)
+    rung = within(budget, size, law)
+    ground = ground_of(problem, rng, tell, _ending(limits, budget, foreseen(rung, size, law).seconds))
+    found = stand(rung, ground)
+    return found, _choice(ground, found, law, f"a budget of {budget:g} s", start, ())
+
+
+def by_accuracy(
+    problem: Problem,
+    accuracy: float,
+    law: CostLaw,
+    *,
+    rng: np.random.Generator,
+    tell: Tell = lambda message: None,
+    limits: Limits | None = None,
+) -> tuple[Answer, Choice]:
+    """Climb until a rung changes no coefficient by more than `accuracy` against the one before.
+
+    Parameters
+    ----------
+    problem : one component.
+    accuracy : in posterior sd, of averaged and full-library coefficients alike.
+    law : what the rungs take on this machine.
+    rng, tell, limits : as for `imubayes.ladder.rungs.answer`.
+    """
+    start = time.perf_counter()
+    ground = ground_of(problem, rng, tell, limits)
+    found = stand(NAMES[0], ground)
+    steps: list[tuple[RungName, float, float]] = [(found.rung, 0.0, 0.0)]
+    for name in NAMES[1:]:
+        below, found = found, stand(name, ground)
+        steps.append((name, *change(below, found)))
+        if steps[-1][1] <= accuracy:
+            break
+    asked = f"an accuracy of {accuracy:g} posterior sd"
+    return found, _choice(ground, found, law, asked, start, tuple(steps))
+
+
+def by_name(
+    problem: Problem,
+    rung: RungName,
+    law: CostLaw,
+    *,
+    rng: np.random.Generator,
+    tell: Tell = lambda message: None,
+    limits: Limits | None = None,
+) -> tuple[Answer, Choice]:
+    """Answer of one rung, and what the next one would change."""
+    start, ground = time.perf_counter(), ground_of(problem, rng, tell, limits)
+    found = stand(rung, ground)
+    return found, _choice(ground, found, law, f"the rung {rung}", start, ())
+
+
+def _up_to(rung: RungName) -> tuple[RungName, ...]:
+    return NAMES[: NAMES.index(rung_of(rung).name) + 1]
+
+
+def _ending(limits: Limits | None, budget: float, foreseen: float) -> Limits:
+    """Limits under which chains leave half of the budget, or of what is foreseen, for what is beside them."""
+    limits = limits or Limits()
+    return replace(limits, time_limit=min(limits.time_limit, max(budget - 0.5 * foreseen, 0.5 * budget)))
+
+
+def _choice(
+    ground: Ground,
+    found: Answer,
+    law: CostLaw,
+    asked: str,
+    start: float,
+    climbed: tuple[tuple[RungName, float, float], ...],
+) -> Choice:
+    size = size_of(ground.problem)
+    above = NAMES[NAMES.index(found.rung) + 1 :]
+    ahead = foresee(ground, found) if above else Foresight(0.0, 0.0, "there is no better rung")
+    return Choice(
+        rung=found.rung,
+        asked=asked,
+        seconds=time.perf_counter() - start,
+        foreseen=foreseen(found.rung, size, law).seconds,
+        climbed=climbed,
+        next_rung=above[0] if above else None,
+        next_seconds=foreseen(above[0], size, law).seconds if above else 0.0,
+        next_change=(ahead.coefficients, ahead.inclusions),
+        next_reason=ahead.reason,
+    )

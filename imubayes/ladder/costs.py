@@ -1,0 +1,179 @@
+"""What each rung takes on this machine, foreseen from the size of a problem.
+
+Seconds are a sum over features of the size. What a rung does of each is the same everywhere, and was found by
+least squares on problems of 600 to 162,000 rows, 15 to 23 columns and one to three runs; how fast a machine
+does it is measured with three kinds of work, in less than a second.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from imubayes.inference.linear import BLOCKS
+from imubayes.inference.mcmc.ensembles import walkers_for
+from imubayes.inference.mcmc.split import WHOLE
+from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.ladder import law_file
+from imubayes.planning.fidelity import LADDER, Cost, CostLaw, RungName, Size
+from imubayes.selection.enumerate import LARGEST
+from imubayes.selection.tree import walk
+from imubayes.sensors.noise import Noise
+
+Progress = Callable[[str], None]
+
+
+def _blocks(size: Size) -> float:
+    """Numbers in the averages over blocks that stand for the runs."""
+    rows = size.rows / max(size.runs, 1)
+    return size.runs * (rows if rows <= WHOLE else BLOCKS) * size.columns
+
+
+def _every(size: Size) -> float:
+    """Rows that are whitened in a step of an ensemble over coefficients and noise."""
+    return float(size.rows * walkers_for(size.columns + 3 * size.runs))
+
+
+FEATURES: Mapping[str, Callable[[Size], float]] = {
+    "fixed": lambda s: 1.0,
+    "runs": lambda s: float(s.runs),
+    "blocks": _blocks,
+    "rows": lambda s: float(s.rows * s.columns),
+    "models": lambda s: 2.0 ** min(s.candidates, LARGEST),
+    "every": _every,
+}
+"""What the seconds of a rung are a sum over."""
+
+REFERENCE: CostLaw = {
+    "means": {"fixed": 0.02, "rows": 3.5e-8},
+    "sparse": {"runs": 0.05, "rows": 1.3e-7},
+    "plug-in": {"runs": 0.07, "rows": 1.3e-7, "models": 4e-7},
+    "averaged": {"fixed": 0.15, "blocks": 1.1e-5, "rows": 1.8e-6, "models": 8e-6},
+    "collapsed": {"fixed": 0.3, "runs": 1.2, "blocks": 2e-5, "rows": 1.9e-6, "models": 1.4e-5},
+    "full": {"fixed": 0.6, "runs": 2.6, "blocks": 2e-5, "rows": 1.9e-6, "models": 1.4e-5},
+    "raw": {"fixed": 0.6, "runs": 2.6, "blocks": 2e-5, "rows": 3e-6, "models": 2.8e-5, "every": 1.9e-4},
+}
+"""Seconds by unit of each feature, on a machine whose speeds are those of `USUAL`."""
+
+USUAL = {"small": 1.2e-3, "large": 1.0e-2, "models": 1.8e-3}
+"""Seconds of each kind of work on that machine."""
+
+KIND = {"fixed": "small", "runs": "small", "blocks": "small", "rows": "large", "every": "large"}
+"""What kind of work a feature is, where it does not have one of its own."""
+
+REPEATS = 20
+"""Times that each kind of work is done: the fastest counts, which a busy machine delays least."""
+
+LARGE = 20_000
+"""Rows of the large kind of work: beyond a cache."""
+
+COPIES: Mapping[RungName, float] = {
+    "plug-in": 10.0,
+    "averaged": 80.0,
+    "collapsed": 80.0,
+    "full": 80.0,
+    "raw": 80.0,
+}
+"""Arrays over all models that a rung holds at a time; those that average over noises have `MANY_COPIES`."""
+
+MANY_COPIES = 80.0
+"""Of these arrays: five for each of sixteen noises."""
+
+TABLES: Mapping[RungName, float] = {"means": 1.6, "raw": 5.0}
+"""Tables of all rows and columns that a rung holds at a time; the others have `USUAL_TABLES`."""
+
+USUAL_TABLES = 2.2
+"""Of these tables: the columns, what whitens them, and what is copied."""
+
+SMALLEST = 1e7
+"""Bytes that any rung takes for its work."""
+
+
+def foreseen(rung: RungName, size: Size, law: CostLaw) -> Cost:
+    """Seconds and bytes that a rung will take, alone.
+
+    Examples
+    --------
+    >>> size = Size(rows=36_000, columns=20, candidates=17, runs=2)
+    >>> [round(foreseen(name, size, REFERENCE).seconds, 1) for name in ("means", "averaged")]
+    [0.0, 3.2]
+    """
+    seconds = sum(constant * FEATURES[name](size) for name, constant in law[rung].items())
+    tables = 8.0 * size.rows * size.columns * TABLES.get(rung, USUAL_TABLES)
+    models = 8.0 * COPIES.get(rung, MANY_COPIES) * FEATURES["models"](size)
+    return Cost(seconds, SMALLEST + tables + models)
+
+
+def within(budget: float, size: Size, law: CostLaw) -> RungName:
+    """Best rung that is foreseen to take no more than a budget (s); the cheapest where none does.
+
+    Examples
+    --------
+    >>> within(1.0, Size(rows=36_000, columns=20, candidates=17, runs=2), REFERENCE)
+    'plug-in'
+    """
+    fitting: list[RungName] = [
+        rung.name for rung in LADDER if foreseen(rung.name, size, law).seconds <= budget
+    ]
+    return fitting[-1] if fitting else LADDER[0].name
+
+
+def calibrate(progress: Progress = lambda message: None) -> CostLaw:
+    """Constants of this machine: from the user's cache folder, or measured and kept there.
+
+    A folder that cannot be read or written is no error: the machine is then measured each time.
+    """
+    speeds = law_file.read(tuple(USUAL))
+    if speeds is None:
+        progress("measuring the speed of this machine")
+        speeds = measured_speeds()
+        law_file.write(speeds)
+    return law_of(speeds)
+
+
+def law_of(speeds: Mapping[str, float]) -> CostLaw:
+    """Law of a machine that takes so many seconds for each kind of work (the keys of `USUAL`)."""
+    slower = {kind: speeds[kind] / usual for kind, usual in USUAL.items()}
+    return {
+        rung: {name: constant * slower[KIND.get(name, name)] for name, constant in parts.items()}
+        for rung, parts in REFERENCE.items()
+    }
+
+
+def measured_speeds() -> dict[str, float]:
+    """Seconds of each kind of work here."""
+    return {
+        "small": _fastest(_whitening(1500, 21)),
+        "large": _fastest(_whitening(LARGE, 17)),
+        "models": _fastest(_walking(16)),
+    }
+
+
+def _fastest(work: Callable[[], object]) -> float:
+    seconds = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
+
+
+def _whitening(n: int, width: int) -> Callable[[], object]:
+    """Whiten n rows, and factor as many of them as fit the cache."""
+    rows, table = Rows(np.arange(float(n)), np.ones(n)), np.ones((n, width))
+    table += np.add.outer(np.arange(n), np.arange(width) ** 2) % 7
+
+    def work() -> object:
+        white = whiten(whitener(Noise(1.0, 0.1, 1e-3), rows), table.copy())
+        return np.linalg.qr(white[:4000], mode="r")
+
+    return work
+
+
+def _walking(p: int) -> Callable[[], object]:
+    """Walk over the models of p candidates."""
+    R = np.triu(np.ones((p + 1, p + 1))) + np.diag(np.arange(1.0, p + 2.0))
+    walk(R)  # compiled once, which counts for nothing
+    return lambda: walk(R)

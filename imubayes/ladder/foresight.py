@@ -1,0 +1,224 @@
+"""What the rung above would change, foreseen without climbing it.
+
+Each step has a formula of its own that takes milliseconds to tens of them; `Foresight.reason` says which.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logit
+
+from imubayes.factor import Factor, add, factor_of, noise_scale, posterior, reorder
+from imubayes.inference.dwells import dwells_of
+from imubayes.inference.linear import blocks_of, linear_of
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.reml import Blocks, estimate
+from imubayes.inference.summary import Summary
+from imubayes.inference.whiten import whiten, whitener
+from imubayes.ladder.answer import Answer
+from imubayes.ladder.averaged import weighted
+from imubayes.ladder.means import EXHAUSTIVE, by_bic
+from imubayes.ladder.problem import Ground, Problem, prepared
+from imubayes.planning.fidelity import RungName
+from imubayes.preparation import Prepared
+from imubayes.selection.effects import effects_of, log_evidence, refitted
+from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.model_prior import log_model_prior
+from imubayes.sensors.catalogue import noise_prior
+from imubayes.sensors.noise import Noise
+
+FloatArray = NDArray[np.float64]
+
+BLOCKS = 400
+"""Blocks that a run is averaged to where the noise is moved: it is the change that counts."""
+
+CERTAIN = 1e-12
+"""An inclusion is taken no nearer to 0 or 1 than this: log odds stay finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class Foresight:
+    """Largest change of a coefficient in posterior sd, and of an inclusion, and how it was foreseen."""
+
+    coefficients: float
+    inclusions: float
+    reason: str
+
+
+def foresee(ground: Ground, found: Answer) -> Foresight:
+    """Foresee what the rung above `found` would change.
+
+    Parameters
+    ----------
+    ground : on which the answer was found.
+    found : answer of any rung.
+    """
+    return STEPS[found.rung](ground, found)
+
+
+def _colour(ground: Ground, found: Answer) -> Foresight:
+    """Means: weigh the dwell means again, with noise of all colours that is estimated from them."""
+    problem = ground.problem
+    prior = noise_prior(problem.spec.sensor_class) if problem.spec.sensor_class else None
+    factors = []
+    for run in problem.runs:
+        d = dwells_of(linear_of(run, problem.library))
+        noise = estimate(Blocks(d.rows, d.X, d.y), prior).noise
+        factors.append(_factor(Blocks(d.rows, d.X, d.y), noise, problem.library.names))
+    whole = reduce(add, factors)
+    full, sd = posterior(whole, problem.prior.sd)
+    mean, inclusion = _weighed(whole, problem, found)
+    apart = np.maximum(np.abs(full - found.full_mean), np.abs(mean - found.mean))
+    return Foresight(
+        float(np.max(apart / sd)),
+        float(np.max(np.abs(inclusion - found.inclusion))),
+        "the dwell means weighed again, with drift estimated from them and the class's prior",
+    )
+
+
+def _weighed(f: Factor, problem: Problem, found: Answer) -> tuple[FloatArray, FloatArray]:
+    """Averaged coefficients and inclusions (p,) on whitened dwell means, where they are tested."""
+    names = tuple(n for n, size in zip(f.names, f.column_norms, strict=True) if size > 0.0)
+    if len(names) <= EXHAUSTIVE:
+        sd = dict(zip(f.names, problem.prior.sd.tolist(), strict=True))
+        prior = ScalePrior([sd[name] for name in names])
+        models = enumerate_models(Summary(reorder(f, names)), prior, scale=1.0)
+    else:
+        models = by_bic(f, problem.hierarchical)
+    mean, inclusion = found.mean.copy(), found.inclusion.copy()
+    tested = [f.names.index(name) for name in models.names]
+    mean[tested], inclusion[tested] = models.mean, models.inclusion
+    return mean, inclusion
+
+
+def _neighbours(ground: Ground, found: Answer) -> Foresight:
+    """Sparse: weigh the chosen model against those with one term more or less."""
+    ready = prepared(ground)
+    f, sd = ready.summary.factor, ready.prior.sd
+    e = effects_of(f, sd, found.names, noise_scale(f, sd))
+    here = np.array([name in found.model for name in e.names])
+    around = np.vstack((here, here ^ np.eye(len(here), dtype=bool)))
+    by_size = log_model_prior("beta-binomial", len(here), ())
+    score = log_evidence(e, around) + by_size[around.sum(axis=1)]
+    weight = np.exp(score - score.max())
+    weight /= weight.sum()
+    moved = weight @ refitted(e, around) - refitted(e, around[:1])[0]
+    return Foresight(
+        float(np.max(np.abs(moved), initial=0.0)),
+        float(np.max(np.abs(weight @ around - here), initial=0.0)),
+        "the chosen model weighed against those with one term more or less",
+    )
+
+
+def _moved_noise(ground: Ground, found: Answer) -> Foresight:
+    """Plug-in: move each noise parameter by its sd either way, on block averages."""
+    ready = prepared(ground)
+    blocks = [blocks_of(rows, BLOCKS) for rows in ready.rows]
+    noises = [run.noise for run in ready.summary.runs]
+    names, p = ready.summary.names, len(found.names)
+    usual = [_factor(b, noise, names) for b, noise in zip(blocks, noises, strict=True)]
+    mean, sd = (moments[:p] for moments in posterior(reduce(add, usual), ready.prior.sd))
+    odds = _odds(found, mean / sd, sd / ready.prior.sd[:p])
+    shift, turn = np.zeros(p), np.zeros(p)
+    for k, away in _steps(ready):
+        for sign in (1.0, -1.0):
+            moved = [*usual[:k], _factor(blocks[k], _times(noises[k], sign * away), names), *usual[k + 1 :]]
+            m, s = (moments[:p] for moments in posterior(reduce(add, moved), ready.prior.sd))
+            shift += 0.5 * (m - mean)
+            gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
+            turn += 0.5 * (expit(odds + gained) - found.inclusion)
+    return Foresight(
+        float(np.max(np.abs(shift) / sd)),
+        float(np.max(np.abs(turn))),
+        "each noise parameter moved by its sd either way, on block averages",
+    )
+
+
+def _odds(found: Answer, pull: FloatArray, narrower: FloatArray) -> FloatArray:
+    """Log odds (p,) of each term; where its inclusion is 1 to rounding, the Bayes factor against zero."""
+    usual = logit(np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN))
+    return np.where(found.inclusion < 1.0 - CERTAIN, usual, 0.5 * pull**2 + np.log(narrower))
+
+
+def _few_draws(ground: Ground, found: Answer) -> Foresight:
+    """Averaged: the Monte Carlo error of the draws that count, and that of the chains above."""
+    count = weighted(ground).count
+    coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
+    error = math.hypot(1.0 / math.sqrt(count), 1.0 / math.sqrt(len(found.noises)))
+    reason = f"the Monte Carlo error of draws of the noise, of which {count:.0f} count"
+    return Foresight(coefficients * error, inclusions * error, reason)
+
+
+def _few_steps(ground: Ground, found: Answer) -> Foresight:
+    """Collapsed: the Monte Carlo errors of both samplers."""
+    return _chain_error(ground, found, 0.0, "the Monte Carlo errors of the chains")
+
+
+def _carried_on(ground: Ground, found: Answer) -> Foresight:
+    """Full: what the log density is off between whitenings, and the Monte Carlo errors."""
+    error = found.chains.interpolation_error if found.chains else 0.0
+    reason = f"the {error:.2g} nats that the log density is off between whitenings, and Monte Carlo errors"
+    return _chain_error(ground, found, error, reason)
+
+
+def _chain_error(ground: Ground, found: Answer, nats: float, reason: str) -> Foresight:
+    """Errors of averages over draws of the noise, and of the coefficients' own draws.
+
+    Two densities whose logarithms differ by e have means that differ by e sds at most, to first order; it is
+    the noise's density that is off, so that the sd is that of the averages over the noise.
+    """
+    coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
+    few = max(math.sqrt(2.0 / max(len(found.noises), 1)), nats)
+    own = 0.0
+    if found.chains:
+        own = math.sqrt(2.0 / min(found.chains.theta[..., 0].size, float(found.chains.diagnostics.ess.min())))
+    return Foresight(max(coefficients * few, own), inclusions * few, reason)
+
+
+def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
+    """Largest sd over the draws of the noise: of a coefficient, in posterior sd, and of an inclusion."""
+    p, models = len(found.names), found.selection.models
+    means = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.noises])
+    if len(means) < 2 or not models.parts:
+        return 0.0, 0.0
+    inclusions = np.array([part.inclusion for _, part in models.parts])
+    return float(np.max(means.std(axis=0) / found.full_sd)), float(np.max(inclusions.std(axis=0)))
+
+
+def _steps(ready: Prepared) -> list[tuple[int, FloatArray]]:
+    """One sd of ln N, ln B or ln K (3,) of each run whose noise was estimated."""
+    steps = []
+    for k, run in enumerate(ready.summary.runs):
+        sds = np.array(run.noise_sd)
+        # blocks leave N less certain than all rows do
+        sds[0] = min(float(sds[0]), 1.0 / math.sqrt(2.0 * run.samples)) if run.steering else 0.0
+        steps += [(k, np.eye(3)[j] * sds[j]) for j in range(len(run.steering)) if sds[j] > 0.0]
+    return steps
+
+
+def _times(noise: Noise, logs: FloatArray) -> Noise:
+    N, B, K = (np.array([noise.N, noise.B, noise.K]) * np.exp(logs)).tolist()
+    return Noise(N, B, K)
+
+
+def _factor(blocks: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
+    """Factor of block averages, whitened."""
+    white = whiten(whitener(noise, blocks.rows), np.column_stack((blocks.X, blocks.y)))
+    return factor_of(white[:, :-1], white[:, -1], names)
+
+
+STEPS: Mapping[RungName, Callable[[Ground, Answer], Foresight]] = {
+    "means": _colour,
+    "sparse": _neighbours,
+    "plug-in": _moved_noise,
+    "averaged": _few_draws,
+    "collapsed": _few_steps,
+    "full": _carried_on,
+}
+"""How the change from each rung to the next is foreseen."""

@@ -1,0 +1,159 @@
+"""What a rung of the ladder is asked: one component with known inputs, and what the rungs share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from imubayes.campaign import SensorSpec
+from imubayes.errors import ConvergenceError, InputError
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.run import Method, Sampled, sample
+from imubayes.inference.nuisances import extras_for
+from imubayes.inference.prior import ScalePrior
+from imubayes.planning.fidelity import LADDER, Size
+from imubayes.preparation import Prepared, component_prior, prepare
+from imubayes.rig.inputs import Run, TriadRun
+from imubayes.selection.verdicts import EQUAL, Costs
+from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.terms import Library
+
+Tell = Callable[[str], None]
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """One component, its runs, and what a wrong choice costs.
+
+    Attributes
+    ----------
+    spec : of the sensor.
+    runs : of the component, with known inputs.
+    prior : of every term of the library, SI.
+    costs : of a term kept that is zero, and of one dropped that is not.
+    hierarchical : whether a term may only be in a model that has what it modifies.
+    """
+
+    spec: SensorSpec
+    runs: tuple[Run, ...]
+    prior: ScalePrior
+    costs: Costs = EQUAL
+    hierarchical: bool = False
+
+    @property
+    def library(self) -> Library:
+        """Candidate terms."""
+        return self.spec.library
+
+
+def problem_of(
+    spec: SensorSpec, runs: Sequence[Run | TriadRun], *, costs: Costs = EQUAL, hierarchical: bool = False
+) -> Problem:
+    """Problem of a sensor and its runs.
+
+    Raises
+    ------
+    InputError : if a run is a free tumble of a triad, or there is no run.
+    """
+    known = tuple(run for run in runs if isinstance(run, Run))
+    free = [run.name for run in runs if isinstance(run, TriadRun)]
+    if free or not known:
+        what = f"run '{free[0]}' is a free tumble of a triad" if free else "there is no run"
+        raise InputError(
+            f"sensor '{spec.id}': {what}, and the ladder of methods takes runs of one component with known"
+            " inputs: use --method in place of --budget or --accuracy"
+        )
+    return Problem(spec, known, component_prior(spec, known)[0], costs, hierarchical)
+
+
+def size_of(problem: Problem) -> Size:
+    """What the time of every rung depends on, from the inputs alone."""
+    moved = {
+        name for run in problem.runs for name, values in run.inputs.channels.items() if np.any(values != 0.0)
+    }
+    terms, reference = problem.library.terms, problem.spec.reference
+    extras = extras_for(problem.runs, reference, sensor=problem.spec.kind) if reference else ()
+    return Size(
+        rows=sum(len(run.inputs) for run in problem.runs),
+        columns=len(terms) + len(extras),
+        candidates=sum(all(f.channel in moved for f in term.factors) for term in terms),
+        runs=len(problem.runs),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """A problem with what its rungs share, which is computed once: the factor, and the chains.
+
+    Attributes
+    ----------
+    problem : that is asked.
+    rngs : a source of randomness for each rung, so that no answer depends on what was climbed before.
+    tell : is told what goes on.
+    limits : of chains.
+    shared : what was computed, with the seconds that it took, by name.
+    """
+
+    problem: Problem
+    rngs: dict[str, np.random.Generator]
+    tell: Tell
+    limits: Limits
+    shared: dict[str, tuple[Any, float]] = field(default_factory=dict)
+
+
+def ground_of(problem: Problem, rng: np.random.Generator, tell: Tell, limits: Limits | None) -> Ground:
+    """Ground on which no rung has been yet."""
+    names = ("factor", *(rung.name for rung in LADDER))
+    rngs = dict(zip(names, rng.spawn(len(names)), strict=True))
+    return Ground(problem, rngs, tell, limits or Limits(seed=int(rng.integers(2**32))))
+
+
+def prepared(ground: Ground) -> Prepared:
+    """Noise, whitening and factor of the runs."""
+
+    def make() -> Prepared:
+        ground.tell("noise and factor")
+        problem = ground.problem
+        return prepare(problem.spec, problem.runs, ground.tell, ground.rngs["factor"])
+
+    return once(ground, "factor", make)
+
+
+def plainly_prepared(problem: Problem) -> Prepared:
+    """Factor of the runs as if their noise were white, and the bench without errors."""
+    white = NoiseRule("white")
+    spec = replace(problem.spec, runs=tuple(replace(run, noise=white) for run in problem.spec.runs))
+    spec = replace(spec, reference={}, robust=False)
+    return prepare(spec, problem.runs, lambda message: None, np.random.default_rng(0))
+
+
+def chained(ground: Ground, method: Method) -> tuple[Sampled, bool]:
+    """Chains of emcee, and whether they have converged; what they are at the time limit is taken too."""
+
+    def make() -> tuple[Sampled, bool]:
+        ready = prepared(ground)
+        seed = int(ground.rngs[method].integers(2**32))
+        limits = replace(ground.limits, seed=seed)
+        given = (ready.summary, ready.rows, ready.prior.sd)
+        try:
+            return sample(*given, method=method, limits=limits, progress=ground.tell), True
+        except ConvergenceError as unfinished:
+            if not isinstance(unfinished.estimate, Sampled):
+                raise
+            return unfinished.estimate, False
+
+    return once(ground, method, make)
+
+
+def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
+    """What was made under a name, or is now."""
+    if name not in ground.shared:
+        start = time.perf_counter()
+        made = make()
+        ground.shared[name] = (made, time.perf_counter() - start)
+    return ground.shared[name][0]

@@ -1,0 +1,176 @@
+"""The best rung: emcee over coefficients and noise with every raw row in the likelihood.
+
+Nothing is compressed and nothing carried on between whitenings: each step factors the noise's covariance of
+all rows and whitens what the coefficients leave. Walkers start from the posterior of the rung below, which
+also proposes: the acceptance is as good as that posterior is right.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.at_noise import at_noise
+from imubayes.inference.linear import Linear
+from imubayes.inference.mcmc.chains import Chains, Diagnostics
+from imubayes.inference.mcmc.density import Density, density_of, theta_of
+from imubayes.inference.mcmc.engine import Target
+from imubayes.inference.mcmc.ensembles import History
+from imubayes.inference.mcmc.moves import Student, independent
+from imubayes.inference.mcmc.pointwise import by_dwell
+from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
+from imubayes.inference.summary import RunSummary
+from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.ladder.answer import Answer
+from imubayes.ladder.problem import Ground, chained, prepared
+from imubayes.ladder.sampled import by_chains
+from imubayes.ladder.shared_noise import groups_of, noises_of
+from imubayes.ladder.walkers import run_slowly
+from imubayes.preparation import Prepared
+from imubayes.sensors.noise import Noise
+
+FloatArray = NDArray[np.float64]
+
+INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
+"""Shares of the two moves."""
+
+
+def raw(ground: Ground) -> Answer:
+    """Sample coefficients and noise on every row."""
+    ready = prepared(ground)
+    below, _ = chained(ground, "full")
+    rng = ground.rngs["raw"]
+    ground.tell("every row at every step")
+    density = density_of(ready.summary, ready.rows, ready.prior.sd, rng)
+    limits = replace(ground.limits, seed=int(rng.integers(2**32)))
+    history = run_slowly(_target(ready, density, below.chains), limits, ground.tell)
+    sampled = _sampled(ready, density, history, below.chains)
+    return by_chains("raw", ground, sampled, history.converged)
+
+
+def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], FloatArray]:
+    """Log p(y, phi, x) (m,) of coordinates (m, p + d), from all rows.
+
+    It is what `imubayes.inference.mcmc.density.log_joint` carries on between whitenings.
+    """
+    parts = [_misfit_of(rows, run) for rows, run in zip(ready.rows, ready.summary.runs, strict=True)]
+    groups, p, n = groups_of(ready), density.p, ready.summary.factor.n
+    half = 0.5 * math.log(2.0 * math.pi)
+    constant = density.coordinates.log_volume - float(np.sum(np.log(density.sd))) - (p + n) * half
+    constant -= float(np.sum(np.log(density.width))) + density.d * half
+
+    def of(c: FloatArray) -> FloatArray:
+        theta, x = theta_of(density, c[:, :p]), c[:, p:]
+        pull = np.sum((theta / density.sd) ** 2, axis=1)
+        pull += np.sum(((x - density.center) / density.width) ** 2, axis=1)
+        noises = noises_of(ready, groups, x)
+        misfit = [sum(part(theta[k], noises[k, g]) for g, part in enumerate(parts)) for k in range(len(c))]
+        return constant - 0.5 * (pull + np.array(misfit))
+
+    return of
+
+
+def _misfit_of(rows: Linear, run: RunSummary) -> Callable[[FloatArray, FloatArray], float]:
+    """Minus twice the log likelihood of a run, up to a constant, of coefficients (p,) and N, B, K (3,)."""
+    X, taken, parts = rows.columns(0, len(rows)), rows.rows, mattering(run.noise, rows.rows)
+
+    def misfit(theta: FloatArray, noise: FloatArray) -> float:
+        w = whitener(Noise(*noise.tolist()), taken, parts)
+        left = whiten(w, (rows.y - X @ theta)[:, None])
+        return w.log_det + float(np.sum(left**2))
+
+    return misfit
+
+
+def _target(ready: Prepared, density: Density, below: Chains) -> Target:
+    """What is sampled, started and proposed from the chains below."""
+    p, groups = density.p, groups_of(ready)
+    theta, noise = _flat(below.theta, 1), _flat(below.noise, 2)
+    phi = np.linalg.solve(density.coordinates.inverse, (theta - density.coordinates.origin).T).T
+    x = _logarithms(ready, groups, noise)
+
+    def start(rng: np.random.Generator, size: int) -> FloatArray:
+        which = rng.choice(len(phi), size, replace=False)
+        return np.asarray(np.column_stack((phi[which], x[which])), dtype=float)
+
+    q = _proposal(x)
+    return Target(
+        names=(*density.names, *density.parameters),
+        log_prob=log_density(ready, density),
+        moves=(("independent", independent(density, q), INDEPENDENT), ("differential", None, DIFFERENTIAL)),
+        start=start,
+        readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
+    )
+
+
+def _proposal(x: FloatArray) -> Student:
+    """Student distribution with the moments of draws x (m, d)."""
+    d = x.shape[1]
+    root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
+    return Student(x.mean(axis=0), np.asarray(root, dtype=float))
+
+
+def _logarithms(ready: Prepared, groups: tuple[tuple[str, int], ...], noise: FloatArray) -> FloatArray:
+    """Logarithms (m, d) of the noise (m, g, 3) of the runs, where it is not known: `noises_of`, backwards."""
+    runs = [run.noise_run for run in ready.summary.runs]
+    columns = [np.log(noise[:, runs.index(name), :count]) for name, count in groups]
+    return np.column_stack((np.zeros((len(noise), 0)), *columns))
+
+
+def _sampled(ready: Prepared, density: Density, history: History, below: Chains) -> Sampled:
+    """Chains with all that a report asks of them, and the problem at some of their noises."""
+    p = density.p
+    c = np.array([_thinned(chain) for chain in history.chains])
+    theta = theta_of(density, c[..., :p])
+    x = c[..., p:].reshape(-1, density.d)
+    noise = noises_of(ready, groups_of(ready), x)
+    estimated = [run.noise for run in ready.summary.runs]
+    scored = by_dwell(ready.rows, estimated, _flat(theta, 1), noise)
+    shape = theta.shape[:2]
+    chains = replace(
+        below,
+        sampler="raw",
+        theta=theta,
+        noise=noise.reshape(*shape, *noise.shape[1:]),
+        log_density=np.array([_thinned(part[..., None])[:, 0] for part in history.log_prob]),
+        log_likelihood=scored.log_likelihood.reshape(*shape, -1),
+        predicted=scored.predicted.reshape(*shape, -1),
+        diagnostics=_diagnosed(history, (*density.names, *density.parameters)),
+        interpolation_error=0.0,
+    )
+    chosen = np.linspace(0, len(noise) - 1, NOISE_DRAWS if density.d else 1).astype(int)
+    return Sampled(
+        chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
+    )
+
+
+def _diagnosed(history: History, parameters: tuple[str, ...]) -> Diagnostics:
+    steps, walkers, _ = history.chains[0].shape
+    return Diagnostics(
+        parameters=parameters,
+        ess=history.ess,
+        rhat=history.rhat,
+        tau=history.tau,
+        acceptance=history.acceptance,
+        steps=steps,
+        walkers=walkers,
+        ensembles=len(history.chains),
+        seconds=history.seconds,
+        converged=history.converged,
+        text=history.text,
+    )
+
+
+def _flat(values: FloatArray, last: int) -> FloatArray:
+    """All draws in one axis, before the `last` ones."""
+    return values.reshape(-1, *values.shape[values.ndim - last :])
+
+
+def _thinned(chain: FloatArray) -> FloatArray:
+    """Draws (DRAWS, k) of an ensemble (steps, walkers, k), evenly over its steps and walkers."""
+    every = _flat(chain, 1)
+    return every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]

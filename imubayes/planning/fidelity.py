@@ -1,0 +1,127 @@
+"""The ladder of methods, from the cheapest to the best: what each leaves out, and what it takes.
+
+What a rung takes follows a law in the size of the problem, whose constants are those of the machine; what a
+rung leaves out is said in a sentence, and measured by a trade study.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from imubayes.errors import InputError
+
+RungName = Literal["means", "sparse", "plug-in", "averaged", "collapsed", "full", "raw"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """A method of the ladder.
+
+    Attributes
+    ----------
+    name : by which it is asked for.
+    title : in words.
+    leaves_out : what it does not do that the next rung does, a sentence; empty for the last.
+    """
+
+    name: RungName
+    title: str
+    leaves_out: str
+
+
+LADDER: tuple[Rung, ...] = (
+    Rung("means", "dwell means, ordinary least squares, BIC",
+         "takes the noise as white and as strong as the scatter of the dwells: drift counts as signal."),
+    Rung("sparse", "whitened factor, sparse regression along its path",
+         "weighs the models of one path only, and gives no probabilities of its own."),
+    Rung("plug-in", "whitened factor, every model, noise as estimated",
+         "takes the noise as known."),
+    Rung("averaged", "every model, averaged over draws of the noise",
+         "takes the noise's posterior as normal about its peak in logarithms, reweighted."),
+    Rung("collapsed", "emcee over the noise, every model",
+         "takes the coefficients as Gaussian given the noise, which they are but for errors of the bench."),
+    Rung("full", "emcee over coefficients and noise on compressed rows",
+         "takes exact whitenings at a few places and carries them on between."),
+    Rung("raw", "emcee over coefficients and noise on every row", ""),
+)  # fmt: skip
+"""From the cheapest to the best."""
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """What the time of a rung depends on.
+
+    Attributes
+    ----------
+    rows : of all runs.
+    columns : terms and errors of the bench.
+    candidates : terms that are excited, of which every subset is a model.
+    runs : with a noise of their own.
+    """
+
+    rows: int
+    columns: int
+    candidates: int
+    runs: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Seconds and bytes that a rung takes."""
+
+    seconds: float
+    memory: float
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which rung was taken, and why: part of a result.
+
+    Attributes
+    ----------
+    rung : that was taken.
+    asked : in words, as the user asked: a budget of time, an accuracy, or a rung by its name.
+    seconds : that it took, with all rungs below it that were climbed.
+    foreseen : s, what the machine's cost law said before.
+    climbed : rungs that were run, with the change that each made to the coefficients against the one before
+        (largest over terms, in posterior sd) and to the inclusions (largest difference); 0 for the first.
+    next_rung : the one above; None at the top.
+    next_seconds : what it would take.
+    next_change : what it would change: (coefficients in posterior sd, inclusions), foreseen as
+        `next_reason` says.
+    next_reason : how `next_change` was foreseen, a sentence.
+    """
+
+    rung: RungName
+    asked: str
+    seconds: float
+    foreseen: float
+    climbed: tuple[tuple[RungName, float, float], ...]
+    next_rung: RungName | None
+    next_seconds: float
+    next_change: tuple[float, float]
+    next_reason: str
+
+
+def rung_of(name: str) -> Rung:
+    """Rung of a name.
+
+    Raises
+    ------
+    InputError : if there is none.
+
+    Examples
+    --------
+    >>> rung_of("plug-in").title
+    'whitened factor, every model, noise as estimated'
+    """
+    for rung in LADDER:
+        if rung.name == name:
+            return rung
+    raise InputError(f"rung '{name}' is not known: expected one of {', '.join(get_args(RungName))}")
+
+
+CostLaw = Mapping[RungName, Mapping[str, float]]
+"""Seconds of each rung by unit of a feature of the problem's size (see `imubayes.ladder.costs.FEATURES`)."""

@@ -1,0 +1,176 @@
+"""The report on the extremes: one page and its numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import imubayes
+from imubayes.extremes.measure import QUANTITIES
+from imubayes.reporting.extremes_figures import digits_panel
+from imubayes.reporting.quality_page import Row, finite
+from imubayes.reporting.results import versions
+
+if TYPE_CHECKING:
+    from imubayes.extremes.measure import Extremes, Outcome, Told
+    from imubayes.reporting.canvas import Panel
+
+ORDINARY = 1e10
+"""Condition number up to which a full-rank problem is promised digits."""
+
+
+HEADS = ("least sq.", "sd", "averaged", "sd", "evidence", "inclusion")
+"""`QUANTITIES` in a terminal's 80 columns."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """One family of the page: name, anchor, heat map, and a row a case."""
+
+    title: str
+    anchor: str
+    panel: Panel
+    rows: tuple[Row, ...]
+
+
+def write_extremes(found: Extremes, folder: Path) -> tuple[Path, ...]:
+    """Write ``report.html`` and ``result.json`` into a folder."""
+    report, values = folder / "report.html", folder / "result.json"
+    report.write_text(extremes_html(found), encoding="utf-8")
+    values.write_text(extremes_json(found), encoding="utf-8")
+    return report, values
+
+
+def extremes_html(found: Extremes) -> str:
+    """Text of the report."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    page = Environment(
+        loader=PackageLoader("imubayes", "reporting"), autoescape=True, undefined=StrictUndefined
+    ).get_template("extremes.html.j2")
+    return page.render(
+        study=found.study,
+        answer=extremes_answer(found),
+        sections=tuple(_sections(found)),
+        quantities=QUANTITIES,
+        refused=tuple(_refusals(found)),
+        seconds=f"{found.seconds:.0f}",
+        versions=versions(),
+        command=f"imubayes run {found.study.path}",
+    )
+
+
+def extremes_answer(found: Extremes) -> tuple[str, ...]:
+    """Say whether any answer was wrong in silence, and how many digits ordinary problems keep."""
+    told = [one for outcome in found.outcomes for one in outcome.told.values()]
+    answered = [one for one in told if not math.isnan(one.correct)]
+    silent = sum(one.silent for one in answered)
+    lost = sum(one.correct == -math.inf for one in answered)
+    return (
+        f"{_none(silent)} of {len(answered)} answers claims more digits than are right, and"
+        f" {_none(lost).lower()} is NaN or infinite.",
+        *_kept(found),
+        f"{len(found.outcomes)} problems went to the ends of what doubles hold, each held against exact"
+        " arithmetic on the same doubles.",
+    )
+
+
+def _none(count: int) -> str:
+    return "None" if count == 0 else f"{count}"
+
+
+def _kept(found: Extremes) -> Iterable[str]:
+    ordinary = [one for one in found.outcomes if one.full_rank and one.condition <= ORDINARY]
+    noisy = [one for one in ordinary if one.family != "noise 0" and not one.refused]
+    if noisy:
+        least = [_least(noisy, name) for name in ("least squares", "averaged")]
+        yield (
+            f"Where there is noise, independent columns up to a condition number of 1e10 keep at least"
+            f" {min(least)} digits of every coefficient, and inclusion to 1e-{_least(noisy, 'inclusion')}."
+        )
+    refused = [one for one in found.outcomes if one.refused]
+    if refused:
+        yield (
+            f"{len(refused)} problems are refused at least in part, with a message that names the columns"
+            " or says what is wrong."
+        )
+
+
+def _least(outcomes: Iterable[Outcome], name: str) -> int:
+    return math.floor(max(min(one.told[name].correct for one in outcomes), 0.0))
+
+
+def _sections(found: Extremes) -> Iterable[Section]:
+    families = dict.fromkeys(one.family for one in found.outcomes)
+    for k, family in enumerate(families):
+        mine = [one for one in found.outcomes if one.family == family]
+        rows = tuple(Row(one.label, _cells(one)) for one in mine)
+        yield Section(family, f"family-{k}", digits_panel(mine, f"x{k}"), rows)
+
+
+def _cells(one: Outcome) -> tuple[str, ...]:
+    condition = f"{one.condition:.0e}" if math.isfinite(one.condition) else "∞"
+    return (condition, *(_cell(told) for told in one.told.values()))
+
+
+def _cell(told: Told) -> str:
+    if math.isnan(told.correct):
+        return "refused"
+    correct = "none" if told.correct == -math.inf else f"{told.correct:.1f}"
+    return f"{correct} ({told.stated:.0f})"
+
+
+def _refusals(found: Extremes) -> Iterable[tuple[str, str]]:
+    for one in found.outcomes:
+        for message in one.refused:
+            yield f"{one.family}, {one.label}", message
+
+
+def extremes_json(found: Extremes) -> str:
+    """Text of ``result.json``: correct and stated digits of every case; null where it refused."""
+    study = found.study
+    document = {
+        "imubayes": imubayes.__version__,
+        "study": study.title,
+        "seed": study.seed,
+        "answer": extremes_answer(found),
+        "cases": [_record(one) for one in found.outcomes],
+        "seconds": found.seconds,
+        "provenance": {
+            "study_file": str(study.path),
+            "study_text": study.text,
+            "command": f"imubayes run {study.path}",
+            "versions": versions(),
+        },
+    }
+    return json.dumps(finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _record(one: Outcome) -> dict[str, Any]:
+    return {
+        "family": one.family,
+        "case": one.label,
+        "condition": one.condition,
+        "full_rank": one.full_rank,
+        "digits": {name: {"correct": t.correct, "stated": t.stated} for name, t in one.told.items()},
+        "silent": one.silent,
+        "refused": one.refused,
+    }
+
+
+def terminal_extremes(found: Extremes) -> str:
+    """Lines for a terminal: the answer, and the fewest correct digits of each family."""
+    lines = [f"{'fewest digits':18}" + "".join(f"{name:>10}" for name in HEADS)]
+    for family in dict.fromkeys(one.family for one in found.outcomes):
+        mine = [one for one in found.outcomes if one.family == family]
+        lines.append(f"{family:18}" + "".join(f"{_fewest(mine, name):>10}" for name in QUANTITIES))
+    return "\n".join((*extremes_answer(found), "", *lines))
+
+
+def _fewest(outcomes: Iterable[Outcome], name: str) -> str:
+    known = [one.told[name].correct for one in outcomes if not math.isnan(one.told[name].correct)]
+    return f"{min(known):.1f}" if known else "refused"

@@ -1,0 +1,94 @@
+"""Which rung of the ladder was taken, what it gave up, and what the next one would change, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from imubayes.planning.fidelity import rung_of
+
+if TYPE_CHECKING:
+    from imubayes.planning.fidelity import Choice
+
+NOT_ASKED = (
+    "Left out for the sake of time: the residual checks, the other methods, and the search for what the"
+    " library lacks."
+)
+"""What no rung does, and a run without budget does."""
+
+
+def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
+    """Say which rung was taken and why, what it gave up, and what the next one would change.
+
+    Examples
+    --------
+    >>> from imubayes.planning.fidelity import Choice
+    >>> told = Choice("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
+    >>> choice_sentences(told)[0]
+    'Method: whitened factor, sparse regression along its path, the best that fits a budget of 1 s (0.4 s).'
+    """
+    if choice is None:
+        return ()
+    rung = rung_of(choice.rung)
+    how = "reached" if choice.climbed else "the best that fits"
+    taken = f"Method: {rung.title}, {how} {choice.asked} ({seconds(choice.seconds)})."
+    gave_up = f"It {rung.leaves_out}" if rung.leaves_out else ""
+    return tuple(text for text in (taken, gave_up, *_climbed(choice), _next(choice), NOT_ASKED) if text)
+
+
+def _climbed(choice: Choice) -> tuple[str, ...]:
+    """What the last step changed, where rungs were climbed."""
+    if len(choice.climbed) < 2:
+        return ()
+    name, coefficients, inclusions = choice.climbed[-1]
+    below = choice.climbed[-2][0]
+    return (
+        f"The step from {below} to {name} changed coefficients by up to {coefficients:.2g} posterior sd and"
+        f" inclusions by up to {inclusions:.2g}.",
+    )
+
+
+def _next(choice: Choice) -> str:
+    if choice.next_rung is None:
+        return "There is no better rung."
+    coefficients, inclusions = choice.next_change
+    return (
+        f"The next rung ({rung_of(choice.next_rung).title}) would take about {seconds(choice.next_seconds)}"
+        f" and change coefficients by up to about {coefficients:.1g} posterior sd and inclusions by about"
+        f" {inclusions:.1g} (foreseen by {choice.next_reason})."
+    )
+
+
+def seconds(value: float) -> str:
+    """Time as people say it.
+
+    Examples
+    --------
+    >>> seconds(0.0123), seconds(12.3), seconds(5000.0)
+    ('0.012 s', '12 s', '83 min')
+    """
+    return f"{value:.2g} s" if value < 600.0 else f"{value / 60.0:.0f} min"
+
+
+def choice_record(choice: Choice | None) -> dict[str, Any] | None:
+    """The same for ``result.json``."""
+    if choice is None:
+        return None
+    return {
+        "rung": choice.rung,
+        "asked": choice.asked,
+        "seconds": choice.seconds,
+        "foreseen_seconds": choice.foreseen,
+        "climbed": [
+            {"rung": name, "change_sd": change, "change_inclusion": inclusion}
+            for name, change, inclusion in choice.climbed
+        ],
+        "next": None
+        if choice.next_rung is None
+        else {
+            "rung": choice.next_rung,
+            "seconds": choice.next_seconds,
+            "change_sd": choice.next_change[0],
+            "change_inclusion": choice.next_change[1],
+            "foreseen_by": choice.next_reason,
+        },
+    }

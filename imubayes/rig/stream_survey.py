@@ -1,0 +1,267 @@
+"""The first pass over a long run: checks, block averages, extremes, and a stretch at full rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.rig.checks import JUMP, LEVELS, check_output, gap_note, jump_note, railed, rest_note
+from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps
+from imubayes.rig.runs import RunSpec, assumed, frozen, source_of
+from imubayes.rig.streams import Part, RunFile, Stream, Tell, first_interval, opened, parts_of
+from imubayes.rig.thermal import temperature_rate
+from imubayes.sensors.terms import Kind, Library, columns
+
+FloatArray = NDArray[np.float64]
+
+BLOCKS = 1500
+"""Blocks that a run is averaged to, about: as many as the noise of a run in memory is judged by."""
+
+STRETCH = 65_536
+"""Rows at full rate that are kept: the noise within a block is judged by them."""
+
+APART = 0.1
+"""Share of a block that a gap lasts at least to end it: averages may reach across a few lost samples."""
+
+STEADY = 0.01
+"""Relative error of the first table's sampling interval that asks for a second look at the run."""
+
+TILE = 8192
+"""Rows whose columns are made at a time: they fit the cache."""
+
+
+def read_long_run(spec: RunSpec, path: Path, kind: Kind, lib: Library, *, sha256: str, tell: Tell) -> Run:
+    """Read a run a part at a time, and keep what fits.
+
+    Parameters
+    ----------
+    spec : of the run.
+    path : of its file.
+    kind : of the sensor.
+    lib : terms whose columns are averaged over the blocks.
+    sha256 : of the file.
+    tell : is told of progress.
+
+    Raises
+    ------
+    DataError : as `imubayes.rig.runs.read_run` does.
+    """
+    file = opened(spec, path, kind, tell)
+    interval = first_interval(file)
+    found = _surveyed(file, lib, interval)
+    usual, rate = float(np.median([seen.interval for seen in found.seen])), None
+    if "T" in file.columns and "dT" not in file.columns:
+        rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
+    if rate is not None or abs(usual - interval) > STEADY * interval:
+        interval = usual
+        found = _surveyed(file, lib, interval, rate)
+    if np.ptp(found.extremes[:, -1]) == 0.0:
+        table = next(file.tables())
+        check_output(table, file.found(table, "output"))
+    return _run(spec, kind, file, found, sha256)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What a part was like: median step, gaps, the longest step and when, in s; samples at its extremes."""
+
+    t: float
+    interval: float
+    gaps: int
+    longest: float
+    at: float
+    low: tuple[float, int]
+    high: tuple[float, int]
+
+
+@dataclass(slots=True, eq=False)
+class _Survey:
+    """What a pass over a run gathers. Sums (m, q) and extremes are of the quantities `names` (q)."""
+
+    lib: Library
+    names: tuple[str, ...]
+    interval: float
+    rate: tuple[FloatArray, FloatArray] | None
+    longest: int
+    sums: list[FloatArray] = field(default_factory=list)
+    counts: list[int] = field(default_factory=list)
+    outermost: list[FloatArray] = field(default_factory=list)
+    seen: list[_Seen] = field(default_factory=list)
+    kept: list[Part] = field(default_factory=list)
+    reach: FloatArray = field(default_factory=lambda: np.zeros(0))
+    swing: float = 0.0
+
+    def mean(self, name: str) -> FloatArray:
+        """Averages (m,) of a quantity over the blocks; the duration of the blocks is a sum."""
+        return np.array([row[self.names.index(name)] for row in self.sums]) / np.array(self.counts)
+
+    @property
+    def extremes(self) -> FloatArray:
+        """Rows (r, channels + 1) that hold the extremes of each, the output last."""
+        return np.concatenate(self.outermost)
+
+
+def _surveyed(
+    file: RunFile, lib: Library, interval: float, rate: tuple[FloatArray, FloatArray] | None = None
+) -> _Survey:
+    """Pass over a run."""
+    found: _Survey | None = None
+    for part in parts_of(file, interval, rate)("reading"):
+        names = ("t", "duration", *part.channels, "output", *lib.names)
+        if found is None:
+            longest = max(1, math.ceil(file.rows / BLOCKS))
+            found = _Survey(lib, names, interval, rate, longest, reach=np.zeros(len(lib.names)))
+        if sum(len(one) for one in found.kept) < STRETCH:
+            found.kept.append(part)
+        _average(found, part)
+        found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), tuple(part.channels))]
+        found.seen.append(_look(part, interval))
+        own = part.channels.get(lib.own, 0.0)
+        found.swing = max(found.swing, float(np.max(np.abs(part.output - own))))
+    if found is None:
+        raise ValueError("a run without rows is refused when it is opened")
+    return found
+
+
+def _average(found: _Survey, part: Part) -> None:
+    """Add the rows of a part to the averages over the blocks."""
+    count = found.counts[-1] if found.counts else 0
+    starts = block_starts(part, count, found.longest, found.interval)
+    table = _quantities(part, found.lib)
+    found.reach = np.maximum(found.reach, np.abs(table[:, -len(found.reach) :]).max(axis=0))
+    opening = bool(starts) and starts[0] == 0
+    first = starts if opening else [0, *starts]
+    sums = np.add.reduceat(table, first, axis=0)
+    counts = np.diff([*first, len(part)]).tolist()
+    if not opening:
+        found.sums[-1] = found.sums[-1] + sums[0]
+        found.counts[-1] += counts[0]
+    found.sums += list(sums if opening else sums[1:])
+    found.counts += counts if opening else counts[1:]
+
+
+def block_starts(part: Part, count: int, longest: int, interval: float) -> list[int]:
+    """First rows of the blocks that begin in a part.
+
+    Parameters
+    ----------
+    part : rows of a run.
+    count : rows of the block that is open; 0 before the first.
+    longest : rows of a block.
+    interval : averaging time of a sample, s.
+    """
+    steps = np.diff(part.t, prepend=part.before)
+    breaks = np.flatnonzero(~(steps <= max(APART * longest, GAP) * interval)).tolist()
+    starts: list[int] = []
+    for a, b in pairwise(sorted({0, *breaks, len(part)})):
+        if a in breaks:
+            starts.append(a)
+            count = 0
+        more = list(range(a + longest - count, b, longest))
+        starts += more
+        count = b - more[-1] if more else count + b - a
+    return starts
+
+
+def _quantities(part: Part, lib: Library) -> FloatArray:
+    """Time, duration, channels, output, columns of the library: (k, q)."""
+    table = np.empty((len(part), 3 + len(part.channels) + len(lib.names)))
+    table[:, : -len(lib.names)] = np.column_stack((part.t, part.duration, _held(part)))
+    for a in range(0, len(part), TILE):
+        inside = slice(a, min(a + TILE, len(part)))
+        channels = {name: values[inside] for name, values in part.channels.items()}
+        columns(lib, channels, inside.stop - a, out=table[inside, -len(lib.names) :])
+    return table
+
+
+def _held(part: Part) -> FloatArray:
+    return np.column_stack((*part.channels.values(), part.output))
+
+
+def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Rows that hold the smallest and largest of every quantity, and of the force."""
+    force = [k for k, name in enumerate(names) if name.startswith("f_")]
+    looked = np.column_stack((rows, np.linalg.norm(rows[:, force], axis=1)))
+    return rows[np.unique(np.concatenate((looked.argmin(axis=0), looked.argmax(axis=0))))]
+
+
+def _look(part: Part, interval: float) -> _Seen:
+    steps = np.diff(part.t, prepend=part.before)
+    steps = steps[np.isfinite(steps)]
+    worst = int(np.argmax(steps))
+    low, high = float(part.output.min()), float(part.output.max())
+    return _Seen(
+        t=float(part.t[0]),
+        interval=float(np.median(steps)),
+        gaps=int(np.count_nonzero(steps > GAP * interval)),
+        longest=float(steps[worst]),
+        at=float(part.t[worst - len(steps)] - steps[worst]),
+        low=(low, railed(part.output, low)),
+        high=(high, railed(part.output, high)),
+    )
+
+
+def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
+    """What the checks found that does not stop the run."""
+    seen, usual = found.seen, found.interval
+    worst = max(seen, key=lambda one: one.longest)
+    away = [one for one in seen if abs(one.interval - usual) > JUMP * usual]
+    low, high = min(one.low[0] for one in seen), max(one.high[0] for one in seen)
+    resting = sum(one.low[1] for one in seen if one.low[0] == low)
+    resting += sum(one.high[1] for one in seen if one.high[0] == high)
+    fine = len(np.unique(stretch.output)) >= LEVELS
+    notes = (
+        gap_note(sum(one.gaps for one in seen), worst.longest, worst.at),
+        jump_note(away[0].interval, away[0].t, usual) if away else "",
+        rest_note("output", resting / samples if fine else 0.0),
+        f"{samples:,} rows are read a part at a time: every row counts in the coefficients, while figures"
+        f" and tests have averages over {len(found.counts):,} blocks, and {len(stretch.output):,} rows at"
+        f" full rate from t = {stretch.inputs.t[0]:.6g} s on",
+        "dT/dt is the smoothed derivative of the recorded temperature" if found.rate is not None else "",
+    )
+    return tuple(note for note in notes if note)
+
+
+def _stretch(spec: RunSpec, found: _Survey) -> tuple[Run, int]:
+    """Longest part of the first rows that no gap interrupts, and the number of its first row."""
+    t = np.concatenate([part.t for part in found.kept])
+    a, b = max(between_gaps(t, found.interval), key=lambda part: part[1] - part[0])
+    channels = {
+        name: np.concatenate([part.channels[name] for part in found.kept])[a:b]
+        for name in found.kept[0].channels
+    }
+    output = np.concatenate([part.output for part in found.kept])[a:b]
+    return Run(spec.name, spec.procedure, Inputs(t[a:b], channels, found.interval), output), a
+
+
+def _run(spec: RunSpec, kind: Kind, file: RunFile, found: _Survey, sha256: str) -> Run:
+    names = found.names[2 : found.names.index("output")]
+    counts, (stretch, stretch_first) = np.array(found.counts), _stretch(spec, found)
+    samples = int(counts.sum())
+    duration = np.array([row[1] for row in found.sums])
+    extremes = dict(zip((*names, "output"), found.extremes.T, strict=True))
+    stream = Stream(
+        parts=parts_of(file, found.interval, found.rate),
+        samples=samples,
+        interval=found.interval,
+        library=found.lib,
+        counts=counts,
+        duration=duration,
+        X=np.array([row[-len(found.reach) :] for row in found.sums]) / counts[:, None],
+        reach=found.reach,
+        swing=found.swing,
+        extremes=extremes,
+        stretch=stretch,
+        stretch_first=stretch_first,
+    )
+    channels = {name: frozen(found.mean(name)) for name in names}
+    inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)))
+    notes = (*_notes(found, samples, stretch), *assumed(kind, channels))
+    source = source_of(file.shown, sha256, file.columns, notes)
+    return Run(spec.name, spec.procedure, inputs, frozen(found.mean("output")), source, stream)

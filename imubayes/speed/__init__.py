@@ -1,0 +1,1 @@
+"""How fast the method is, beside what people would use instead."""

@@ -1,0 +1,167 @@
+"""Streaming against what a pass costs at least: the Gram matrix of the columns, and celerite2's own solve."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from celerite2 import driver
+from pyarrow import parquet as pq
+
+from imubayes import factor as algebra
+from imubayes.inference.linear import linear_of
+from imubayes.inference.streaming import streamed_pieces
+from imubayes.inference.whiten import Rows, mattering, whitener
+from imubayes.rig import streams
+from imubayes.rig.runs import RunSpec, read_run
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import columns, library
+
+pytestmark = pytest.mark.benchmark
+
+LIB = library("accelerometer", powers=3, asymmetry=0, set="extended")
+NOISE = Noise(1e-3, 1e-3, 1e-4)
+INTERVAL = 0.01
+ROWS, BLOCK = 1_000_000, 65_536
+SHARE = 0.5
+MEBIBYTES = 1024.0
+CHANNELS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k")
+UNITS = {"f": "m/s^2", "w": "rad/s"}
+
+
+def write(path: Path, rows: int, rng: np.random.Generator) -> None:
+    """A run of so many rows as a Parquet file, a million at a time."""
+    names = ["t [s]", *(f"{name} [{UNITS[name[0]]}]" for name in CHANNELS), "output [m/s^2]"]
+    schema = pa.schema([(name, pa.float64()) for name in names])
+    with pq.ParquetWriter(path, schema, use_dictionary=False) as file:
+        for first in range(0, rows, 1_000_000):
+            n = min(1_000_000, rows - first)
+            u = rng.normal(size=(len(CHANNELS), n))
+            arrays = [INTERVAL * (first + np.arange(n)), *u, u[0] + 0.01 * rng.normal(size=n)]
+            file.write_table(pa.table(arrays, schema=schema))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("long") / "run.parquet"
+    write(path, ROWS, np.random.default_rng(1))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(streams, "STREAMED", 1000)
+        return read_run(RunSpec("r", "other", file=path), "accelerometer", LIB)
+
+
+def peer(run) -> float:
+    """Seconds of X'X, celerite2's factor and its solve (lower and upper) over all rows, in blocks."""
+    seconds = 0.0
+    for part in run.stream.parts("peer"):
+        n = len(part)
+        X = columns(LIB, part.channels, n)
+        rows = Rows(part.t, np.full(n, INTERVAL))
+        w = whitener(NOISE, rows, mattering(NOISE, linear_of(run, LIB).rows))
+        V, table = w.U * 1e-9, np.column_stack((X, part.output))
+        start = time.perf_counter()
+        _ = X.T @ X
+        d, W = driver.factor(w.t, w.c, np.ones(n), w.U, V, np.empty(n), np.copy(V))
+        driver.solve_lower(w.t, w.c, w.U, W, table, table)
+        table /= d[:, None]
+        driver.solve_upper(w.t, w.c, w.U, W, table, table)
+        seconds += time.perf_counter() - start
+    return seconds
+
+
+def test_a_pass_over_a_file_has_at_least_half_the_rows_a_second_of_gram_and_celerite(
+    benchmark, measured, run
+):
+    rows = linear_of(run, LIB)
+    parts = mattering(NOISE, rows.rows)
+
+    def whole_pass():
+        return streamed_pieces(rows, run.stream, NOISE, parts)
+
+    whole_pass()
+    fastest = min(peer(run) for _ in range(3))
+    benchmark.pedantic(whole_pass, rounds=3)
+    share = fastest / benchmark.stats.stats.min
+    measured("million rows a second, from the file", round(ROWS / benchmark.stats.stats.min / 1e6, 2))
+    measured("million rows a second, X'X and celerite2", round(ROWS / fastest / 1e6, 2))
+    benchmark.extra_info["rows a second over X'X and celerite2"] = share
+    measured("share of the peers' rows a second", round(share, 2))
+    assert share >= SHARE
+
+
+def columns_of_condition(exponent: float, n: int, p: int) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    U, V = np.linalg.qr(rng.normal(size=(n, p)))[0], np.linalg.qr(rng.normal(size=(p, p)))[0]
+    return (U * 10.0 ** np.linspace(0.0, -exponent, p)) @ V.T
+
+
+def preconditioned(table: np.ndarray) -> np.ndarray:
+    """Factor by Gram matrices of blocks in the coordinates of the factor of those before."""
+    from scipy.linalg.blas import dtrsm
+
+    R = np.linalg.qr(table[:8192], mode="r")
+    for a in range(8192, len(table), 8192):
+        rows = dtrsm(1.0, R, table[a : a + 8192].T, trans_a=1)
+        R = np.linalg.cholesky(np.eye(len(R)) + rows @ rows.T).T @ R
+    return R
+
+
+@pytest.mark.parametrize("exponent", [0, 5, 10])
+def test_blocked_householder_keeps_the_digits_that_a_preconditioned_gram_matrix_keeps(
+    benchmark, measured, exponent
+):
+    """Digits of the coefficients against the same rows in extended precision."""
+    n, p = 65_536, 21
+    X = columns_of_condition(exponent, n, p)
+    truth = np.linspace(1.0, 2.0, p)
+    table = np.column_stack((X, X @ truth + 1e-6 * np.random.default_rng(4).normal(size=n)))
+    exact = algebra._householder(table)
+    reference = np.linalg.solve(exact[:p, :p].astype(float), exact[:p, p].astype(float))
+    blocks = [table[a : a + 8192] for a in range(0, n, 8192)]
+
+    def digits(R: np.ndarray) -> float:
+        found = np.linalg.solve(R[:p, :p], R[:p, p])
+        return -np.log10(np.max(np.abs(found - reference)) / np.max(np.abs(reference)) + 1e-17)
+
+    start = time.perf_counter()
+    gram = preconditioned(table)
+    seconds = time.perf_counter() - start
+    R = benchmark.pedantic(algebra.triangular, args=(blocks, p + 1), rounds=3)
+    measured("digits, Householder", round(digits(R), 1))
+    measured("digits, preconditioned Gram", round(digits(gram), 1))
+    measured("time of Householder over preconditioned Gram", round(benchmark.stats.stats.min / seconds, 2))
+    assert digits(R) >= 14.0 - exponent - 1.0
+    assert digits(R) >= digits(gram) - 1.0
+
+
+PEAK = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+sys.path.insert(0, {folder!r})
+from test_streaming_speed import LIB, write
+from imubayes.inference.summary import summarize
+from imubayes.rig.runs import RunSpec, read_run
+write(Path({file!r}), 6_000_000, np.random.default_rng(1))
+run = read_run(RunSpec("r", "other", file=Path({file!r})), "accelerometer", LIB)
+assert run.stream is not None
+assert summarize([run], LIB).factor.n == 6_000_000
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+sys.stdout.write(str(peak * (1 if sys.platform == "darwin" else 1024)))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="needs getrusage")
+def test_memory_stays_below_a_gibibyte(measured, tmp_path):
+    script = PEAK.format(folder=str(Path(__file__).parent), file=str(tmp_path / "run.parquet"))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    mebibytes = int(done.stdout) / 2**20
+    measured("peak memory, MiB", round(mebibytes))
+    assert mebibytes < MEBIBYTES

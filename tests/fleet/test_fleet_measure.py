@@ -1,0 +1,176 @@
+import os
+import signal
+
+import numpy as np
+import pytest
+from fleet_studies import backwards, fleet, here, recorded
+from pyarrow import parquet
+
+from imubayes.errors import InputError
+from imubayes.fleet.engines import Engine, engine
+from imubayes.fleet.measure import ENDED, lot_of, measure
+from imubayes.fleet.units import part_found
+from imubayes.processes import Lost, as_done
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, measure(fleet(8), folder, here())
+
+
+def _rows(folder):
+    return parquet.read_table(folder / "units")
+
+
+def _times(folder) -> dict[str, int]:
+    return {file.name: file.stat().st_mtime_ns for file in (folder / "units").iterdir()}
+
+
+def test_every_unit_and_term_is_a_row_and_truth_lies_beside_it(whole):
+    folder, result = whole
+    study, table = result.study, _rows(folder)
+    p = len(study.spec.library.terms)
+    assert table.column("unit").to_pylist() == [unit.name for unit in study.units for _ in range(p)]
+    lot = lot_of(study)
+    assert lot is not None
+    assert np.array_equal(np.array(table.column("truth")).reshape(8, p), lot.theta)
+    assert (result.answer.units, result.resumed, result.answer.broken) == (8, 0, ())
+    assert result.answer.counts.sum(axis=0).tolist() == [8] * p
+    assert [term.true_mean for term in result.answer.terms] == lot.mean.tolist()
+
+
+def test_order_in_which_parts_are_done_changes_no_digit(whole, tmp_path):
+    folder, result = whole
+    other = measure(fleet(8), tmp_path, backwards())
+    assert _rows(tmp_path).equals(_rows(folder))
+    assert other.answer.terms == result.answer.terms
+    assert other.answer.worst == result.answer.worst
+
+
+def test_resumed_study_repeats_nothing_and_says_the_same(whole):
+    folder, result = whole
+    before, jobs = _times(folder), []
+    again = measure(fleet(8), folder, here(jobs), resume=True)
+    assert (sum(jobs), again.resumed) == (0, 8)
+    assert _times(folder) == before
+    assert (again.answer.terms, again.answer.worst) == (result.answer.terms, result.answer.worst)
+
+
+def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
+    told: list[str] = []
+
+    def stopping(message: str) -> None:
+        told.append(message)
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measure(fleet(8), tmp_path, here(), progress=stopping)
+    before = _times(tmp_path)
+    assert sorted(before) == ["part-00000.parquet", "part-00001.parquet"]
+    jobs: list[int] = []
+    result = measure(fleet(8), tmp_path, here(jobs), resume=True)
+    assert (sum(jobs), result.resumed) == (1, 6)
+    assert _times(tmp_path).items() > before.items()
+    assert _rows(tmp_path).equals(_rows(whole[0]))
+    assert result.answer.terms == whole[1].answer.terms
+
+
+def test_without_resume_everything_is_done_again(whole, tmp_path):
+    measure(fleet(4), tmp_path, here())
+    jobs: list[int] = []
+    measure(fleet(2), tmp_path, here(jobs))
+    assert jobs == [1]
+    assert list(_times(tmp_path)) == ["part-00000.parquet"]
+
+
+def test_poisoned_file_costs_only_its_unit_and_is_read_when_it_is_mended(tmp_path):
+    study, out = recorded(tmp_path), tmp_path / "out"
+    file = tmp_path / "units" / "A4" / "tumble.csv"
+    good = file.read_text()
+    file.write_text(good.replace("\n", "\nrubbish,", 1))
+    result = measure(study, out, here())
+    (broken,) = result.answer.broken
+    assert (broken.number, broken.name) == (3, "A4")
+    assert str(file) in broken.error
+    assert result.answer.units == 4
+    assert "A4" not in _rows(out).column("unit").to_pylist()
+    # nothing has changed: nothing is done again, and the unit is still broken
+    jobs: list[int] = []
+    again = measure(study, out, here(jobs), resume=True)
+    assert (sum(jobs), again.answer.broken) == (0, (broken,))
+    file.write_text(good)
+    mended = measure(study, out, here(jobs), resume=True)
+    assert (mended.answer.units, mended.answer.broken, jobs[-1]) == (5, (), 1)
+    assert mended.resumed == 3
+
+
+def test_unit_without_its_file_is_broken_and_says_what_is_missing(tmp_path):
+    study = recorded(tmp_path, ("A1", "A2", "A3"))
+    (tmp_path / "units" / "A1" / "tumble.csv").unlink()
+    (broken,) = measure(study, tmp_path / "out", here()).answer.broken
+    assert broken.name == "A1"
+    assert "tumble.csv" in broken.error
+
+
+def test_fleet_of_broken_units_only_is_an_error(tmp_path):
+    study = recorded(tmp_path, ("A1", "A2"))
+    for name in ("A1", "A2"):
+        (tmp_path / "units" / name / "tumble.csv").write_text("")
+    with pytest.raises(InputError, match=r"none of 2 units could be read; A1: .*tumble.csv"):
+        measure(study, tmp_path / "out", here())
+
+
+def deadly(study, part):
+    """Analyse a part, unless unit 4 is in it: it ends the process."""
+    if any(unit.number == 4 for unit in part.units):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return part_found(study, part)
+
+
+def spared(study, part):
+    """Say what an engine says of a part that would end its process; analyse the others."""
+    return Lost() if any(unit.number == 4 for unit in part.units) else part_found(study, part)
+
+
+@pytest.mark.parametrize(
+    ("work", "processes"), [(spared, 1), pytest.param(deadly, 2, marks=pytest.mark.slow)]
+)
+def test_unit_that_ends_its_process_is_broken_and_its_neighbours_are_not(whole, tmp_path, work, processes):
+    made_up = Engine("made up", lambda _, jobs: as_done(work, jobs, processes))
+    result = measure(fleet(8), tmp_path, made_up)
+    assert [(one.number, one.error) for one in result.answer.broken] == [(4, ENDED)]
+    usual = _rows(whole[0])
+    assert _rows(tmp_path).equals(usual.filter(np.array(usual.column("number")) != 4))
+
+
+def test_unit_that_is_a_part_of_its_own_is_not_tried_again(tmp_path):
+    def do(work, jobs):
+        return ((k, Lost() if k == 1 else work(*job)) for k, job in enumerate(jobs))
+
+    result = measure(fleet(3, part=1), tmp_path, Engine("made up", do))
+    assert [one.number for one in result.answer.broken] == [1]
+    assert result.answer.units == 2
+
+
+@pytest.mark.slow
+def test_process_killed_in_the_middle_changes_no_digit(whole, tmp_path):
+    done: list[str] = []
+
+    def kill(message: str) -> None:
+        done.append(message)
+        if len(done) == 1:
+            os.kill(_children()[0], signal.SIGKILL)
+
+    with engine("local", 2) as workers:
+        result = measure(fleet(8), tmp_path, workers, progress=kill)
+    assert result.answer.broken == ()
+    assert _rows(tmp_path).equals(_rows(whole[0]))
+    assert result.answer.terms == whole[1].answer.terms
+
+
+def _children() -> list[int]:
+    from multiprocessing import active_children
+
+    return [child.pid for child in active_children() if child.pid]

@@ -1,0 +1,115 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fleet_studies import first_part, fleet
+
+from imubayes.errors import StudyError
+from imubayes.factor import posterior
+from imubayes.fleet import units
+from imubayes.fleet.plan import lot_slice, parts_of
+from imubayes.fleet.units import of_terms, part_found, record_of
+from imubayes.inference.at_noise import at_found_noise
+from imubayes.inference.prior import ScalePrior
+from imubayes.lots.units import simulate_unit
+from imubayes.preparation import prepare
+from imubayes.rig.runs import RunSpec
+from imubayes.selection.decision import loose_fit
+from imubayes.sensors.lots import draw_lot
+
+OSCILLATING = replace(
+    fleet().spec,
+    runs=(
+        RunSpec(
+            "tumble",
+            "tumble",
+            simulate={"profile": "tumble", "angles": 12, "planes": 3, "dwell": 10.0, "rate": 0.5},
+        ),
+    ),
+    reference={"plane_zero": 1e-4, "gravity": 1e-5},
+)
+
+
+def test_record_does_not_depend_on_the_part_that_the_unit_is_in():
+    study = fleet(6)
+    together = part_found(study, first_part(study)).records
+    apart = part_found(study, parts_of(replace(study, part=1), _lot(study))[2]).records
+    assert [one.name for one in together] == [unit.name for unit in study.units[:3]]
+    for name in ("mean", "sd", "full_mean", "full_sd", "inclusion", "truth", "R"):
+        assert np.array_equal(getattr(together[2], name), getattr(apart[0], name)), name
+    assert (together[2].verdicts, together[2].noise) == (apart[0].verdicts, apart[0].noise)
+
+
+def _lot(study):
+    return draw_lot(study.sensor_class, study.spec.library, len(study.units), np.random.default_rng([5, 0]))
+
+
+def test_full_library_estimates_scatter_about_the_truth_as_their_sds_say():
+    study = replace(fleet(12), part=12)
+    records = part_found(study, first_part(study)).records
+    excited = [name in ("b0", "b1", "m_j") for name in study.spec.library.names]
+    z = np.array([(one.full_mean - one.truth) / one.full_sd for one in records])[:, excited]
+    # the second moment of 36 standard normals, 12 of each term, to 4 of its standard errors
+    assert abs(np.mean(z**2) - 1.0) < 4.0 * np.sqrt(2.0 / z.size)
+
+
+def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrated_out():
+    study = fleet(2)
+    spec = replace(OSCILLATING, truth=_lot(study).truth(0))
+    runs = simulate_unit(spec, lot_slice(_lot(study), 0, 1), 0, np.random.default_rng(1))
+    ready = prepare(spec, runs, lambda message: None, np.random.default_rng(2))
+    p = len(spec.library.terms)
+    assert len(ready.summary.names) > p
+    whole = posterior(at_found_noise(ready.summary, ready.prior).factor, ready.prior.sd)
+    alone = posterior(of_terms(ready.summary, ready.prior), ready.prior.sd[:p])
+    for mine, theirs, sd in zip(alone, whole, (alone[1], alone[1]), strict=True):
+        # in sds: a tumble leaves combinations open that only the prior holds
+        np.testing.assert_allclose((mine - theirs[:p]) / sd, 0.0, atol=1e-7)
+
+
+def test_without_errors_of_the_bench_the_factor_is_the_whole_one():
+    study = fleet(2)
+    record = record_of(study, first_part(study).single(0))
+    p = len(study.spec.library.terms)
+    summary = replace(_summary(study), extras=())
+    mean, cov = loose_fit(summary, ScalePrior(np.ones(p)))
+    assert record.R.shape == (p + 1, p + 1)
+    assert np.array_equal(record.R, np.triu(record.R))
+    assert mean.shape == (p,)
+    assert cov.shape == (p, p)
+    gram = record.R.T @ record.R
+    found = at_found_noise(summary, ScalePrior(np.ones(p))).factor.R
+    np.testing.assert_allclose(gram, found.T @ found, rtol=1e-9, atol=1e-9 * np.abs(gram).max())
+
+
+def _summary(study):
+    lot = _lot(study)
+    spec = replace(study.spec, id=study.units[0].name, truth=lot.truth(0))
+    runs = simulate_unit(spec, lot_slice(lot, 0, 1), 0, np.random.default_rng([5, 1, 0, 0]))
+    return prepare(spec, runs, lambda message: None, np.random.default_rng([5, 1, 0, 1])).summary
+
+
+def test_fault_in_one_unit_leaves_the_others(monkeypatch):
+    study, usual = fleet(3), units.record_of
+
+    def faulty(study, alone):
+        if alone.units[0].number == 1:
+            raise StudyError("no such thing")
+        if alone.units[0].number == 2:
+            raise ZeroDivisionError("oh")
+        return usual(study, alone)
+
+    monkeypatch.setattr(units, "record_of", faulty)
+    found = part_found(study, first_part(study))
+    assert [one.number for one in found.records] == [0]
+    assert [(one.number, one.error.partition(";")[0]) for one in found.broken] == [
+        (1, "no such thing"),
+        (2, "ZeroDivisionError: oh"),
+    ]
+    assert "fault of imubayes" in found.broken[1].error
+
+
+def test_unit_that_is_asked_for_alone_says_what_is_wrong():
+    study = fleet(3, spec=replace(fleet().spec, runs=(RunSpec("x", "tumble"),)))
+    with pytest.raises(StudyError, match="'x'"):
+        record_of(study, first_part(study).single(0))

@@ -1,0 +1,256 @@
+"""A run that is read a part at a time against the same run in memory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyarrow import parquet as pq
+
+from imubayes.config import read_runs, read_study
+from imubayes.inference.linear import linear_of, whitened_factor, within_blocks
+from imubayes.inference.mcmc.coordinates import coordinates
+from imubayes.inference.mcmc.split import splits_of, values_at
+from imubayes.inference.pieces import pieces_of, stacked
+from imubayes.inference.residuals import check_residuals
+from imubayes.inference.stream_whitening import begin, padded, whiten_on
+from imubayes.inference.summary import summarize
+from imubayes.inference.whiten import Rows, mattering, whiten, whitener
+from imubayes.rig import stream_files, streams
+from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.simulate import synthesise
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import library
+from imubayes.study import run as study_run
+
+N, INTERVAL = 60_000, 0.01
+NOISE = Noise(1e-3, 3e-4, 2e-6)
+LIB = library("accelerometer")
+GIVEN = {"r": NoiseRule("fixed", NOISE)}
+IDENTITY = 1e-10
+
+
+def recording(n=N, seed=1):
+    """Positions with a gap between every two, a rate that changes from row to row, and coloured noise."""
+    rng = np.random.default_rng(seed)
+    t = INTERVAL * np.arange(n)
+    t += 20.0 * np.floor(t / 60.0)
+    angle = np.floor(t / 80.0)
+    f_i, f_j, w_i, w_j = 9.8 * np.cos(angle), 9.8 * np.sin(angle), rng.normal(size=n), rng.normal(size=n)
+    output = f_i + 1e-3 + 2e-4 * f_i + 1e-4 * w_i * w_j + synthesise(NOISE, t, INTERVAL, rng)
+    return {
+        "t [s]": t,
+        "f_i [m/s^2]": f_i,
+        "f_j [m/s^2]": f_j,
+        "w_i [rad/s]": w_i,
+        "w_j [rad/s]": w_j,
+        "output [m/s^2]": output,
+    }
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """The run in memory, and read a part at a time."""
+    path = tmp_path_factory.mktemp("run") / "run.parquet"
+    pq.write_table(pa.table(recording()), path)
+    spec = RunSpec("r", "other", file=path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(streams, "STREAMED", 1000)
+        patch.setattr(stream_files, "ROWS", 7001)
+        whole, part = read_run(spec, "accelerometer"), read_run(spec, "accelerometer", LIB)
+    assert whole.stream is None
+    assert part.stream is not None
+    return whole, part
+
+
+def off(R, other):
+    """Largest difference of what two triangular factors are factors of, over the columns' norms.
+
+    At 1 g columns are collinear: rows of the factor there are rounding, and only their product is not.
+    """
+    norms = np.linalg.norm(R, axis=0)
+    norms = np.where(norms > 0.0, norms, 1.0)
+    return np.max(np.abs(R.T @ R - other.T @ other) / np.outer(norms, norms))
+
+
+def rows_of(kind, n=400):
+    rng = np.random.default_rng(7)
+    if kind == "even":
+        return Rows(0.5 * np.arange(n) + 0.25, np.full(n, 0.5))
+    duration = rng.uniform(0.2, 3.0, n)
+    start = np.cumsum(np.concatenate(([7.0], duration[:-1] + rng.exponential(2.0, n - 1))))
+    return Rows(start + 0.5 * duration, duration)
+
+
+@pytest.mark.parametrize("kind", ["even", "uneven"])
+@pytest.mark.parametrize(
+    "noise", [Noise(1.0, 0.7, 0.05), Noise(2.0, 0.0, 0.0), Noise(0.3, 0.7, 0.0), Noise(0.0, 0.7, 0.05)]
+)
+@settings(max_examples=20, deadline=None)
+@given(cuts=st.lists(st.integers(1, 399), max_size=6))
+def test_whitening_in_blocks_of_any_sizes_is_whitening_at_once(kind, noise, cuts):
+    rows, width = rows_of(kind), 3
+    table = np.random.default_rng(2).normal(size=(len(rows.t), padded(width)))
+    parts = mattering(noise, rows)
+    w = whitener(noise, rows, parts)
+    at_once = whiten(w, table.copy())
+    carry, d = begin(noise, parts, float(rows.t[0] - 0.5 * rows.duration[0]), table.shape[1]), []
+    edges = sorted({0, *cuts, len(table)})
+    for a, b in pairwise(edges):
+        d.append(whiten_on(carry, rows.t[a:b], rows.duration[a:b], table[a:b]))
+    assert np.max(np.abs(table - at_once)) <= IDENTITY * np.max(np.abs(at_once))
+    assert np.concatenate(d) == pytest.approx(w.d, rel=IDENTITY)
+
+
+def test_a_random_walk_is_whitened_as_well_a_year_on_as_at_its_start():
+    n, noise = 300, Noise(1e-3, 0.0, 1e-3)
+    rows = Rows(np.arange(n) + 0.5, np.ones(n))
+    table = np.random.default_rng(4).normal(size=(n, padded(1)))
+    parts = mattering(noise, rows)
+    early, late = table.copy(), table.copy()
+    for start, values in ((0.0, early), (-3e7, late)):
+        whiten_on(begin(noise, parts, start, table.shape[1]), rows.t, rows.duration, values)
+    # the first row tells where the walk is; from the second on its past is over but for N/(K sqrt(year))
+    assert np.max(np.abs(late[1:] - early[1:])[20:]) <= 1e-6 * np.max(np.abs(early))
+
+
+def test_the_factor_is_that_of_the_rows_in_memory(runs):
+    whole, part = (summarize([run], LIB, rules=GIVEN) for run in runs)
+    assert part.factor.n == N
+    assert off(whole.factor.R, part.factor.R) <= IDENTITY
+    assert part.factor.log_det == pytest.approx(whole.factor.log_det, rel=IDENTITY)
+    assert part.facts == whole.facts
+    assert part.reach == whole.reach
+    assert part.runs[0].ranges == whole.runs[0].ranges
+    assert part.runs[0].interval == pytest.approx(whole.runs[0].interval, rel=1e-9)
+
+
+def test_white_noise_of_unknown_scale_is_that_of_the_rows_in_memory(runs):
+    rules = {"r": NoiseRule("white")}
+    whole, part = (summarize([run], LIB, rules=rules) for run in runs)
+    assert pytest.approx(whole.runs[0].noise.N, rel=IDENTITY) == part.runs[0].noise.N
+    assert off(whole.factor.R, part.factor.R) <= IDENTITY
+
+
+def test_the_noise_is_that_of_the_rows_in_memory_within_error_bars(runs):
+    whole, part = (summarize([run], LIB).runs[0] for run in runs)
+    for name, sd, other_sd in zip("NBK", whole.noise_sd, part.noise_sd, strict=True):
+        ratio = getattr(part.noise, name) / getattr(whole.noise, name)
+        assert abs(np.log(ratio)) <= max(sd, other_sd)
+
+
+def test_white_noise_is_seen_where_blocks_are_longer_than_it_lasts(tmp_path, monkeypatch):
+    """White noise is below bias instability beyond 0.04 s: blocks of 1 s do not tell it, the stretch does."""
+    noise, n = Noise(1e-3, 5e-3, 0.0), 150_000
+    rng = np.random.default_rng(3)
+    t = INTERVAL * np.arange(n)
+    table = {"t [s]": t, "output [m/s^2]": synthesise(noise, t, INTERVAL, rng)}
+    pq.write_table(pa.table(table), tmp_path / "run.parquet")
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    run = read_run(RunSpec("r", "static", file=tmp_path / "run.parquet"), "accelerometer", LIB)
+    found = summarize([run], LIB).runs[0]
+    assert found.noise_sd[0] < 0.06
+    assert abs(np.log(found.noise.N / noise.N)) < 4.0 * found.noise_sd[0]
+    assert abs(np.log(found.noise.B / noise.B)) < 4.0 * found.noise_sd[1]
+
+
+def test_the_dwells_stack_to_the_factor_and_share_its_pass(runs):
+    rows = linear_of(runs[1], LIB)
+    pieces = pieces_of(rows, NOISE)
+    made, _ = whitened_factor(rows, NOISE)
+    assert len(pieces) > 9
+    assert pieces.rows.sum() == N
+    assert off(stacked([pieces]).R, made.R) <= IDENTITY
+    assert pieces_of(rows, NOISE) is pieces
+
+
+def test_what_block_averages_leave_is_what_is_left_of_all_rows(runs):
+    whole, rows = linear_of(runs[0], LIB), linear_of(runs[1], LIB)
+    counts = runs[1].stream.counts
+    table = np.column_stack((whole.columns(0, N), whole.y))
+    first = np.cumsum(counts) - counts
+    means = np.add.reduceat(table, first, axis=0) / counts[:, None]
+    left = (table - np.repeat(means, counts, axis=0)) * np.sqrt(whole.duration)[:, None]
+    gram = left.T @ left
+    R = within_blocks(rows)
+    size = np.sqrt(np.diag(table.T @ table) * INTERVAL)
+    assert np.max(np.abs(R.T @ R - gram) / np.outer(size, size).clip(1e-300)) <= IDENTITY
+
+
+def test_any_noise_in_a_millisecond_is_exact_at_the_maximum(runs):
+    """The split of a stream into averages and what they leave, mended by whitenings of all rows."""
+    summary = summarize([runs[1]], LIB)
+    rows = linear_of(runs[1], LIB)
+    c = coordinates(summary.factor, np.ones(len(LIB.names)))
+    splits, top = splits_of([rows], summary.runs, c)
+    b, k = (top[1:] - top[0]).tolist()
+    made, _ = whitened_factor(rows, Noise(1.0, float(np.exp(b)), float(np.exp(k))), splits[0].parts)
+    assert values_at(splits[0], b, k)[-1] == pytest.approx(made.log_det, rel=1e-8)
+
+
+def test_residuals_of_a_stream_are_tested_by_averages_and_by_samples(runs):
+    summary = summarize([runs[1]], LIB, rules=GIVEN)
+    rows = linear_of(runs[1], LIB)
+    theta = np.zeros(len(LIB.names))
+    for name, value in (("b0", 1e-3), ("b1", 2e-4), ("S_ij", 1e-4)):
+        theta[LIB.names.index(name)] = value
+    check = check_residuals(runs[1], rows, theta, summary.runs[0])
+    # chi-squares of about 360 averages and of 6,000 samples: four standard errors
+    assert abs(check.scale - 1.0) < 4.0 / np.sqrt(2.0 * 340)
+    assert abs(check.sample_scale - 1.0) < 4.0 / np.sqrt(2.0 * 5000)
+    assert check.tau[0] == pytest.approx(INTERVAL)
+    assert np.all(np.diff(check.tau) > 0.0)
+    assert check.deviation[0] == pytest.approx(check.expected[0], rel=0.1)
+
+
+def test_a_stream_answers_for_the_library_that_it_was_read_for(runs):
+    with pytest.raises(ValueError, match="read it again for another library"):
+        linear_of(runs[1], library("accelerometer", powers=2))
+
+
+STUDY = """
+[study]
+title = "long"
+seed = 1
+[[sensor]]
+id = "A"
+kind = "accelerometer"
+class = "mems_tactical"
+[[sensor.run]]
+name = "r"
+procedure = "other"
+file = "run.parquet"
+[sensor.run.noise]
+N = "1e-3 m/s^2/sqrt(Hz)"
+B = "3e-4 m/s^2"
+K = "2e-6 m/s^2/sqrt(s)"
+"""
+
+
+def test_a_study_of_a_long_file_says_what_it_says_in_memory(tmp_path, monkeypatch):
+    pq.write_table(pa.table(recording(20_000)), tmp_path / "run.parquet")
+    (tmp_path / "study.toml").write_text(STUDY)
+    study = replace(read_study(tmp_path / "study.toml"), compare=False)
+    whole = study_run(study).sensors[0]
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    said: list[str] = []
+    part = study_run(study, progress=said.append).sensors[0]
+    assert part.samples == whole.samples == 20_000
+    assert [term.verdict for term in part.selection.terms] == [t.verdict for t in whole.selection.terms]
+    for term, other in zip(part.selection.terms, whole.selection.terms, strict=True):
+        assert abs(term.mean - other.mean) <= 1e-7 * term.prior_sd
+        assert term.inclusion == pytest.approx(other.inclusion, abs=1e-6)
+    assert any("read a part at a time" in note for note in part.runs[0].source.notes)
+    assert not any("read a part at a time" in note for note in whole.runs[0].source.notes)
+
+
+def test_errors_of_the_bench_have_a_long_file_read_as_a_whole(tmp_path, monkeypatch):
+    pq.write_table(pa.table(recording(5000)), tmp_path / "run.parquet")
+    (tmp_path / "study.toml").write_text(STUDY + '[sensor.reference]\ngravity = "1e-5 m/s^2"\n')
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    assert read_runs(tmp_path / "study.toml")[0].stream is None

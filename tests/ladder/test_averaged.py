@@ -1,0 +1,63 @@
+import numpy as np
+from ladders import ground, problem
+from scipy.stats import multivariate_normal
+
+from imubayes.inference.at_noise import at_noise
+from imubayes.ladder.averaged import averaged, peak_of, weighted
+from imubayes.ladder.plug_in import plug_in
+from imubayes.ladder.problem import prepared
+from imubayes.ladder.shared_noise import groups_of, noises_of
+from imubayes.sensors.noise import Noise, NoiseRule
+
+
+def test_probability_of_the_rows_at_a_noise_is_that_of_a_dense_normal():
+    ready = prepared(ground(problem(dwell=1.0, rule=NoiseRule("fixed", Noise(6e-4, 0.0, 2e-5)))))
+    rows = ready.rows[0]
+    N, K = 7e-4, 3e-5
+    start = rows.t - rows.t[0] + 0.5 * rows.duration[0]
+    walk = K**2 * (np.minimum.outer(start, start) - np.diag(rows.duration) / 6.0)
+    X = rows.columns(0, len(rows)) * ready.prior.sd
+    cov = np.diag(N**2 / rows.duration) + walk + X @ X.T
+    found = at_noise(ready.summary, ready.rows, np.array([[N, 0.0, K]]), ready.prior.sd).log_marginal
+    np.testing.assert_allclose(found, multivariate_normal.logpdf(rows.y, cov=cov), rtol=1e-8)
+
+
+def test_evidence_and_noise_are_those_of_a_quadrature_over_the_noise():
+    g = ground(problem(dwell=4.0, rule=NoiseRule("white")))
+    ready = prepared(g)
+    (median, width) = ready.summary.runs[0].steering[0]
+    x = np.log(ready.summary.runs[0].noise.N) + np.linspace(-0.2, 0.2, 81)
+    logs = np.array(
+        [
+            at_noise(ready.summary, ready.rows, noise, ready.prior.sd).log_marginal
+            for noise in noises_of(ready, groups_of(ready), x[:, None])
+        ]
+    )
+    logs += -0.5 * ((x - np.log(median)) / width) ** 2 - np.log(width * np.sqrt(2.0 * np.pi))
+    share = np.exp(logs - logs.max())
+    evidence, mean = logs.max() + np.log(np.sum(share) * (x[1] - x[0])), np.average(x, weights=share)
+    sd = np.sqrt(np.average((x - mean) ** 2, weights=share))
+    drawn = weighted(g)
+    error = 1.0 / np.sqrt(drawn.count)
+    assert abs(drawn.log_evidence - evidence) < 4.0 * error
+    assert abs(drawn.weight @ np.log(drawn.noises[:, 0, 0]) - mean) < 4.0 * error * sd
+
+
+def test_known_noise_leaves_nothing_to_average():
+    g = ground(problem(dwell=4.0, rule=NoiseRule("fixed", Noise(6e-4, 2e-4, 1e-6))))
+    found, drawn = averaged(g), weighted(g)
+    assert len(found.noises) == len(drawn.draws) == 1
+    np.testing.assert_allclose(drawn.draws[0].factor.R, prepared(g).summary.factor.R, rtol=1e-9, atol=1e-9)
+    # only the scale of the residuals, which plug-in takes from them, is different
+    assert found.model == plug_in(g).model
+
+
+def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():
+    ready = prepared(ground(problem()))
+    peak = peak_of(ready)
+    sd = np.sqrt(np.diag(peak.L @ peak.L.T))
+    n = ready.summary.factor.n
+    # drift takes some of what the rows say of N, never adds to it; B and K are no better known than N
+    assert 1.0 <= sd[0] * np.sqrt(2.0 * n) < 3.0
+    assert (sd[1:] > sd[0]).all()
+    assert (sd <= peak.prior[:, 1] * (1.0 + 1e-9)).all()

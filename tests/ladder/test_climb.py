@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+from ladders import problem
+
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder.answer import change
+from imubayes.ladder.climb import NAMES, by_accuracy, by_budget, by_name, climb
+from imubayes.ladder.costs import REFERENCE, foreseen
+from imubayes.ladder.problem import size_of
+
+SHORT = Limits(ess=200.0, time_limit=2.0)
+
+
+def test_a_budget_takes_the_best_rung_that_fits_and_no_other():
+    one, told = problem(dwell=4.0), []
+    found, choice = by_budget(one, 0.25, REFERENCE, rng=np.random.default_rng(1), tell=told.append)
+    assert choice.rung == found.rung == "plug-in"
+    assert choice.climbed == ()
+    assert "dwell means" not in told
+    assert choice.next_rung == "averaged"
+    assert choice.foreseen == foreseen("plug-in", size_of(one), REFERENCE).seconds <= 0.25
+    assert choice.seconds >= found.seconds
+    assert choice.asked == "a budget of 0.25 s"
+
+
+def test_a_budget_that_nothing_fits_gets_the_cheapest_rung():
+    found, choice = by_budget(problem(dwell=4.0), 1e-6, REFERENCE, rng=np.random.default_rng(1))
+    assert found.rung == "means"
+    assert choice.foreseen > 1e-6
+    assert choice.next_reason
+
+
+def test_an_accuracy_climbs_until_two_rungs_agree():
+    one = problem(dwell=4.0)
+    found, choice = by_accuracy(one, 0.5, REFERENCE, rng=np.random.default_rng(1), limits=SHORT)
+    names = [name for name, _, _ in choice.climbed]
+    assert names == list(NAMES[: len(names)])
+    assert found.rung == choice.rung == names[-1]
+    changes = [moved for _, moved, _ in choice.climbed[1:]]
+    assert changes[-1] <= 0.5
+    assert all(moved > 0.5 for moved in changes[:-1])
+    # climbing shares what rungs have in common, and changes no answer
+    again = climb(one, until=found.rung, rng=np.random.default_rng(1), limits=SHORT)
+    assert change(again[-2], again[-1]) == pytest.approx(choice.climbed[-1][1:], abs=1e-12)
+
+
+def test_the_change_foreseen_from_dwell_means_has_the_size_of_the_change():
+    one = problem()
+    first, second = climb(one, until="sparse", rng=np.random.default_rng(1))
+    _, choice = by_name(one, "means", REFERENCE, rng=np.random.default_rng(1))
+    moved = change(first, second)[0]
+    assert moved / 3.0 < choice.next_change[0] < 3.0 * moved

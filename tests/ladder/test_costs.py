@@ -1,0 +1,86 @@
+import time
+
+import numpy as np
+import pytest
+from ladders import ground, problem
+
+from imubayes.ladder import law_file
+from imubayes.ladder.costs import REFERENCE, calibrate, foreseen, law_of, measured_speeds, within
+from imubayes.ladder.problem import size_of
+from imubayes.ladder.rungs import stand
+from imubayes.planning.fidelity import LADDER, Size
+
+SIZE = Size(rows=36_000, columns=20, candidates=17, runs=2)
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(law_file, "cache_folder", lambda: tmp_path / "cache")
+
+
+@pytest.mark.parametrize("rung", ["means", "sparse", "plug-in", "averaged"])
+def test_seconds_are_foreseen_within_a_factor_of_three(rung):
+    one = problem(rate=20.0, dwell=15.0)
+    law = law_of(measured_speeds())
+    stand(rung, ground(one))  # compiled, and imported
+    start = time.process_time()  # a busy machine takes longer by the clock
+    stand(rung, ground(one))
+    ratio = (time.process_time() - start) / foreseen(rung, size_of(one), law).seconds
+    assert 1.0 / 3.0 < ratio < 3.0
+
+
+def test_better_rungs_take_longer():
+    for size in (SIZE, Size(600, 15, 5, 1), Size(1_000_000, 30, 20, 5)):
+        seconds = [foreseen(rung.name, size, REFERENCE).seconds for rung in LADDER]
+        assert seconds == sorted(seconds)
+
+
+@pytest.mark.parametrize("budget", [0.0, 0.3, 1.0, 10.0, 1e6])
+def test_chosen_rung_is_the_best_that_fits(budget):
+    names = [rung.name for rung in LADDER]
+    chosen = names.index(within(budget, SIZE, REFERENCE))
+    seconds = [foreseen(name, SIZE, REFERENCE).seconds for name in names]
+    assert chosen == 0 or seconds[chosen] <= budget
+    assert all(later > budget for later in seconds[chosen + 1 :])
+
+
+def test_law_of_a_machine_half_as_fast_takes_twice_as_long():
+    slow = law_of({kind: 2.0 * seconds for kind, seconds in measured_and_kept().items()})
+    usual = law_of(measured_and_kept())
+    for rung in LADDER:
+        ratio = foreseen(rung.name, SIZE, slow).seconds / foreseen(rung.name, SIZE, usual).seconds
+        np.testing.assert_allclose(ratio, 2.0)
+
+
+def measured_and_kept() -> dict[str, float]:
+    calibrate()
+    found = law_file.read(("small", "large", "models"))
+    assert found is not None
+    return found
+
+
+def test_machine_is_measured_once(monkeypatch):
+    first = calibrate()
+    monkeypatch.setattr("imubayes.ladder.costs.measured_speeds", lambda: pytest.fail("was kept"))
+    assert calibrate() == first
+
+
+def test_speeds_of_another_machine_are_not_taken(monkeypatch):
+    calibrate()
+    monkeypatch.setattr(law_file, "_machine", lambda: ["another"])
+    assert law_file.read(("small",)) is None
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"speeds": {"small": 1.0}}', '{"machine": 1, "speeds": {"small": "x"}}']
+)
+def test_broken_cache_is_measured_again(text, tmp_path):
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / law_file.FILE).write_text(text)
+    assert law_file.read(("small",)) is None
+
+
+def test_cache_that_cannot_be_written_is_no_error(tmp_path):
+    (tmp_path / "cache").write_text("a file where the folder would be")
+    law_file.write({"small": 1.0})
+    assert law_file.read(("small",)) is None

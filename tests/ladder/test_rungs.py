@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+from ladders import TRUTH, ground, problem
+
+from imubayes.errors import InputError
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.prior import ScalePrior
+from imubayes.ladder.answer import change
+from imubayes.ladder.foresight import foresee
+from imubayes.ladder.problem import ground_of, prepared, problem_of, size_of
+from imubayes.ladder.rungs import RUNGS, stand
+from imubayes.planning.fidelity import LADDER
+from imubayes.rig.inputs import TriadRun
+
+NAMES = [rung.name for rung in LADDER]
+SHORT = Limits(ess=200.0, time_limit=2.0)
+
+
+@pytest.fixture(scope="module")
+def climbed():
+    one = problem()
+    g = ground_of(one, np.random.default_rng(2), lambda message: None, SHORT)
+    return g, {name: stand(name, g) for name in NAMES}
+
+
+def test_every_rung_has_its_function():
+    assert list(RUNGS) == NAMES
+
+
+@pytest.mark.parametrize("rung", NAMES)
+def test_every_rung_gives_an_answer_that_is_sound(climbed, rung):
+    g, answers = climbed
+    found = answers[rung]
+    p = len(g.problem.library.terms)
+    assert found.names == g.problem.library.names
+    for values in (found.mean, found.sd, found.inclusion, found.full_mean, found.full_sd):
+        assert values.shape == (p,)
+        assert np.isfinite(values).all()
+    assert ((found.inclusion >= 0.0) & (found.inclusion <= 1.0)).all()
+    assert (found.full_sd > 0.0).all()
+    assert len(found.selection.terms) == p
+    assert len(found.noise) == len(g.problem.runs)
+    assert found.seconds > 0.0
+    assert {"b0", "b1", "m_j"} <= set(found.model)
+
+
+@pytest.mark.parametrize("rung", NAMES[1:])
+def test_coloured_rungs_have_the_truth_within_five_sd(climbed, rung):
+    found = climbed[1][rung]
+    truth = np.array([TRUTH.get(name, 0.0) for name in found.names])
+    assert np.max(np.abs(found.full_mean - truth) / found.full_sd) < 5.0
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"), [("plug-in", "averaged"), ("averaged", "collapsed"), ("collapsed", "full")]
+)
+def test_rungs_that_average_over_the_noise_agree_within_monte_carlo_error(climbed, lower, upper):
+    g, answers = climbed
+    foreseen = foresee(g, answers[lower])
+    coefficients, inclusions = change(answers[lower], answers[upper])
+    assert coefficients < 0.1 + 4.0 * foreseen.coefficients
+    assert inclusions < 0.02 + 4.0 * foreseen.inclusions
+
+
+def test_full_rung_and_every_row_agree(climbed):
+    answers = climbed[1]
+    # both from a thousand draws at most, of which two hundred count: 4 standard errors of the difference
+    draws = 4.0 * np.sqrt(2.0 / 100.0)
+    apart = np.abs(answers["raw"].full_mean - answers["full"].full_mean) / answers["full"].full_sd
+    assert np.max(apart) < draws
+
+
+def test_what_each_rung_would_gain_is_finite_and_said(climbed):
+    g, answers = climbed
+    for name in NAMES[:-1]:
+        ahead = foresee(g, answers[name])
+        assert np.isfinite([ahead.coefficients, ahead.inclusions]).all()
+        assert 0.0 <= ahead.inclusions <= 1.0
+        assert ahead.reason
+
+
+def test_an_answer_does_not_depend_on_what_was_climbed_before(climbed):
+    _, answers = climbed
+    alone = stand("averaged", ground_of(problem(), np.random.default_rng(2), lambda message: None, SHORT))
+    np.testing.assert_array_equal(alone.mean, answers["averaged"].mean)
+    np.testing.assert_array_equal(alone.inclusion, answers["averaged"].inclusion)
+
+
+def test_sparse_support_is_the_best_by_enumeration_where_the_terms_are_plain(climbed):
+    _, answers = climbed
+    sure = answers["plug-in"].inclusion > 0.99
+    assert sure.any()
+    assert (answers["sparse"].inclusion[sure] == 1.0).all()
+    never = answers["plug-in"].inclusion < 0.01
+    assert (answers["sparse"].inclusion[never] == 0.0).all()
+
+
+def test_size_counts_rows_columns_and_what_is_excited():
+    one = problem()
+    size, ready = size_of(one), prepared(ground(one))
+    assert (size.rows, size.columns) == (ready.summary.factor.n, ready.summary.factor.p)
+    assert size.candidates == int(np.sum(ready.summary.factor.column_norms > 0.0))
+    assert size.runs == 1
+
+
+def test_free_tumbles_are_told_where_to_go():
+    one = problem()
+    run = one.runs[0]
+    output = np.zeros((len(run.output), 3))
+    free = TriadRun("free", "free-tumble", run.inputs.t, output, 9.8, 1.0, run.source)
+    with pytest.raises(InputError, match=r"'free' is a free tumble of a triad.*--method"):
+        problem_of(one.spec, [free])
+
+
+def test_prior_of_the_problem_is_that_of_the_factor():
+    one = problem()
+    assert isinstance(one.prior, ScalePrior)
+    np.testing.assert_array_equal(one.prior.sd, prepared(ground(one)).prior.sd)

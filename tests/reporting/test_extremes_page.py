@@ -1,0 +1,65 @@
+"""The page on the extremes: what it says is what was measured."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from imubayes.extremes.measure import QUANTITIES, Extremes, Outcome, Told, measure
+from imubayes.extremes.plan import ExtremesStudy
+from imubayes.reporting.extremes_page import (
+    extremes_answer,
+    extremes_html,
+    extremes_json,
+    terminal_extremes,
+    write_extremes,
+)
+
+
+@pytest.fixture(scope="module")
+def found() -> Extremes:
+    text = "[study]\n[extremes]\n"
+    return measure(ExtremesStudy("Ends <of>", 1, ("columns",), 4, Path("ends.toml"), text))
+
+
+def _with(found: Extremes, told: Told) -> Extremes:
+    first = found.outcomes[0]
+    wrong = Outcome(first.family, "wrong", 2.0, True, dict.fromkeys(QUANTITIES, told), ())
+    return replace(found, outcomes=(wrong, *found.outcomes))
+
+
+def test_an_answer_that_claims_too_much_is_counted_in_the_first_sentence(found):
+    assert extremes_answer(found)[0].startswith("None of")
+    assert extremes_answer(_with(found, Told(3.0, 5.0)))[0].startswith("6 of")
+    assert "6 is NaN or infinite" in extremes_answer(_with(found, Told(-math.inf, 5.0)))[0]
+
+
+def test_numbers_of_every_case_are_in_the_result(found):
+    document = json.loads(extremes_json(found))
+    assert [case["case"] for case in document["cases"]] == [one.label for one in found.outcomes]
+    for case, one in zip(document["cases"], found.outcomes, strict=True):
+        for name, told in one.told.items():
+            correct = case["digits"][name]["correct"]
+            assert correct is None if math.isnan(told.correct) else correct == told.correct
+
+
+def test_page_is_whole_and_escapes_what_comes_from_the_study(found, tmp_path):
+    text = extremes_html(found)
+    assert "Ends &lt;of&gt;" in text and "Ends <of>" not in text
+    parser = HTMLParser()
+    parser.feed(text)
+    parser.close()
+    assert text.count("<svg") == 1
+    assert all(message.split(";")[0] in text for one in found.outcomes for message in one.refused)
+    assert [file.name for file in write_extremes(found, tmp_path)] == ["report.html", "result.json"]
+
+
+def test_terminal_fits_eighty_columns_and_names_every_family(found):
+    lines = terminal_extremes(found).splitlines()
+    assert lines[-1].startswith("columns")
+    assert max(map(len, lines[-2:])) <= 80

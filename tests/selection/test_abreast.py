@@ -1,0 +1,99 @@
+"""The tree in 32 lanes against the tree in one, whatever shares the work."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba.core import config
+
+from imubayes.factor import factor_of, with_prior_rows
+from imubayes.selection import abreast
+from imubayes.selection.masks import sizes
+from imubayes.selection.model_prior import admissible
+from imubayes.selection.tree import walk
+
+seeds = st.integers(0, 2**32 - 1)
+REL = 1e-12
+"""Of a weight: a few roundings a column, 26 columns at most, and the exponent's own of 1e-16 x |exponent|."""
+
+
+def _problem(seed: int, p: int) -> tuple[np.ndarray, np.ndarray]:
+    """Factor with prior rows in units of the noise, and the rows: 1/sd of each column."""
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(2 * p, p)) * 10.0 ** rng.uniform(-3, 3, p)
+    y = X @ (rng.normal(size=p) / np.linalg.norm(X, axis=0)) + rng.normal(size=len(X))
+    width = 10.0 ** rng.uniform(-3, 3, p)
+    return with_prior_rows(factor_of(X, y, [f"x{j}" for j in range(p)]).R, width), width
+
+
+def _weights(R: np.ndarray, width: np.ndarray, by_size: np.ndarray, **options) -> np.ndarray:
+    weight = np.zeros(1 << len(width))
+    largest = abreast.add_weights(weight, *abreast.ready(R, width), by_size, **options)
+    assert largest == weight.max()
+    return weight
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds, st.sampled_from([8, 9, 12, 13]))
+def test_weights_in_lanes_are_those_of_the_tree_with_logarithms(seed, p):
+    R, width = _problem(seed, p)
+    by_size = np.random.default_rng(seed).normal(size=p + 1)
+    rss, log_det = walk(R)
+    inside = np.array([[mask >> j & 1 for j in range(p)] for mask in range(1 << p)])
+    logs = 0.3 + by_size[sizes(p)] - 0.5 * (rss - R[-1, -1] ** 2) - log_det + inside @ np.log(width)
+    expected = np.exp(logs)
+    found = _weights(R, width, by_size, log_factor=0.3)
+    shift = REL + 1e-14 * np.max(np.abs(logs))
+    np.testing.assert_allclose(found, expected, rtol=shift, atol=1e-290)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds, st.sampled_from([8, 10, 14]))
+def test_residuals_in_lanes_are_those_of_the_tree(seed, p):
+    R, _ = _problem(seed, p)
+    found = abreast.residuals(abreast.ready(R, np.ones(p))[0])
+    np.testing.assert_allclose(found, walk(R)[0], rtol=REL)
+
+
+def test_a_model_with_a_child_and_without_its_parent_has_no_weight():
+    R, width = _problem(5, 14)
+    needs = [(0, 13), (12, 3), (1, 2), (11, 9)]
+    by_size = np.zeros(15)
+    free = _weights(R, width, by_size, log_factor=0.0)
+    bound = _weights(R, width, by_size, log_factor=0.0, needs=needs)
+    np.testing.assert_array_equal(bound, np.where(admissible(14, needs), free, 0.0))
+
+
+@pytest.mark.parametrize("p", [17, 19])
+def test_numbers_are_the_same_to_the_last_digit_whatever_the_threads(p, monkeypatch):
+    R, width = _problem(6, p)
+    found = []
+    for threads in (1, 2, 3):
+        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
+        found.append(_weights(R, width, np.zeros(p + 1), log_factor=0.0))
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
+
+
+def test_columns_that_vanish_beside_others_leave_every_number_finite():
+    """Two equal columns: without the first, the second takes its place."""
+    rng = np.random.default_rng(7)
+    X = rng.normal(size=(20, 9))
+    X[:, 4] = X[:, 2]
+    R = np.triu(np.linalg.qr(np.column_stack((X, rng.normal(size=20))), mode="r"))
+    rss = abreast.residuals(abreast.ready(R, np.ones(9))[0])
+    assert np.isfinite(rss).all()
+    swapped = [mask ^ (0b10100 if (mask >> 2 & 1) != (mask >> 4 & 1) else 0) for mask in range(1 << 9)]
+    np.testing.assert_allclose(rss, rss[swapped], rtol=1e-9)
+
+
+def test_what_products_cannot_hold_is_not_called_storable():
+    R, width = _problem(8, 9)
+    assert abreast.storable(R, width)
+    assert not abreast.storable(R, width * math.exp(-90.0))
+    R[2, 5] = np.inf
+    assert not abreast.storable(R, width)

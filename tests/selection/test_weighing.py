@@ -1,0 +1,95 @@
+"""Weights by products against weights by logarithms, and models that stand for all against all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imubayes.inference.prior import HyperG, ScalePrior, ZellnerSiow
+from imubayes.inference.summary import Summary
+from imubayes.selection import abreast, bayes_factors, enumerate
+from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.models import average, components_given, inclusion_given
+
+P = 11
+NAMES = tuple(f"x{j}" for j in range(P))
+
+
+@pytest.fixture
+def summary() -> Summary:
+    rng = np.random.default_rng(4)
+    X = rng.normal(size=(60, P))
+    return Summary.from_arrays(X, X[:, :4] @ [1.0, -0.3, 0.3, 0.2] + rng.normal(size=60), NAMES)
+
+
+@pytest.mark.parametrize("scale", [None, 1.0])
+@pytest.mark.parametrize("sd", [1.0, 1e-40, 1e40])
+def test_products_and_logarithms_give_the_same_posterior(summary, scale, sd, monkeypatch):
+    """At a prior sd of 1e40 the widths of ten columns multiply to 1e-400, which no product holds."""
+    options = {"scale": scale, "needs": [("x1", "x0"), ("x5", "x9")]}
+    found = enumerate_models(summary, ScalePrior(sd), always=["x10"], **options)
+    monkeypatch.setattr(abreast, "FEWEST", P + 1)
+    logs = enumerate_models(summary, ScalePrior(sd), always=["x10"], **options)
+    assert found.log_evidence == pytest.approx(logs.log_evidence, rel=1e-11)
+    np.testing.assert_allclose(found.inclusion, logs.inclusion, rtol=1e-9)
+    np.testing.assert_allclose(found.weight, logs.weight, rtol=1e-9, atol=1e-300)
+    np.testing.assert_allclose(found.by_size, logs.by_size, rtol=1e-10)
+    assert found.best[0][1] == pytest.approx(logs.best[0][1], rel=1e-9)
+
+
+def test_a_mountain_of_evidence_for_every_column_is_left_to_logarithms(summary, monkeypatch):
+    """Twelve widths of 1e-30 each: the best model's product, 1e-360, is below what a number can hold."""
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(60, 12))
+    s = Summary.from_arrays(X, 1e3 * X.sum(axis=1) + 1e-6 * rng.normal(size=60), [f"x{j}" for j in range(12)])
+    found = enumerate_models(s, ScalePrior(1e24), scale=1e-6)
+    monkeypatch.setattr(abreast, "FEWEST", 13)
+    logs = enumerate_models(s, ScalePrior(1e24), scale=1e-6)
+    assert found.best[0][0] == s.names
+    assert found.log_evidence == pytest.approx(logs.log_evidence, rel=1e-12)
+
+
+@pytest.mark.parametrize("prior", [ScalePrior(1.0), HyperG(3.0)])
+def test_models_that_stand_for_all_keep_what_is_told_of_all(summary, prior, monkeypatch):
+    every = enumerate_models(summary, prior)
+    monkeypatch.setattr(enumerate, "STORED_BITS", 8)
+    monkeypatch.setattr(enumerate, "STORED", 400)
+    few = enumerate_models(summary, prior)
+    assert len(few.space) < len(every.space) == few.n_models
+    np.testing.assert_array_equal(few.inclusion, every.inclusion)
+    assert few.log_evidence == every.log_evidence
+    assert few.best == every.best
+    np.testing.assert_array_equal(few.by_size, every.by_size)
+    inside = every.weight < 1.0 / 400
+    level = 4.0 * 0.5 * every.weight[inside].sum() / np.sqrt(400)  # of a systematic draw, 4 sd
+    given = [inclusion_given(m, ("x1",)) for m in (few, every)]
+    assert np.max(np.abs(given[0] - given[1])) < level / every.inclusion[1]
+
+
+def test_averages_over_models_that_stand_for_all_are_those_over_all(summary, monkeypatch):
+    def averaged():
+        drawn = [enumerate_models(summary, ScalePrior(1.0), scale=scale) for scale in (0.9, 1.0, 1.1)]
+        return average(drawn, np.zeros(3))
+
+    every = averaged()
+    monkeypatch.setattr(enumerate, "STORED_BITS", 8)
+    monkeypatch.setattr(enumerate, "STORED", 400)
+    few = averaged()
+    np.testing.assert_allclose(few.inclusion, every.inclusion, rtol=1e-12)
+    np.testing.assert_allclose(few.by_size, every.by_size, rtol=1e-12)
+    assert (few.log_evidence, few.n_models, few.error) == (pytest.approx(every.log_evidence), 2**P, 0.0)
+    parts = components_given(few, ("x1",))
+    assert parts.inside[:, 1].all()
+
+
+@pytest.mark.parametrize("prior", [HyperG(3.0), ZellnerSiow(1.0)])
+def test_bayes_factors_off_curves_are_those_of_each_integral(summary, prior, monkeypatch):
+    needs = [("x1", "x0")]
+    exact = enumerate_models(summary, prior, needs=needs)
+    monkeypatch.setattr(bayes_factors, "CURVES", 8)
+    found = enumerate_models(summary, prior, needs=needs)
+    step = np.log(1.0 / 1e-12 / 1e12) / bayes_factors.POINTS
+    level = max(60.0 * step**4 / 384.0, 1e-9)
+    assert found.log_evidence == pytest.approx(exact.log_evidence, abs=level)
+    np.testing.assert_allclose(found.inclusion, exact.inclusion, atol=level)
+    np.testing.assert_allclose(found.sd, exact.sd, rtol=1e-6)

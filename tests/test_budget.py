@@ -1,0 +1,110 @@
+"""``imubayes run --budget`` and ``--accuracy`` as a person meets them."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imubayes.cli import main
+from imubayes.ladder.climb import NAMES
+
+STUDY = """
+[study]
+title = "small campaign"
+seed = 3
+
+[[sensor]]
+id = "ACC-1"
+kind = "accelerometer"
+class = "mems_tactical"
+[sensor.library]
+powers = 2
+asymmetry = -1
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = { angles = 12, planes = 3, dwell = "10 s", rate = "5 Hz" }
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "small.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def _run(monkeypatch: pytest.MonkeyPatch, study: Path, *options: str) -> tuple[dict, str]:
+    out = study.parent / "out"
+    monkeypatch.setattr(sys, "argv", ["imubayes", "run", str(study), "--out", str(out), *options])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 0
+    return json.loads((out / "result.json").read_text()), (out / "report.html").read_text()
+
+
+def _refused(monkeypatch: pytest.MonkeyPatch, study: Path, *options: str) -> None:
+    monkeypatch.setattr(
+        sys, "argv", ["imubayes", "run", str(study), "--out", str(study.parent / "no"), *options]
+    )
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 2
+    assert not (study.parent / "no").exists()
+
+
+def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(monkeypatch, study, capsys):
+    result, report = _run(monkeypatch, study, "--budget", "10 us")
+    (sensor,) = result["sensors"]
+    choice = sensor["choice"]
+    assert (choice["rung"], choice["asked"], choice["next"]["rung"]) == (
+        "means",
+        "a budget of 1e-05 s",
+        "sparse",
+    )
+    assert sensor["method"] == "means"
+    assert result["provenance"]["command"].endswith('--budget "1e-05 s"')
+    shown = " ".join(capsys.readouterr().out.split())
+    for text in (shown, " ".join(report.split())):
+        assert "ordinary least squares, BIC" in text
+        assert "The next rung" in text
+        assert "Left out for the sake of time: the residual checks" in text
+
+
+def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(monkeypatch, study):
+    """Plug-in against the noise's posterior: three times what was foreseen, and their Monte Carlo errors."""
+    cheap = _run(monkeypatch, study, "--accuracy", "1e9")[0]["sensors"][0]
+    best = _run(monkeypatch, study, "--method", "collapsed")[0]["sensors"][0]
+    climbed = [step["rung"] for step in cheap["choice"]["climbed"]]
+    assert climbed == list(NAMES[:2])
+    apart = [
+        abs(a["full_mean"] - b["full_mean"]) / b["full_sd"]
+        for a, b in zip(cheap["terms"], best["terms"], strict=True)
+    ]
+    assert np.max(apart) < 3.0 * cheap["choice"]["next"]["change_sd"] + 0.3
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--budget", "3"), "--budget"),
+        (("--budget", "-1 s"), "expected more than zero"),
+        (("--budget", "4 m"), "--budget"),
+        (("--accuracy", "0"), "expected posterior standard deviations"),
+        (("--budget", "1 s", "--accuracy", "0.1"), "give one of them"),
+        (("--budget", "1 s", "--method", "full"), "give one of them"),
+        (("--budget", "1 s", "--resume"), "give one of them"),
+    ],
+)
+def test_what_makes_no_budget_is_refused_and_nothing_is_written(monkeypatch, study, capsys, options, words):
+    _refused(monkeypatch, study, *options)
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_study_without_chains_refuses_a_budget(monkeypatch, tmp_path, capsys):
+    path = tmp_path / "lots.toml"
+    path.write_text((Path(__file__).parents[1] / "studies" / "mems_vs_fog.toml").read_text())
+    _refused(monkeypatch, path, "--budget", "1 s")
+    assert "--budget" in capsys.readouterr().err

@@ -1,0 +1,71 @@
+import numpy as np
+from trades import SHORT, problem, told
+
+from imubayes.inference.linear import linear_of
+from imubayes.rig.bench import true_inputs
+from imubayes.trade.again import repeat, sensors, simulated_again
+from imubayes.trade.plan import Subject
+
+SILENT = [(0.0, 0.0, 0.0)]
+
+
+def test_least_squares_gives_back_what_was_simulated_without_noise():
+    one = problem()
+    theta = np.linspace(-1.0, 1.0, len(one.library.terms)) * 1e-4
+    again = simulated_again(one, theta, SILENT, np.random.default_rng(1))
+    rows = linear_of(again.runs[0], one.library)
+    X = rows.columns(0, len(rows))
+    np.testing.assert_allclose(rows.y, X @ theta, rtol=0.0, atol=1e-12)
+    assert [run.name for run in again.runs] == [run.name for run in one.runs]
+
+
+def test_noise_of_a_repeat_has_the_density_it_was_given():
+    one = problem()
+    again = simulated_again(
+        one, np.zeros(len(one.library.terms)), [(1e-3, 0.0, 0.0)], np.random.default_rng(1)
+    )
+    run = again.runs[0]
+    left = run.output - run.inputs.channels["f_i"]
+    sd = 1e-3 / np.sqrt(run.inputs.interval)
+    assert abs(left.std() / sd - 1.0) < 4.0 / np.sqrt(2.0 * len(left))
+
+
+def test_errors_of_the_bench_are_drawn_with_the_sd_that_is_stated():
+    one = problem(gravity=1e-4)
+    zero, drawn = np.zeros(len(one.library.terms)), []
+    for seed in range(200):
+        run = simulated_again(one, zero, SILENT, np.random.default_rng(seed)).runs[0]
+        moved = true_inputs(run, {"gravity": 1.0}).channels["f_i"] - run.inputs.channels["f_i"]
+        drawn.append(float(moved @ (run.output - run.inputs.channels["f_i"]) / (moved @ moved)))
+    assert abs(np.std(drawn) / 1e-4 - 1.0) < 4.0 / np.sqrt(2.0 * len(drawn))
+    assert abs(np.mean(drawn)) < 4.0 * 1e-4 / np.sqrt(len(drawn))
+
+
+def test_sensors_are_drawn_from_the_posterior_each_another_one():
+    one = told(draws=np.arange(30.0).reshape(10, 3))
+    subjects = (Subject("a", problem()), Subject("b", problem()))
+    drawn = sensors(subjects, [one, one], 8)
+    assert [s.subject.name for s in drawn] == ["a", "b"] * 4
+    thetas = {tuple(s.theta) for s in drawn if s.subject.name == "a"}
+    assert len(thetas) == 4
+    assert thetas <= {tuple(row) for row in one.draws}
+
+
+def test_rungs_of_a_repeat_answer_for_the_truth_that_was_drawn():
+    one = problem()
+    theta = np.array([{"b0": 0.05, "m_j": -0.002}.get(name, 0.0) for name in one.library.names])
+    found = told(draws=theta[None], noises=np.array([[[5e-4, 1e-4, 0.0]]]))
+    (drawn,) = sensors((Subject("a", one),), [found], 1)
+    got = repeat(drawn, ("means", "plug-in"), SHORT, (1,))
+    assert [t.rung for t in got.told] == ["means", "plug-in"]
+    np.testing.assert_array_equal(got.truth, theta)
+    assert all({"b0", "m_j"} <= set(t.model) for t in got.told)
+    best = got.told[-1]
+    assert np.all(np.abs(best.full_mean - theta) < 5.0 * best.full_sd)
+
+
+def test_the_same_seed_gives_the_same_repeat():
+    one = problem()
+    (drawn,) = sensors((Subject("a", one),), [told(draws=np.zeros((1, len(one.library.terms))))], 1)
+    first, second = (repeat(drawn, ("plug-in",), SHORT, (4,)).told[0] for _ in range(2))
+    np.testing.assert_array_equal(first.mean, second.mean)

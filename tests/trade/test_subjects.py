@@ -1,0 +1,51 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trades import problem
+
+from imubayes.campaign import Study
+from imubayes.config import read_lots
+from imubayes.errors import InputError
+from imubayes.trade.again import sensors
+from imubayes.trade.subjects import of_lots, of_study
+
+LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"
+
+
+@pytest.fixture(scope="module")
+def lots():
+    study = read_lots(LOTS)
+    assert study
+    return replace(study, missions=())
+
+
+def test_a_lot_gives_one_unit_of_each_class_and_further_units_as_repeats(lots):
+    found = of_lots(lots, ["mems_tactical", "fog_tactical"], repeats=5)
+    assert [one.name for one in found.subjects] == ["mems_tactical", "fog_tactical"]
+    drawn = sensors(found.subjects, [None, None], 5)
+    for k, one in enumerate(drawn):
+        lot = found.subjects[k % 2].lot
+        np.testing.assert_array_equal(one.theta, lot.theta[k // 2 + 1])
+        assert not np.array_equal(one.theta, lot.theta[0])
+
+
+def test_the_bench_of_a_lot_is_allowed_for(lots):
+    (one,) = of_lots(lots, ["fog_tactical"], repeats=2).subjects
+    assert one.problem.spec.reference == lots.reference
+
+
+def test_names_that_are_not_in_the_study_are_refused(lots):
+    with pytest.raises(InputError, match="did you mean 'fog_tactical'"):
+        of_lots(lots, ["fog_tacticl"])
+    spec = problem().spec
+    with pytest.raises(InputError, match="no sensor of the study is called 'x'"):
+        of_study(Study("s", 1, (spec,), Path("s.toml"), ""), ["x"])
+
+
+def test_a_study_gives_its_sensors():
+    spec = problem().spec
+    found = of_study(Study("s", 1, (spec, replace(spec, id="B")), Path("s.toml"), ""), ["B"])
+    assert [one.name for one in found.subjects] == ["B"]
+    assert found.subjects[0].problem.library == spec.library

@@ -1,0 +1,95 @@
+"""Small trades, shared by tests: problems that a rung answers in a moment, and answers that are made up."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from imubayes.campaign import Mission, SensorSpec
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder.problem import Problem, problem_of
+from imubayes.planning.fidelity import RungName
+from imubayes.rig.runs import RunSpec, simulate_runs
+from imubayes.rig.scenes import recorded
+from imubayes.selection.kernels import Budget
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.terms import library
+from imubayes.trade.alone import Measured, here
+from imubayes.trade.plan import Subject, Trade
+from imubayes.trade.told import Told
+
+TRUTH = {"b0": 0.015, "b1": 3e-4, "m_j": 3.5e-4}
+SHORT = Limits(ess=100.0, time_limit=1.0, seed=1)
+
+
+def problem(seed: int = 1, **reference: float) -> Problem:
+    """A tumble of a tactical accelerometer: bias, scale, quadratic and cross terms."""
+    profile = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 4.0, "rate": 4.0}
+    runs = (RunSpec("tumble", "tumble", simulate=profile),)
+    entry = sensor("mems_tactical", kind="accelerometer")
+    lib = library("accelerometer", powers=2, asymmetry=-1)
+    spec = SensorSpec("<ACC>", entry.kind, entry, lib, runs, TRUTH, reference=reference)
+    simulated, _ = simulate_runs(runs, entry, lib, truth=TRUTH, rng=np.random.default_rng(seed))
+    return problem_of(spec, simulated)
+
+
+def mission() -> Mission:
+    """Ten seconds along all axes, with a budget of the output."""
+    t = np.arange(0.0, 10.0, 0.1)
+    wave = np.column_stack([np.sin((k + 1.0) * t + k) for k in range(3)])
+    scene = recorded("shaken", t, np.array([0.0, 0.0, 9.8]) + 8.0 * wave, 0.5 * wave)
+    return Mission("shaken", scene, Budget("output", 1e-3))
+
+
+def trade(**options) -> Trade:
+    """Two rungs on one component and six repeats of it, in this process."""
+    asked = {
+        "title": "<b>small</b>",
+        "seed": 3,
+        "path": Path("small.toml"),
+        "text": "[study]",
+        "subjects": (Subject("<ACC>", problem()),),
+        "missions": (mission(),),
+        "rungs": ("means", "plug-in"),
+        "repeats": 6,
+        "limit": 600.0,
+        "processes": 1,
+    }
+    return Trade(**{**asked, **options})
+
+
+def in_this_process(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]) -> Measured:
+    """Measure a rung without a process of its own, and briefly."""
+    return here(problem, rung, SHORT, seed)
+
+
+def told(rung: RungName = "plug-in", **options) -> Told:
+    """An answer about three terms: one is there, one is not, one cannot be told."""
+    asked = {
+        "rung": rung,
+        "names": ("b0", "b1", "b2"),
+        "mean": np.array([1.0, 0.0, 0.0]),
+        "inclusion": np.array([1.0, 0.02, 0.4]),
+        "full_mean": np.array([1.0, 0.01, 0.0]),
+        "full_sd": np.array([0.01, 0.01, 1.0]),
+        "prior_sd": np.array([1.0, 1.0, 1.0]),
+        "limit95": np.array([1.02, 0.02, 2.0]),
+        "verdicts": ("needed", "not needed", "unresolved"),
+        "model": ("b0",),
+        "draws": np.tile([1.0, 0.0, 0.0], (4, 1)),
+        "noises": np.array([[[1.0, 0.1, 0.0]], [[2.0, 0.1, 0.0]]]),
+        "monte_carlo": np.zeros(3),
+        "ess": math.inf,
+        "wanting": 1.0,
+        "chain_seconds": 0.0,
+        "seconds": 0.1,
+    }
+    return Told(**{**asked, **options})
+
+
+def measured(one: Told, seconds: float) -> Measured:
+    """An answer that took some time."""
+    ahead = (math.nan, math.nan) if one.rung == "raw" else (0.3, 0.01)
+    return Measured(one, seconds, 1.5 * seconds, 2e7, ahead)
