@@ -23,6 +23,7 @@ from imubayes.rig.runs import RunSpec
 from imubayes.rig.scenes import Scene
 from imubayes.selection.decision import Selection
 from imubayes.selection.kernels import Budget
+from imubayes.selection.noise_found import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
 from imubayes.selection.relevance import Relevance
 from imubayes.selection.verdicts import EQUAL, Costs
@@ -49,6 +50,8 @@ class SensorSpec:
         `imubayes.rig.reference`).
     robust : whether dwells may be contaminated by outliers.
     unit, session : for a unit that was tested in several sessions, which ones are the same unit; empty else.
+    gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its
+        accelerometers.
     """
 
     id: str
@@ -62,6 +65,11 @@ class SensorSpec:
     robust: bool = False
     unit: str = ""
     session: str = ""
+    gyroscope: SensorSpec | None = None
+
+    def of(self, kind: Kind) -> SensorSpec:
+        """What is asked of the components of a kind."""
+        return self.gyroscope if self.gyroscope and kind == "gyroscope" else self
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +155,7 @@ class Study:
     hierarchical : whether a term may only be in a model that has what it modifies.
     compare : whether the other methods are run beside the decision.
     scenes : that the terms of every sensor are held against.
+    noise : which runs are asked for their noise processes.
     """
 
     title: str
@@ -160,6 +169,7 @@ class Study:
     hierarchical: bool = False
     compare: bool = True
     scenes: tuple[Mission, ...] = ()
+    noise: NoiseQuestion = field(default_factory=NoiseQuestion)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,6 +224,9 @@ class SensorResult:
     misfit : what the residuals say that the library does not contain; None where they were not asked.
     correlation : (p, p) of the coefficients under the full library; None where it was not asked.
     choice : which rung of the ladder was taken, and what the next would change; None where none was asked.
+    processes : noise processes of the runs that were asked for them.
+    pooled : inclusion of each term in one model for all components of its kind in the case, by name; empty
+        for a single component.
     """
 
     id: str
@@ -237,6 +250,8 @@ class SensorResult:
     misfit: Misfit | None = None
     correlation: FloatArray | None = None
     choice: Choice | None = None
+    processes: tuple[NoiseFound, ...] = ()
+    pooled: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""The command line: ``imubayes run | check | simulate | trade | catalogue | compare``.
+"""The command line: ``imubayes run | check | simulate | plan | trade | compare | export | catalogue``.
 
 Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
 needs is imported when it runs, so that ``--help`` answers at once.
@@ -6,12 +6,7 @@ needs is imported when it runs, so that ``--help`` answers at once.
 
 from __future__ import annotations
 
-import math
-import shutil
-import sys
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from enum import StrEnum
@@ -20,10 +15,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from imubayes.console import complete, fail, progress_line, show, usable, written
 from imubayes.errors import ConvergenceError, InputError, TermError
+from imubayes.options import check_resumable, climbing, duration, overruled
 
 if TYPE_CHECKING:
-    from imubayes.campaign import Sampling
     from imubayes.fleet.plan import FleetStudy
     from imubayes.other_studies import Done
     from imubayes.sensors.catalogue import SensorClass
@@ -46,6 +42,17 @@ class Method(StrEnum):
     full = "full"
 
 
+class ExportFormat(StrEnum):
+    """What a result is exported to."""
+
+    kalibr = "kalibr"
+    c = "c"
+    python = "python"
+    matlab = "matlab"
+    json = "json"
+    filter = "filter"
+
+
 CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
 
@@ -57,9 +64,9 @@ def main() -> None:
     try:
         app()
     except InputError as error:
-        _fail(str(error), 2)
+        fail(str(error), 2)
     except ConvergenceError as error:
-        _fail(f"{error}; this is a fault of imubayes, please report it with the study", 1)
+        fail(f"{error}; this is a fault of imubayes, please report it with the study", 1)
 
 
 @app.callback(invoke_without_command=True)
@@ -110,7 +117,7 @@ def _run(
     from imubayes.reporting.tables import terminal_summary
     from imubayes.study import run
 
-    folder = _usable(out or Path("reports") / study.stem)
+    folder = usable(out or Path("reports") / study.stem)
     if fleet := read_fleet(study):
         if any(option is not None for option in (method, time_limit, ess, budget, accuracy)):
             raise InputError(
@@ -127,27 +134,28 @@ def _run(
                 "--method, --resume, --time-limit, --ess, --budget and --accuracy choose how a sensor's"
                 " posterior is computed, which this study leaves no choice of: leave them out"
             )
-        _report(measured(other, _progress()), folder)
+        _report(measured(other, progress_line()), folder)
         return
     read = read_study(study)
-    sampling = _overruled(read.sampling, method, ess, time_limit)
-    sampling = _climbing(sampling, budget, accuracy, method=method, resume=resume)
+    asked = None if method is None else method.value
+    sampling = overruled(read.sampling, asked, ess, time_limit)
+    sampling = climbing(sampling, budget, accuracy, method=asked, resume=resume)
     if resume:
-        _check_resumable(sampling.method, folder / CHAINS)
+        check_resumable(sampling.method, folder / CHAINS)
     sampling = replace(sampling, checkpoints=folder / CHAINS, resume=resume)
-    result = run(replace(read, sampling=sampling), progress=_progress())
+    result = run(replace(read, sampling=sampling), progress=progress_line())
     files = write_results(result, folder)
-    _show(terminal_summary(result))
-    _written(folder, files)
+    show(terminal_summary(result))
+    written(folder, files)
 
 
 def _report(done: Done, folder: Path) -> None:
     """Write what a study came to, and show it."""
     shown, write = done
-    with _complete(folder) as part:
+    with complete(folder) as part:
         files = write(part)
-    _show(shown)
-    _written(folder, files)
+    show(shown)
+    written(folder, files)
 
 
 def _run_fleet(study: FleetStudy, folder: Path, scheduler: str, *, resume: bool) -> None:
@@ -157,11 +165,11 @@ def _run_fleet(study: FleetStudy, folder: Path, scheduler: str, *, resume: bool)
     from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
 
     with engine(scheduler, study.processes) as workers:
-        result = measure(study, folder, workers, resume=resume, progress=_progress())
-    with _complete(folder) as part:
+        result = measure(study, folder, workers, resume=resume, progress=progress_line())
+    with complete(folder) as part:
         files = write_fleet(result, part)
-    _show(terminal_fleet(result))
-    _written(folder, files)
+    show(terminal_fleet(result))
+    written(folder, files)
 
 
 @app.command("check")
@@ -172,7 +180,7 @@ def _check(study: StudyFile) -> None:
     from imubayes.study import check
 
     for sensor in check(read_study(study)):
-        _show(terminal_check(sensor.id, sensor.observability, sensor.library, sensor.extras))
+        show(terminal_check(sensor.id, sensor.observability, sensor.library, sensor.extras))
 
 
 @app.command("simulate")
@@ -183,10 +191,10 @@ def _simulate(
     """Write simulated runs, and a study of them, as files."""
     from imubayes.config import read_study, record_study
 
-    folder = _usable(out)
-    with _complete(folder) as part:
+    folder = usable(out)
+    with complete(folder) as part:
         files = record_study(read_study(study), part)
-    _written(folder, files)
+    written(folder, files)
 
 
 @app.command("trade")
@@ -207,13 +215,34 @@ def _trade(
     """Measure what each method costs on a study, and what it gets wrong."""
     from imubayes.other_studies import traded
 
-    folder = _usable(out or Path("reports") / f"{study.stem}-trade")
+    folder = usable(out or Path("reports") / f"{study.stem}-trade")
     asked = [] if rungs is None else rungs.split(",")
     names = [] if only is None else [name.strip() for name in only.split(",")]
     done = traded(
-        study, asked, names, repeats=repeats, limit=_duration(limit, "--limit"), progress=_progress()
+        study, asked, names, repeats=repeats, limit=duration(limit, "--limit"), progress=progress_line()
     )
     _report(done, folder)
+
+
+@app.command("plan")
+def _plan(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
+    ] = None,
+) -> None:
+    """Find the best test within a time, before it is run."""
+    from imubayes.config.planned import write_planned
+    from imubayes.config.reading import read_plan
+    from imubayes.proposal import propose
+    from imubayes.reporting.plan_page import terminal_plan, write_plan
+
+    folder = usable(out or Path("reports") / study.stem)
+    found = propose(read_plan(study), progress=progress_line())
+    with complete(folder) as part:
+        files = (*write_plan(found, part), write_planned(found, part))
+    show(terminal_plan(found))
+    written(folder, files)
 
 
 @app.command("catalogue")
@@ -231,11 +260,11 @@ def _catalogue(
 
     known = classes(kind, catalogue=() if own is None else read_catalogue(own))
     if name is None:
-        _show(class_list(known))
+        show(class_list(known))
     if name is None and kind is None:
-        _show(bench_list())
+        show(bench_list())
     for entry in [] if name is None else _named(name, known):
-        _show(class_page(entry))
+        show(class_page(entry))
 
 
 @app.command("compare")
@@ -251,15 +280,34 @@ def _compare(
     from imubayes.reporting.comparison.kinds import side_by_side, write_comparison
     from imubayes.reporting.comparison.view import terminal_page
 
-    folder = None if out is None else _usable(out)
+    folder = None if out is None else usable(out)
     found = side_by_side(results)
     files: tuple[Path, ...] = ()
     if folder is not None:
-        with _complete(folder) as part:
+        with complete(folder) as part:
             files = write_comparison(found, part)
-    _show(terminal_page(found.page))
+    show(terminal_page(found.page))
     if folder is not None:
-        _written(folder, files)
+        written(folder, files)
+
+
+@app.command("export")
+def _export(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="A result, or its folder.")],
+    to: Annotated[ExportFormat, typer.Option(help="What it is for.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
+    model: Annotated[str, typer.Option(help="needed, full, or a scene of the result.")] = "needed",
+    sensor: Annotated[str, typer.Option(help="Id, where the result has several.", show_default=False)] = "",
+) -> None:
+    """Write a compensation, a simulator's model or a filter's parameters."""
+    from imubayes.reporting.export import exported
+
+    folder = usable(out)
+    texts = exported(result, to.value, sensor=sensor, model=model)
+    with complete(folder) as part:
+        for name, text in texts.items():
+            (part / name).write_text(text, encoding="utf-8")
+    written(folder, tuple(folder / name for name in texts))
 
 
 def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
@@ -270,107 +318,3 @@ def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
         hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(ids)}"
         raise TermError(f"class '{name}' is not in the catalogue: {hint}")
     return found
-
-
-def _overruled(usual: Sampling, method: Method | None, ess: float | None, time_limit: str | None) -> Sampling:
-    """Sampling of the study, with what the command line says in place of it."""
-    if ess is not None and not 0.0 < ess < math.inf:
-        raise InputError(f"--ess {ess:g}: expected a number of effective samples above zero, such as 1000")
-    return replace(
-        usual,
-        method=usual.method if method is None else method.value,
-        ess=usual.ess if ess is None else ess,
-        time_limit=usual.time_limit if time_limit is None else _duration(time_limit),
-    )
-
-
-def _climbing(
-    usual: Sampling, budget: str | None, accuracy: float | None, *, method: Method | None, resume: bool
-) -> Sampling:
-    """Sampling with the budget or the accuracy that the command line asks for."""
-    if budget is None and accuracy is None:
-        return usual
-    if method is not None or resume or (budget is not None and accuracy is not None):
-        raise InputError(
-            "--budget and --accuracy choose the method: give one of them, without --method and --resume"
-        )
-    if accuracy is not None and not 0.0 < accuracy < math.inf:
-        raise InputError(f"--accuracy {accuracy:g}: expected posterior standard deviations, such as 0.1")
-    return replace(usual, budget=None if budget is None else _duration(budget, "--budget"), accuracy=accuracy)
-
-
-def _duration(text: str, option: str = "--time-limit") -> float:
-    """Seconds of a quantity in time."""
-    from imubayes.units import quantity
-
-    try:
-        seconds = quantity(text, like="s")
-    except InputError as error:
-        raise InputError(f"{option}: {error}") from None
-    if not seconds > 0.0:
-        raise InputError(f"{option} '{text}': expected more than zero, such as '10 min'")
-    return seconds
-
-
-def _check_resumable(method: str, chains: Path) -> None:
-    if method == "exact":
-        raise InputError("--resume continues chains, and the method 'exact' has none: run without --resume")
-    if not any(chains.glob("*.h5")):
-        raise InputError(
-            f"{chains / '*.h5'}: there is no checkpoint to resume from: run without --resume, "
-            "or name by --out the folder of the run that was interrupted"
-        )
-
-
-def _fail(message: str, code: int) -> None:
-    _clear_progress()
-    typer.echo(f"imubayes: {' '.join(message.split())}", err=True)
-    sys.exit(code)
-
-
-def _progress() -> Callable[[str], None]:
-    """Say what goes on, on one line of stderr, if somebody watches."""
-    if not sys.stderr.isatty():
-        return lambda message: None
-    width = shutil.get_terminal_size().columns - 1
-    return lambda message: typer.echo(f"\r\x1b[2K{message[:width]}", nl=False, err=True)
-
-
-def _clear_progress() -> None:
-    if sys.stderr.isatty():
-        typer.echo("\r\x1b[2K", nl=False, err=True)
-
-
-def _show(renderable: object) -> None:
-    from rich.console import Console
-
-    _clear_progress()
-    Console(highlight=False).print(renderable)
-
-
-def _written(folder: Path, files: tuple[Path, ...]) -> None:
-    names = [file.name for file in files]
-    typer.echo(f"written: {', '.join([str(folder / names[0]), *names[1:]])}")
-
-
-def _usable(folder: Path) -> Path:
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file: expected a folder for --out, or a name that is free")
-    return folder
-
-
-@contextmanager
-def _complete(folder: Path) -> Iterator[Path]:
-    """Give a folder to write to, whose files move to `folder` together when the block succeeds."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}): choose another --out") from None
-    try:
-        yield part
-        folder.mkdir(exist_ok=True)
-        for file in part.iterdir():
-            file.replace(folder / file.name)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)

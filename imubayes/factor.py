@@ -242,6 +242,21 @@ def posterior_root(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[Float
     return inverse @ T[:-1, -1], scale * inverse
 
 
+def correlation(f: Factor, sd: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Correlation (q, q) of the q named coefficients under a normal prior, sds (p,), in units of the noise.
+
+    Examples
+    --------
+    >>> f = factor_of(np.array([[1.0, 1.0], [0.0, 1.0]]), np.zeros(2), ("a", "b"))
+    >>> correlation(f, np.full(2, 1e9), ("a", "b")).round(3).tolist()
+    [[1.0, -0.707], [-0.707, 1.0]]
+    """
+    rows = invert_triangular(with_prior_rows(f.R, 1.0 / sd)[:-1, :-1])
+    rows = rows[[f.names.index(name) for name in names]]
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows @ rows.T
+
+
 def least_squares(f: Factor) -> LeastSquares:
     """Coefficients, standard deviations and residual sum of squares.
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.campaign import Mission, SensorResult, SensorSpec
-from imubayes.inference.triad import COMPONENTS
 from imubayes.selection.relevance import (
     MATTERS,
     QUADRANTS,
@@ -20,6 +19,7 @@ from imubayes.selection.relevance import (
     weigh,
 )
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.terms import Library
 
 CANNOT_TELL = ("untested", "unresolved", "inseparable")
@@ -62,7 +62,8 @@ def _axis(mission: Mission, spec: SensorSpec, result: SensorResult) -> str:
 def component_library(spec: SensorSpec, result: SensorResult) -> Library:
     """Terms of a component: a triad leaves out those that only turn its case."""
     names = {term.name for term in result.selection.terms}
-    return Library(spec.kind, tuple(term for term in spec.library.terms if term.name in names))
+    terms = spec.of(result.kind).library.terms
+    return Library(result.kind, tuple(term for term in terms if term.name in names))
 
 
 def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Relevance:

@@ -9,30 +9,39 @@ import numpy as np
 
 from imubayes.campaign import SensorSpec
 from imubayes.errors import StudyError
+from imubayes.inference.case import Asked, Case, tumble_case
+from imubayes.inference.ferraris import solve_ferraris
+from imubayes.inference.joint import solve_imu_tumble
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
-from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
+from imubayes.inference.norm_only import solve_free_tumble
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.triad import triad_of
-from imubayes.rig.inputs import Run, TriadRun
+from imubayes.inference.triad import calibration, triad_of
+from imubayes.rig.inputs import ImuRun, Run, TriadRun
 from imubayes.rig.reference import KINDS, effective
-from imubayes.rig.runs import read_run, simulate_runs
+from imubayes.rig.runs import FERRARIS, OUTPUT_UNIT, read_imu_run, read_run, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
+from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import factor
 
+AnyRun = Run | TriadRun | ImuRun
+"""What a run of a study is read as."""
+
 
 def runs_of(
     spec: SensorSpec, seed: int, index: int, tell: Callable[[str], None] = lambda message: None
-) -> tuple[Run | TriadRun, ...]:
+) -> tuple[AnyRun, ...]:
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
     Long files are read a part at a time, unless errors of the bench or robust dwells need all rows at once;
     `tell` is told how far that is.
     """
+    if spec.gyroscope:
+        return tuple(read_imu_run(s) for s in spec.runs)
     lib = None if spec.reference or spec.robust else spec.library
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
     return tuple(
@@ -64,7 +73,7 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
 class Prepared:
     """Runs as a linear Gaussian problem: factor, rows, prior of every column, and where it comes from."""
 
-    runs: Sequence[Run | TriadRun]
+    runs: Sequence[AnyRun]
     summary: Summary
     rows: Sequence[Linear]
     prior: ScalePrior
@@ -165,20 +174,54 @@ def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
     return ScalePrior([*prior.sd, *(extra.sd for extra in extras)])
 
 
-def prepare_triad(spec: SensorSpec, runs: Sequence[TriadRun]) -> tuple[FreeTumble, Prepared]:
-    """Linearise the free tumbles of a triad, and give the linear problem that comes of it.
+def prepare_case(spec: SensorSpec, runs: Sequence[TriadRun | ImuRun]) -> tuple[Case, Prepared]:
+    """Linearise runs of several components in one case, and give the linear problem that comes of it.
+
+    Parameters
+    ----------
+    spec : of a triad of accelerometers, or of an IMU.
+    runs : free tumbles of a triad; all free tumbles or all with known sections of an IMU.
 
     Raises
     ------
     StudyError : if the study names no class.
-    ConvergenceError : if the linearisation does not settle.
+    ConvergenceError : if a linearisation does not settle.
     """
     prior, source = _triad_prior(spec)
-    found = solve_free_tumble(
-        runs, spec.library, prior, sensor=spec.sensor_class, rules=_rules(spec, runs), gravity=_gravity(spec)
-    )
-    whole = _with_extras(prior, found.summary.extras)
-    return found, Prepared(runs, found.summary, found.rows, whole, source)
+    imu = [run for run in runs if isinstance(run, ImuRun)]
+    if spec.gyroscope and imu:
+        own, beside = _triad_prior(spec.gyroscope)
+        case = _imu_case(spec, imu, (prior, own))
+        prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
+    else:
+        free = [run for run in runs if isinstance(run, TriadRun)]
+        rules = _rules(spec, runs)
+        case = tumble_case(
+            solve_free_tumble(
+                free, spec.library, prior, sensor=spec.sensor_class, rules=rules, gravity=_gravity(spec)
+            )
+        )
+    whole = _with_extras(prior, case.summary.extras)
+    return case, Prepared(runs, case.summary, case.rows, whole, source)
+
+
+def _imu_case(spec: SensorSpec, runs: Sequence[ImuRun], priors: tuple[ScalePrior, ScalePrior]) -> Case:
+    """Characterise an IMU in one piece, by what its runs know."""
+    gyroscope = spec.of("gyroscope")
+    asked = [
+        Asked(one.library, prior, one.sensor_class, _rules(one, runs))
+        for one, prior in zip((spec, gyroscope), priors, strict=True)
+    ]
+    if runs[0].procedure == FERRARIS:
+        return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
+    return solve_imu_tumble(runs, *asked, gravity=_gravity(spec))
+
+
+def _both(accelerometer: str, gyroscope: str) -> str:
+    """Sources of the priors of both kinds, in words."""
+    if accelerometer == gyroscope:
+        return accelerometer
+    return f"accelerometers: {accelerometer}; gyroscopes: {gyroscope}"
 
 
 def _gravity(spec: SensorSpec) -> Extra | None:
@@ -190,7 +233,7 @@ def _gravity(spec: SensorSpec) -> Extra | None:
     return Extra(kind.name, kind.name, sd, kind.unit, kind.printed, kind.text)
 
 
-def _rules(spec: SensorSpec, runs: Sequence[Run | TriadRun]) -> dict[str, NoiseRule]:
+def _rules(spec: SensorSpec, runs: Sequence[AnyRun]) -> dict[str, NoiseRule]:
     """Noise rules of the study; a run whose noise was to be that of a run left out has its own."""
     there = {run.name for run in runs}
     return {s.name: s.noise if (s.noise.like or s.name) in there else NoiseRule() for s in spec.runs}
@@ -219,7 +262,7 @@ def _triad_prior(spec: SensorSpec) -> tuple[ScalePrior, str]:
     ------
     StudyError : if the study names no class.
     """
-    libraries = triad_of(spec.library).libraries
+    libraries = triad_of(spec.library, referenced=spec.runs[0].procedure == FERRARIS).libraries
     if spec.sensor_class is None:
         raise StudyError(
             f"sensor '{spec.id}': a free tumble needs a class: the directions alone give no prior"
@@ -247,5 +290,25 @@ def nominal_columns(spec: SensorSpec, component: str) -> tuple[float, float]:
     column = spec.runs[0].columns.get(component)
     if column is None:
         return 1.0, 0.0
-    unit = factor(column.unit, "m/s^2") if column.unit and column.scale is None else 1.0
+    like = OUTPUT_UNIT["accelerometer" if component in ACCELEROMETERS else "gyroscope"]
+    unit = factor(column.unit, like) if column.unit and column.scale is None else 1.0
     return column.scale or unit, column.offset or 0.0
+
+
+def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[dict[str, object]]:
+    """Compensation of each component of a case, as calibration tools publish it (see `triad.calibration`).
+
+    Parameters
+    ----------
+    spec : of the sensor, whose columns say what the file's numbers are.
+    case : its components.
+    theta : coefficients of all of them, SI.
+    """
+    parts = np.split(np.asarray(theta, dtype=float), [len(case.triads[0].theta)])
+    return [
+        row
+        for triad, mean in zip(case.triads, parts, strict=False)
+        for row in calibration(
+            replace(triad, theta=mean), [nominal_columns(spec, name) for name in triad.components]
+        )
+    ]

@@ -26,31 +26,34 @@ from imubayes.campaign import (
     file_name,
 )
 from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.inference.case import Case
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
-from imubayes.inference.triad import COMPONENTS, calibration
 from imubayes.ladder.climb import by_accuracy, by_budget
 from imubayes.ladder.costs import calibrate
 from imubayes.ladder.problem import plainly_prepared, problem_of
 from imubayes.missions import required
 from imubayes.planning.observability import Observability, observe
 from imubayes.preparation import (
+    AnyRun,
     Prepared,
     before_fit,
-    nominal_columns,
+    compensation,
     prepare,
-    prepare_triad,
+    prepare_case,
     runs_of,
 )
 from imubayes.repeats import between_sessions
-from imubayes.rig.inputs import Run, TriadRun
+from imubayes.rig.inputs import ImuRun, Run, TriadRun
 from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
+from imubayes.selection.noise_found import NoiseFound, noise_of
 from imubayes.selection.panel import Panel, panel_of
+from imubayes.selection.pooled import pooled_by_kind
 
 DRAWS = 2000
 """Posterior and prior draws that a result carries."""
@@ -75,11 +78,11 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
         job.tell(f"reading {len(spec.runs)} runs")
         runs = runs_of(spec, study.seed, k, job.tell)
         with _named(spec):
-            triad = _of_triad(runs)
+            case = _of_case(runs)
             if study.sampling.climbs:
                 found = [_on_ladder(job, runs)]
             else:
-                found = _triad(job, triad) if triad else [_single(job, _of_component(runs))]
+                found = _case(job, case) if case else [_single(job, _of_component(runs))]
             results.append((spec, found))
     components = tuple(one for _, found in results for one in found)
     if study.scenes:
@@ -97,8 +100,8 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
     for k, spec in enumerate(study.sensors):
         runs = runs_of(spec, study.seed, k)
         with _named(spec):
-            triad = _of_triad(runs)
-            checks += _triad_check(spec, triad) if triad else [_check(spec, _of_component(runs))]
+            case = _of_case(runs)
+            checks += _case_check(spec, case) if case else [_check(spec, _of_component(runs))]
     return tuple(checks)
 
 
@@ -107,11 +110,17 @@ def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
     return SensorCheck(spec.id, spec.library, _observed(ready), ready.summary.extras)
 
 
-def _triad_check(spec: SensorSpec, runs: Sequence[TriadRun]) -> list[SensorCheck]:
-    found, ready = prepare_triad(spec, runs)
-    seen, extras = _observed(ready), ready.summary.extras
-    libraries = zip(COMPONENTS, found.triad.libraries, strict=True)
-    return [SensorCheck(f"{spec.id}.{name}", lib, seen, extras) for name, lib in libraries]
+def _case_check(spec: SensorSpec, runs: Sequence[TriadRun | ImuRun]) -> list[SensorCheck]:
+    case, ready = prepare_case(spec, runs)
+    return [
+        SensorCheck(
+            f"{spec.id}.{one.name}",
+            one.library,
+            _observed(replace(ready, summary=replace(ready.summary, facts=one.facts))),
+            ready.summary.extras,
+        )
+        for one in case.components
+    ]
 
 
 def _observed(ready: Prepared) -> Observability:
@@ -171,10 +180,12 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     )
     inputs = [run.inputs.channels for run in ready.runs if isinstance(run, Run)]
     told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
-    return _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
+    processes = tuple(_processes(job, ready, theta))
+    result = _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
+    return replace(result, processes=processes)
 
 
-def _on_ladder(job: _Job, runs: Sequence[Run | TriadRun]) -> SensorResult:
+def _on_ladder(job: _Job, runs: Sequence[AnyRun]) -> SensorResult:
     """Characterise one component with known inputs by the rung that a budget or an accuracy asks for.
 
     What a budget is short of is left out: other methods, residuals, what the library lacks.
@@ -195,34 +206,50 @@ def _on_ladder(job: _Job, runs: Sequence[Run | TriadRun]) -> SensorResult:
     return replace(result, choice=choice, chains=chains)
 
 
-def _triad(job: _Job, runs: Sequence[TriadRun]) -> list[SensorResult]:
-    """Characterise the three components of a reference-free tumble."""
+def _case(job: _Job, runs: Sequence[TriadRun | ImuRun]) -> list[SensorResult]:
+    """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
     start, spec = time.perf_counter(), job.spec
     job.tell("stills, noise and linearisation")
-    found, ready = prepare_triad(spec, runs)
+    case, ready = prepare_case(spec, runs)
     posterior = _sampled(job, ready)
-    axes = ("f_i", "f_j", "f_k")
-    inputs: list[dict[str, np.ndarray]] = [
-        {name: force[:, k] for k, name in enumerate(axes)} for _, _, force in found.residuals
+    told = _components(job, case, ready, posterior)
+    selections = [one.selection for one in told]
+    rows = compensation(spec, case, [term.mean for one in selections for term in one.terms])
+    pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
+    seconds = (time.perf_counter() - start) / len(told)
+    results = []
+    for one, said, row in zip(case.components, told, rows, strict=True):
+        own = replace(job, spec=spec.of(one.library.kind))
+        part = _part(ready, one.parts)
+        found = _result(own, f"{spec.id}.{one.name}", part, posterior, said, seconds)
+        results.append(replace(found, calibration=row, pooled=pooled[one.library.kind]))
+    return results
+
+
+def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -> list[_Told]:
+    """What is said of each component of a case."""
+    every = tuple(dict.fromkeys(one.parts for one in case.components))
+    misfits = {parts: _misfit(job, _part(ready, parts), [case.inputs[k] for k in parts]) for parts in every}
+    checks = [
+        judge(left, rows.rows, run, inputs)
+        for left, rows, run, inputs in zip(
+            case.residuals, case.rows, case.summary.runs, case.inputs, strict=True
+        )
     ]
-    checks = tuple(
-        judge(left, rows, s, channels)
-        for (left, rows, _), s, channels in zip(found.residuals, found.summary.runs, inputs, strict=True)
-    )
-    misfit = _misfit(job, ready, inputs)
     told: list[_Told] = []
-    for name, lib in zip(COMPONENTS, found.triad.libraries, strict=True):
-        job.tell(f"every model of {len(lib.terms)} terms of {name}")
-        selection = select(ready.summary, ready.prior, lib, component=name, **_asked(job, posterior))
-        told.append(_Told(selection, checks, _panel(job, ready, posterior, selection), misfit))
-    theta = np.array([term.mean for one in told for term in one.selection.terms])
-    nominal = [nominal_columns(spec, name) for name in COMPONENTS]
-    rows = calibration(replace(found.triad, theta=theta), nominal)
-    seconds = (time.perf_counter() - start) / len(COMPONENTS)
-    return [
-        replace(_result(job, f"{spec.id}.{name}", ready, posterior, one, seconds), calibration=row)
-        for name, one, row in zip(COMPONENTS, told, rows, strict=True)
-    ]
+    for one in case.components:
+        job.tell(f"every model of {len(one.library.terms)} terms of {one.name}")
+        own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
+        selection = select(own.summary, own.prior, component=one.name, **_asked(job, posterior))
+        panel = _panel(job, own, posterior, selection)
+        told.append(_Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts]))
+    return told
+
+
+def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:
+    """Runs and rows of some parts; the factor is that of all."""
+    runs = tuple(ready.summary.runs[k] for k in parts)
+    return replace(ready, summary=replace(ready.summary, runs=runs), rows=[ready.rows[k] for k in parts])
 
 
 def _sampled(job: _Job, ready: Prepared) -> _Posterior:
@@ -285,6 +312,16 @@ def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray
     return find_misfit(ready.rows, inputs, ready.summary, ready.prior.sd, rng=rng)
 
 
+def _processes(job: _Job, ready: Prepared, theta: np.ndarray) -> Iterator[NoiseFound]:
+    """Identify the noise processes of the runs that are asked for them."""
+    asked, sensor = job.study.noise, job.spec.sensor_class
+    rng = np.random.default_rng([*job.seed, 4])
+    for rows in ready.rows:
+        if asked.asks(rows):
+            job.tell(f"noise processes of {rows.name}")
+            yield noise_of(rows, theta, sensor, rng=rng, candidates=asked.candidates)
+
+
 def _result(
     job: _Job,
     name: str,
@@ -316,22 +353,13 @@ def _result(
         distrusted=ready.distrusted,
         panel=told.panel,
         misfit=told.misfit,
-        correlation=_correlation(ready, selection.columns),
+        correlation=algebra.correlation(ready.summary.factor, ready.prior.sd, selection.columns),
     )
 
 
 def _columns(selection: Selection, ready: Prepared) -> tuple[str, ...]:
     """Columns that are told of: those of the terms, then the errors of the bench."""
     return (*selection.columns, *(extra.name for extra in ready.summary.extras))
-
-
-def _correlation(ready: Prepared, columns: Sequence[str]) -> np.ndarray:
-    """Correlation (p, p) of the coefficients of some columns under the full library."""
-    f = ready.summary.factor
-    rows = algebra.invert_triangular(algebra.with_prior_rows(f.R, 1.0 / ready.prior.sd)[:-1, :-1])
-    rows = rows[[f.names.index(name) for name in columns]]
-    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    return rows @ rows.T
 
 
 def _extras(ready: Prepared, selection: Selection, chains: Chains | None) -> tuple[ExtraPosterior, ...]:
@@ -355,10 +383,10 @@ def _named(spec: SensorSpec) -> Iterator[None]:
         raise UnobservableError(f"sensor '{spec.id}': {error}", error.terms) from None
 
 
-def _of_triad(runs: Sequence[Run | TriadRun]) -> list[TriadRun]:
-    """Free tumbles among the runs; a study has all of them or none."""
-    return [run for run in runs if isinstance(run, TriadRun)]
+def _of_case(runs: Sequence[AnyRun]) -> list[TriadRun | ImuRun]:
+    """Runs of several components among the runs; a sensor has all of them or none."""
+    return [run for run in runs if isinstance(run, TriadRun | ImuRun)]
 
 
-def _of_component(runs: Sequence[Run | TriadRun]) -> list[Run]:
+def _of_component(runs: Sequence[AnyRun]) -> list[Run]:
     return [run for run in runs if isinstance(run, Run)]

@@ -136,7 +136,7 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
     "missing name": (_study('name = "tumble"', ""), ("sensor[0].run[0].name", "missing")),
     "wrong type": (_study("seed = 1", 'seed = "one"'), ("study.seed", "'one'")),
     "unknown kind": (_study('"accelerometer"', '"magnetometer"'), ("sensor[0].kind", "'magnetometer'")),
-    "imu": (_study('"accelerometer"', '"imu"'), ("sensor[0].kind", "two [[sensor]] tables")),
+    "imu": (_study('"accelerometer"', '"imu"'), ("sensor[0].run[0].procedure", "for a whole IMU")),
     "unknown class": (_study("mems_tactical", "mems_tactial"), ("sensor[0].class", "mems_tactical")),
     "class of the other kind": (_study("mems_tactical", "mech_dtg"), ("sensor[0].class", "gyroscope")),
     "unknown procedure": (

@@ -16,7 +16,16 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
 from imubayes.campaign import ExtraPosterior, Mission, Sampling
-from imubayes.config import read_fleet, read_lots, read_quality, read_speed, read_study, shapes, simulated
+from imubayes.config import (
+    read_extremes,
+    read_fleet,
+    read_lots,
+    read_quality,
+    read_speed,
+    read_study,
+    shapes,
+    simulated,
+)
 from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
@@ -46,8 +55,12 @@ SHAPES = {
     "[sensor.library]": shapes.LibraryTable,
     "[[sensor.run]]": shapes.RunTable,
     "gravity": shapes.SiteTable,
+    "sections": shapes.SectionTable,
     "[sensor.run.columns]": shapes.ColumnTable,
     **simulated.SIMULATED,
+    "steps": simulated.StepOptions,
+    "[noise]": shapes.NoiseTable,
+    "[extremes]": shapes.ExtremesTable,
     "[quality]": shapes.QualityTable,
     "[lots]": shapes.LotsTable,
     "[fleet]": shapes.FleetTable,
@@ -161,7 +174,8 @@ def test_every_shape_of_a_study_has_its_section():
     there = {one for one in named if inspect.isclass(one) and is_pydantic_dataclass(one)}
     assert there == {*SHAPES.values(), shapes.StudyFile}
     assert {field.name for field in fields(shapes.StudyFile)} == {
-        "study", "sampling", "decision", "sensor", "quality", "lots", "fleet", "speed", "scene", "appendix",
+        "study", "sampling", "decision", "sensor", "noise", "extremes", "quality", "lots", "fleet", "speed",
+        "plan", "scene", "appendix",
     }  # fmt: skip
 
 
@@ -187,9 +201,11 @@ def test_documented_errors_of_the_bench_have_the_catalogues_sizes():
 READ = {"name": "case", "procedure": "other", "file": "case.csv"}
 MADE = {"name": "case", "procedure": "tumble", "simulate": {}}
 FREE = READ | {"procedure": "free-tumble", "gravity": "9.8 m/s^2"}
+IMU = {"id": "A", "kind": "imu", "class": "mems_consumer"}
 LOG = {"name": "log", "procedure": "static", "file": "log.csv"}
 NEEDED: dict[str, dict[str, Any]] = {
     "gravity": {"latitude": "1 deg", "height": "1 m"},
+    "sections": {"rows": [0, 10], "up": "x"},
     "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
     "[[sensor]]": {"unit": "U", "session": "1"},
     "[lots]": {"kind": "accelerometer", "classes": ["mems_tactical"], "run": [MADE]},
@@ -204,6 +220,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "centrifuge": {"levels": ["1 g"]},
     "vibration": {"levels": ["1 g"]},
     "thermal": {"temperatures": ["300 K"]},
+    "steps": {"at": 0, "dwell": "1 s"},
 }
 """Keys that most tables of a section cannot do without."""
 
@@ -217,11 +234,11 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     alone = any((section, key) in ALONE for key in given)
     content = given if alone else NEEDED.get(section, {}) | given
     match section:
-        case "[quality]" | "[lots]" | "[fleet]" | "[speed]":
+        case "[extremes]" | "[quality]" | "[lots]" | "[fleet]" | "[speed]":
             return {section.strip("[]"): content}
         case "[speed.growth]":
             return {"speed": {"growth": content}}
-        case "[study]" | "[sampling]" | "[decision]":
+        case "[study]" | "[sampling]" | "[decision]" | "[noise]":
             others = {section.strip("[]"): content}
         case "[[appendix]]":
             others = {"appendix": [content]}
@@ -235,6 +252,12 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
             sensor[section.strip("[]").partition(".")[2]] = content
         case "[[sensor.run]]" if "gravity" in given:
             sensor["run"] = [FREE | content]
+        case "[[sensor.run]]" if "gyroscope_file" in given:
+            sensor = IMU | {"run": [FREE | content]}
+        case "[[sensor.run]]" if "sections" in given:
+            sensor = IMU | {"run": [FREE | {"procedure": "ferraris"} | content]}
+        case "sections":
+            sensor = IMU | {"run": [FREE | {"procedure": "ferraris", "sections": [content]}]}
         case "[[sensor.run]]":
             sensor["run"] = [(MADE if "simulate" in given else READ) | content, LOG]
         case "gravity":
@@ -244,6 +267,8 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
             sensor["run"] = [READ | {"columns": {channel: content | own}}]
         case "noise":
             sensor["run"] = [READ | {"noise": content}, LOG]
+        case "steps":
+            sensor["run"] = [MADE | {"simulate": {"angles": 4, "steps": [content]}}]
         case _:
             procedure = simulated.CALLED.get(section, section)
             sensor["run"] = [MADE | {"procedure": procedure, "simulate": content}]
@@ -259,6 +284,8 @@ def _read(folder: Path, tables: dict[str, Any]):
     (folder / "own.toml").write_text(
         STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0]
     )
+    if extremes := read_extremes(path):
+        return extremes
     return read_fleet(path) or read_lots(path) or read_quality(path) or read_speed(path) or read_study(path)
 
 

@@ -13,12 +13,14 @@ from imubayes.config.appendix_tables import appendix
 from imubayes.config.extremes_tables import extremes_study
 from imubayes.config.fleet_tables import fleet_study
 from imubayes.config.lot_tables import lot_study
+from imubayes.config.plan_tables import plan_study
 from imubayes.config.quality_tables import quality_study
 from imubayes.config.scene_tables import scenes_of
 from imubayes.config.sensor_tables import own_classes, sensor_spec
 from imubayes.config.shapes import (
     DecisionTable,
     HeaderTable,
+    NoiseTable,
     Place,
     SamplingTable,
     StudyFile,
@@ -31,10 +33,12 @@ from imubayes.errors import StudyError
 from imubayes.extremes.plan import ExtremesStudy
 from imubayes.fleet.plan import FleetStudy
 from imubayes.lots.plan import LotStudy
-from imubayes.preparation import runs_of
+from imubayes.offers import PlanStudy
+from imubayes.preparation import AnyRun, runs_of
 from imubayes.quality.trials import QualityStudy
-from imubayes.rig.inputs import Run, TriadRun
+from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs
+from imubayes.sensors.terms import Kind
 from imubayes.speed.contests import SpeedStudy
 
 
@@ -61,11 +65,14 @@ def read_study(path: Path) -> Study:
         raise place.at("fleet").error("a study of a fleet has no [[sensor]]: 'imubayes run' it")
     if tables.speed is not None:
         raise place.at("speed").error("a study of speed has no [[sensor]]: 'imubayes run' it")
+    if tables.plan is not None and not any(raw.get("run") for raw in tables.sensor):
+        raise place.at("plan").error("nothing has been run yet: 'imubayes plan' it")
     header = shaped(HeaderTable, tables.study, place.at("study"))
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
     sampling = shaped(SamplingTable, tables.sampling, place.at("sampling"))
     decision = shaped(DecisionTable, tables.decision, place.at("decision"))
+    noise = shaped(NoiseTable, tables.noise, place.at("noise"))
     here, there = place.at("sensor"), place.at("appendix")
     own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
     sensors = tuple(
@@ -84,7 +91,8 @@ def read_study(path: Path) -> Study:
         Costs(decision.false_keep, decision.false_drop),
         decision.hierarchy,
         decision.compare,
-        scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, {one.kind for one in sensors}),
+        scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, _kinds(sensors)),
+        NoiseQuestion(noise.identify, noise.candidates),
     )
 
 
@@ -163,7 +171,22 @@ def read_speed(path: Path) -> SpeedStudy | None:
     return speed_study(tables, path, text) if tables.speed is not None else None
 
 
-def read_runs(path: Path | str, sensor: str = "") -> tuple[Run | TriadRun, ...]:
+def read_plan(path: Path) -> PlanStudy:
+    """Read and check a study with a plan to make.
+
+    Parameters
+    ----------
+    path : of the TOML file.
+
+    Raises
+    ------
+    StudyError : as `read_study` does.
+    """
+    text, tables = _tables(path)
+    return plan_study(tables, path, text)
+
+
+def read_runs(path: Path | str, sensor: str = "") -> tuple[AnyRun, ...]:
     """Read (or simulate) the runs of one sensor of a study file.
 
     Parameters
@@ -211,6 +234,11 @@ def _parsed(text: str, file: str) -> dict[str, Any]:
         line = re.search(r"at line (\d+)", str(error))
         where = f"line {line[1]}" if line else f"line {text.count(chr(10)) + 1}"
         raise StudyError(f"{file}, {where}: is not TOML: {message[:1].lower()}{message[1:]}") from None
+
+
+def _kinds(sensors: Sequence[SensorSpec]) -> set[Kind]:
+    """Kinds of the components of all sensors."""
+    return {part.kind for one in sensors for part in (one, one.gyroscope) if part}
 
 
 def _check_sessions(sensors: Sequence[SensorSpec], place: Place) -> None:

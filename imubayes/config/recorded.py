@@ -50,13 +50,13 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
-    for table, key in _named_files(tables):
+    for table, key in named_files(tables):
         if key in table:
             table[key] = str(located(table[key], study.path.parent).resolve())
     return (*files, *_written(folder, study, tables, truths))
 
 
-def _named_files(tables: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+def named_files(tables: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Tables beside the runs that name a file, and the key that does."""
     yield from ((table, "file") for table in (*tables.get("appendix", []), *tables.get("scene", [])))
     yield tables.get("study", {}), "catalogue"

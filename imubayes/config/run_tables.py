@@ -14,6 +14,7 @@ from imubayes.config.shapes import (
     ColumnTable,
     Place,
     RunTable,
+    SectionTable,
     SiteTable,
     hint,
     quantity,
@@ -23,7 +24,16 @@ from imubayes.config.shapes import (
 from imubayes.config.simulated import CALLED, SIMULATED
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.gravity import normal_gravity
-from imubayes.rig.runs import FREE_TUMBLE, OUTPUT_UNIT, RUN_CHANNELS, TRIAD, RunSpec
+from imubayes.rig.inputs import Section
+from imubayes.rig.runs import (
+    FERRARIS,
+    FREE_TUMBLE,
+    IMU_CHANNELS,
+    OUTPUT_UNIT,
+    RUN_CHANNELS,
+    TRIAD,
+    RunSpec,
+)
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Kind
 
@@ -37,7 +47,7 @@ _COUNTABLE = 2.0**53
 """Whole numbers beyond this one have gaps in double precision."""
 
 
-def run_spec(raw: object, kind: Kind, folder: Path, place: Place) -> RunSpec:
+def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool = False) -> RunSpec:
     """Check one run of a sensor.
 
     Parameters
@@ -46,17 +56,19 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place) -> RunSpec:
     kind : of the sensor.
     folder : of the study's file.
     place : of the table, for errors.
+    imu : whether the run is one of a whole IMU.
 
     Raises
     ------
     StudyError : naming the key.
     """
     run = shaped(RunTable, raw, place)
+    _check_imu(run, place, imu=imu)
     if (run.file is None) == (run.simulate is None):
         raise place.error(
             f"expected either file or simulate, came {'neither' if run.file is None else 'both'}"
         )
-    if run.procedure == FREE_TUMBLE and kind != "accelerometer":
+    if run.procedure == FREE_TUMBLE and kind != "accelerometer" and not imu:
         raise place.at("procedure").error(
             "a free tumble calibrates an accelerometer: expected another procedure"
         )
@@ -65,12 +77,41 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place) -> RunSpec:
         procedure=run.procedure,
         file=None if run.file is None else located(run.file, folder),
         shown=run.file or "",
-        columns=_columns(run, kind, place.at("columns")),
+        columns=_columns(run, kind, place.at("columns"), imu=imu),
         gravity=_local_gravity(run, place.at("gravity")),
         noise=noise_rule(run.noise, kind, place.at("noise")),
         simulate=None if run.simulate is None else _simulation(run, place),
         origin=run.source,
+        gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
+        sections=tuple(_section(one, place.at("sections").at(k)) for k, one in enumerate(run.sections)),
     )
+
+
+def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
+    """Refuse what only a run of an IMU has, and what it cannot have."""
+    known = (FREE_TUMBLE, FERRARIS)
+    if imu and run.procedure not in known:
+        raise place.at("procedure").error(
+            f"'{run.procedure}' is not known for a whole IMU: expected {' or '.join(known)}; "
+            "list its accelerometers and gyroscopes as sensors of their own"
+        )
+    if imu and run.simulate is not None:
+        raise place.at("simulate").error("a run of a whole IMU cannot be simulated: expected file")
+    if not imu and run.procedure == FERRARIS:
+        raise place.at("procedure").error('positions and turns are for a whole IMU: expected kind = "imu"')
+    if not imu and run.gyroscope_file is not None:
+        raise place.at("gyroscope_file").error('expected it beside kind = "imu" only: leave it out')
+    if (run.procedure == FERRARIS) != bool(run.sections):
+        raise place.at("sections").error(
+            "expected the positions and turns of a run of procedure 'ferraris', and no other, such as"
+            ' [{ rows = [0, 500], up = "x" }, { rows = [900, 1200], up = "x", turn = "360 deg" }]'
+        )
+
+
+def _section(raw: object, place: Place) -> Section:
+    table = shaped(SectionTable, raw, place)
+    angle = 0.0 if table.turn is None else quantity(table.turn, "rad", place.at("turn"))
+    return Section(*table.rows, table.up, angle)
 
 
 def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
@@ -112,10 +153,11 @@ def located(file: str, folder: Path) -> Path:
     return folder / file
 
 
-def _columns(run: RunTable, kind: Kind, place: Place) -> dict[str, ColumnSpec]:
+def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:
     if run.simulate is not None and run.columns:
         raise place.error("a simulated run has no file whose columns could differ: leave it out")
-    known = ("t", *TRIAD) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
+    triad = ("t", *TRIAD) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
+    known = IMU_CHANNELS if imu else triad
     return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
 
 
@@ -178,13 +220,13 @@ def _wrap(table: ColumnTable, size: float, place: Place) -> float | None:
 
 
 def _local_gravity(run: RunTable, place: Place) -> float | None:
-    if run.procedure != FREE_TUMBLE:
+    if run.procedure not in (FREE_TUMBLE, FERRARIS):
         if run.gravity is not None:
             raise place.error("only a free tumble needs it: leave it out, and give the inputs in the file")
         return None
     if run.gravity is None:
         wanted = '"9.81 m/s^2" or { latitude = "45 deg", height = "100 m" }'
-        raise place.error(f"the key is missing: a free tumble needs {wanted}")
+        raise place.error(f"the key is missing: a {run.procedure} run needs {wanted}")
     if isinstance(run.gravity, dict):
         site = shaped(SiteTable, run.gravity, place)
         return normal_gravity(site.latitude, site.height)

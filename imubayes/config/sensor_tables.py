@@ -8,17 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign import SensorSpec
+from imubayes.config.imu_tables import KINDS_OF_IMU, check_imu, half
 from imubayes.config.run_tables import located, noise_rule, run_spec
 from imubayes.config.shapes import LibraryTable, Place, SensorTable, hint, quantity, shaped, shown, unique
 from imubayes.rig.reference import KINDS, for_sensor
 from imubayes.rig.reference import Kind as BenchError
-from imubayes.rig.runs import FREE_TUMBLE, RunSpec
+from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library, library
+
+LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
+"""Errors of the reference that runs of several components in one case can allow for."""
 
 
 def own_classes(file: str | None, folder: Path, place: Place) -> tuple[SensorClass, ...]:
@@ -55,30 +59,41 @@ def sensor_spec(
     StudyError : naming the key.
     """
     table = shaped(SensorTable, raw, place)
-    if table.kind == "imu":
-        raise place.at("kind").error(
-            "'imu' cannot be characterised in one piece yet: expected accelerometer or gyroscope; "
-            "list the accelerometer and the gyroscope as two [[sensor]] tables"
-        )
     if not table.run:
         raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
-    with place.at("class").blamed():
-        name = table.class_
-        sensor_class = None if name is None else sensor(name, kind=table.kind, catalogue=catalogue)
-    lib = _candidates(table.kind, table.library, place.at("library"))
-    runs = tuple(_runs(table, table.kind, folder, place))
+    _check_session(table, place)
+    if table.kind != "imu":
+        return _of_kind(table, table.kind, folder, place, catalogue)
+    check_imu(table, place)
+    halves = (_of_kind(table, kind, folder, place, catalogue) for kind in KINDS_OF_IMU)
+    accelerometer, gyroscope = halves
+    return replace(accelerometer, gyroscope=gyroscope)
+
+
+def _of_kind(
+    table: SensorTable, kind: Kind, folder: Path, place: Place, catalogue: Sequence[SensorClass]
+) -> SensorSpec:
+    """What a sensor's table says of its components of one kind; a whole IMU has both."""
+    imu = table.kind == "imu"
+    name, there = half(table.class_, kind, place.at("class"), imu=imu)
+    if isinstance(name, dict):
+        raise there.error(f"expected the id of a class, came {shown(name)}")
+    with there.blamed():
+        sensor_class = None if name is None else sensor(name, kind=kind, catalogue=catalogue)
+    lib = _candidates(kind, *half(table.library, kind, place.at("library"), imu=imu))
+    runs = tuple(_runs(table, kind, folder, place))
     _check_runs(runs, sensor_class, place)
     _check_robust(table, runs, place.at("robust"))
-    _check_session(table, place)
+    prior, there = half(table.prior, kind, place.at("prior"), imu=imu)
     return SensorSpec(
         table.id,
-        table.kind,
+        kind,
         sensor_class,
         lib,
         runs,
-        _truth(table.truth, table.kind, runs, place.at("truth")),
-        _prior(table.prior, lib, place.at("prior")),
-        _reference(table.reference, table.kind, runs, place.at("reference")),
+        _truth(table.truth, kind, runs, place.at("truth")),
+        _prior(prior, lib, there),
+        _reference(table.reference, kind, runs, place.at("reference")),
         table.robust,
         table.unit or "",
         table.session or "",
@@ -87,9 +102,13 @@ def sensor_spec(
 
 def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterator[RunSpec]:
     """Read the runs of a sensor; a run without a noise rule has the sensor's."""
-    usual = noise_rule(table.noise, kind, place.at("noise"))
+    imu = table.kind == "imu"
+    noise, there = half(table.noise, kind, place.at("noise"), imu=imu)
+    usual = noise_rule(noise, kind, there)
     for k, raw in enumerate(table.run):
-        run = run_spec(raw, kind, folder, place.at("run").at(k))
+        here = place.at("run").at(k)
+        own, _ = half(raw.get("noise"), kind, here.at("noise"), imu=imu)
+        run = run_spec(raw | {"noise": own} if imu else raw, kind, folder, here, imu=imu)
         if isinstance(raw, dict) and "noise" not in raw:
             # the static log that the others lean on cannot lean on itself
             run = replace(run, noise=NoiseRule() if usual.like == run.name else usual)
@@ -127,13 +146,15 @@ def _prior(raw: dict[str, Any], lib: Library, place: Place) -> dict[str, float]:
 
 def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
     """Sds of the errors of the test bench that are allowed for."""
-    free = runs[0].procedure == FREE_TUMBLE
+    allowed = LEANS_ON.get(runs[0].procedure)
     wanted = {name: value for name, value in raw.items() if value is not False}
     for name in raw:
         if name not in KINDS:
             raise place.at(name).error(f"is no error of a test bench: {hint(name, list(KINDS))}")
-        if free and name in wanted and name != "gravity":
-            raise place.at(name).error("a free tumble leans on nothing but gravity: leave it out")
+        if allowed and name in wanted and name not in allowed:
+            raise place.at(name).error(
+                f"a {runs[0].procedure} run leans on nothing but {' and '.join(allowed)}: leave it out"
+            )
     return {
         name: _uncertainty(value, for_sensor(KINDS[name], kind), place.at(name))
         for name, value in wanted.items()
@@ -175,6 +196,10 @@ def _check_runs(runs: tuple[RunSpec, ...], sensor_class: SensorClass | None, pla
         _check_noise(run, runs, here.at("noise"))
         if run.simulate is not None and sensor_class is None:
             raise here.at("simulate").error(f"needs the noise of a class: expected the key {place.key}.class")
+        if FERRARIS in (run.procedure, runs[0].procedure) and run.procedure != runs[0].procedure:
+            raise here.at("procedure").error(
+                f"'{run.procedure}' beside '{runs[0].procedure}': expected all runs of an IMU to be of one"
+            )
         if (run.procedure == FREE_TUMBLE) != (runs[0].procedure == FREE_TUMBLE):
             raise here.at("procedure").error(
                 f"'{run.procedure}' beside '{runs[0].procedure}': a free tumble tests three components "

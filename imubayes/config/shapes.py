@@ -63,11 +63,13 @@ class StudyFile:
     decision: Table = Field(default_factory=dict)
     scene: list[Table] = Field(default_factory=list)
     appendix: list[Table] = Field(default_factory=list)
+    noise: Table = Field(default_factory=dict)
     quality: Table | None = None
     lots: Table | None = None
     extremes: Table | None = None
     fleet: Table | None = None
     speed: Table | None = None
+    plan: Table | None = None
 
 
 @shape(config=STRICT, frozen=True)
@@ -86,6 +88,14 @@ class SamplingTable:
 
     ess: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
     time_limit: Seconds = 600.0
+
+
+@shape(config=STRICT, frozen=True)
+class NoiseTable:
+    """``[noise]``: the arguments of `imubayes.selection.noise_found.NoiseQuestion`."""
+
+    identify: Literal["static", "all", "none"] = "static"
+    candidates: Annotated[tuple[Literal["B", "K", "Q", "R", "G"], ...], Several] = ("B", "K", "Q", "R", "G")
 
 
 @shape(config=STRICT, frozen=True)
@@ -208,7 +218,7 @@ class SensorTable:
     id: Text
     kind: Literal["accelerometer", "gyroscope", "imu"]
     run: list[Table] = Field(default_factory=list)
-    class_: Annotated[Text | None, Field(alias="class")] = None
+    class_: Annotated[Text | Table | None, Field(alias="class")] = None
     library: Table = Field(default_factory=dict)
     noise: Any = None
     truth: Table = Field(default_factory=dict)
@@ -243,6 +253,17 @@ class RunTable:
     noise: Any = None
     simulate: Table | None = None
     source: str = ""
+    gyroscope_file: Text | None = None
+    sections: list[Table] = Field(default_factory=list)
+
+
+@shape(config=STRICT, frozen=True)
+class SectionTable:
+    """One of the ``sections`` of a run of an IMU."""
+
+    rows: Annotated[tuple[int, int], Several]
+    up: Literal["x", "-x", "y", "-y", "z", "-z"]
+    turn: Any = None
 
 
 @shape(config=STRICT, frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.dataclasses import dataclass as shape
 
 from imubayes import units
@@ -27,6 +27,18 @@ from imubayes.config.measured import (
 
 def _in_g(levels: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(level / units.STANDARD_GRAVITY for level in levels)
+
+
+@shape(config=ConfigDict(extra="forbid"), frozen=True)
+class StepOptions:
+    """A dwell of ``steps``: which of the procedure's dwells, for how long, and the pause before it."""
+
+    at: Annotated[int, Field(ge=0, strict=True)]
+    dwell: Seconds
+    pause: Settle = 0.0
+
+
+Steps = Annotated[tuple[StepOptions, ...] | None, Several]
 
 
 @shape(config=STRICT, frozen=True)
@@ -52,6 +64,7 @@ class TumbleOptions:
     settle: Settle | None = None
     gravity: Gravity | None = None
     latitude: Angle | None = None
+    steps: Steps = None
 
 
 @shape(config=STRICT, frozen=True)
@@ -64,6 +77,7 @@ class PositionsOptions:
     settle: Settle | None = None
     gravity: Gravity | None = None
     latitude: Angle | None = None
+    steps: Steps = None
 
 
 @shape(config=STRICT, frozen=True)
@@ -77,6 +91,7 @@ class RateTableOptions:
     settle: Settle | None = None
     latitude: Angle | None = None
     radius: Metres | None = None
+    steps: Steps = None
 
 
 @shape(config=STRICT, frozen=True)
@@ -104,6 +119,7 @@ class CentrifugeOptions:
     settle: Settle | None = None
     arm: Metres | None = None
     ramp: bool | None = None
+    steps: Steps = None
 
 
 @shape(config=STRICT, frozen=True)

@@ -1,4 +1,4 @@
-"""Overlapping Allan deviation of a record with gaps."""
+"""Overlapping Allan deviation of a record with gaps, and its confidence."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ FloatArray = NDArray[np.float64]
 
 PER_DECADE = 5
 """Averaging times a decade; whole decades of the interval are among them."""
+
+LEVEL = 0.9
+"""Probability that a confidence interval holds."""
 
 
 def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
@@ -57,3 +60,35 @@ def _pooled(parts: list[FloatArray], m: int) -> float:
             steps = (sums[2 * m :] - 2.0 * sums[m:-m] + sums[: -2 * m]) / m
             squares, count = squares + float(steps @ steps), count + len(steps)
     return 0.5 * squares / count
+
+
+def confidence_band(
+    tau: FloatArray, deviation: FloatArray, slopes: NDArray[np.int64], record: tuple[int, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Interval that holds the true deviation with 90 %, from the equivalent degrees of freedom.
+
+    Parameters
+    ----------
+    tau, deviation : (k,) of `allan_deviation`.
+    slopes : (k,) power of the frequency in the density of the noise that is largest at each averaging time: 2
+        quantization, 0 white, -1 flicker, -2 random walk.
+    record : (samples, interval in s) of the gapless record.
+
+    Returns
+    -------
+    (low, high) : (k,), in the unit of the deviation.
+
+    Notes
+    -----
+    Degrees of freedom by Greenhall and Riley (2004) for overlapping differences: the variance is chi-squared.
+    """
+    from allantools import ci
+
+    samples, interval = record
+    steps = np.rint(tau / interval).astype(int).tolist()
+    ends = [
+        ci.confidence_interval(dev, ci.edf_greenhall(alpha, 2, m, samples + 1, overlapping=True), ci=LEVEL)
+        for dev, alpha, m in zip(deviation.tolist(), slopes.tolist(), steps, strict=True)
+    ]
+    low, high = np.array(ends, dtype=float).reshape(-1, 2).T
+    return low, high

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -167,6 +167,20 @@ def blocks_of(rows: Linear, blocks: int = BLOCKS) -> Blocks:
     lasting = np.add.reduceat(rows.duration, edges)
     taken = Rows(np.add.reduceat(rows.t, edges) / counts, lasting, axes, rows.rows.finest)
     return Blocks(taken, X, np.add.reduceat(rows.y, edges) / counts)
+
+
+def averaged(rows: Linear, blocks: int = BLOCKS) -> Linear:
+    """Averages over the blocks of `blocks_of` as rows: they tell of the coefficients what the rows do."""
+    taken = blocks_of(rows, blocks)
+    return replace(
+        rows,
+        t=taken.rows.t,
+        duration=taken.rows.duration,
+        interval=float(np.median(taken.rows.duration)),
+        y=taken.y,
+        columns=lambda start, stop: taken.X[start:stop],
+        axes=taken.rows.axes,
+    )
 
 
 def within_blocks(rows: Linear) -> FloatArray:

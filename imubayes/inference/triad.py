@@ -1,8 +1,9 @@
-"""A triad of accelerometers in one case: its model, its compensation, and how that is published.
+"""A triad in one case: its model, its compensation, and how that is published.
 
-Components ax, ay, az have the axes (i, j, k) = xyz, yzx, zxy of the case. Without an orientation reference
-the rotation of the case is free; the gain matrix I + M is then taken upper triangular: the sensor's z axis is
-the case's, and its y axis lies in the case's y-z plane.
+Components ax, ay, az and gx, gy, gz have the axes (i, j, k) = xyz, yzx, zxy of the case. Without an
+orientation reference the rotation of the case is free; the gain matrix I + M of the accelerometers is then
+taken upper triangular: the sensor's z axis is the case's, and its y axis lies in the case's y-z plane.
+Gyroscopes beside them have the whole matrix, for the accelerometers say how the case lies.
 """
 
 from __future__ import annotations
@@ -14,14 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import ConvergenceError
-from imubayes.sensors.terms import Library, columns
+from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES, PERMUTATION
+from imubayes.sensors.terms import Kind, Library, columns
 
 FloatArray = NDArray[np.float64]
 
-COMPONENTS = ("ax", "ay", "az")
-
-PERMUTATION = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
-"""Case axes of (i, j, k) of each component."""
+COMPONENTS = ACCELEROMETERS
 
 BELOW_DIAGONAL = ((), ("m_k",), ("m_j", "m_k"))
 """Misalignments that the choice of the case axes sets to zero."""
@@ -36,7 +35,7 @@ class Triad:
 
     Attributes
     ----------
-    libraries : of ax, ay, az.
+    libraries : of the x, y and z component, of one kind.
     theta : (p,) coefficients of all three, SI.
     """
 
@@ -44,15 +43,36 @@ class Triad:
     theta: FloatArray
 
     @property
+    def kind(self) -> Kind:
+        """Accelerometer or gyroscope."""
+        return self.libraries[0].kind
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """``ax ay az`` or ``gx gy gz``."""
+        return ACCELEROMETERS if self.kind == "accelerometer" else GYROSCOPES
+
+    @property
     def names(self) -> tuple[str, ...]:
         """``ax.b0`` ... ``az.c_kk``."""
-        return tuple(f"{c}.{n}" for c, lib in zip(COMPONENTS, self.libraries, strict=True) for n in lib.names)
+        named = zip(self.components, self.libraries, strict=True)
+        return tuple(f"{c}.{n}" for c, lib in named for n in lib.names)
 
-    def regressors(self, f: FloatArray) -> tuple[FloatArray, ...]:
-        """Columns of each component at specific forces f (m, 3) along the case axes: three (m, p_c)."""
+    def regressors(self, own: FloatArray, other: FloatArray | None = None) -> tuple[FloatArray, ...]:
+        """Columns of each component at inputs (m, 3) along the case axes: three (m, p_c).
+
+        Parameters
+        ----------
+        own : (m, 3) specific force for accelerometers, rate for gyroscopes.
+        other : (m, 3) the other one of the two; None for zero.
+        """
+        quantities = "fw" if self.kind == "accelerometer" else "wf"
+        given = [(quantities[0], own)] if other is None else [*zip(quantities, (own, other), strict=True)]
         return tuple(
             columns(
-                lib, {f"f_{axis}": f[:, column] for axis, column in zip("ijk", order, strict=True)}, len(f)
+                lib,
+                {f"{q}_{axis}": v[:, c] for q, v in given for axis, c in zip("ijk", order, strict=True)},
+                len(own),
             )
             for lib, order in zip(self.libraries, PERMUTATION, strict=True)
         )
@@ -62,27 +82,38 @@ class Triad:
         ends = np.cumsum([len(lib.terms) for lib in self.libraries])[:-1]
         return np.split(self.theta, ends)
 
-    def deviation(self, f: FloatArray) -> FloatArray:
-        """Output minus input (m, 3) at specific forces f (m, 3)."""
-        parts = zip(self.regressors(f), self.parts(), strict=True)
+    def deviation(self, own: FloatArray, other: FloatArray | None = None) -> FloatArray:
+        """Output minus input (m, 3) at inputs (m, 3), as `regressors` takes them."""
+        parts = zip(self.regressors(own, other), self.parts(), strict=True)
         return np.column_stack([X @ theta for X, theta in parts])
 
-    def compensate(self, y: FloatArray) -> FloatArray:
-        """Specific force (m, 3) of outputs y (m, 3), by fixed-point iteration.
+    def compensate(self, y: FloatArray, other: FloatArray | None = None) -> FloatArray:
+        """Own input (m, 3) of outputs y (m, 3), by fixed-point iteration; `other` as in `regressors`.
 
         Raises
         ------
         ConvergenceError : if it does not settle: the nominal scale is far off, or the coefficients are.
         """
-        f = y
+        own = last = y
         for _ in range(ROUNDS):
-            new = y - self.deviation(f)
-            if np.max(np.abs(new - f)) <= 1e-13 * np.max(np.abs(y)):
+            new = y - self.deviation(own, other)
+            if np.max(np.abs(new - own)) <= 1e-13 * np.max(np.abs(y)):
                 return new
-            f = new
+            own, last = new, own
+        if np.max(np.abs(own - last)) <= 2.0 * self._jump():
+            # an input smaller than the jump at its change of sign is met from both sides
+            return 0.5 * (own + last)
         raise ConvergenceError(
-            "the compensation of the triad does not settle: check scale and offset of its columns", f
+            "the compensation of the triad does not settle: check scale and offset of its columns", own
         )
+
+    def _jump(self) -> float:
+        """Largest step of an output where its input changes sign."""
+        parts = zip(self.libraries, self.parts(), strict=True)
+        sizes = [
+            abs(x) for lib, theta in parts for name, x in zip(lib.names, theta, strict=True) if name == "b0p"
+        ]
+        return max(sizes, default=0.0)
 
     def gain(self) -> FloatArray:
         """I + M, (3, 3): the linear response along the case axes."""
@@ -96,11 +127,17 @@ class Triad:
         return matrix
 
 
-def triad_of(lib: Library) -> Triad:
-    """Triad of three alike components, with the rotation fixed and all coefficients zero."""
-    libraries = tuple(
-        Library(lib.kind, tuple(t for t in lib.terms if t.name not in dropped)) for dropped in BELOW_DIAGONAL
-    )
+def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
+    """Triad of three alike components, all coefficients zero.
+
+    Parameters
+    ----------
+    lib : candidate terms of a component.
+    referenced : whether directions are known; without, the rotation of accelerometers is fixed.
+    """
+    free = lib.kind == "accelerometer" and not referenced
+    dropped = BELOW_DIAGONAL if free else ((), (), ())
+    libraries = tuple(Library(lib.kind, tuple(t for t in lib.terms if t.name not in out)) for out in dropped)
     x, y, z = libraries
     return Triad((x, y, z), np.zeros(sum(len(part.terms) for part in libraries)))
 
@@ -108,8 +145,8 @@ def triad_of(lib: Library) -> Triad:
 def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[dict[str, object], ...]:
     """Compensation of each component, as calibration tools publish it.
 
-    With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T upper triangular with ones on its diagonal,
-    from ``T K = (I + M)^-1 diag(scale)``. This is imu_tk's form, and its signs.
+    With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T has ones on its diagonal and is upper
+    triangular for accelerometers, from ``T K = (I + M)^-1 diag(scale)``: imu_tk's form, and its signs.
 
     Parameters
     ----------
@@ -118,28 +155,34 @@ def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[d
 
     Returns
     -------
-    for ax, ay, az: ``scale`` (SI per file unit), ``bias`` (file units), ``nonorthogonality`` (rad, by the
-    term that causes it), ``convention``.
+    for the x, y and z component: ``scale`` (SI per file unit), ``bias`` (file units), ``nonorthogonality``
+    (rad, by the term that causes it), ``convention``.
     """
     T = np.linalg.inv(triad.gain())
     parts = zip(triad.parts(), triad.libraries, strict=True)
     bias = [float(theta[lib.names.index("b0")]) for theta, lib in parts]
     rows = []
     for c, ((scale, offset), order) in enumerate(zip(nominal, PERMUTATION, strict=True)):
-        names = [(name, axis) for name, axis in zip(("m_j", "m_k"), order[1:], strict=True) if axis > c]
+        across = zip(("m_j", "m_k"), order[1:], strict=True)
+        names = [(name, axis) for name, axis in across if name in triad.libraries[c].names]
         rows.append(
             {
                 "scale": float(T[c, c]) * scale,
                 "bias": offset + bias[c] / scale,
                 "nonorthogonality": {name: float(T[c, axis] / T[axis, axis]) for name, axis in names},
-                "convention": CONVENTION,
+                "convention": CONVENTIONS[triad.kind],
             }
         )
     return tuple(rows)
 
 
-CONVENTION = (
-    "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal: the sensor's"
-    " z axis is the case's, its y axis lies in the case's y-z plane. Entries of T have the opposite sign of"
-    " the misalignments m of the model, which go from force to output."
+_SIGNS = (
+    " Entries of T have the opposite sign of the misalignments m of the model, which go from input to output."
 )
+
+CONVENTIONS = {
+    "accelerometer": "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal:"
+    " the sensor's z axis is the case's, its y axis lies in the case's y-z plane." + _SIGNS,
+    "gyroscope": "w = T K (raw - bias), K diagonal (scale), T with ones on the diagonal: the case is that of"
+    " the accelerometers." + _SIGNS,
+}

@@ -1,8 +1,8 @@
 """The rung of drawn noises: every submodel, averaged over the noise's posterior without a chain.
 
-Each run's posterior of ln N, ln B, ln K is taken as normal about its peak. Draws of it are weighted by the
-exact posterior of all runs together, and resampled by these weights (Rubin 1988): what comes out counts as
-draws of the posterior.
+Each run's posterior of ln N, ln B, ln K is taken as a Student distribution about its peak. Draws of it are
+weighted by the exact posterior of all runs together, and resampled by these weights (Rubin 1988): what comes
+out counts as draws of the posterior.
 """
 
 from __future__ import annotations
@@ -30,6 +30,15 @@ FloatArray = NDArray[np.float64]
 
 PROPOSED = 24
 """Noises at which all rows are whitened; about half as many count."""
+
+ENOUGH = 8.0
+"""Draws that must count; else as many more are taken."""
+
+ROUNDS = 4
+"""Most times that draws are taken."""
+
+FREEDOM = 5.0
+"""Degrees of freedom of the proposal."""
 
 RESAMPLED = 16
 """Noises at which every submodel is weighed."""
@@ -110,26 +119,56 @@ def _moments(ready: Prepared, drawn: Weighted) -> tuple[FloatArray, FloatArray]:
 
 
 def weighted(ground: Ground) -> Weighted:
-    """Draws of the noise about its peak, with the exact posterior's weights."""
+    """Draws of the noise about its peak, with the exact posterior's weights; more of them where few count."""
 
     def make() -> Weighted:
         ready = prepared(ground)
         ground.tell("the noise's posterior about its peak")
         peak = peak_of(ready)
-        d = len(peak.center)
-        z = _spread(PROPOSED if d else 1, d, ground.rngs["averaged"])
-        x = peak.center + z @ peak.L.T
-        noises = noises_of(ready, peak.groups, x)
-        draws = tuple(at_noise(ready.summary, ready.rows, noise, ready.prior.sd) for noise in noises)
-        log_q = -0.5 * np.sum(z**2, axis=1) - float(np.sum(np.log(np.diag(peak.L))))
-        center, width = peak.prior.T
-        log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
-        logs = np.array([draw.log_marginal for draw in draws]) + log_p - log_q
-        weight = np.exp(logs - logs.max())
-        evidence = float(logs.max()) + math.log(float(weight.mean()))
-        return Weighted(noises, draws, weight / weight.sum(), evidence)
+        found = _drawn(ready, peak, ground.rngs["averaged"])
+        for _ in range(ROUNDS - 1 if len(peak.center) else 0):
+            if found.count >= ENOUGH:
+                break
+            found = _both(found, _drawn(ready, peak, ground.rngs["averaged"]))
+        return found
 
     return once(ground, "noises", make)
+
+
+def _drawn(ready: Prepared, peak: Peak, rng: np.random.Generator) -> Weighted:
+    """Draws about the peak, of a Student distribution: its tails hold what a normal one would miss."""
+    d = len(peak.center)
+    z = _spread(PROPOSED if d else 1, d, rng)
+    z *= np.sqrt(FREEDOM / rng.chisquare(FREEDOM, len(z)))[:, None]
+    x = peak.center + z @ peak.L.T
+    noises = noises_of(ready, peak.groups, x)
+    draws = tuple(at_noise(ready.summary, ready.rows, noise, ready.prior.sd) for noise in noises)
+    center, width = peak.prior.T
+    log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
+    logs = np.array([draw.log_marginal for draw in draws]) + log_p - _log_student(z, peak.L)
+    weight = np.exp(logs - logs.max())
+    evidence = float(logs.max()) + math.log(float(weight.mean())) - 0.5 * d * math.log(2.0 * math.pi)
+    return Weighted(noises, draws, weight / weight.sum(), evidence)
+
+
+def _log_student(z: FloatArray, L: FloatArray) -> FloatArray:
+    """Log density (m,) of Student draws z (m, d) that L (d, d) stretches."""
+    d = z.shape[1]
+    norm = (
+        math.lgamma(0.5 * (FREEDOM + d)) - math.lgamma(0.5 * FREEDOM) - 0.5 * d * math.log(FREEDOM * math.pi)
+    )
+    tail = np.log1p(np.sum(z**2, axis=1) / FREEDOM)
+    return norm - 0.5 * (FREEDOM + d) * tail - float(np.sum(np.log(np.diag(L))))
+
+
+def _both(a: Weighted, b: Weighted) -> Weighted:
+    """Two sets of draws from one proposal as one."""
+    logs = np.array([math.log(len(one.draws)) + one.log_evidence for one in (a, b)])
+    whole = float(np.logaddexp(*logs))
+    share = np.exp(logs - whole)
+    weight = np.concatenate((share[0] * a.weight, share[1] * b.weight))
+    noises, draws = np.concatenate((a.noises, b.noises)), (*a.draws, *b.draws)
+    return Weighted(noises, draws, weight, whole - math.log(len(draws)))
 
 
 def peak_of(ready: Prepared) -> Peak:

@@ -16,8 +16,8 @@ from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
 from imubayes.planning.fidelity import LADDER, Size
-from imubayes.preparation import Prepared, component_prior, prepare
-from imubayes.rig.inputs import Run, TriadRun
+from imubayes.preparation import AnyRun, Prepared, component_prior, prepare
+from imubayes.rig.inputs import Run
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
@@ -52,18 +52,18 @@ class Problem:
 
 
 def problem_of(
-    spec: SensorSpec, runs: Sequence[Run | TriadRun], *, costs: Costs = EQUAL, hierarchical: bool = False
+    spec: SensorSpec, runs: Sequence[AnyRun], *, costs: Costs = EQUAL, hierarchical: bool = False
 ) -> Problem:
     """Problem of a sensor and its runs.
 
     Raises
     ------
-    InputError : if a run is a free tumble of a triad, or there is no run.
+    InputError : if a run is one of several components, such as a free tumble, or there is no run.
     """
     known = tuple(run for run in runs if isinstance(run, Run))
-    free = [run.name for run in runs if isinstance(run, TriadRun)]
+    free = [run.name for run in runs if not isinstance(run, Run)]
     if free or not known:
-        what = f"run '{free[0]}' is a free tumble of a triad" if free else "there is no run"
+        what = f"run '{free[0]}' is one of several components" if free else "there is no run"
         raise InputError(
             f"sensor '{spec.id}': {what}, and the ladder of methods takes runs of one component with known"
             " inputs: use --method in place of --budget or --accuracy"

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.factor import Factor, invert_triangular
-from imubayes.inference.triad import COMPONENTS
 from imubayes.rig.inputs import Facts
 from imubayes.rig.reference import HEADS, KINDS, kind_of
+from imubayes.sensors.imu import COMPONENTS
 
 FloatArray = NDArray[np.float64]
 
@@ -289,7 +289,7 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     if bench:
         return _bench_words(bench, sorted(name for name in terms if name not in HEADS))
     if facts.reference_free:
-        return "only |f| = g is known of each still", "a tumble with known directions would separate them"
+        return _REFERENCE_FREE[facts.kind]
     for applies, reason, remedy in _REASONS:
         if applies(terms, facts):
             own = "f_i" if facts.kind == "accelerometer" else "w_i"
@@ -319,6 +319,18 @@ _BENCH = {
     "rate_scale": "a count of whole turns against a clock",
 }
 """What separates each kind of error of the test bench from the terms that it hides."""
+
+_REFERENCE_FREE = {
+    "accelerometer": (
+        "only |f| = g is known of each still",
+        "a tumble with known directions would separate them",
+    ),
+    "gyroscope": (
+        "of each turn only the direction of gravity before and after it is known",
+        "rate steps on a table in several mounts would separate them",
+    ),
+}
+"""Reason and remedy of a cancellation where there is no reference but gravity."""
 
 _MORE_LEVELS = {
     "accelerometer": "a centrifuge run at several levels with the input axis both ways would separate them",

@@ -16,6 +16,7 @@ import numpy as np
 import imubayes
 from imubayes.reporting.ladder_words import choice_record
 from imubayes.reporting.method_results import methods_block
+from imubayes.reporting.noise_views import process_record
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.sampled_results import (
     column_moments,
@@ -104,6 +105,7 @@ def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
         "samples": sensor.samples,
         "noise": {run.name: {"N": run.noise.N, "B": run.noise.B, "K": run.noise.K} for run in sensor.runs},
         "noise_posterior": noise_posterior(sensor.chains),
+        "noise_processes": process_record(sensor),
         "method": sensor.method,
         "method_reason": sensor.method_reason,
         "choice": choice_record(sensor.choice),
@@ -131,6 +133,7 @@ def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
         "prior_source": sensor.prior_source,
         "calibration": sensor.calibration,
         "digits": None if selection.digits is None else asdict(selection.digits),
+        "pooled_inclusion": sensor.pooled,
         "standards": standards_record(study, sensor),
         "seconds": sensor.seconds,
     }

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
 from imubayes.reporting.ladder_words import choice_sentences
+from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
@@ -92,6 +93,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         yield indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
     if len(sensor.runs) > MOST_RUNS:
         yield indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
+    for found in sensor.processes[:MOST_RUNS]:
+        yield indented(f"{found.choice.run}: {process_sentence(found.choice, sensor.kind)}")
     yield from (
         indented(f"{run.name}: {note}") for run in sensor.runs for note in run.source.notes if ABSENT in note
     )

@@ -12,6 +12,7 @@ from imubayes.reporting import figures, fit_figures
 from imubayes.reporting.chain_views import SampledView, sampled_view
 from imubayes.reporting.chain_words import unconverged_sentence
 from imubayes.reporting.method_views import BesideView, beside_view
+from imubayes.reporting.noise_views import ProcessView, process_views
 from imubayes.reporting.rounding import NOISE_UNITS, Measured, pretty
 from imubayes.reporting.rows import (
     NoiseRow,
@@ -94,6 +95,7 @@ class SensorView:
     fit, choice, posterior, correlations : figures and words.
     models : in words, how many were weighed.
     noise, noise_units : rows of the noise table.
+    processes : noise processes of the runs that were asked for them.
     drawn : whether there are figures; not of every component where they are many.
     doubtful : whether the answer needs a warning: a run that does not fit, a library that misses something,
         chains that have not converged.
@@ -120,6 +122,7 @@ class SensorView:
     correlations: Panel | None
     noise: tuple[NoiseRow, ...]
     noise_units: tuple[str, str, str]
+    processes: tuple[ProcessView, ...]
     drawn: bool
     doubtful: bool
     sampled: SampledView
@@ -193,6 +196,7 @@ def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, dr
         correlations=figures.correlations(sensor, f"{key}d") if drawn else None,
         noise=tuple(noise_row(run, sensor.kind, sensor.chains) for run in sensor.runs),
         noise_units=NOISE_UNITS[sensor.kind],
+        processes=process_views(sensor, key, drawn=drawn),
         drawn=drawn,
         doubtful=_is_doubtful(sensor),
         sampled=sampled,

@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 from imubayes import units
 from imubayes.errors import DataError, UnitError
 from imubayes.rig.formats import Table, bare, bracketed
+from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.terms import CHANNEL_UNITS
 
 FloatArray = NDArray[np.float64]
 
-_OWN_UNITS = {"t": "s", "mount": ""}
-"""SI units of the channels that are no input and no output; a count needs none."""
+_OWN_UNITS = {
+    "t": "s",
+    "mount": "",
+    **dict.fromkeys(ACCELEROMETERS, "m/s^2"),
+    **dict.fromkeys(GYROSCOPES, "rad/s"),
+}
+"""SI units of the channels that are no input, and no output of a single component; a count needs none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,6 +101,29 @@ class Run:
         return {**self.inputs.channels, "output": self.output}
 
 
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A part of a run whose inputs are known: the case at rest, or turned about the vertical.
+
+    Attributes
+    ----------
+    start, stop : samples [start, stop), counted from 0.
+    up : case axis that points up: ``x``, ``-x``, ``y``, ``-y``, ``z`` or ``-z``.
+    angle : rad, right-handed about `up`; 0 at rest.
+    """
+
+    start: int
+    stop: int
+    up: str
+    angle: float = 0.0
+
+    @property
+    def direction(self) -> FloatArray:
+        """Unit vector (3,) that points up, along the case axes."""
+        sign = -1.0 if self.up.startswith("-") else 1.0
+        return sign * np.eye(3)["xyz".index(self.up[-1])]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TriadRun:
     """A reference-free run of a triad: only |f| = g is known, while it is at rest.
@@ -123,6 +146,41 @@ class TriadRun:
     gravity: float
     interval: float
     source: Source = field(default_factory=Source)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuRun:
+    """A run of a whole IMU: accelerometers and gyroscopes of one case on one clock.
+
+    Attributes
+    ----------
+    name : as in the study.
+    procedure : ``free-tumble`` or ``ferraris``.
+    t : (n,) s.
+    force : (n, 3) ax, ay, az along the case axes x, y, z, m/s^2.
+    rate : (n, 3) gx, gy, gz, rad/s.
+    gravity : local gravity, m/s^2.
+    interval : averaging time of one sample, s.
+    source : where it came from.
+    sections : the parts of a run whose inputs are known; none for a free tumble.
+    """
+
+    name: str
+    procedure: str
+    t: FloatArray
+    force: FloatArray
+    rate: FloatArray
+    gravity: float
+    interval: float
+    source: Source = field(default_factory=Source)
+    sections: tuple[Section, ...] = ()
+
+    @property
+    def accelerometers(self) -> TriadRun:
+        """The accelerometers alone."""
+        return TriadRun(
+            self.name, self.procedure, self.t, self.force, self.gravity, self.interval, self.source
+        )
 
 
 def between_gaps(t: FloatArray, interval: float) -> tuple[tuple[int, int], ...]:

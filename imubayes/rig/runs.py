@@ -16,7 +16,7 @@ from imubayes.errors import DataError, InputError, StudyError
 from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump, saturation
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import Inputs, Run, Source, TriadRun, sampling_interval
+from imubayes.rig.inputs import ImuRun, Inputs, Run, Section, Source, TriadRun, sampling_interval
 from imubayes.rig.profiles import (
     Plan,
     centrifuge,
@@ -27,24 +27,40 @@ from imubayes.rig.profiles import (
     tumble,
     vibration,
 )
+from imubayes.rig.sequences import planned
 from imubayes.rig.simulate import simulate
 from imubayes.rig.thermal import temperature_rate, thermal
 from imubayes.sensors.catalogue import SensorClass, draw_unit
+from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
 
 FloatArray = NDArray[np.float64]
 
 Procedure = Literal[
-    "tumble", "centrifuge", "rate-table", "oscillation", "thermal", "static", "free-tumble", "other"
+    "tumble",
+    "centrifuge",
+    "rate-table",
+    "oscillation",
+    "thermal",
+    "static",
+    "free-tumble",
+    "ferraris",
+    "other",
 ]
 """What a study can call a run."""
 
 FREE_TUMBLE: Procedure = "free-tumble"
+FERRARIS: Procedure = "ferraris"
+"""Positions of which the case axis that points up is known, and turns about it by a known angle."""
+
 OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
-TRIAD = ("ax", "ay", "az")
+TRIAD = ACCELEROMETERS
 """Outputs of a reference-free run, along the case axes."""
+
+IMU_CHANNELS = ("t", *COMPONENTS)
+"""Columns of a run of a whole IMU."""
 
 INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
 MOUNT = "mount"
@@ -68,6 +84,9 @@ PROFILES = {
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""
 
+SAME_TIME = 0.01
+"""Share of the interval by which time stamps of two files of one run may differ."""
+
 LATE_EPOCH = 1e6
 """s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
 
@@ -88,6 +107,8 @@ class RunSpec:
     simulate : for a simulated run, ``profile`` (a key of `PROFILES`) and the arguments of its function by
         name, in SI.
     origin : where a public file comes from, for the message when it is not there.
+    gyroscope_file : of an IMU whose gyroscopes have a file of their own, on the same clock.
+    sections : of an IMU: the parts of the run whose inputs are known.
     """
 
     name: str
@@ -99,6 +120,8 @@ class RunSpec:
     noise: NoiseRule = field(default_factory=NoiseRule)
     simulate: Mapping[str, object] | None = None
     origin: str = ""
+    gyroscope_file: Path | None = None
+    sections: tuple[Section, ...] = ()
 
 
 def read_run(
@@ -132,13 +155,13 @@ def read_run(
     """
     if spec.file is None:
         raise DataError(f"run '{spec.name}' is simulated: it has no file to read")
+    if spec.procedure == FREE_TUMBLE:
+        return _triad_run(spec, spec.file)
     shown = spec.shown or str(spec.file)
     path = _existing(spec.file, shown, spec.origin)
-    if spec.procedure != FREE_TUMBLE and (long := _long_run(spec, path, kind, lib, tell)):
+    if long := _long_run(spec, path, kind, lib, tell):
         return long
     table = read_table(path, shown)
-    if spec.procedure == FREE_TUMBLE:
-        return _triad_run(spec, table, _sha256(spec.file))
     return _run(spec, kind, table, _sha256(spec.file))
 
 
@@ -168,7 +191,7 @@ def plan_run(spec: RunSpec) -> Plan:
         raise StudyError(f"run '{spec.name}' is recorded: it has no profile to simulate")
     options = {key: value for key, value in spec.simulate.items() if key != "profile"}
     try:
-        plan = PROFILES[str(spec.simulate["profile"])](**options)
+        plan = planned(PROFILES[str(spec.simulate["profile"])], options)
     except InputError as error:
         raise StudyError(f"run '{spec.name}': {error}") from None
     return replace(plan, name=spec.name)
@@ -228,19 +251,58 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     return Run(spec.name, spec.procedure, inputs, frozen(output), source)
 
 
-def _triad_run(spec: RunSpec, table: Table, sha256: str) -> TriadRun:
+def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
     if spec.gravity is None:
         raise DataError(
             f"run '{spec.name}': a free tumble needs gravity, for example gravity = \"9.81 m/s^2\""
         )
-    columns = resolve(table, spec.columns, required=("t", *TRIAD), optional=(), output_unit="m/s^2")
-    t, epoch = _time(table, columns["t"])
-    outputs = {name: values_of(table, columns[name], len(t)) for name in TRIAD}
-    for name in TRIAD:
-        check_output(table, columns[name])
-    source = source_of(table.file, sha256, columns, (*epoch, *_notes(t, outputs)))
-    output = frozen(np.column_stack([outputs[name] for name in TRIAD]))
+    t, output, source = _triad_of(spec, file, TRIAD)
     return TriadRun(spec.name, spec.procedure, t, output, spec.gravity, sampling_interval(t), source)
+
+
+def read_imu_run(spec: RunSpec) -> ImuRun:
+    """Read and check the file of a run of a whole IMU, or the two files.
+
+    Raises
+    ------
+    DataError : as `read_run` does; if two files do not have the same time stamps; if a section is not in it.
+    """
+    if spec.file is None or spec.gravity is None:
+        raise DataError(f"run '{spec.name}': a run of an IMU needs a file, and gravity = \"9.81 m/s^2\"")
+    t, force, source = _triad_of(spec, spec.file, ACCELEROMETERS)
+    t_too, rate, other = _triad_of(spec, spec.gyroscope_file or spec.file, GYROSCOPES)
+    interval = sampling_interval(t)
+    if len(t) != len(t_too) or np.max(np.abs(t - t_too)) > SAME_TIME * interval:
+        raise DataError(
+            f"{source.file} and {other.file}: expected the same time stamps in both, for accelerometers and"
+            f" gyroscopes of one run; came {len(t)} and {len(t_too)} rows"
+        )
+    for section in spec.sections:
+        if not 0 <= section.start < section.stop <= len(t):
+            raise DataError(
+                f"run '{spec.name}': rows {section.start} to {section.stop} are no section of a file of"
+                f" {len(t)} rows: expected first and last of them, counted from 0"
+            )
+    columns = tuple(dict.fromkeys((*source.columns, *other.columns)))
+    notes = tuple(dict.fromkeys((*source.notes, *other.notes)))
+    both = source.file if spec.gyroscope_file is None else f"{source.file}, {other.file}"
+    whole = Source(both, source.sha256, columns, notes)
+    return ImuRun(spec.name, spec.procedure, t, force, rate, spec.gravity, interval, whole, spec.sections)
+
+
+def _triad_of(
+    spec: RunSpec, file: Path, components: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray, Source]:
+    """Time (n,), outputs (n, 3) and source of three components in a file."""
+    shown = spec.shown if spec.shown and file == spec.file else str(file)
+    table = read_table(_existing(file, shown, spec.origin), shown)
+    columns = resolve(table, spec.columns, required=("t", *components), optional=(), output_unit="")
+    t, epoch = _time(table, columns["t"])
+    outputs = {name: values_of(table, columns[name], len(t)) for name in components}
+    for name in components:
+        check_output(table, columns[name])
+    source = source_of(table.file, _sha256(file), columns, (*epoch, *_notes(t, outputs)))
+    return t, frozen(np.column_stack([outputs[name] for name in components])), source
 
 
 def _time(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:

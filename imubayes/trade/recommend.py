@@ -11,7 +11,7 @@ from imubayes.trade.score import INTERVAL, Score
 ACCURATE = 0.1
 """Posterior sd by which no coefficient may be off: a tenth widens an error bar by half a percent."""
 
-FLOORS = 1.5
+FLOORS = 2.0
 """Monte Carlo errors within which two answers are the same."""
 
 SURE = 0.1

@@ -108,7 +108,7 @@ def test_free_tumbles_are_told_where_to_go():
     run = one.runs[0]
     output = np.zeros((len(run.output), 3))
     free = TriadRun("free", "free-tumble", run.inputs.t, output, 9.8, 1.0, run.source)
-    with pytest.raises(InputError, match=r"'free' is a free tumble of a triad.*--method"):
+    with pytest.raises(InputError, match=r"'free' is one of several components.*--method"):
         problem_of(one.spec, [free])
 
 

@@ -1,0 +1,152 @@
+"""The ``[plan]`` table becomes a `PlanStudy`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass as shape
+
+from imubayes.campaign import Mission, SensorSpec
+from imubayes.config.measured import STRICT, Count, Hertz, Seconds, Settle, Several, Text
+from imubayes.config.scene_tables import scenes_of
+from imubayes.config.sensor_tables import own_classes, sensor_spec
+from imubayes.config.shapes import HeaderTable, Place, StudyFile, Table, hint, shaped
+from imubayes.offers import Offer, PlanStudy
+from imubayes.planning.candidates import Handling
+
+PLANNED = ("tumble", "rate-table", "centrifuge")
+"""Procedures whose dwells have constant inputs."""
+
+IN_PLANE = ("table_zero", "plane_zero")
+"""Errors that need a whole plane of a tumble, of which a plan may take a few positions."""
+
+
+@shape(config=STRICT, frozen=True)
+class PlanTable:
+    """``[plan]``."""
+
+    time: Seconds
+    run: list[Table] = Field(default_factory=list)
+    aim: Literal["worst", "D", "scene"] = "worst"
+    needed: Annotated[tuple[Text, ...], Several] = ()
+    even: Text | None = None
+    units: Count = 200
+
+
+@shape(config=STRICT, frozen=True)
+class OfferTable:
+    """``[[plan.run]]``."""
+
+    name: Text
+    procedure: Text
+    candidates: Table
+    dwell: Annotated[tuple[Seconds, ...], Several]
+    rate: Hertz = 10.0
+    settle: Settle = 5.0
+    mount: Settle = 0.0
+    setup: Settle = 0.0
+
+
+def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
+    """Check a study with a plan to make.
+
+    Parameters
+    ----------
+    tables : of the file.
+    path, text : of the file.
+
+    Raises
+    ------
+    StudyError : naming the file and the key, what was expected, what came, and what to do.
+    """
+    place = Place(str(path))
+    here = place.at("plan")
+    if tables.plan is None:
+        raise here.error("the table is missing: it says what could be done, and in what time")
+    table = shaped(PlanTable, tables.plan, here)
+    header = shaped(HeaderTable, tables.study, place.at("study"))
+    if len(tables.sensor) != 1:
+        raise place.at("sensor").error(
+            f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
+        )
+    own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
+    offers = tuple(shaped(OfferTable, raw, here.at("run").at(k)) for k, raw in enumerate(table.run))
+    there = place.at("sensor").at(0)
+    spec = sensor_spec(_with_offers(tables, offers, here), path.parent, there, catalogue=own)
+    _check(spec, table, offers, place)
+    done = len(spec.runs) - len(offers)
+    return PlanStudy(
+        title=header.title or path.stem,
+        seed=header.seed,
+        spec=replace(spec, runs=spec.runs[:done]),
+        offers=tuple(
+            Offer(run, offer.dwell, offer.rate, Handling(offer.settle, offer.mount, offer.setup))
+            for run, offer in zip(spec.runs[done:], offers, strict=True)
+        ),
+        time=table.time,
+        aim=table.aim,
+        needed=table.needed,
+        even=[offer.name for offer in offers].index(table.even) if table.even else 0,
+        units=table.units,
+        mission=_mission(tables, table, spec, header.seed, path),
+        path=path,
+        text=text,
+    )
+
+
+def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place) -> dict[str, Any]:
+    """Table of the sensor with what is offered as further runs: they are checked alike."""
+    if not offers:
+        raise here.at("run").error("there is none: expected at least one [[plan.run]] table")
+    for k, offer in enumerate(offers):
+        place = here.at("run").at(k)
+        if offer.procedure not in PLANNED:
+            raise place.at("procedure").error(
+                f"'{offer.procedure}' cannot be planned: expected {' or '.join(PLANNED)}, whose dwells have"
+                " constant inputs"
+            )
+        if not offer.dwell:
+            raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
+        for key in ("dwell", "rate", "settle", "ramp", "steps"):
+            if key in offer.candidates:
+                raise place.at("candidates").at(key).error("is for a run, not its candidates: leave it out")
+    raw = tables.sensor[0]
+    runs = [
+        {"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates} for offer in offers
+    ]
+    return {**raw, "run": [*raw.get("run", []), *runs]}
+
+
+def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], place: Place) -> None:
+    here = place.at("plan")
+    known = list(spec.library.names)
+    for k, name in enumerate(table.needed):
+        if name not in known:
+            raise here.at("needed").at(k).error(f"'{name}' is not a term of the library: {hint(name, known)}")
+    names = [offer.name for offer in offers]
+    if table.even is not None and table.even not in names:
+        raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
+    there = place.at("sensor").at(0).at("reference")
+    for kind in IN_PLANE:
+        if kind in spec.reference:
+            raise there.at(kind).error(
+                "needs whole planes, of which a plan may take a few positions: give fixture, which holds it"
+            )
+
+
+def _mission(tables: StudyFile, table: PlanTable, spec: SensorSpec, seed: int, path: Path) -> Mission | None:
+    place = Place(str(path)).at("scene")
+    missions = scenes_of(tables.scene, path.parent, place, seed, {spec.kind})
+    if len(missions) > 1:
+        raise place.error(f"a plan is for one scene: expected one table, came {len(missions)}")
+    if table.aim == "scene" and not missions:
+        raise (
+            Place(str(path))
+            .at("plan")
+            .at("aim")
+            .error("'scene' needs a [[scene]] with its budget: add one, or choose worst or D")
+        )
+    return missions[0] if missions else None

@@ -1,0 +1,310 @@
+"""Positions and turns of an IMU that are known: each case axis up and down, and a turn about each.
+
+After Ferraris, Grimaldi, Parvis, "Procedure for effortless in-field calibration of three-axis rate gyros and
+accelerometers", Sensors and Materials 7 (1995) 311. In a position the input is ``f = g u``, u up, and w = 0;
+in a turn by an angle A about u the mean rate is ``A u / T``, whatever the hand did meanwhile. Powers of the
+rate, which the hand does matter for, are averaged over the course that the gyroscope itself recorded, scaled
+to the angle.
+
+A position is as good as the table and the faces of the case: with a rotation rho of the case, of its own in
+each section, the inputs are ``v - rho x v``. The columns of rho are common to all six components, and hide
+what is a rotation in all positions alike: misalignments are then known no better than the faces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import UnobservableError
+from imubayes.factor import add, posterior
+from imubayes.inference.case import Asked, Case, Component, along, components_of
+from imubayes.inference.layout import widened
+from imubayes.inference.linear import Extra, Linear, averaged, blocks_of, residuals, whitened_factor
+from imubayes.inference.reml import NoiseEstimate, block_edges, estimate
+from imubayes.inference.summary import RunSummary, Summary
+from imubayes.inference.triad import Triad, triad_of
+from imubayes.rig.inputs import Facts, ImuRun, Section, durations
+from imubayes.rig.reference import KINDS
+from imubayes.sensors.catalogue import noise_prior
+from imubayes.sensors.imu import COMPONENTS
+from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.terms import Library
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """Rows of one section: inputs along the case axes and what the three components of a triad said.
+
+    Attributes
+    ----------
+    t, duration : (n,) s.
+    output : (n, 3) SI.
+    own : (3,) input of the triad's own kind, mean over a row.
+    regressors : of each component, (p,): alike in all rows of the section.
+    """
+
+    section: int
+    t: FloatArray
+    duration: FloatArray
+    output: FloatArray
+    own: FloatArray
+    regressors: tuple[FloatArray, ...]
+
+
+def solve_ferraris(
+    runs: Sequence[ImuRun],
+    accelerometer: Asked,
+    gyroscope: Asked,
+    *,
+    gravity: Extra | None = None,
+    fixture: float | None = None,
+) -> Case:
+    """Characterise the six components of an IMU from known positions and turns.
+
+    Parameters
+    ----------
+    runs : of one IMU, with sections.
+    accelerometer, gyroscope : what is asked of the components of each kind; priors are of whole triads
+        (``triad_of(lib, referenced=True)``).
+    gravity : error of the local gravity, if it is allowed for.
+    fixture : sd, rad, of the rotation of the case in each section about each axis across it, if allowed for.
+
+    Raises
+    ------
+    UnobservableError : if a run has no position at rest, or none has a turn.
+    """
+    _check(runs)
+    extras = (*_tilts(runs, fixture), *(() if gravity is None else (gravity,)))
+    sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
+    force, rate = (triad_of(asked.library, referenced=True) for asked in (accelerometer, gyroscope))
+    pieces = tuple(
+        _heard(run, triad, k, extras, asked)
+        for triad, asked in ((force, accelerometer), (rate, gyroscope))
+        for k in range(len(triad.components))
+        for run in runs
+    )
+    names = (*force.names, *rate.names, *(extra.name for extra in extras))
+    rows = tuple(widened(averaged(piece.rows), names) for piece in pieces)
+    summary = _summary(pieces, rows, extras, accelerometer.library)
+    theta, _ = posterior(summary.factor, sd)
+    split = np.split(theta, np.cumsum([len(force.theta), len(rate.theta)]))
+    return Case(
+        summary=summary,
+        rows=rows,
+        components=tuple(_components((force, rate), len(runs), summary.facts)),
+        triads=(replace(force, theta=split[0]), replace(rate, theta=split[1])),
+        residuals=tuple(residuals(part, theta) for part in rows),
+        inputs=tuple(_inputs(piece.run, piece.rows) for piece in pieces),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Heard:
+    """All that a run says of one component, with its noise, and where that comes from."""
+
+    run: ImuRun
+    component: str
+    rows: Linear
+    found: NoiseEstimate
+    origin: str
+
+
+def _heard(run: ImuRun, triad: Triad, k: int, extras: Sequence[Extra], asked: Asked) -> _Heard:
+    rows = _component_rows(run, triad, k, extras)
+    return _Heard(run, triad.components[k], rows, *_noise(rows, asked, run.name))
+
+
+def _summary(
+    pieces: Sequence[_Heard], rows: Sequence[Linear], extras: tuple[Extra, ...], lib: Library
+) -> Summary:
+    """Summary of all rows of all components."""
+    runs = tuple(_run_summary(piece, part) for piece, part in zip(pieces, rows, strict=True))
+    reach = np.max([run.reach for run in runs], axis=0)
+    return Summary(
+        factor=reduce(add, (run.factor for run in runs)),
+        runs=runs,
+        library=lib,
+        facts=Facts(lib.kind, constant_force=True, one_sided=False),
+        reach=dict(zip(rows[0].names, reach.tolist(), strict=True)),
+        extras=extras,
+    )
+
+
+def _components(triads: Sequence[Triad], runs: int, facts: Facts) -> Iterator[Component]:
+    """Components in the order of the rows, of which each has as many parts as there are runs."""
+    start = 0
+    for triad in triads:
+        parts = {}
+        for name in triad.components:
+            parts[name] = tuple(range(start, start + runs))
+            start += runs
+        yield from components_of(triad, replace(facts, kind=triad.libraries[0].kind), parts)
+
+
+def _check(runs: Sequence[ImuRun]) -> None:
+    for run in runs:
+        if all(section.angle for section in run.sections):
+            raise UnobservableError(f"run '{run.name}' has no position at rest: add sections without a turn")
+    if not any(section.angle for run in runs for section in run.sections):
+        raise UnobservableError("no section is a turn: gyroscopes need one about each axis, by a known angle")
+
+
+def _tilts(runs: Sequence[ImuRun], sd: float | None) -> tuple[Extra, ...]:
+    """Columns for the rotation of the case in each section."""
+    if sd is None:
+        return ()
+    kind = KINDS["fixture"]
+    return tuple(
+        Extra(
+            f"fixture_{'ijk'[axis]}.{run.name}.{n}",
+            kind.name,
+            sd,
+            kind.unit,
+            kind.printed,
+            f"{kind.text} about {'xyz'[axis]} in section {n} of run {run.name}",
+        )
+        for run in runs
+        for n, section in enumerate(run.sections)
+        for axis in range(3)
+        if section.direction[axis] == 0.0
+    )
+
+
+def _pieces(run: ImuRun, triad: Triad) -> Iterator[_Piece]:
+    """Sections that say something of a triad, in the order of time."""
+    gyroscopes = triad.libraries[0].kind == "gyroscope"
+    numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
+    for n, section in numbered:
+        if section.angle == 0.0:
+            yield _at_rest(run, section, n, triad)
+        elif gyroscopes:
+            yield _turned(run, section, n, triad)
+
+
+def _at_rest(run: ImuRun, section: Section, n: int, triad: Triad) -> _Piece:
+    inside = slice(section.start, section.stop)
+    force, nothing = run.gravity * section.direction, np.zeros(3)
+    gyroscopes = triad.libraries[0].kind == "gyroscope"
+    own, other = (nothing, force) if gyroscopes else (force, nothing)
+    X = triad.regressors(own[None], other[None])
+    t = run.t[inside]
+    output = (run.rate if gyroscopes else run.force)[inside]
+    return _Piece(n, t, durations(t, run.interval), output, own, tuple(part[0] for part in X))
+
+
+def _turned(run: ImuRun, section: Section, n: int, triad: Triad) -> _Piece:
+    """One row: the mean over the turn."""
+    inside = slice(section.start, section.stop)
+    count = section.stop - section.start
+    lasting, u = count * run.interval, section.direction
+    course = run.rate[inside] @ u - _bias(run) @ u
+    w = u * (section.angle / lasting * course / course.mean())[:, None]
+    X = triad.regressors(w, np.tile(run.gravity * u, (count, 1)))
+    return _Piece(
+        section=n,
+        t=run.t[inside].mean(keepdims=True),
+        duration=np.array([lasting]),
+        output=run.rate[inside].mean(axis=0, keepdims=True),
+        own=section.angle / lasting * u,
+        regressors=tuple(part.mean(axis=0) for part in X),
+    )
+
+
+def _bias(run: ImuRun) -> FloatArray:
+    """Mean output (3,) of the gyroscopes in the positions."""
+    at_rest = [run.rate[s.start : s.stop].mean(axis=0) for s in run.sections if s.angle == 0.0]
+    return np.mean(at_rest, axis=0)
+
+
+def _component_rows(run: ImuRun, triad: Triad, k: int, extras: Sequence[Extra]) -> Linear:
+    """Rows of one component of a triad, with the columns of its terms and of the extras."""
+    pieces = tuple(_pieces(run, triad))
+    lengths = [len(piece.t) for piece in pieces]
+    component, lib = triad.components[k], triad.libraries[k]
+    each = np.array(
+        [np.concatenate((p.regressors[k], _extra_columns(run, p, k, extras, lib.kind))) for p in pieces]
+    )
+    X = np.repeat(each, lengths, axis=0)
+    return Linear(
+        name=f"{run.name} ({component})",
+        procedure=run.procedure,
+        names=(*(f"{component}.{name}" for name in lib.names), *(extra.name for extra in extras)),
+        t=np.concatenate([p.t for p in pieces]),
+        duration=np.concatenate([p.duration for p in pieces]),
+        interval=run.interval,
+        y=np.concatenate([p.output[:, k] - p.own[k] for p in pieces]),
+        columns=lambda start, stop: X[start:stop],
+    )
+
+
+def _extra_columns(run: ImuRun, piece: _Piece, k: int, extras: Sequence[Extra], kind: str) -> FloatArray:
+    """What each error of the reference moves the output of component k by."""
+    moved = []
+    for extra in extras:
+        head, _, place = extra.name.partition(".")
+        if extra.kind == "gravity":
+            force = kind == "accelerometer"
+            moved.append(float(piece.own[k] / run.gravity) if force else 0.0)
+        elif place == f"{run.name}.{piece.section}":
+            axis = np.eye(3)["ijk".index(head[-1])]
+            moved.append(-float(np.cross(axis, piece.own)[k]))
+        else:
+            moved.append(0.0)
+    return np.array(moved)
+
+
+def _noise(part: Linear, asked: Asked, run: str) -> tuple[NoiseEstimate, str]:
+    """Noise of a component's rows by the rule of their run, and where it comes from."""
+    rule = (asked.rules or {}).get(run, NoiseRule())
+    if rule.value is not None:
+        return NoiseEstimate(rule.value, (0.0, 0.0, 0.0), ()), "given"
+    found = estimate(blocks_of(part), noise_prior(asked.sensor) if asked.sensor else None)
+    if rule.rule == "white":
+        return replace(found, noise=replace(found.noise, B=0.0, K=0.0), sd=(0.0, 0.0, 0.0)), "white"
+    return found, "REML"
+
+
+def _inputs(run: ImuRun, part: Linear) -> dict[str, FloatArray]:
+    """Specific force of each block, for the figures."""
+    index = np.searchsorted(run.t, part.t[block_edges(part.t, part.interval)])
+    f = np.zeros((len(index), 3))
+    for section in run.sections:
+        f[(index >= section.start) & (index < section.stop)] = run.gravity * section.direction
+    return along("f", f)
+
+
+def _run_summary(piece: _Heard, part: Linear) -> RunSummary:
+    """Summary of one component's rows, `part`, averaged and among the columns of all components."""
+    run, found = piece.run, piece.found
+    made, reach = whitened_factor(part, found.noise)
+    output = _outputs(run)[piece.component]
+    return RunSummary(
+        name=part.name,
+        procedure=run.procedure,
+        samples=len(piece.rows),
+        duration=float(part.t[-1] - part.t[0]),
+        interval=part.interval,
+        noise=found.noise,
+        noise_sd=found.sd,
+        noise_prior=found.prior,
+        noise_origin=piece.origin,
+        noise_run=part.name,
+        steering=found.steering,
+        ranges={"output": (float(output.min()), float(output.max()))},
+        source=run.source,
+        factor=made,
+        reach=reach,
+        stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in run.sections if not s.angle),
+    )
+
+
+def _outputs(run: ImuRun) -> dict[str, FloatArray]:
+    """Output (n,) of each component."""
+    return dict(zip(COMPONENTS, (*run.force.T, *run.rate.T), strict=True))

@@ -1,0 +1,136 @@
+"""A run as averages of many lengths: what its noise is judged by, whatever the number of samples.
+
+Quantization and white noise show in single samples, random walk and ramp only over the whole run. So most of
+the run is averaged to long blocks, and a stretch of it for each shorter length is cut finer. The likelihood
+of these averages is exact; what is lost is the noise within the blocks outside the stretches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.linear import Linear
+from imubayes.inference.reml import block_edges
+
+FloatArray = NDArray[np.float64]
+
+COARSE = 1000
+"""Blocks that the run is averaged to."""
+
+FINE = 1000
+"""Averages of each shorter length."""
+
+STEP = 8
+"""Ratio of neighbouring lengths."""
+
+CONTIGUOUS = 0.5
+"""Share of an interval that may lie between two rows which share the boundary of their averages."""
+
+NORMAL_MEDIAN = 0.6744897501960817
+"""Median of the size of a standard normal variable."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseRows:
+    """Averages over m pieces of a run, in time order.
+
+    Attributes
+    ----------
+    start, duration : (m,) s.
+    joined : (m,) whether a row begins where the one before it ends.
+    X : (m, p) averaged columns of the library.
+    y : (m,) averaged output minus input, SI.
+    levels : (length of an average in s, how many) of each length.
+    interval : of the samples, s.
+    """
+
+    start: FloatArray
+    duration: FloatArray
+    joined: NDArray[np.bool_]
+    X: FloatArray
+    y: FloatArray
+    levels: tuple[tuple[float, int], ...]
+    interval: float
+
+    @property
+    def center(self) -> FloatArray:
+        """Middles (m,), s."""
+        return self.start + 0.5 * self.duration
+
+    @property
+    def span(self) -> float:
+        """Time from the start of the first row to the end of the last, s."""
+        return float(self.start[-1] + self.duration[-1] - self.start[0])
+
+
+def noise_rows(rows: Linear) -> NoiseRows:
+    """Average a run over pieces of many lengths.
+
+    Parameters
+    ----------
+    rows : of the run, with the library's columns.
+    """
+    edges, levels = piece_edges(rows.t, rows.interval)
+    counts = np.diff(np.append(edges, len(rows)))
+    X = np.empty((len(edges), len(rows.names)))
+    for a in range(0, len(edges), COARSE):
+        inside = edges[a : a + COARSE]
+        stop = edges[a + COARSE] if a + COARSE < len(edges) else len(rows)
+        X[a : a + COARSE] = np.add.reduceat(
+            rows.columns(int(inside[0]), int(stop)), inside - inside[0], axis=0
+        )
+    duration = np.add.reduceat(rows.duration, edges)
+    start = rows.t[edges] - 0.5 * rows.duration[edges]
+    gaps = start[1:] - (start + duration)[:-1]
+    return NoiseRows(
+        start=start,
+        duration=duration,
+        joined=np.concatenate(([False], gaps < CONTIGUOUS * rows.interval)),
+        X=X / counts[:, None],
+        y=np.add.reduceat(rows.y, edges) / counts,
+        levels=levels,
+        interval=rows.interval,
+    )
+
+
+def piece_edges(t: FloatArray, interval: float) -> tuple[NDArray[np.int64], tuple[tuple[float, int], ...]]:
+    """Start indices of the pieces, and (length in s, how many) of each length.
+
+    Examples
+    --------
+    >>> edges, levels = piece_edges(np.arange(100_000.0), 1.0)
+    >>> len(edges) < 4000, [length for length, _ in levels]
+    (True, [1.0, 8.0, 100.0])
+    """
+    coarse = block_edges(t, interval, COARSE)
+    longest = int(np.ceil(len(t) / COARSE))
+    lengths = [STEP**k for k in range(12) if 2 * STEP**k <= longest]
+    if longest <= 2:  # a short run is taken sample by sample
+        return np.arange(len(t)), ((interval, len(t)),)
+    ends = np.append(coarse, len(t))
+    parts, levels, done = [], [], 0
+    for k, length in enumerate(lengths):
+        # fine stretches lie evenly over the run, each inside its own share of it
+        wanted = min(max(1, FINE * length // longest), len(coarse) // (2 * len(lengths)))
+        first = max(done, (2 * k + 1) * len(coarse) // (2 * len(lengths)) - wanted // 2)
+        cut = np.concatenate(
+            [np.arange(a, b, length) for a, b in pairwise(ends[first : first + wanted + 1].tolist())]
+        )
+        parts += [coarse[done:first], cut]
+        levels.append((length * interval, len(cut)))
+        done = first + wanted
+    parts.append(coarse[done:])
+    edges = np.concatenate(parts)
+    rest = len(edges) - sum(count for _, count in levels)
+    return edges, (*levels, (longest * interval, rest))
+
+
+def scatter(rows: NoiseRows) -> float:
+    """White noise, u/sqrt(Hz), that would scatter neighbouring rows as they are; robust to steps."""
+    steps = np.abs(np.diff(rows.y)) * np.sqrt(rows.duration[1:])
+    least = float(np.max(np.abs(rows.y))) * float(np.finfo(float).eps) + float(np.finfo(float).tiny)
+    return max(float(np.median(steps)) / (NORMAL_MEDIAN * np.sqrt(2.0)), least)

@@ -1,0 +1,303 @@
+"""Moves that make a plan better: another setting in a slot, another order, another share of the time.
+
+Fedorov's exchange with correlated rows. Where the rows X of a run change by ``e d'`` (another setting in
+slot i: e is the i-th unit vector; slots i and j swapped: e has a 1 and a -1 there), the information changes
+by ``U J U'`` with ``U = [a d]``, ``a = X' P e`` and ``J = [[0, 1], [1, e' P e]]``, P being the inverse
+covariance of the rows. A slot i left out takes ``a a' / P_ii`` with it. So all changes of a slot are weighed
+at once, by updates of rank 2; what they promise is then computed afresh, by orthogonal transformations,
+before it is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.planning.candidates import (
+    Menu,
+    Problem,
+    Step,
+    Steps,
+    duration,
+    root,
+    runs_of,
+    whitened,
+    whitening,
+    worth,
+)
+
+FloatArray = NDArray[np.float64]
+
+GAIN = 1e-6
+"""Relative gain below which a plan is no better."""
+
+SHORTLIST = 4
+"""Candidates that promise most, of which the worth is computed afresh."""
+
+DROPPED = 6
+"""Dwells that tell least, which are tried to be left out."""
+
+TOGETHER = (2, 3, 6)
+"""How many of them are tried to be left out at once: a longer dwell or another mount may need their time."""
+
+SETTLED = 1e-3
+"""Relative gain of a round through all moves below which other mounts are tried, and then the search ends."""
+
+ROUNDS = 30
+"""Rounds through all moves at most; five to ten are usual."""
+
+ROUNDING = 1e-9
+"""Share of a row's weight that is left where no other row tells what it tells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A plan and its worth."""
+
+    steps: Steps
+    worth: float
+
+
+Move = Callable[[Problem, Found], Found]
+
+
+def improved(problem: Problem, plan: Found) -> Found:
+    """Improve a plan until no move makes it better.
+
+    Parameters
+    ----------
+    problem : says what is better, and within what time.
+    plan : within that time.
+    """
+    for _ in range(ROUNDS):
+        before = plan
+        for move in MOVES:
+            plan = move(problem, plan)
+        if plan.worth > (1.0 - SETTLED) * before.worth:
+            other = mounts_changed(problem, plan)
+            if other is plan:
+                break
+            plan = other
+    return plan
+
+
+def filled(problem: Problem, steps: Steps) -> Found:
+    """Add dwells, the one that gains most in its time first, until the time is over."""
+    plan = Found(steps, worth(problem, steps))
+    while (more := _best_addition(problem, plan.steps)) is not None:
+        plan = more
+    return plan
+
+
+def settings_changed(problem: Problem, plan: Found) -> Found:
+    """Go through the slots, and take the best setting of the same mount in each."""
+    for slot, step in enumerate(plan.steps):
+        menu = problem.menus[step.menu]
+        others = np.flatnonzero(menu.mount == menu.mount[step.setting])
+        E = np.zeros((len(plan.steps), len(others)))
+        E[slot] = 1.0
+        promised = _promised(problem, plan.steps, slot, E, menu.X[others] - menu.X[step.setting])
+        tried = (_replaced(plan.steps, {slot: int(others[k])}) for k in _promising(promised, plan.worth))
+        plan = _first_better(problem, plan, tried)
+    return plan
+
+
+def order_changed(problem: Problem, plan: Found) -> Found:
+    """Swap the settings of slots of one mount where that helps against drift."""
+    for slot in range(len(plan.steps)):
+        here = plan.steps[slot]
+        mount = _mount(problem, here)
+        others = [k for k, step in enumerate(plan.steps) if step != here and _mount(problem, step) == mount]
+        if not others:
+            continue
+        E = np.zeros((len(plan.steps), len(others)))
+        E[slot], E[others, np.arange(len(others))] = 1.0, -1.0
+        X = problem.menus[here.menu].X
+        d = X[[plan.steps[k].setting for k in others]] - X[here.setting]
+        chosen = [others[k] for k in _promising(_promised(problem, plan.steps, slot, E, d), plan.worth)]
+        swaps = ({slot: plan.steps[k].setting, k: here.setting} for k in chosen)
+        plan = _first_better(problem, plan, (_replaced(plan.steps, swap) for swap in swaps))
+    return plan
+
+
+def time_moved(problem: Problem, plan: Found) -> Found:
+    """Leave out dwells that tell little, and spend their time where it gains most."""
+    least = np.argsort(_promised_without(problem, plan.steps)).tolist()
+    alone = [[slot] for slot in least[:DROPPED]]
+    together = [least[:count] for count in TOGETHER if count < len(least)]
+    for out in (*alone, *together):
+        better = filled(problem, tuple(s for k, s in enumerate(plan.steps) if k not in out))
+        if _is_better(better, plan):
+            return better
+    return plan
+
+
+def dwells_changed(problem: Problem, plan: Found) -> Found:
+    """Give a dwell another time, and leave others out, or add some, for it."""
+    order = np.argsort(_promised_without(problem, plan.steps)).tolist()
+    for slot in dict.fromkeys((*order[:DROPPED], *order[-DROPPED:])):
+        old = plan.steps[slot]
+        for dwell in problem.menus[old.menu].dwells:
+            if dwell != old.dwell:
+                new = Step(old.menu, old.setting, dwell)
+                steps = _shortened(problem, (*plan.steps[:slot], new, *plan.steps[slot + 1 :]), new)
+                better = filled(problem, steps)
+                if duration(problem, steps) <= problem.limit and _is_better(better, plan):
+                    return better
+    return plan
+
+
+def _shortened(problem: Problem, steps: Steps, kept: Step) -> Steps:
+    """Steps within the time, without those that tell least; but one is kept."""
+    while duration(problem, steps) > problem.limit and len(steps) > 1:
+        least = np.argsort(_promised_without(problem, steps)).tolist()
+        slot = next(k for k in least if steps[k] is not kept)
+        steps = (*steps[:slot], *steps[slot + 1 :])
+    return steps
+
+
+def mounts_changed(problem: Problem, plan: Found) -> Found:
+    """Leave a mount out, and spend its time anew."""
+    for block in dict.fromkeys(_mount(problem, step) for step in plan.steps):
+        better = filled(problem, tuple(s for s in plan.steps if _mount(problem, s) != block))
+        if _is_better(better, plan):
+            return better
+    return plan
+
+
+MOVES: tuple[Move, ...] = (settings_changed, time_moved, dwells_changed, order_changed)
+
+
+def additions(problem: Problem, steps: Steps, left: float) -> list[tuple[Step, float]]:
+    """Dwells that the time is left for, and what each costs in s."""
+    found = list[tuple[Step, float]]()
+    runs, mounts = {step.menu for step in steps}, {_mount(problem, step) for step in steps}
+    for k, menu in enumerate(problem.menus):
+        handling = menu.handling
+        for mount in np.unique(menu.mount).tolist():
+            settings = np.flatnonzero(menu.mount == mount).tolist()
+            fresh = handling.mount * ((k, mount) not in mounts) + handling.setup * (k not in runs)
+            for dwell in menu.dwells:
+                cost = handling.settle + fresh + dwell
+                if cost <= left:
+                    found += [(Step(k, setting, dwell), cost) for setting in settings]
+    return found
+
+
+def with_step(problem: Problem, steps: Steps, new: Step) -> Steps:
+    """Steps with one more: the last of its mount; a new mount is last in its run, a new run last of all."""
+    mount = [k for k, step in enumerate(steps) if _mount(problem, step) == _mount(problem, new)]
+    run = [k for k, step in enumerate(steps) if step.menu == new.menu]
+    after = (mount or run or [len(steps) - 1])[-1] + 1
+    return (*steps[:after], new, *steps[after:])
+
+
+def _best_addition(problem: Problem, steps: Steps) -> Found | None:
+    """Plan with one more dwell, the one that gains most in its time; None where no time is left."""
+    candidates = additions(problem, steps, problem.limit - duration(problem, steps))
+    if not candidates:
+        return None
+    S = root(problem, steps)
+    G = problem.aim.G @ S
+    now, cost = float(problem.aim.size(G @ G.T)), np.array([cost for _, cost in candidates])
+    promised = _promised_additions(problem, S, [step for step, _ in candidates])
+    best, rate = None, -np.inf
+    for k in np.argsort((np.log(promised) - np.log(now)) / cost)[:SHORTLIST].tolist():
+        more = with_step(problem, steps, candidates[k][0])
+        value = worth(problem, more)
+        if (gain := float(np.log(now / value) / cost[k])) > rate:
+            best, rate = Found(more, value), gain
+    return best
+
+
+def _promised_additions(problem: Problem, S: FloatArray, new: Sequence[Step]) -> FloatArray:
+    """Worth with each of the steps, as if its noise had nothing to do with that of the others: rank 1."""
+    rows = np.array([problem.menus[s.menu].X[s.setting] for s in new])
+    alone = {(k, dwell): _alone(problem.menus[k], dwell) for k, dwell in {(s.menu, s.dwell) for s in new}}
+    noise = [alone[s.menu, s.dwell] for s in new]
+    seen = rows @ S
+    G = problem.aim.G @ S
+    moved = seen @ G.T / np.sqrt(np.array(noise) + np.sum(seen**2, axis=1))[:, None]
+    return problem.aim.size(G @ G.T - moved[:, :, None] * moved[:, None, :])
+
+
+def _alone(menu: Menu, dwell: float) -> float:
+    """Variance of a dwell's mean, given that of a dwell before it."""
+    return float(whitening(menu, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
+
+
+def _promised(problem: Problem, steps: Steps, slot: int, E: FloatArray, d: FloatArray) -> FloatArray:
+    """Worth (k,) where the rows of the run of a slot change by ``e d'`` (see the module).
+
+    Parameters
+    ----------
+    E : (steps, k) directions e, zero outside of the run.
+    d : (k, c) changes.
+    """
+    menu, part, first = _run_of(steps, slot, problem)
+    W, S = whitening(menu, part), root(problem, steps)
+    G, We = problem.aim.G @ S, W @ E[first : first + len(part)]
+    a = (We.T @ whitened(menu, part)) @ S
+    U = np.stack((a, d @ S), axis=2)
+    K = np.swapaxes(U, 1, 2) @ U
+    K[:, 0, 0] -= np.sum(We**2, axis=0)
+    K[:, 0, 1] += 1.0
+    K[:, 1, 0] += 1.0
+    moved = G @ U
+    return problem.aim.size(G @ G.T - moved @ np.linalg.solve(K, np.swapaxes(moved, 1, 2)))
+
+
+def _promised_without(problem: Problem, steps: Steps) -> FloatArray:
+    """Worth (n,) without each of the steps, the others keeping their times."""
+    S = root(problem, steps)
+    G, worths = problem.aim.G @ S, list[FloatArray]()
+    for k, part in runs_of(steps):
+        W = whitening(problem.menus[k], part)
+        strength = np.sum(W**2, axis=0)
+        a = (W.T @ whitened(problem.menus[k], part)) @ S
+        kept = np.maximum(strength - np.sum(a**2, axis=1), ROUNDING * strength)
+        moved = (a @ G.T) / np.sqrt(kept)[:, None]
+        worths.append(problem.aim.size(G @ G.T + moved[:, :, None] * moved[:, None, :]))
+    return np.concatenate([np.empty(0), *worths])
+
+
+def _run_of(steps: Steps, slot: int, problem: Problem) -> tuple[Menu, list[Step], int]:
+    """Menu and steps of the run that a slot is in, and the slot of its first step."""
+    first = 0
+    for k, part in runs_of(steps):
+        if slot < first + len(part):
+            return problem.menus[k], part, first
+        first += len(part)
+    raise IndexError(slot)
+
+
+def _promising(promised: FloatArray, now: float) -> list[int]:
+    """Numbers of the best few of those that promise to be better."""
+    best = np.argsort(promised)[:SHORTLIST]
+    return best[promised[best] < (1.0 - GAIN) * now].tolist()
+
+
+def _replaced(steps: Steps, settings: Mapping[int, int]) -> Steps:
+    """Steps with other settings in some slots."""
+    return tuple(
+        Step(step.menu, settings.get(slot, step.setting), step.dwell) for slot, step in enumerate(steps)
+    )
+
+
+def _mount(problem: Problem, step: Step) -> tuple[int, int]:
+    return step.menu, int(problem.menus[step.menu].mount[step.setting])
+
+
+def _first_better(problem: Problem, plan: Found, candidates: Iterable[Steps]) -> Found:
+    for steps in candidates:
+        other = Found(steps, worth(problem, steps))
+        if _is_better(other, plan):
+            return other
+    return plan
+
+
+def _is_better(other: Found, plan: Found) -> bool:
+    return other.worth < (1.0 - GAIN) * plan.worth

@@ -1,0 +1,235 @@
+"""A result that was written, as an IMU to be exported: coefficients, noise, the range that was tested."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import InputError
+from imubayes.reporting.comparison.result_files import Written, checked, no_result, written
+from imubayes.reporting.export.draws import posterior_covariance
+from imubayes.rig.simulate import library_of
+from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
+from imubayes.sensors.imu_range import InputRange
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Kind
+
+FloatArray = NDArray[np.float64]
+
+NEEDED, FULL = "needed", "full"
+"""Models that every result has; others are its scenes."""
+
+ALONE: dict[str, str] = {"accelerometer": "ax", "gyroscope": "gx"}
+"""Place in the case of a component whose id names none."""
+
+UNLIMITED = 1e30
+"""Size of an input on which no term depends: its range needs no test."""
+
+TEMPERATURES = (1.0, 1000.0)
+"""K; range of temperature where no term depends on it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """One component of an exported model.
+
+    Attributes
+    ----------
+    id, kind, class_id : of its entry in the result; the class is empty where there was none.
+    component : the model's terms and their posterior means.
+    covariance : (p, p) of the coefficients.
+    joint : whether the covariance is of the posterior's draws; else it has the variances alone.
+    noise : largest N, B and K over the runs that `noise_runs` names.
+    interval : of the runs' samples, s.
+    """
+
+    id: str
+    kind: Kind
+    class_id: str
+    component: Component
+    covariance: FloatArray
+    joint: bool
+    noise: Noise
+    noise_runs: tuple[str, ...]
+    interval: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Characterized:
+    """An IMU out of a result.
+
+    Attributes
+    ----------
+    name : id of the IMU, or of the component that stands alone.
+    model : ``needed``, ``full`` or the name of a scene.
+    parts : by component, ``ax`` to ``gz``; those that are missing are taken as ideal.
+    within : largest inputs of the runs, over all parts; UNLIMITED where no term depends on an input.
+    source : the file.
+    left_out : rms error of the output that the model of a scene leaves, SI, by component.
+    """
+
+    name: str
+    model: str
+    parts: Mapping[str, Part]
+    within: InputRange
+    source: Written
+    left_out: Mapping[str, float]
+
+    @property
+    def imu(self) -> Imu:
+        """Model of the six components."""
+        return imu_of({name: part.component for name, part in self.parts.items()})
+
+
+def characterized(path: Path | str, *, sensor: str = "", model: str = NEEDED) -> Characterized:
+    """Read an IMU, or one component, from a ``result.json``.
+
+    Entries whose ids end in ``.ax`` to ``.gz`` and start alike make one IMU; an entry without such an end
+    stands alone along the x axis of its case.
+
+    Parameters
+    ----------
+    path : of the file, or of the folder that holds it; a text will do.
+    sensor : id of the IMU or component; may be left out where there is one.
+    model : ``needed`` has the terms that the data show to be more probable than not, at their averaged means;
+        ``full`` all terms that were tested, under the full library; the name of a scene what that requires.
+
+    Raises
+    ------
+    DataError : if the file is no result of a study of sensors.
+    InputError : if the sensor or the model is not in it; names those that are.
+    """
+    source = written(Path(path))
+    with checked(source.path):
+        if not isinstance(source.raw.get("sensors"), list) or not source.raw["sensors"]:
+            raise no_result(source.path, "it holds no coefficients of a sensor, as of another kind of study")
+        groups = _groups(source.raw["sensors"])
+        name = _chosen(groups, sensor, source.path)
+        scene = _scene_entries(source, model)
+        parts = {place: _part(source, raw, model, scene) for place, raw in groups[name].items()}
+        within = _range(parts, groups[name])
+    left_out = {
+        place: float(scene[raw["id"]]["left_out_rms"])
+        for place, raw in groups[name].items()
+        if raw["id"] in scene
+    }
+    return Characterized(name, model, parts, within, source, left_out)
+
+
+def _groups(sensors: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Mapping[str, Any]]]:
+    """Entries by IMU and place in its case."""
+    groups: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for raw in sensors:
+        first, dot, place = str(raw["id"]).rpartition(".")
+        if not dot or place not in COMPONENTS:
+            first, place = str(raw["id"]), ALONE[raw["kind"]]
+        groups.setdefault(first, {})[place] = raw
+    return groups
+
+
+def _chosen(groups: Mapping[str, object], sensor: str, path: Path) -> str:
+    if sensor in groups:
+        return sensor
+    if not sensor and len(groups) == 1:
+        return next(iter(groups))
+    asked = f"sensor '{sensor}' is not in it" if sensor else f"it holds {len(groups)} sensors"
+    raise InputError(
+        f"{path}: {asked}: name one of {', '.join(groups)} with --sensor; components make one IMU where"
+        " their ids start alike and end in .ax, .ay, .az, .gx, .gy, .gz"
+    )
+
+
+def _scene_entries(source: Written, model: str) -> dict[str, Mapping[str, Any]]:
+    """What a scene says of each component, by its id; empty for the models that are no scenes."""
+    scenes = source.raw.get("scenes") or []
+    if model in (NEEDED, FULL):
+        return {}
+    found = {
+        str(raw["sensor"]): raw for raw in scenes if raw["name"].replace("_", "-") == model.replace("_", "-")
+    }
+    if not found:
+        known = dict.fromkeys((NEEDED, FULL, *(str(raw["name"]) for raw in scenes)))
+        raise InputError(f"{source.path}: has no model '{model}': expected one of {', '.join(known)}")
+    return found
+
+
+def _part(
+    source: Written, raw: Mapping[str, Any], model: str, scene: Mapping[str, Mapping[str, Any]]
+) -> Part:
+    chosen = _terms(raw, model, scene.get(raw["id"]))
+    lib = library_of(raw["kind"], [term["name"] for term in chosen])
+    by_name = {term["name"]: term for term in chosen}
+    mean, sd = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
+    theta, spread = (np.array([float(by_name[n][key] or 0.0) for n in lib.names]) for key in (mean, sd))
+    joint = None if model == FULL else posterior_covariance(source.path, raw["id"], lib.names)
+    runs, noise = _noise(raw)
+    return Part(
+        id=str(raw["id"]),
+        kind=raw["kind"],
+        class_id=str(raw.get("class") or ""),
+        component=Component(lib, theta),
+        covariance=np.diag(spread**2) if joint is None else joint,
+        joint=joint is not None,
+        noise=noise,
+        noise_runs=runs,
+        interval=float(np.median([run["interval"] for run in raw["runs"]])),
+    )
+
+
+def _terms(raw: Mapping[str, Any], model: str, scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+    """Terms of the model; what was never excited, or is as the prior, has no value of the data's own."""
+    silent = ("untested",) if model == FULL else ("untested", "unresolved")
+    names = raw["model"] if scene is None else scene["model"]
+    told = [term for term in raw["terms"] if term["verdict"] not in silent]
+    return told if model == FULL else [term for term in told if term["name"] in names]
+
+
+def _noise(raw: Mapping[str, Any]) -> tuple[tuple[str, ...], Noise]:
+    """Largest N, B and K over the static runs, or over all where there is none."""
+    static = [run["name"] for run in raw["runs"] if run["procedure"] == "static"]
+    names = [name for name in static or raw["noise"] if name in raw["noise"]]
+    N, B, K = (max((float(raw["noise"][name][key] or 0.0) for name in names), default=0.0) for key in "NBK")
+    return tuple(names), Noise(N, B, K)
+
+
+def _range(parts: Mapping[str, Part], entries: Mapping[str, Mapping[str, Any]]) -> InputRange:
+    used = {
+        case_channel(place, factor.channel)
+        for place, part in parts.items()
+        for term in part.component.library.terms
+        for factor in term.factors
+    }
+    tested = _tested(entries)
+
+    def size(channel: str) -> float:
+        ends = tested.get(channel, ())
+        return max(map(abs, ends), default=0.0) if channel in used else UNLIMITED
+
+    f, w, dw = (tuple(size(f"{quantity}_{axis}") for axis in "xyz") for quantity in ("f", "w", "dw"))
+    heat = tested.get("T", [REFERENCE_TEMPERATURE])
+    low, high = (min(heat), max(heat)) if "T" in used else TEMPERATURES
+    return InputRange((f[0], f[1], f[2]), (w[0], w[1], w[2]), (dw[0], dw[1], dw[2]), (low, high), size("dT"))
+
+
+def _tested(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Lowest and highest values over the runs, by channel of the case."""
+    found: dict[str, list[float]] = {}
+    for place, raw in entries.items():
+        for run in raw["runs"]:
+            for channel, ends in run["ranges"].items():
+                for name in _case_names(place, channel):
+                    found.setdefault(name, []).extend(float(end) for end in ends if end is not None)
+    return found
+
+
+def _case_names(place: str, channel: str) -> Iterator[str]:
+    """Channel of the case that a run's range is of: of a triad's output that of its input, nearly."""
+    if channel in COMPONENTS:
+        yield f"{'f' if channel[0] == 'a' else 'w'}_{channel[1]}"
+    elif channel in ("T", "dT") or channel.rpartition("_")[0] in ("f", "w", "dw"):
+        yield case_channel(place, channel)

@@ -1,0 +1,107 @@
+"""Figures of a plan: predicted sd by term, for going evenly and for the best plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imubayes.planning.candidates import starts
+from imubayes.reporting.canvas import (
+    ACCENT,
+    GREY,
+    INK,
+    PALE,
+    SERIES,
+    WARNING,
+    Axes,
+    Margins,
+    Panel,
+    draw,
+    few_ticks,
+    log_scale,
+)
+from imubayes.reporting.plan_words import CALLED
+from imubayes.reporting.rounding import OUTPUT_SI, per_unit
+
+if TYPE_CHECKING:
+    from imubayes.proposal import Proposal
+
+OWN = {"accelerometer": "g", "gyroscope": "deg/s"}
+"""Unit of the own input."""
+
+ROW = 19
+"""px of a term's row."""
+
+
+def predicted_panel(found: Proposal, key: str) -> Panel:
+    """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
+    names = found.study.spec.library.names
+    outcomes = [o for o in (found.even, found.same, found.best) if o.name != "same" or len(found.menus) > 1]
+    ratios = np.array([o.sd / found.prior_sd for o in outcomes])
+    shown = [k for k, name in enumerate(names) if name in found.needed or ratios[:, k].min() < 0.95]
+    y = np.arange(len(shown))[::-1]
+    styles = {"even": ("o", GREY), "same": ("s", SERIES[1]), "best": ("D", ACCENT)}
+    need = (found.need / found.prior_sd)[shown]
+
+    def paint(axes: Axes) -> None:
+        for row in y:
+            axes.axhline(row, color=PALE, linewidth=0.8, zorder=0)
+        axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=0)
+        for outcome, ratio in zip(outcomes, ratios[:, shown], strict=True):
+            marker, color = styles[outcome.name]
+            label = CALLED[outcome.name]
+            axes.plot(ratio, y, marker, color=color, markersize=5, linestyle="none", label=label)
+        inside = np.isfinite(need) & (need < 10.0)
+        if inside.any():
+            axes.plot(
+                need[inside],
+                y[inside],
+                "|",
+                color=WARNING,
+                markersize=12,
+                linestyle="none",
+                label="scene's need",
+            )
+        axes.set_yticks(y, [names[k] for k in shown])
+        axes.set(xlabel="predicted sd over prior sd", ylim=(-0.7, len(shown) + 1.6))
+        log_scale(axes, "x", 6)
+        axes.legend(frameon=False, labelcolor=INK, fontsize=11, loc="upper left", ncols=2, borderpad=0.0,
+                    columnspacing=0.8, handletextpad=0.1)  # fmt: skip
+
+    term, ratio = found.worst(found.best)
+    even = found.worst(found.even)[1]
+    title = f"The worst needed term ({term}) has {100.0 * (1.0 - ratio / even):.0f} % less sd than evenly"
+    alt = "Predicted over prior sd, " + "; ".join(
+        f"{names[k]} "
+        + ", ".join(f"{CALLED[o.name]} {r:.2g}" for o, r in zip(outcomes, ratios[:, k], strict=True))
+        for k in shown
+    )
+    margins = Margins(left=52, bottom=40)
+    return draw(paint, title=title, alt=alt, key=key, height=ROW * (len(shown) + 2) + 46, margins=margins)
+
+
+def course_panel(found: Proposal, key: str) -> Panel:
+    """Own input over the time of the best plan: the order of the dwells."""
+    steps = found.best.steps
+    begin = starts(found.menus, steps) / 60.0
+    end = begin + np.array([step.dwell for step in steps]) / 60.0
+    kind = found.study.spec.kind
+    own = np.array([found.own[step.menu][step.setting] for step in steps]) / per_unit(
+        OWN[kind], OUTPUT_SI[kind]
+    )
+
+    def paint(axes: Axes) -> None:
+        gaps = np.full(len(steps), np.nan)
+        t, values = np.column_stack((begin, end, gaps)).ravel(), np.column_stack((own, own, gaps)).ravel()
+        axes.plot(t, values, color=ACCENT, linewidth=2.0, solid_capstyle="butt")
+        axes.set(xlabel="time, min", ylabel=f"input along the input axis, {OWN[kind]}")
+        few_ticks(axes)
+
+    return draw(
+        paint,
+        title="What acts along the input axis, dwell by dwell",
+        alt=f"Own input over {end[-1]:.0f} min: from {own.min():.3g} to {own.max():.3g} {OWN[kind]}.",
+        key=key,
+        height=240,
+    )

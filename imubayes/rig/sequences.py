@@ -1,0 +1,128 @@
+"""Dwells in an order of one's own: a procedure's positions, levels or rates as somebody chose them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from imubayes.errors import InputError
+from imubayes.rig.inputs import Inputs
+from imubayes.rig.plans import Plan, samples
+
+USUAL_RATE = 10.0
+"""Samples per second where none are given, as in the procedures."""
+
+OF_STEPS = frozenset({"dwell", "settle", "ramp"})
+"""Arguments of a procedure that steps say themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """One dwell of a sequence.
+
+    Attributes
+    ----------
+    at : which of the procedure's dwells it is, counted from 0 in the order in which the procedure has them.
+    dwell : recorded time, s.
+    pause : before it, not recorded, s: to settle, and to mount the case anew.
+    """
+
+    at: int
+    dwell: float
+    pause: float = 0.0
+
+
+def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
+    """Plan of a procedure; with ``steps`` among its arguments, in the order that they say.
+
+    Parameters
+    ----------
+    profile : function that plans the procedure.
+    options : its arguments; ``steps`` are the fields of a `Dwell` each.
+
+    Raises
+    ------
+    InputError : if the arguments make no run.
+    """
+    given = {key: value for key, value in options.items() if key != "steps"}
+    if "steps" not in options:
+        return profile(**given)
+    if clash := sorted(OF_STEPS & given.keys()):
+        raise InputError(f"{' and '.join(clash)} beside steps, which say it dwell by dwell: leave it out")
+    steps = [Dwell(**step) for step in options["steps"]]
+    return in_order(menu_of(profile, given), steps, rate=given.get("rate", USUAL_RATE))
+
+
+def menu_of(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
+    """Plan of a procedure with one sample in each of its dwells.
+
+    Parameters
+    ----------
+    profile, options : as of `planned`; what they say of times does not count.
+
+    Raises
+    ------
+    InputError : if the arguments make no run.
+    """
+    return profile(**{**options, "dwell": 1.0, "rate": 1.0, "settle": 0.0})
+
+
+def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
+    """Plan that goes through dwells of a procedure in the order given; any may come several times, or never.
+
+    Parameters
+    ----------
+    menu : the procedure with one sample in each dwell.
+    steps : the dwells. A pause before the first one is no part of the record.
+    rate : samples per second.
+
+    Returns
+    -------
+    the plan. A mount that is come back to is a new mount, for the case does not come back to the same place.
+
+    Raises
+    ------
+    InputError : if there are no steps, the procedure has no such dwell, or a pause is no time.
+
+    Examples
+    --------
+    >>> from imubayes.rig.tumbles import tumble
+    >>> menu = tumble(angles=4, planes=1, dwell=1.0, rate=1.0, settle=0.0)
+    >>> run = in_order(menu, [Dwell(2, 2.0), Dwell(0, 1.0, 60.0)], rate=1.0).inputs
+    >>> run.t.tolist(), (run.channels["f_i"] / 9.80665).tolist()
+    ([0.0, 1.0, 62.0], [-1.0, -1.0, 1.0])
+    """
+    _check(menu, steps)
+    within = [samples(step.dwell, rate) for step in steps]
+    begin = np.cumsum([0.0, *(a.dwell + b.pause for a, b in pairwise(steps))])
+    counts = [len(t) for t in within]
+    where = np.array([step.at for step in steps])
+    mounts = np.zeros(len(menu.inputs), dtype=np.int64) if menu.inputs.mount is None else menu.inputs.mount
+    visits = np.concatenate(([0], np.cumsum(np.diff(mounts[where]) != 0)))
+    rows = np.repeat(where, counts)
+    return Plan(
+        menu.name,
+        menu.procedure,
+        Inputs(
+            t=np.concatenate([start + t for start, t in zip(begin.tolist(), within, strict=True)]),
+            channels={name: values[rows] for name, values in menu.inputs.channels.items()},
+            interval=1.0 / rate,
+            mount=np.repeat(visits, counts),
+        ),
+    )
+
+
+def _check(menu: Plan, steps: Sequence[Dwell]) -> None:
+    most = len(menu.inputs) - 1
+    if not steps:
+        raise InputError("steps are empty: expected at least one, such as { at = 0, dwell = '60 s' }")
+    for k, step in enumerate(steps):
+        if not 0 <= step.at <= most:
+            raise InputError(f"step {k} is at {step.at}: the procedure has dwells 0 to {most}")
+        if not 0.0 <= step.pause < math.inf:
+            raise InputError(f"step {k} has a pause of {step.pause} s: expected 0 or more")

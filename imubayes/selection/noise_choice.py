@@ -1,0 +1,307 @@
+"""Which noise processes a run shows: evidence of every set of them.
+
+White noise is in every set. Bias instability, random walk, quantization, a ramp and a Gauss-Markov process
+are each in half of the sets; the sets are weighed by the evidence of the run under the class's priors, with
+the library's columns projected out, so that the unit may be under test.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.linear import Linear
+from imubayes.inference.noise_fit import ProcessFit, fit_draws, fit_mode, parameters
+from imubayes.inference.noise_limits import detection_limits
+from imubayes.inference.noise_models import NoiseData, noise_data
+from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
+from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
+from imubayes.sensors.noise_processes import (
+    OPTIONAL,
+    NoiseProcesses,
+    ProcessPrior,
+    class_prior,
+    vague_prior,
+)
+from imubayes.sensors.sensor_class import SensorClass
+
+FloatArray = NDArray[np.float64]
+
+WORTH = 7.0
+"""Nats below the best set beyond which importance draws would change no inclusion by more than 0.001."""
+
+DRAWS = 2000
+"""Posterior draws from which quantiles are taken."""
+
+GROUPS = ((1, NEEDED), (2, 0.99))
+"""Partners of an inseparable process, and the probability that one of the group is there: of three processes
+that the run says nothing of, one is there with 0.875 by the prior alone."""
+
+TOLD = 0.7
+"""Posterior sd over prior sd of the logarithm up to which the data have told a size."""
+
+SIZES = ("N", "B", "K", "Q", "R", "G", "tau")
+"""What has a posterior: the processes' sizes and the time constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSize:
+    """Posterior of one process, SI; of its size where it is there.
+
+    Attributes
+    ----------
+    name : N, B, K, Q, R, G, or tau, the time constant of G.
+    inclusion : probability that the run shows the process; 1 for N.
+    mean, sd, q05, q50, q95 : over the sets that have it; not a number where none was drawn.
+    limit95 : size that it stays below with 95 %, over the sets that have it.
+    prior_ratio : posterior sd over prior sd, of the logarithm (of R itself for the ramp).
+    detection_limit : size from which a run like this one finds it with 95 %; not a number for N and tau.
+    verdict, reason : ``needed``, ``not needed``, ``undecided``, ``inseparable`` (one of it and its partners
+        is there, and the run cannot say which) or ``unresolved``.
+    confounded_with : the partners.
+    """
+
+    name: str
+    inclusion: float
+    mean: float
+    sd: float
+    q05: float
+    q50: float
+    q95: float
+    limit95: float
+    prior_ratio: float
+    detection_limit: float
+    verdict: str
+    reason: str
+    confounded_with: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseChoice:
+    """What a run says of its noise processes.
+
+    Attributes
+    ----------
+    run : its name.
+    sizes : of N, B, K, Q, R, G and tau, those that were asked for.
+    sets : (processes beside N, probability), most probable first.
+    noise : the medians of the processes of the best set.
+    prior : in words, where the priors come from.
+    samples, rows : of the run, and averages that it was judged by.
+    draws : (m, 7) posterior draws of `SIZES`, zero where a draw's set has no such process.
+    """
+
+    run: str
+    sizes: tuple[ProcessSize, ...]
+    sets: tuple[tuple[tuple[str, ...], float], ...]
+    noise: NoiseProcesses
+    prior: str
+    samples: int
+    rows: int
+    draws: FloatArray
+
+    @property
+    def identified(self) -> tuple[str, ...]:
+        """Processes beside N with an inclusion of 0.95 or more."""
+        return tuple(size.name for size in self.sizes if size.name in OPTIONAL and size.verdict == "needed")
+
+    def size(self, name: str) -> ProcessSize:
+        """Posterior of a process by its symbol."""
+        return next(size for size in self.sizes if size.name == name)
+
+
+def identify_noise(
+    rows: Linear,
+    sensor: SensorClass | None = None,
+    *,
+    rng: np.random.Generator,
+    candidates: Sequence[str] = OPTIONAL,
+    prior: ProcessPrior | None = None,
+) -> NoiseChoice:
+    """Weigh every set of noise processes on one run.
+
+    Parameters
+    ----------
+    rows : of the run, a quiet log or a test; the library's columns are projected out.
+    sensor : class whose priors hold; None takes wide ones.
+    rng : of the importance draws.
+    candidates : processes beside N that the run may show.
+    prior : in place of the class's.
+    """
+    pieces = noise_rows(rows)
+    data = noise_data(pieces, prior or _prior(pieces, sensor))
+    asked = tuple(name for name in OPTIONAL if name in candidates)
+    fits = _fits(data, asked, rng)
+    weighed = _weighed(fits, ramp="R" in asked)
+    draws = _drawn(fits, weighed, rng)
+    best = _typical(draws, next(iter(weighed)))
+    limits = detection_limits(data, best, asked)
+    return NoiseChoice(
+        run=rows.name,
+        sizes=tuple(_sizes(draws, asked, weighed, limits, data.prior)),
+        sets=tuple(weighed.items()),
+        noise=best,
+        prior=data.prior.source,
+        samples=len(rows),
+        rows=len(data.rows.y),
+        draws=draws,
+    )
+
+
+def _prior(rows: NoiseRows, sensor: SensorClass | None) -> ProcessPrior:
+    if sensor is not None:
+        return class_prior(sensor, rows.interval)
+    return vague_prior(scatter(rows), rows.span, rows.interval)
+
+
+Fits = Mapping[tuple[str, ...], ProcessFit]
+
+
+def _fits(data: NoiseData, asked: tuple[str, ...], rng: np.random.Generator) -> Fits:
+    """Fit every set of the processes that are not the ramp, small ones first; draw from those that count."""
+    coloured = [name for name in asked if name != "R"]
+    fits: dict[tuple[str, ...], ProcessFit] = {}
+    for size in range(len(coloured) + 1):
+        for chosen in combinations(coloured, size):
+            names = parameters(chosen)
+            fits[chosen] = fit_mode(data, names, list(_starts(data, names, fits, chosen)))
+    top = max(max(fit.log_evidence) for fit in fits.values())
+    return {
+        chosen: fit_draws(data, fit, rng) if max(fit.log_evidence) > top - WORTH else fit
+        for chosen, fit in fits.items()
+    }
+
+
+def _starts(
+    data: NoiseData, names: tuple[str, ...], fits: Fits, chosen: tuple[str, ...]
+) -> Iterator[FloatArray]:
+    """Begin from each set that lacks one process, with that one as large as usual, or small."""
+    usual = {name: math.log(median) for name, (median, _) in data.prior.log_normal.items()}
+    yield np.array([usual[name] for name in names])
+    for missing in chosen:
+        smaller = fits[tuple(name for name in chosen if name != missing)]
+        known = dict(zip(smaller.names, smaller.mode.tolist(), strict=True))
+        for shift in (0.0, -2.0, -4.0):
+            yield np.array([known.get(name, usual[name] + shift * (name == missing)) for name in names])
+    if not chosen:
+        yield np.log([scatter(data.rows)])
+
+
+def _weighed(fits: Fits, *, ramp: bool) -> dict[tuple[str, ...], float]:
+    """Probability of each set, with and without a ramp, most probable first."""
+    levels: dict[tuple[str, ...], float] = {}
+    for chosen, fit in fits.items():
+        levels[chosen] = fit.log_evidence[0]
+        if ramp:
+            levels[tuple(name for name in OPTIONAL if name in (*chosen, "R"))] = fit.log_evidence[1]
+    top = max(levels.values())
+    total = sum(math.exp(level - top) for level in levels.values())
+    ordered = sorted(levels.items(), key=lambda one: -one[1])
+    return {chosen: math.exp(level - top) / total for chosen, level in ordered}
+
+
+def _drawn(fits: Fits, weighed: Mapping[tuple[str, ...], float], rng: np.random.Generator) -> FloatArray:
+    """Posterior draws (m, 7) over all sets, in proportion to their probabilities."""
+    parts = []
+    counts = rng.multinomial(DRAWS, list(weighed.values())).tolist()
+    for chosen, count in ((chosen, count) for chosen, count in zip(weighed, counts, strict=True) if count):
+        fit = fits[tuple(name for name in chosen if name != "R")]
+        weights = fit.weights[:, int("R" in chosen)]
+        at = rng.choice(len(weights), size=count, p=weights / weights.sum())
+        part = np.zeros((count, len(SIZES)))
+        logs = fit.draws[at]
+        if len(weights) == 1:
+            logs = logs + rng.standard_normal(logs.shape) @ np.linalg.cholesky(fit.covariance).T
+        part[:, [SIZES.index(name) for name in fit.names]] = np.exp(logs)
+        if "R" in chosen:
+            part[:, SIZES.index("R")] = rng.normal(fit.ramps[at, 0], fit.ramps[at, 1])
+        parts.append(part)
+    return np.concatenate(parts)
+
+
+def _typical(draws: FloatArray, chosen: tuple[str, ...]) -> NoiseProcesses:
+    """Medians of the draws of one set."""
+    present = np.array([name in chosen for name in OPTIONAL])
+    held = (draws[:, [SIZES.index(name) for name in OPTIONAL]] != 0.0) == present
+    middle = dict(zip(SIZES, np.median(draws[held.all(axis=1)], axis=0).tolist(), strict=True))
+    return NoiseProcesses(**(middle | {"tau": middle["tau"] or 1.0}))
+
+
+def _sizes(
+    draws: FloatArray,
+    asked: tuple[str, ...],
+    weighed: Mapping[tuple[str, ...], float],
+    limits: Mapping[str, float],
+    prior: ProcessPrior,
+) -> Iterator[ProcessSize]:
+    for name in SIZES:
+        own = "G" if name == "tau" else name
+        if own != "N" and own not in asked:
+            continue
+        values = draws[:, SIZES.index(name)]
+        there = values[values != 0.0]
+        spread = _prior_ratio(name, there, prior)
+        inclusion = _any(weighed, (own,)) if own != "N" else 1.0
+        partners = _partners(own, weighed, asked)
+        verdict, reason = _verdict(inclusion, spread, partners)
+        yield ProcessSize(
+            name=name,
+            inclusion=inclusion,
+            mean=float(there.mean()) if len(there) else math.nan,
+            sd=float(there.std()) if len(there) else math.nan,
+            **_quantiles(there),
+            prior_ratio=spread,
+            detection_limit=limits.get(name, math.nan),
+            verdict=verdict,
+            reason=reason,
+            confounded_with=partners if verdict == "inseparable" else (),
+        )
+
+
+def _quantiles(values: FloatArray) -> dict[str, float]:
+    names = ("q05", "q50", "q95", "limit95")
+    if not len(values):
+        return dict.fromkeys(names, math.nan)
+    ends = [*np.quantile(values, [0.05, 0.5, 0.95]), np.quantile(np.abs(values), 0.95)]
+    return dict(zip(names, map(float, ends), strict=True))
+
+
+def _prior_ratio(name: str, values: FloatArray, prior: ProcessPrior) -> float:
+    """Posterior sd over prior sd: of the ramp, or of the logarithm of what has no sign."""
+    if len(values) < 2:
+        return math.nan
+    if name == "R":
+        return float(values.std()) / prior.ramp
+    return float(np.log(values).std()) / prior.log_normal[name][1]
+
+
+def _any(weighed: Mapping[tuple[str, ...], float], names: Sequence[str]) -> float:
+    """Probability that at least one of the processes is there."""
+    return min(sum(p for chosen, p in weighed.items() if not set(chosen).isdisjoint(names)), 1.0)
+
+
+def _partners(name: str, weighed: Mapping[tuple[str, ...], float], asked: tuple[str, ...]) -> tuple[str, ...]:
+    """Smallest group of open processes of which the run shows one, and cannot say which."""
+    open_ones = [n for n in asked if n != name and NOT_NEEDED < _any(weighed, (n,)) < NEEDED]
+    for size, sure in GROUPS:
+        sums = {group: _any(weighed, (name, *group)) for group in combinations(open_ones, size)}
+        best = max(sums, key=lambda group: sums[group], default=())
+        if best and sums[best] >= sure:
+            return best
+    return ()
+
+
+def _verdict(inclusion: float, spread: float, partners: tuple[str, ...]) -> tuple[str, str]:
+    """Verdict on a process, and why."""
+    if inclusion >= NEEDED or inclusion <= NOT_NEEDED:
+        return "needed" if inclusion >= NEEDED else "not needed", f"inclusion {inclusion:.3f}"
+    if partners:
+        return "inseparable", f"the run shows it or {listed(partners)}: a longer one tells them apart"
+    if spread > TOLD:
+        return "unresolved", "its usual size is below what this run can tell: record longer"
+    return "undecided", f"inclusion {inclusion:.2f}: a longer run would settle it"

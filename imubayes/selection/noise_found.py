@@ -1,0 +1,84 @@
+"""The noise processes of a run by both routes: evidence, and a fit of the Allan variance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.allan_fit import AllanCurve, AllanFit, allan_curve, fit_allan
+from imubayes.inference.linear import Linear, residuals
+from imubayes.rig.inputs import between_gaps
+from imubayes.selection.noise_choice import NoiseChoice, identify_noise
+from imubayes.sensors.noise_processes import OPTIONAL
+from imubayes.sensors.sensor_class import SensorClass
+
+FloatArray = NDArray[np.float64]
+
+SHORTEST = 100
+"""Samples below which a run tells nothing of its noise processes."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseQuestion:
+    """Which runs are asked for their noise processes.
+
+    Attributes
+    ----------
+    identify : ``static`` (the quiet logs), ``all`` or ``none``.
+    candidates : processes beside white noise that a run may show.
+    """
+
+    identify: str = "static"
+    candidates: tuple[str, ...] = OPTIONAL
+
+    def asks(self, rows: Linear) -> bool:
+        """Whether a run is asked."""
+        wanted = self.identify == "all" or (self.identify == "static" and rows.procedure == "static")
+        return wanted and len(rows) >= SHORTEST
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseFound:
+    """Noise processes of one run.
+
+    Attributes
+    ----------
+    choice : by evidence.
+    curve : Allan deviation of the residuals beside the processes; None for too short a run.
+    fit : by the weighted fit of the Allan variance; None where gaps interrupt the run.
+    """
+
+    choice: NoiseChoice
+    curve: AllanCurve | None
+    fit: AllanFit | None
+
+
+def noise_of(
+    rows: Linear,
+    theta: FloatArray,
+    sensor: SensorClass | None,
+    *,
+    rng: np.random.Generator,
+    candidates: Sequence[str] = OPTIONAL,
+) -> NoiseFound:
+    """Identify the noise processes of a run.
+
+    Parameters
+    ----------
+    rows : of the run.
+    theta : (p,) coefficients whose residuals the Allan deviation is of; the evidence needs none.
+    sensor : class whose priors hold; None takes wide ones.
+    rng : of the importance draws.
+    candidates : processes beside white noise.
+    """
+    choice = identify_noise(rows, sensor, rng=rng, candidates=candidates)
+    curve = allan_curve(residuals(rows, theta), rows.t, rows.interval, choice.noise)
+    if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
+        return NoiseFound(choice, curve, None)
+    names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
+    if len(names) >= len(curve.tau):
+        return NoiseFound(choice, curve, None)
+    return NoiseFound(choice, curve, fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))

@@ -1,0 +1,177 @@
+"""The inverse of an IMU's model: true inputs from outputs, proved over a stated range.
+
+The basic model (bias, scale factor, misalignment) is inverted in closed form, ``x = (I + M)^-1 (y - b)``.
+Every other one by the fixed point ``x <- y - D(clip(x))``, whose convergence and uniqueness over the range
+`imubayes.sensors.imu_range` proves. Forces and rates are solved for together: the accelerometers' spin terms
+use the compensated rate, and the gyroscopes' g-sensitivity the compensated specific force.
+
+A bias asymmetry b0' jumps at zero. With b0' > 0 no input gives an output inside the gap; such outputs are
+compensated to zero. With b0' < 0 inputs within ``|b0'|`` of zero share their outputs with others: the
+output's sign decides, and the input is off by ``2 |b0'|``, over the slope of the model, at most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.errors import InputError
+from imubayes.sensors.imu import (
+    COMPONENTS,
+    Component,
+    Imu,
+    Signals,
+    axes_of,
+    case_columns,
+    component_channels,
+    table_of,
+)
+from imubayes.sensors.imu_range import InputRange, described, rounds
+from imubayes.sensors.terms import Factor, Library, Term, column
+
+FloatArray = NDArray[np.float64]
+
+BASIC = ("b0", "b1", "m_j", "m_k")
+"""Terms of the basic model."""
+
+ROUNDING = 1e-9
+"""Relative; how far outside of the range an input may come out by rounding."""
+
+
+def compensate(imu: Imu, outputs: Signals, within: InputRange) -> Signals:
+    """Inputs that the model turns into these outputs.
+
+    Parameters
+    ----------
+    outputs : ``f`` and ``w`` are the sensors' outputs; dw, T and warming are known inputs.
+    within : the range of inputs, in which the answer must lie.
+
+    Returns
+    -------
+    the inputs; dw, T and warming as given.
+
+    Raises
+    ------
+    InputError : if the model cannot be inverted over the range, or a row's input lies outside of it; names
+        the row, the axis and the range.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.imu import forward, imu_of, signals
+    >>> from imubayes.sensors.imu_range import input_range
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("accelerometer", powers=2, asymmetry=-1)
+    >>> imu = imu_of({"az": Component(lib, np.full(len(lib.terms), 1e-4))})
+    >>> outputs = forward(imu, signals([[0.1, 0.2, 9.8]]))
+    >>> compensate(imu, outputs, input_range(20.0, 1.0)).f.round(12).tolist()
+    [[0.1, 0.2, 9.8]]
+    """
+    _check_known(outputs, within)
+    x = _closed_form(imu, outputs) if is_basic(imu) else _fixed_point(imu, outputs, within)
+    _check_inside(x, within, overlaps(imu, outputs))
+    return replace(outputs, f=np.ascontiguousarray(x[:, :3]), w=np.ascontiguousarray(x[:, 3:]))
+
+
+def is_basic(imu: Imu) -> bool:
+    """Whether the IMU has bias, scale factor and misalignment only."""
+    names = {name for component in imu.components for name in component.library.names}
+    return names <= set(BASIC) and not imu.levers.any()
+
+
+def basic_model(imu: Imu) -> tuple[FloatArray, FloatArray]:
+    """Linear response (6, 6) and bias (6,) of f and w along the case axes, of the basic terms alone."""
+    response, bias = np.eye(6), np.zeros(6)
+    for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True)):
+        known = dict(zip(component.library.names, component.theta, strict=True))
+        bias[c] = known.get("b0", 0.0)
+        for axis, term in zip(axes_of(name), BASIC[1:], strict=True):
+            response[c, axis + 3 * (c // 3)] += known.get(term, 0.0)
+    return response, bias
+
+
+def jumps_at_zero(term: Term) -> bool:
+    """Whether a term jumps where the own input changes its sign: ``b0p``, ``b0p*T``."""
+    return any(factor.signed and factor.power == 0 for factor in term.factors)
+
+
+def split_jumps(imu: Imu) -> tuple[Imu, Imu]:
+    """The IMU without the terms that jump at zero, and with those alone, their sign left out."""
+    smooth = [_part(component, jumping=False) for component in imu.components]
+    jumps = [_part(component, jumping=True) for component in imu.components]
+    return Imu(tuple(smooth), imu.levers), Imu(tuple(jumps), imu.levers)
+
+
+def overlaps(imu: Imu, outputs: Signals) -> FloatArray:
+    """Size (n, 6) of each negative asymmetry at the rows' temperatures, zero where it is positive."""
+    return np.maximum(-_jumps(split_jumps(imu)[1], outputs), 0.0)
+
+
+def _fixed_point(imu: Imu, outputs: Signals, within: InputRange) -> FloatArray:
+    from imubayes.sensors.imu_kernel import compensate_rows
+
+    smooth, jumps = split_jumps(imu)
+    steps = rounds(smooth, within)
+    rows = case_columns(outputs)
+    return compensate_rows(table_of(smooth), imu.levers, within.ends[:6], steps, rows, _jumps(jumps, outputs))
+
+
+def _closed_form(imu: Imu, outputs: Signals) -> FloatArray:
+    response, bias = basic_model(imu)
+    y = np.hstack([outputs.f, outputs.w]) - bias
+    try:
+        return np.asarray(np.linalg.solve(response, y.T).T, dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "the linear response of the IMU is singular: expected scale factors near 1; check b1, m_j and m_k"
+        ) from None
+
+
+def _part(component: Component, *, jumping: bool) -> Component:
+    kept = [k for k, term in enumerate(component.library.terms) if jumps_at_zero(term) == jumping]
+    terms = [component.library.terms[k] for k in kept]
+    if jumping:
+        terms = [replace(term, factors=_unsigned(term.factors)) for term in terms]
+    return Component(Library(component.library.kind, tuple(terms)), component.theta[kept])
+
+
+def _unsigned(factors: tuple[Factor, ...]) -> tuple[Factor, ...]:
+    return tuple(factor for factor in factors if not (factor.signed and factor.power == 0))
+
+
+def _jumps(imu: Imu, outputs: Signals) -> FloatArray:
+    """Size (n, 6) of each component's jump at the rows' temperatures."""
+    sizes = np.zeros((len(outputs.f), 6))
+    for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True)):
+        channels = component_channels(name, outputs) if component.library.terms else {}
+        for term, theta in zip(component.library.terms, component.theta, strict=True):
+            sizes[:, c] += theta * column(term, channels)
+    return sizes
+
+
+def _check_known(outputs: Signals, within: InputRange) -> None:
+    """Known inputs must be inside too: slopes are bounded over all of the range."""
+    ends = within.ends[6:]
+    rows = np.abs(case_columns(outputs)[:, 6:]) > ends * (1.0 + ROUNDING)
+    if rows.any():
+        row, axis = np.argwhere(rows)[0]
+        name = ("dw along x", "dw along y", "dw along z", "T", "dT/dt")[axis]
+        raise InputError(_outside(int(row), int(rows.any(axis=1).sum()), name, within))
+
+
+def _check_inside(x: FloatArray, within: InputRange, overlap: FloatArray) -> None:
+    """A row may lie outside by what a negative asymmetry of its triad leaves open."""
+    open_by = 3.0 * np.repeat(overlap.reshape(-1, 2, 3).max(axis=2), 3, axis=1)
+    rows = ~(np.abs(x) <= within.ends[:6] * (1.0 + ROUNDING) + open_by)
+    if rows.any():
+        row, axis = np.argwhere(rows)[0]
+        name = f"{'fw'[axis // 3]} along {'xyz'[axis % 3]}"
+        raise InputError(_outside(int(row), int(rows.any(axis=1).sum()), name, within))
+
+
+def _outside(row: int, rows: int, name: str, within: InputRange) -> str:
+    return (
+        f"row {row}: {name} lies outside of the range that the compensation is valid for, {described(within)}"
+        f" ({rows} {'row' if rows == 1 else 'rows'} in all): remove such rows, or state a larger range"
+    )

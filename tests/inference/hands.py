@@ -1,0 +1,82 @@
+"""An IMU in the hand, simulated: held still in one direction after the other, and turned between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imubayes.inference.strapdown import rotation
+from imubayes.inference.triad import Triad, triad_of
+from imubayes.rig.inputs import ImuRun
+from imubayes.rig.simulate import synthesise
+from imubayes.sensors.noise import Noise
+
+GRAVITY = 9.81
+INTERVAL = 0.01
+FINER = 10
+"""Steps of the true attitude in a sampling interval."""
+
+HOLD, TURN = 3.0, 1.5
+"""s."""
+
+NOISES = (Noise(6e-4, 1e-4, 0.0), Noise(1e-4, 2e-5, 0.0))
+"""Of an accelerometer, m/s^2 (60 ug/sqrt(Hz), 10 ug), and of a gyroscope, rad/s (0.006 deg/s/sqrt(Hz))."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """True rate and specific force (n, 3) along the case axes, at times t (n,)."""
+
+    t: np.ndarray
+    w: np.ndarray
+    f: np.ndarray
+
+
+def motion(stills: int, rng: np.random.Generator) -> Motion:
+    """Turns of one to three radians about axes that wander while the hand turns."""
+    hold, turn = round(HOLD / INTERVAL) * FINER, round(TURN / INTERVAL) * FINER
+    s = (np.arange(turn) + 0.5) / turn
+    bump = 2.0 * np.sin(np.pi * s) ** 2 / TURN  # 1/s: rests at both ends, and integrates to 1
+    rates = []
+    for _ in range(stills - 1):
+        axis = _unit(rng)
+        wander = 0.5 * np.sin(2.0 * np.pi * s)[:, None] * np.cross(axis, _unit(rng))
+        rates += [np.zeros((hold, 3)), bump[:, None] * rng.uniform(1.0, 3.0) * (axis + wander)]
+    w = np.concatenate((*rates, np.zeros((hold, 3))))
+    u = np.empty_like(w)
+    u[0] = _unit(rng)
+    steps = rotation(-w * INTERVAL / FINER)
+    for k in range(len(w) - 1):
+        u[k + 1] = steps[k] @ u[k]
+    # a rate holds over a fine step: a sample is read in the middle of it
+    t = INTERVAL / FINER * np.arange(len(w))
+    return Motion(t[::FINER], _centred(w)[::FINER], GRAVITY * u[::FINER])
+
+
+def _centred(w: np.ndarray) -> np.ndarray:
+    """Rates at the steps' ends."""
+    return 0.5 * (w + np.vstack((w[:1], w[:-1])))
+
+
+def _unit(rng: np.random.Generator) -> np.ndarray:
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
+
+
+def with_truth(lib, truth, *, referenced: bool = False) -> Triad:
+    """Triad with coefficients by name; zero where none is given."""
+    triad = triad_of(lib, referenced=referenced)
+    return replace(triad, theta=np.array([truth.get(name, 0.0) for name in triad.names]))
+
+
+def in_the_hand(
+    accelerometers: Triad, gyroscopes: Triad, *, stills: int = 24, noises=NOISES, seed: int = 1
+) -> ImuRun:
+    """Record of an IMU with given coefficients."""
+    rng = np.random.default_rng(seed)
+    true = motion(stills, rng)
+    noisy = [np.column_stack([synthesise(n, true.t, INTERVAL, rng) for _ in range(3)]) for n in noises]
+    force = true.f + accelerometers.deviation(true.f) + noisy[0]
+    rate = true.w + gyroscopes.deviation(true.w, true.f) + noisy[1]
+    return ImuRun("hand", "free-tumble", true.t, force, rate, GRAVITY, INTERVAL)

@@ -1,0 +1,212 @@
+"""Gyroscopes calibrated by their turns between stills: derivatives, known truths, and imu_tk's recording."""
+
+from dataclasses import replace
+from functools import cache
+
+import hands
+import numpy as np
+import pytest
+
+from imubayes.errors import UnobservableError
+from imubayes.factor import posterior
+from imubayes.inference.between_stills import directions, turn_rows
+from imubayes.inference.case import Asked
+from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.linear import Extra
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.stills import find_stills
+from imubayes.inference.triad import calibration, triad_of
+from imubayes.rig.inputs import ImuRun
+from imubayes.selection.decision import select
+from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.terms import Library, library
+
+CLASS = {kind: sensor("mems_industrial", kind=kind) for kind in ("accelerometer", "gyroscope")}
+RAW = {
+    "accelerometer": {"b0": 1.0, "b1": 1e-2, "m_j": 2e-2, "m_k": 2e-2},
+    "gyroscope": {"b0": 0.1, "b1": 2e-2, "m_j": 5e-2, "m_k": 5e-2, "g_i": 3e-4, "g_j": 3e-4, "g_k": 3e-4},
+}
+"""Prior sds before any factory calibration, SI; others are the class's."""
+
+LINEAR = ("b0", "b1", "m_j", "m_k")
+ACCELEROMETERS = library("accelerometer", powers=1, asymmetry=-1)
+EXTENDED = library("gyroscope", powers=2, asymmetry=-1, set="extended")
+
+
+def only(lib, names):
+    return Library(lib.kind, tuple(term for term in lib.terms if term.name in names))
+
+
+OF_FORCE = only(ACCELEROMETERS, LINEAR)
+OF_RATE = only(EXTENDED, (*LINEAR, "b2", "g_i", "g_j", "g_k"))
+
+TRUTH = {
+    "ax.b0": 0.3, "ay.b0": -0.2, "az.b0": 0.1, "ax.b1": 4e-3, "ay.b1": -3e-3, "az.b1": 2e-3,
+    "ax.m_j": 3e-3, "ax.m_k": -9e-3, "ay.m_j": 2e-2,
+    "gx.b0": 2e-2, "gy.b0": -3e-2, "gz.b0": 1e-2, "gx.b1": 5e-3, "gy.b1": -8e-3, "gz.b1": 1e-2,
+    "gx.m_j": 1e-2, "gx.m_k": -2e-2, "gy.m_j": 3e-2, "gy.m_k": 5e-3, "gz.m_j": -1e-2, "gz.m_k": 2e-2,
+    "gx.g_k": 2e-4, "gy.g_i": -1e-4,
+}  # fmt: skip
+
+
+def asked(lib, **rules):
+    raw = RAW[lib.kind]
+    libraries = triad_of(lib).libraries
+    sd = [raw.get(t.name, prior_sd(CLASS[lib.kind], t)[0]) for one in libraries for t in one.terms]
+    return Asked(lib, ScalePrior(sd), CLASS[lib.kind], rules or None)
+
+
+def given(lib, noise):
+    return asked(lib, hand=NoiseRule("fixed", noise))
+
+
+@cache
+def simulated(seed, stills=24):
+    return hands.in_the_hand(
+        hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, TRUTH), seed=seed, stills=stills
+    )
+
+
+def solved(run, of_rate=OF_RATE):
+    force, rate = given(OF_FORCE, hands.NOISES[0]), given(of_rate, hands.NOISES[1])
+    case = solve_imu_tumble([run], force, rate)
+    mean, sd = posterior(case.summary.factor, np.concatenate((force.prior.sd, rate.prior.sd)))
+    return case, mean, sd
+
+
+def test_rows_are_the_derivatives_of_the_turned_directions():
+    """Coefficients moved one by one, and every turn integrated anew."""
+    # without g-sensitivity: what accelerometers move of it, a product of two errors, is left out of the rows
+    linear = {name: value for name, value in TRUTH.items() if ".g_" not in name}
+    force, rate = hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, linear)
+    run = hands.in_the_hand(force, rate)
+    stills = find_stills(run.accelerometers)
+
+    def left(triads):
+        rows = turn_rows(run, stills, directions(triads[0], run, stills), triads[1], noises=hands.NOISES)
+        X = rows.columns(0, len(rows))
+        return rows.y - X @ np.concatenate([t.theta for t in triads]), X
+
+    base, X = left((force, rate))
+    moved = [(0, k) for k in range(len(force.theta))] + [(1, k) for k in range(len(rate.theta))]
+    for column, (which, k) in enumerate(moved):
+        step = 1e-5
+        shifted = [force, rate]
+        theta = shifted[which].theta.copy()
+        theta[k] += step
+        shifted[which] = replace(shifted[which], theta=theta)
+        slope = -(left(shifted)[0] - base) / step
+        # second order of the step, and of the rotation within a sample: (3 rad/s 0.01 s)^2 / 12
+        scale = np.abs(X[:, column]).max()
+        np.testing.assert_allclose(slope, X[:, column], rtol=0.0, atol=2e-3 * scale)
+
+
+def test_known_imu_is_recovered_within_its_error_bars():
+    pulls = []
+    for seed in (1, 2, 3, 4):
+        case, mean, sd = solved(simulated(seed))
+        truth = np.array([TRUTH.get(name, 0.0) for name in case.summary.names])
+        rate = np.array([name.startswith("g") for name in case.summary.names])
+        pulls.append(((mean - truth) / sd)[rate])
+    every = np.concatenate(pulls)
+    assert np.abs(every).max() < 4.0
+    # mean square of n independent normal pulls is 1 with sd sqrt(2/n); those of one run are correlated
+    assert abs(np.mean(every**2) - 1.0) < 4.0 * np.sqrt(2.0 / len(every)) + 0.2
+
+
+def test_scale_and_misalignment_are_known_to_what_the_noise_over_the_turns_leaves():
+    """A turn by some 2 rad is known to N sqrt(T): 23 turns, of which a third is about each axis."""
+    case, _, sd = solved(simulated(1))
+    of_scale = [
+        s for name, s in zip(case.summary.names, sd, strict=True) if name in ("gx.b1", "gy.b1", "gz.b1")
+    ]
+    of_one = hands.NOISES[1].N * np.sqrt(hands.TURN + 1.0) / 2.0
+    assert of_one / np.sqrt(23.0) < min(of_scale) and max(of_scale) < 2.0 * of_one
+
+
+def test_needed_terms_are_told_from_those_that_are_zero():
+    case, _, _ = solved(simulated(1))
+    prior = ScalePrior([*asked(OF_FORCE).prior.sd, *asked(OF_RATE).prior.sd])
+    (gx,) = (one for one in case.components if one.name == "gx")
+    chosen = select(replace(case.summary, facts=gx.facts), prior, gx.library, component="gx")
+    verdicts = {term.name: term.verdict for term in chosen.terms}
+    assert all(verdicts[name] == "needed" for name in (*LINEAR, "g_k"))
+    assert all(verdicts[name] != "needed" for name in ("b2", "g_i", "g_j"))
+
+
+def test_error_of_gravity_is_no_error_of_the_gyroscopes():
+    """Directions do not depend on the size of g."""
+    run = simulated(1)
+    gravity = Extra("gravity", "gravity", 1e-2, "m/s^2", "ug", "error of local gravity")
+    plain = solved(run)
+    force, rate = given(OF_FORCE, hands.NOISES[0]), given(OF_RATE, hands.NOISES[1])
+    case = solve_imu_tumble([run], force, rate, gravity=gravity)
+    whole = np.concatenate((force.prior.sd, rate.prior.sd, [gravity.sd]))
+    mean, _ = posterior(case.summary.factor, whole)
+    assert case.summary.names[-1] == "gravity"
+    names = np.array([name.startswith("g") and name != "gravity" for name in case.summary.names])
+    shift = np.abs(mean[names] - plain[1][names[:-1]]) / plain[2][names[:-1]]
+    assert shift.max() < 0.2
+
+
+def test_too_few_turns_are_refused():
+    run = simulated(1)
+    stills = find_stills(run.accelerometers)
+    seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills[:5])
+    with pytest.raises(UnobservableError, match="has 4 turns without a gap between its 5 stills"):
+        turn_rows(run, stills[:5], seen, triad_of(OF_RATE), noises=hands.NOISES)
+
+
+def test_turn_with_a_gap_is_left_out():
+    run = simulated(1)
+    stills = find_stills(run.accelerometers)
+    seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills)
+    whole = turn_rows(run, stills, seen, triad_of(OF_RATE), noises=hands.NOISES)
+    late = np.arange(len(run.t)) > stills[3][1] + 20
+    broken = replace(run, t=run.t + 1.0 * late)
+    rows = turn_rows(broken, stills, seen, triad_of(OF_RATE), noises=hands.NOISES)
+    assert len(rows) == len(whole) - 2
+
+
+PUBLISHED = ((32777.1, 2.09295e-4), (32459.8, 2.09899e-4), (32511.8, 2.09483e-4))
+"""imu_tk's bias in counts and scale in (rad/s)/count of gx, gy, gz."""
+
+SCALES = (2.42e-3, 2.1e-4)
+
+
+@pytest.fixture(scope="module")
+def xsens(recordings):
+    folder = recordings / "imu_tk_xsens"
+    force, rate = (np.loadtxt(folder / f"xsens_{name}.mat") for name in ("acc", "gyro"))
+    t = force[:, 0]
+    outputs = ((part[:, 1:] - 32768.0) * scale for part, scale in zip((force, rate), SCALES, strict=True))
+    return ImuRun("hand", "free-tumble", t, *outputs, 9.81744, float(np.median(np.diff(t))))
+
+
+def test_xsens_rests_at_the_biases_that_imu_tk_published(xsens):
+    """imu_tk's bias is the output in the first still, z up: bias and g-sensitivity, within a count."""
+    case = solve_imu_tumble([xsens], asked(OF_FORCE), asked(only(OF_RATE, (*LINEAR, "g_i", "g_j", "g_k"))))
+    first = directions(case.triads[0], xsens, find_stills(xsens.accelerometers)[:1]).f
+    at_rest = case.triads[1].deviation(np.zeros((1, 3)), first)[0] / SCALES[1] + 32768.0
+    np.testing.assert_allclose(at_rest, [bias for bias, _ in PUBLISHED], rtol=0.0, atol=1.0)
+    # bias alone is 7 counts off: g-sensitivity is needed
+    assert abs(case.triads[1].parts()[0][0] / SCALES[1] + 32768.0 - PUBLISHED[0][0]) > 5.0
+
+
+def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
+    """In imu_tk's own setting: the first still's bias held, no g-sensitivity, every turn's angle alike."""
+    monkeypatch.setattr("imubayes.inference.between_stills._direction_variance", lambda *_: 1e-3)
+    published = (np.array([bias for bias, _ in PUBLISHED]) - 32768.0) * SCALES[1]
+    run = replace(xsens, rate=xsens.rate - published)
+    lib = only(OF_RATE, LINEAR)
+    rate = asked(lib)
+    held = [
+        1e-7 if name.endswith("b0") else sd
+        for name, sd in zip(triad_of(lib).names, rate.prior.sd, strict=True)
+    ]
+    case = solve_imu_tumble([run], asked(OF_FORCE), replace(rate, prior=ScalePrior(held)))
+    for row, (_, scale) in zip(
+        calibration(case.triads[1], [(SCALES[1], 32768.0)] * 3), PUBLISHED, strict=True
+    ):
+        assert row["scale"] == pytest.approx(scale, rel=1e-3)

@@ -1,0 +1,178 @@
+"""Known positions and turns: imucal, which is the same data by another route, and simulated truths."""
+
+import json
+
+import hands
+import numpy as np
+import pytest
+
+from imubayes.errors import UnobservableError
+from imubayes.factor import posterior
+from imubayes.inference.case import Asked
+from imubayes.inference.ferraris import solve_ferraris
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.triad import triad_of
+from imubayes.planning.observability import observe
+from imubayes.rig.inputs import ImuRun, Section
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import Library, library
+
+KINDS = ("accelerometer", "gyroscope")
+SDS = {"b0": (1.0, 3e-2), "b1": (5e-2, 5e-2), "m_j": (0.1, 0.1), "m_k": (0.1, 0.1)}
+"""Prior sds before any factory calibration, SI, of an accelerometer and of a gyroscope."""
+
+G_SENSITIVITY = 1e-4
+UP = ("x", "-x", "y", "-y", "z", "-z")
+TURN = -2.0 * np.pi
+
+
+def terms(kind, names=("b0", "b1", "m_j", "m_k")):
+    every = library(kind, powers=1, asymmetry=-1, set="extended")
+    return Library(kind, tuple(term for term in every.terms if term.name in names))
+
+
+LIBRARIES = (terms("accelerometer"), terms("gyroscope", ("b0", "b1", "m_j", "m_k", "g_i", "g_j", "g_k")))
+
+
+def asked(which, noise=None):
+    lib = LIBRARIES[which]
+    sd = [
+        SDS.get(n, (G_SENSITIVITY,) * 2)[which]
+        for one in triad_of(lib, referenced=True).libraries
+        for n in one.names
+    ]
+    rules = None if noise is None else {"bench": NoiseRule("fixed", noise)}
+    return Asked(lib, ScalePrior(sd), sensor("mems_consumer", kind=KINDS[which]), rules)
+
+
+def solved(run, noises=(None, None), fixture=None):
+    both = [asked(k, noise) for k, noise in enumerate(noises)]
+    case = solve_ferraris([run], *both, fixture=fixture)
+    whole = np.concatenate([*(one.prior.sd for one in both), [extra.sd for extra in case.summary.extras]])
+    return case, *posterior(case.summary.factor, whole), whole
+
+
+@pytest.fixture(scope="module")
+def session(recordings):
+    folder = recordings / "imucal_ferraris"
+    table = np.loadtxt(folder / "example_ferraris_session.csv", delimiter=",", skiprows=1)
+    regions = json.loads((folder / "example_ferraris_session_list.json").read_text(encoding="utf-8"))
+    up = {"p": "", "a": "-"}
+    sections = tuple(
+        Section(r["start"], r["end"], axis, TURN)
+        if what == "rot"
+        else Section(r["start"], r["end"], up[what] + axis)
+        for name, r in regions.items()
+        for axis, what in [name.split("_")]
+    )
+    t, rate = table[:, 0] / 102.4, np.deg2rad(table[:, 1:4])
+    return (
+        ImuRun("bench", "ferraris", t, table[:, 4:], rate, 9.81, 1.0 / 102.4, sections=sections),
+        table,
+        regions,
+    )
+
+
+def test_session_has_the_figures_that_imucal_publishes(session):
+    """Faces that are off: biases then rest on the two positions of their own axis, as in imucal."""
+    case, *_ = solved(session[0], fixture=np.deg2rad(2.0))
+    force, rate = (np.array([part[0] for part in triad.parts()]) for triad in case.triads)
+    # one unit in the last published digit, and 0.4 of the standard error of the flicker over a position
+    np.testing.assert_allclose(force, [0.537, -0.616, 0.399], rtol=0.0, atol=2e-3)
+    np.testing.assert_allclose(np.rad2deg(rate), [-0.600, -0.370, 0.059], rtol=0.0, atol=6e-3)
+    # imucal's K is the length of a row of the gain; its misalignments are below 0.02, so 2e-4 of it
+    np.testing.assert_allclose(
+        np.diag(case.triads[0].gain()), [0.99675, 1.00244, 1.0234], rtol=0.0, atol=3e-4
+    )
+    np.testing.assert_allclose(
+        np.diag(case.triads[1].gain()), [1.02792, 0.98243, 0.99831], rtol=0.0, atol=3e-4
+    )
+
+
+def test_session_has_the_matrices_that_imucal_computes(session):
+    """With exact faces: gain matrices, misalignments included."""
+    imucal = pytest.importorskip("imucal")
+    pandas = pytest.importorskip("pandas")
+    run, table, regions = session
+    names = [f"{sort}_{axis}" for sort in ("gyr", "acc") for axis in "xyz"]
+    data = pandas.DataFrame(table[:, 1:], columns=names)
+    found = imucal.FerrarisCalibration().compute(
+        imucal.ferraris_regions_from_section_list(data, pandas.DataFrame(regions).T),
+        sampling_rate_hz=102.4,
+        from_acc_unit="m/s^2",
+        from_gyr_unit="deg/s",
+    )
+    case, *_ = solved(run, noises=(Noise(1e-3, 0.0, 0.0), Noise(1e-5, 0.0, 0.0)))
+    # imucal weighs positions alike, least squares by their length: they differ by what the faces are off
+    np.testing.assert_allclose(case.triads[0].gain(), found.K_a @ found.R_a, rtol=0.0, atol=6e-3)
+    np.testing.assert_allclose(case.triads[1].gain(), found.K_g @ found.R_g, rtol=0.0, atol=6e-3)
+    bias = np.rad2deg([part[0] for part in case.triads[1].parts()])
+    np.testing.assert_allclose(bias, found.b_g, rtol=0.0, atol=6e-3)
+
+
+TRUTH = {
+    "ax.b0": 0.5, "ay.b0": -0.3, "ax.b1": 2e-2, "ay.m_j": 3e-2, "ax.m_j": -1e-2, "az.m_k": 2e-2,
+    "gx.b0": 1e-2, "gx.b1": 3e-2, "gy.m_j": -2e-2, "gz.m_k": 1e-2, "gz.g_i": 1e-4, "gx.m_k": 5e-3,
+}  # fmt: skip
+NOISES = (Noise(2e-3, 0.0, 0.0), Noise(2e-4, 0.0, 0.0))
+
+
+def on_a_table(faces=0.0, seed=1):
+    """Six positions of 5 s and three turns of 3 s by an uneven hand; each section off by `faces`, rad."""
+    rng = np.random.default_rng(seed)
+    triads = [hands.with_truth(lib, TRUTH, referenced=True) for lib in LIBRARIES]
+    dt, force, rate, sections, n = 0.01, [], [], [], 0
+    for up, angle in [*((up, 0.0) for up in UP), *((up, TURN) for up in "xyz")]:
+        count = 300 if angle else 500
+        u = Section(0, 1, up).direction
+        u = u - np.cross(faces * rng.normal(size=3) * (u == 0.0), u)
+        course = 1.0 + 0.5 * np.sin(np.linspace(0.0, 7.0, count))
+        w = np.outer(angle / (count * dt) * course / course.mean(), u)
+        force.append(np.tile(9.81 * u, (count, 1)))
+        rate.append(w)
+        sections.append(Section(n, n + count, up, angle))
+        n += count
+    f, w = np.concatenate(force), np.concatenate(rate)
+    white = [noise.N / np.sqrt(dt) * rng.normal(size=(n, 3)) for noise in NOISES]
+    outputs = (f + triads[0].deviation(f) + white[0], w + triads[1].deviation(w, f) + white[1])
+    return ImuRun("bench", "ferraris", dt * np.arange(n), *outputs, 9.81, dt, sections=tuple(sections))
+
+
+@pytest.mark.parametrize(("faces", "allowed"), [(0.0, None), (0.02, 0.02)])
+def test_known_imu_is_recovered_within_its_error_bars(faces, allowed):
+    pulls = []
+    for seed in range(1, 7):
+        case, mean, sd, _ = solved(on_a_table(faces, seed), NOISES, allowed)
+        terms = len(case.summary.names) - len(case.summary.extras)
+        truth = np.array([TRUTH.get(name, 0.0) for name in case.summary.names[:terms]])
+        # a tilt of 0.02 shortens an input by 2e-4, which the first order leaves out
+        second = 3.0 * faces**2 * np.array([9.81 * ("b" in name) for name in case.summary.names[:terms]])
+        pulls.append((mean[:terms] - truth) / np.hypot(sd[:terms], second))
+    every = np.concatenate(pulls)
+    assert np.abs(every).max() < 4.5
+    assert np.mean(every**2) < 1.0 + 4.0 * np.sqrt(2.0 / len(every)) + 0.2
+
+
+def test_exact_faces_tell_misalignments_and_tilted_ones_do_not():
+    """Rotation of the case and misalignment are one column where every face may be off."""
+    sds = {}
+    for allowed in (None, 0.02):
+        case, _, sd, prior = solved(on_a_table(), NOISES, allowed)
+        sds[allowed] = dict(zip(case.summary.names, sd.tolist(), strict=True))
+        seen = observe(case.summary.factor, prior, case.summary.facts, reach=case.summary.reach)
+        hidden = seen.partners("ax.m_j")
+        assert bool(hidden) == (allowed is not None)
+        assert not seen.partners("gx.b1")
+    assert sds[None]["ax.m_j"] < 1e-3
+    # y is up and down once each: half the difference of two tilts
+    assert sds[0.02]["ax.m_j"] == pytest.approx(0.02 / np.sqrt(2.0), rel=0.05)
+    # a turn about y has one tilt
+    assert sds[0.02]["gx.m_j"] == pytest.approx(0.02, rel=0.05)
+
+
+def test_a_run_without_turns_is_refused():
+    run = on_a_table()
+    still = ImuRun("bench", "ferraris", run.t, run.force, run.rate, 9.81, 0.01, sections=run.sections[:6])
+    with pytest.raises(UnobservableError, match="gyroscopes need one about each axis"):
+        solve_ferraris([still], asked(0), asked(1))

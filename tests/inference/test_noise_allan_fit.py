@@ -1,0 +1,87 @@
+"""Confidence of the Allan deviation, and the weighted fit of its logarithm."""
+
+import allantools
+import numpy as np
+import pytest
+from allantools import ci
+
+from imubayes.inference.allan import allan_deviation, confidence_band
+from imubayes.inference.allan_fit import allan_curve, fit_allan, log_covariance
+from imubayes.rig.quiet import quiet_log
+from imubayes.sensors.noise_processes import NoiseProcesses
+
+SAMPLES = 4000
+TAU = np.array([1.0, 2.0, 5.0, 10.0, 50.0, 200.0])
+
+
+def test_deviation_is_that_of_allantools():
+    y = np.random.default_rng(1).normal(size=3000).cumsum()
+    tau, deviation = allan_deviation(y, 0.5 * np.arange(3000.0), 0.5)
+    _, expected, _, _ = allantools.oadev(y, rate=2.0, data_type="freq", taus=tau)
+    np.testing.assert_allclose(deviation, expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("noise", "alpha"), [(NoiseProcesses(N=1.0), 0), (NoiseProcesses(N=1e-6, K=0.1), -2)]
+)
+def test_spectral_covariance_has_the_degrees_of_freedom_of_greenhall_and_riley(noise, alpha):
+    """Two routes to the variance of ln A: 2/edf by structure functions, and the sum over the periodogram.
+
+    They treat the ends of a record differently: by one part in n/m of the degrees of freedom, and where a
+    sample is all there is of the averaging time (m = 1), sampling aliases the walk.
+    """
+    spectral = 2.0 / np.diag(log_covariance(noise, TAU, (SAMPLES, 1.0)))
+    published = [ci.edf_greenhall(alpha, 2, int(m), SAMPLES + 1, overlapping=True) for m in TAU]
+    np.testing.assert_allclose(spectral[1:], published[1:], rtol=0.08)
+
+
+def test_covariance_is_that_of_simulated_logs():
+    noise = NoiseProcesses(N=1.0, K=0.02)
+    rng = np.random.default_rng(3)
+    t = np.arange(float(SAMPLES))
+    logs = [allan_deviation(quiet_log(noise, SAMPLES, 1.0, rng), t, 1.0) for _ in range(100)]
+    chosen = np.isin(logs[0][0], [1.0, 10.0, 16.0, 100.0, 158.0])
+    values = 2.0 * np.log([deviation[chosen] for _, deviation in logs])
+    expected = log_covariance(noise, logs[0][0][chosen], (SAMPLES, 1.0))
+    correlation = expected / np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    found = np.corrcoef(values, rowvar=False)
+    # a correlation r from 100 logs has the sd (1 - r^2) / sqrt(100)
+    assert np.all(np.abs(found - correlation) < 4.0 * (1.0 - correlation**2) / np.sqrt(100.0) + 0.05)
+
+
+def test_band_holds_the_truth_of_white_noise_nine_times_of_ten():
+    rng = np.random.default_rng(4)
+    inside = []
+    for _ in range(100):
+        tau, deviation = allan_deviation(rng.normal(size=1000), np.arange(1000.0), 1.0)
+        low, high = confidence_band(tau, deviation, np.zeros(len(tau), dtype=int), (1000, 1.0))
+        inside.append((low < tau**-0.5) & (tau**-0.5 < high))
+    share = np.mean(inside, axis=0)[np.isin(tau, [1.0, 10.0, 100.0])]
+    # sd of a share of 0.9 in 100 logs is 0.03
+    assert np.all(np.abs(share - 0.9) < 0.12)
+
+
+def test_fit_of_the_allan_variance_finds_the_processes_within_its_errors():
+    noise = NoiseProcesses(N=1.0, B=0.15, K=0.02, Q=2.0)
+    names, n = ("N", "B", "K", "Q"), 20_000
+    truth = np.log([noise.N, noise.B, noise.K, noise.Q])
+    z = []
+    for seed in range(16):
+        y = quiet_log(noise, n, 1.0, np.random.default_rng(seed))
+        curve = allan_curve(y, np.arange(float(n)), 1.0, noise)
+        found = fit_allan(curve, noise, names, (n, 1.0))
+        z.append((np.log(found.values) - truth) / found.log_sd)
+    z = np.array(z)
+    assert np.all(np.abs(z.mean(axis=0)) < 4.0 / np.sqrt(len(z)))
+    # sd of an sd from 16 draws is 0.18
+    assert np.all((z.std(axis=0) > 0.28) & (z.std(axis=0) < 1.72))
+
+
+def test_curve_is_the_sum_of_its_shares_and_none_for_a_short_record():
+    noise = NoiseProcesses(N=1.0, K=0.01)
+    y = quiet_log(noise, 500, 1.0, np.random.default_rng(1))
+    curve = allan_curve(y, np.arange(500.0), 1.0, noise)
+    total = sum(share**2 for share in curve.shares.values())
+    np.testing.assert_allclose(curve.fitted**2, total, rtol=1e-12)
+    assert set(curve.shares) == {"N", "K"} and (curve.low < curve.high).all()
+    assert allan_curve(y[:1], np.arange(1.0), 1.0, noise) is None

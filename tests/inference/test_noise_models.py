@@ -1,0 +1,165 @@
+"""The likelihood of noise processes against dense covariances, and the averages that it is taken of."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import multivariate_normal
+
+from imubayes.inference.linear import Linear
+from imubayes.inference.noise_models import likelihood, noise_data
+from imubayes.inference.noise_rows import NoiseRows, noise_rows, piece_edges
+from imubayes.sensors.noise import flicker
+from imubayes.sensors.noise_processes import NoiseProcesses, vague_prior
+
+INTERVAL = 0.5
+PRIOR = vague_prior(1.0, 100.0, INTERVAL)
+
+
+def linear(y, interval=1.0, columns=None):
+    X = np.ones((len(y), 1)) if columns is None else columns
+    t = interval * np.arange(len(y))
+    names = tuple(f"b{k}" for k in range(X.shape[1]))
+    return Linear("log", "static", names, t, np.full(len(y), interval), interval, y, lambda a, b: X[a:b])
+
+
+def uneven_rows(rng, n=20):
+    """Rows of two lengths, some of which touch."""
+    duration = np.where(rng.random(n) < 0.5, 1.0, 2.5)
+    gaps = np.where(rng.random(n) < 0.6, 0.0, 3.0)
+    start = np.cumsum(np.concatenate(([0.0], (duration + gaps)[:-1])))
+    joined = np.concatenate(([False], gaps[:-1] == 0.0))
+    X = np.column_stack((np.ones(n), rng.normal(size=n)))
+    return NoiseRows(start, duration, joined, X, rng.normal(size=n), ((1.0, n),), INTERVAL)
+
+
+def dense(noise, rows):
+    """Covariance of averages, by integrals of the covariance functions over a fine grid."""
+    cells = 30
+    cell = rows.duration[:, None] / cells
+    at = rows.start[:, None] + cell * (np.arange(cells) + 0.5)
+    s, t = at.ravel()[:, None], at.ravel()[None, :]
+    variance, tau = flicker(noise.B, rows.interval, rows.span)
+    gauss = sum(v * np.exp(-np.abs(s - t) / c) for v, c in zip(variance, tau, strict=True))
+    gauss = gauss + noise.G**2 * np.exp(-np.abs(s - t) / noise.tau)
+    walk = noise.K**2 * (np.minimum(s, t) - rows.start[0])
+    n = len(rows.y)
+    C = (gauss + walk).reshape(n, cells, n, cells).mean(axis=(1, 3))
+    quantum = noise.Q**2 / np.outer(rows.duration, rows.duration)
+    C += np.diag(noise.N**2 / rows.duration) + 2.0 * np.diag(np.diag(quantum))
+    for i in np.flatnonzero(rows.joined):
+        C[i, i - 1] -= quantum[i, i - 1]
+        C[i - 1, i] -= quantum[i, i - 1]
+    return C
+
+
+def restricted(C, X, y):
+    """Restricted log likelihood by its textbook formula, up to what does not depend on C."""
+    factor = cho_factor(C, lower=True)
+    information = X.T @ cho_solve(factor, X)
+    theta = np.linalg.solve(information, X.T @ cho_solve(factor, y))
+    left = y - X @ theta
+    log_det = 2.0 * np.sum(np.log(np.diag(factor[0])))
+    return -0.5 * (log_det + np.linalg.slogdet(information)[1] + left @ cho_solve(factor, left))
+
+
+POINTS = [
+    NoiseProcesses(1.0),
+    NoiseProcesses(1.0, K=0.4),
+    NoiseProcesses(0.8, Q=0.9),
+    NoiseProcesses(1.0, G=0.7, tau=6.0),
+    NoiseProcesses(0.9, B=0.8, K=0.2, Q=0.5, G=0.6, tau=9.0),
+]
+
+
+def test_likelihood_differs_between_processes_as_the_dense_covariances_do():
+    rows = uneven_rows(np.random.default_rng(2))
+    data = noise_data(rows, PRIOR)
+    found = np.array([likelihood(data, noise).without for noise in POINTS])
+    expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in POINTS])
+    # a cell of 83 ms is no point for the fastest process, of 50 ms: a tenth of its variance in a row is lost
+    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=0.1)
+
+
+def test_likelihood_without_flicker_equals_the_dense_one():
+    rows = uneven_rows(np.random.default_rng(3))
+    data = noise_data(rows, PRIOR)
+    exact = [noise for noise in POINTS if noise.B == 0.0]
+    found = np.array([likelihood(data, noise).without for noise in exact])
+    expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in exact])
+    # midpoint rule on exp(-d/tau) and min(s, t) over 30 cells: relative error of the variances below 3e-4
+    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=0.02)
+
+
+def test_a_ramp_adds_its_prior_to_the_covariance():
+    rows = uneven_rows(np.random.default_rng(4))
+    data = noise_data(rows, PRIOR)
+    noise = NoiseProcesses(1.0, K=0.3, Q=0.4)
+    told = likelihood(data, noise)
+    middle = PRIOR.ramp * (rows.center - rows.start[0] - 0.5 * rows.span)
+    C = dense(noise, rows)
+    gain = restricted(C + np.outer(middle, middle), rows.X, rows.y) - restricted(C, rows.X, rows.y)
+    assert told.ramp - told.without == pytest.approx(gain, abs=2e-3)
+
+
+def test_columns_of_the_library_do_not_reach_the_likelihood():
+    rng = np.random.default_rng(5)
+    y, X = rng.normal(size=500), rng.normal(size=(500, 3))
+    plain = noise_data(noise_rows(linear(y, columns=X)), PRIOR)
+    moved = noise_data(noise_rows(linear(y + X @ [3.0, -7.0, 50.0], columns=X)), PRIOR)
+    noise = NoiseProcesses(1.0, K=0.1)
+    assert likelihood(moved, noise).without == pytest.approx(likelihood(plain, noise).without, abs=1e-7)
+
+
+def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
+    """The average over a block has the quantization of its ends alone: 2 Q^2 / T^2, however it is cut."""
+    Q, n = 0.7, 12
+    noise = NoiseProcesses(N=1e-4, Q=Q)
+    angle = np.random.default_rng(6).normal(size=n + 1)
+    y = Q * np.diff(angle)
+    data = noise_data(noise_rows(linear(y)), PRIOR)
+    D = np.diff(np.eye(n + 1), axis=0)
+    C = Q**2 * D @ D.T + noise.N**2 * np.eye(n)
+    assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise.N**2)
+    other = NoiseProcesses(N=1.0)
+    found = likelihood(data, noise).without - likelihood(data, other).without
+    X = np.ones((n, 1))
+    assert found == pytest.approx(restricted(C, X, y) - restricted(np.eye(n), X, y), rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [50, 3000, 20_000, 300_000])
+def test_pieces_cover_every_sample_once_and_are_few(n):
+    edges, levels = piece_edges(np.arange(float(n)), 1.0)
+    assert edges[0] == 0 and (np.diff(edges) > 0).all() and edges[-1] < n
+    assert sum(count for _, count in levels) == len(edges) <= 5000
+    assert np.diff(np.append(edges, n)).max() <= math.ceil(n / 1000)
+
+
+def test_averages_are_those_of_their_samples():
+    rng = np.random.default_rng(7)
+    y, X = rng.normal(size=20_000), rng.normal(size=(20_000, 2))
+    rows = noise_rows(linear(y, 0.1, X))
+    edges, _ = piece_edges(0.1 * np.arange(20_000), 0.1)
+    for k in (0, 500, len(edges) - 2):
+        np.testing.assert_allclose(rows.y[k], y[edges[k] : edges[k + 1]].mean(), rtol=1e-12)
+        np.testing.assert_allclose(rows.X[k], X[edges[k] : edges[k + 1]].mean(axis=0), rtol=1e-10)
+    assert rows.duration.sum() == pytest.approx(2000.0)
+    assert rows.joined[1:].all()
+
+
+def test_pieces_do_not_reach_across_a_gap():
+    t = np.concatenate((np.arange(5000.0), 9000.0 + np.arange(5000.0)))
+    edges, _ = piece_edges(t, 1.0)
+    assert 5000 in edges
+
+
+def test_likelihood_of_white_noise_is_the_normal_density_of_the_contrasts():
+    y = np.random.default_rng(8).normal(size=30)
+    data = noise_data(noise_rows(linear(y)), PRIOR)
+    H = np.linalg.svd(np.ones((1, 30)))[2][1:]
+    ratio = multivariate_normal(cov=4.0 * np.eye(29)).logpdf(H @ y) - multivariate_normal(
+        cov=np.eye(29)
+    ).logpdf(H @ y)
+    found = likelihood(data, NoiseProcesses(2.0)).without - likelihood(data, NoiseProcesses(1.0)).without
+    assert found == pytest.approx(ratio, rel=1e-9)

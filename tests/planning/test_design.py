@@ -1,0 +1,226 @@
+"""The search for the best test: optima that are known, optima found by trying everything, and its bounds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.factor import invert_triangular
+from imubayes.planning.candidates import Aim, Handling, Menu, Problem, Step, duration, root, runs_of, worth
+from imubayes.planning.design import best_plan, even_plan, following
+from imubayes.planning.exchange import _promised, _promised_without, additions, with_step
+from imubayes.sensors.noise import Noise
+
+WHITE = Noise(1.0, 0.0, 0.0)
+COLOURED = Noise(1.0, 0.5, 0.3)
+
+
+def _menu(X, *, mount=None, dwells=(1.0,), handling=None, noise=WHITE, run="bench"):
+    mounts = np.zeros(len(X), dtype=np.int64) if mount is None else np.array(mount)
+    return Menu(run, np.asarray(X, dtype=float), mounts, dwells, handling or Handling(0.0), noise)
+
+
+def _problem(menus, kind, limit, *, prior=1.0, G=None):
+    c = menus[0].X.shape[1]
+    return Problem(tuple(menus), prior * np.eye(c), Aim(kind, np.eye(c) if G is None else G), limit)
+
+
+def _powers(x, degree):
+    return np.column_stack([x**n for n in range(degree + 1)])
+
+
+@pytest.mark.parametrize(
+    ("degree", "support"),
+    [
+        (1, [-1.0, 1.0]),
+        (2, [-1.0, 0.0, 1.0]),
+        (3, [-1.0, -(5.0**-0.5), 5.0**-0.5, 1.0]),
+        (4, [-1.0, -((3.0 / 7.0) ** 0.5), 0.0, (3.0 / 7.0) ** 0.5, 1.0]),
+    ],
+)
+def test_d_optimal_polynomial_design_is_at_the_zeros_of_legendre_slope(degree, support):
+    # Guest (1958), Hoel (1958): equal weights at the ends and at the zeros of P_n'
+    grid = np.linspace(-0.97, 0.97, 38)
+    x = np.sort(np.concatenate((grid[np.abs(grid[:, None] - support).min(axis=1) > 0.02], support)))
+    repeats = 3
+    limit = float(repeats * len(support))
+    found = best_plan(_problem([_menu(_powers(x, degree))], "D", limit, prior=1e-4))
+    settings = np.sort([x[step.setting] for step in found.steps])
+    np.testing.assert_allclose(settings, np.repeat(support, repeats), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["D", "worst", "rms"])
+@pytest.mark.parametrize("noise", [WHITE, COLOURED], ids=["white", "coloured"])
+@pytest.mark.parametrize("seed", range(3))
+def test_search_finds_what_trying_every_order_of_every_choice_finds(kind, noise, seed):
+    X = np.random.default_rng(seed).normal(size=(5, 2))
+    problem = _problem([_menu(X, noise=noise)], kind, 4.0)
+    every = (tuple(Step(0, k, 1.0) for k in chosen) for chosen in product(range(5), repeat=4))
+    assert best_plan(problem).worth == pytest.approx(min(worth(problem, steps) for steps in every), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_search_over_mounts_and_dwells_is_within_3_percent_of_trying_everything(seed):
+    X = np.random.default_rng([seed, 1]).normal(size=(4, 2))
+    menu = _menu(X, mount=[0, 0, 1, 1], dwells=(1.0, 3.0), handling=Handling(0.5, 1.0), noise=COLOURED)
+    problem = _problem([menu], "worst", 10.0)
+    single = [Step(0, k, dwell) for k in range(4) for dwell in menu.dwells]
+    every = (
+        steps
+        for n in range(1, 6)
+        for steps in product(single, repeat=n)
+        if _blocks_once(menu, steps) and duration(problem, steps) <= problem.limit
+    )
+    assert best_plan(problem).worth <= 1.03 * min(worth(problem, steps) for steps in every)
+
+
+def _blocks_once(menu, steps):
+    mounts = [int(menu.mount[step.setting]) for step in steps]
+    changes = sum(a != b for a, b in pairwise(mounts))
+    return changes == len(set(mounts)) - 1
+
+
+def test_no_design_beats_the_bound_of_the_equivalence_theorem():
+    # Kiefer and Wolfowitz (1960): |M| of any design is within exp(max d - p) of that of a given one
+    x = np.linspace(-1.0, 1.0, 41)
+    X = _powers(x, 3)
+    found = best_plan(_problem([_menu(X)], "D", 40.0, prior=1e-4))
+    rows = X[[step.setting for step in found.steps]]
+    M = rows.T @ rows / len(rows)
+    most = np.einsum("mi,ij,mj->m", X, np.linalg.inv(M), X).max()
+    assert most - 4.0 < 0.15  # 41 levels do not hold the optimum's 0.447, and 40 dwells its weights exactly
+
+
+def test_posterior_of_steps_is_that_of_dense_algebra():
+    rng = np.random.default_rng(5)
+    menus = [_menu(rng.normal(size=(6, 3)), noise=n, run=str(n)) for n in (COLOURED, WHITE)]
+    problem = _problem(menus, "D", 99.0, prior=0.7)
+    steps = (*(Step(0, k, 2.0) for k in (3, 1, 1, 5)), *(Step(1, k, 0.5) for k in (2, 0)))
+    information = 0.7**2 * np.eye(3)
+    for k, part in runs_of(steps):
+        X = menus[k].X[[step.setting for step in part]]
+        information += X.T @ np.linalg.inv(_dense(menus[k].noise, [s.dwell for s in part])) @ X
+    S = root(problem, steps)
+    # the processes that stand for B are a decade apart, here a factor of four
+    np.testing.assert_allclose(S @ S.T, np.linalg.inv(information), rtol=0.05, atol=0.01)
+
+
+def _dense(noise, dwells):
+    """Covariance of means over consecutive dwells, by quadrature of the processes' own."""
+    from imubayes.sensors.noise import flicker
+
+    fine = 0.02
+    t = np.arange(0.5 * fine, sum(dwells), fine)
+    lag = np.abs(t[:, None] - t)
+    C = noise.N**2 / fine * np.eye(len(t)) + noise.K**2 * np.minimum(t[:, None], t)
+    if noise.B:
+        for variance, tau in zip(*flicker(noise.B, 0.2, 50.0, 4.0), strict=True):
+            C += variance * np.exp(-lag / tau)
+    edges = np.concatenate(([0.0], np.cumsum(dwells)))
+    A = np.array([(t > a) & (t < b) for a, b in pairwise(edges)], dtype=float)
+    A /= A.sum(axis=1, keepdims=True)
+    return A @ C @ A.T
+
+
+@pytest.mark.parametrize("kind", ["D", "worst", "rms"])
+def test_update_of_rank_two_promises_what_is_computed_afresh(kind):
+    rng = np.random.default_rng(7)
+    problem = _problem([_menu(rng.normal(size=(8, 4)), noise=COLOURED)], kind, 6.0)
+    steps = tuple(Step(0, k, 1.0) for k in (0, 3, 3, 7, 2, 5))
+    X = problem.menus[0].X
+
+    others = np.array([0, 1, 4, 6])
+    E = np.zeros((6, 4))
+    E[3] = 1.0
+    afresh = [worth(problem, (*steps[:3], Step(0, int(k), 1.0), *steps[4:])) for k in others]
+    promised = _promised(problem, steps, 3, E, X[others] - X[steps[3].setting])
+    np.testing.assert_allclose(promised, afresh, rtol=1e-9)
+
+    swap = np.array([[0.0, 1.0, 0.0, 0.0, -1.0, 0.0]]).T  # slots 1 and 4 hold the settings 3 and 2
+    swapped = worth(problem, (steps[0], steps[4], *steps[2:4], steps[1], steps[5]))
+    assert _promised(problem, steps, 1, swap, X[[2]] - X[[3]])[0] == pytest.approx(swapped, rel=1e-9)
+
+
+def test_leaving_the_last_step_out_costs_what_is_computed_afresh():
+    rng = np.random.default_rng(8)
+    problem = _problem([_menu(rng.normal(size=(8, 4)), noise=COLOURED)], "D", 6.0)
+    steps = tuple(Step(0, k, 1.0) for k in (0, 3, 3, 7, 2, 5))
+    # nothing comes after it, so that no time changes; processes for a shorter span are a little fewer
+    assert _promised_without(problem, steps)[-1] == pytest.approx(worth(problem, steps[:-1]), rel=0.02)
+
+
+def test_worst_is_at_most_the_largest_sd_and_at_least_a_sixteenth_root_of_it():
+    V = np.diag(np.arange(1.0, 16.0) ** 2)
+    size = float(Aim("worst", np.eye(15)).size(V))
+    assert 15.0 * 15.0 ** (-1.0 / 16.0) <= size <= 15.0
+
+
+def test_drift_makes_signs_alternate():
+    # one input of either sign under a strong random walk: differences of neighbours tell it
+    menu = _menu([[1.0, -1.0], [1.0, 1.0]], noise=Noise(0.1, 0.0, 1.0))
+    problem = _problem([menu], "rms", 8.0, G=np.array([[0.0, 1.0]]), prior=0.1)
+    turns = [step.setting for step in best_plan(problem).steps]
+    assert all(a != b for a, b in pairwise(turns))
+
+
+def test_what_is_known_before_moves_dwells_to_what_is_not():
+    # columns of two unknowns; the first is known already
+    menu = _menu(np.eye(2))
+    problem = replace(_problem([menu], "worst", 4.0), start=np.diag([100.0, 1.0]))
+    assert {step.setting for step in best_plan(problem).steps} == {1}
+    (best, _, _), *_ = following(problem, (), 2)
+    assert best.setting == 1
+
+
+def test_plan_keeps_the_time_and_even_plan_uses_all_of_it():
+    X = np.random.default_rng(3).normal(size=(6, 3))
+    handling = Handling(2.0, 10.0, 20.0)
+    menu = _menu(X, mount=[0, 0, 1, 1, 2, 2], dwells=(5.0, 20.0), handling=handling, noise=COLOURED)
+    problem = _problem([menu], "worst", 150.0)
+    assert duration(problem, best_plan(problem).steps) <= 150.0
+    assert duration(problem, even_plan(problem, 0)) == pytest.approx(150.0)
+    # by hand: set up, three mounts, six times to settle, and six dwells
+    assert duration(problem, even_plan(problem, 0)[:1]) == pytest.approx(20.0 + 10.0 + 2.0 + (150 - 62) / 6)
+
+
+def test_best_plan_is_never_worse_than_a_plan_that_it_starts_from():
+    X = np.random.default_rng(4).normal(size=(6, 3))
+    problem = _problem([_menu(X, dwells=(1.0,), noise=COLOURED)], "worst", 9.0)
+    even = even_plan(problem, 0)
+    assert best_plan(problem, [even]).worth <= worth(problem, even)
+
+
+@pytest.mark.parametrize(("limit", "match"), [(0.5, "not enough for one dwell"), (-1.0, "raise the time")])
+def test_time_that_is_too_short_is_refused(limit, match):
+    problem = _problem([_menu(np.eye(2))], "worst", limit)
+    with pytest.raises(InputError, match=match):
+        best_plan(problem)
+
+
+def test_even_plan_without_a_second_left_is_refused():
+    problem = _problem([_menu(np.eye(2), handling=Handling(30.0))], "worst", 60.0)
+    with pytest.raises(InputError, match="raise the time, or offer fewer settings"):
+        even_plan(problem, 0)
+
+
+def test_a_whole_plan_is_the_prior_without_steps():
+    start = np.triu(np.random.default_rng(1).normal(size=(3, 3))) + 3.0 * np.eye(3)
+    problem = replace(_problem([_menu(np.eye(3))], "rms", 1.0), start=start)
+    assert worth(problem, ()) == pytest.approx(np.linalg.norm(invert_triangular(start)))
+
+
+def test_cost_of_an_addition_is_what_it_adds_to_the_time():
+    X = np.random.default_rng(6).normal(size=(6, 2))
+    menus = [
+        _menu(X, mount=[0, 0, 1, 1, 2, 2], dwells=(5.0, 20.0), handling=Handling(2.0, 10.0, 20.0))
+        for _ in "ab"
+    ]
+    problem = _problem(menus, "worst", 1e4)
+    steps = (Step(0, 0, 5.0), Step(0, 1, 20.0), Step(0, 4, 5.0))
+    for step, cost in additions(problem, steps, 1e4):
+        added = duration(problem, with_step(problem, steps, step)) - duration(problem, steps)
+        assert cost == pytest.approx(added, abs=1e-9)

@@ -1,0 +1,126 @@
+"""Reading a result as an IMU: which entries, which terms, which range."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported_results import ENDS, coefficients, entry, library_for, write_draws, write_imu
+
+from imubayes.errors import DataError, InputError
+from imubayes.reporting.export.characterized import UNLIMITED, characterized
+from imubayes.reporting.export.heading import heading, identifier
+from imubayes.sensors.imu import COMPONENTS
+
+REPORTS = Path(__file__).parents[3] / "reports"
+
+
+def edited(path: Path, edit) -> Path:
+    document = json.loads(path.read_text())
+    edit(document)
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_six_entries_that_start_alike_are_one_imu_with_their_means(tmp_path):
+    found = characterized(write_imu(tmp_path))
+    assert tuple(found.parts) == COMPONENTS
+    for name, component in zip(COMPONENTS, found.imu.components, strict=True):
+        truth = coefficients()[name]
+        assert set(component.library.names) == {term for term in truth if not term.endswith("p")}
+        np.testing.assert_array_equal(component.theta, [truth[term] for term in component.library.names])
+
+
+def test_the_full_model_has_every_term_that_was_tested_at_its_full_mean(tmp_path):
+    def untest(document):
+        document["sensors"][0] = entry("U-1.ax", "ax", coefficients()["ax"], dropped=["s_i"])
+
+    found = characterized(edited(write_imu(tmp_path), untest), model="full")
+    names = found.imu.components[0].library.names
+    assert set(names) == set(library_for("ax").names) - {"s_i"}
+    np.testing.assert_allclose(
+        found.imu.components[0].theta, [1.001 * coefficients()["ax"][n] for n in names]
+    )
+
+
+def test_a_scene_has_its_own_terms_and_says_what_it_leaves_out(tmp_path):
+    found = characterized(write_imu(tmp_path), model="uav_hover")
+    assert {component.library.names for component in found.imu.components} == {("b0", "b1")}
+    assert "rms of what is left out, SI: ax 0.25" in heading(found)[0]
+
+
+def test_the_range_is_the_largest_input_along_the_case_axes_over_all_runs(tmp_path):
+    def widen(document):  # j of the y component is z of the case
+        document["sensors"][1]["runs"][0]["ranges"]["f_j"] = [-80.0, 70.0]
+
+    found = characterized(edited(write_imu(tmp_path), widen))
+    assert found.within.f == (ENDS["f"], ENDS["f"], 80.0)
+    assert (found.within.T, found.within.warming) == (ENDS["T"], ENDS["dT"])
+
+
+def test_an_input_on_which_no_term_depends_is_not_limited(tmp_path):
+    within = characterized(write_imu(tmp_path), model="uav-hover").within
+    assert set(within.dw) == {UNLIMITED} and within.f == (ENDS["f"],) * 3
+
+
+def test_noise_is_of_the_static_runs_where_there_are_any(tmp_path):
+    found = characterized(write_imu(tmp_path)).parts["ax"]
+    raw = json.loads((tmp_path / "result.json").read_text())["sensors"][0]["noise"]
+    assert (found.noise.N, found.noise_runs) == (raw["night"]["N"], ("night",))
+
+
+def test_the_covariance_is_that_of_the_draws_beside_the_result(tmp_path):
+    path = write_imu(tmp_path)
+    names, rng = [*library_for("ax").names], np.random.default_rng(3)
+    mixing = rng.normal(size=(len(names), len(names)))
+    draws = rng.normal(size=(400, len(names))) @ mixing
+    write_draws(path, "U-1.ax", names, draws)
+    found = characterized(path)
+    kept = [names.index(term) for term in found.parts["ax"].component.library.names]
+    centred = draws[:, kept] - draws[:, kept].mean(axis=0)
+    np.testing.assert_allclose(found.parts["ax"].covariance, centred.T @ centred / 399, rtol=1e-10)
+    assert found.parts["ax"].joint and not found.parts["ay"].joint
+
+
+@pytest.mark.parametrize("study", ["quickstart", "xsens_tumble"])
+def test_committed_results_are_imus(study):
+    found = characterized(REPORTS / study)
+    terms = {t for c in found.imu.components for t in c.library.names}
+    assert {"b0", "b1", "m_j"} <= terms and "s_k" not in terms  # never excited
+    assert found.source.sha256 in "".join(heading(found))
+
+
+def test_a_component_whose_id_names_no_place_stands_along_x():
+    assert tuple(characterized(REPORTS / "quickstart").parts) == ("ax",)
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [({"model": "uav-hower"}, "uav-hover"), ({"sensor": "U-2"}, "'U-2' is not in it.*U-1")],
+)
+def test_what_the_result_lacks_is_named_with_what_it_has(tmp_path, options, named):
+    with pytest.raises(InputError, match=named):
+        characterized(write_imu(tmp_path), **options)
+
+
+def test_several_sensors_need_a_name(tmp_path):
+    def add(document):
+        document["sensors"].append(entry("V-2", "gx", coefficients()["gx"]))
+
+    path = edited(write_imu(tmp_path), add)
+    with pytest.raises(InputError, match="2 sensors: name one of U-1, V-2"):
+        characterized(path)
+    assert tuple(characterized(path, sensor="V-2").parts) == ("gx",)
+
+
+def test_a_result_of_another_kind_of_study_is_refused():
+    with pytest.raises(DataError, match="no coefficients"):
+        characterized(REPORTS / "scenes")
+
+
+@pytest.mark.parametrize(("id", "name"), [("U-1", "u_1"), ("7/α", "imu_7"), ("", "imu")])
+def test_every_id_gives_an_identifier(tmp_path, id, name):
+    found = identifier(characterized(write_imu(tmp_path, id=id)))
+    assert found == name and found.isidentifier()

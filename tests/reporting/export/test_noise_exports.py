@@ -1,0 +1,130 @@
+"""Noise and filter exports: their figures against the definitions of N, B and K."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from exported_results import write_imu
+from scipy.integrate import quad
+
+from imubayes.errors import InputError
+from imubayes.reporting.export import FORMATS, exported
+from imubayes.reporting.export.characterized import characterized
+from imubayes.reporting.export.filter_states import filter_record
+from imubayes.reporting.export.noise_models import PEAK, PEAK_AT, floor_process
+from imubayes.sensors.catalogue import sensor, typical_noise
+from imubayes.sensors.noise import Noise, allan_variance
+
+ACC = typical_noise(sensor("mems_tactical", kind="accelerometer"))
+GYRO = typical_noise(sensor("mems_tactical", kind="gyroscope"))
+
+
+def gauss_markov_deviation(tau: float, constant: float) -> float:
+    """Allan deviation of a Gauss-Markov process of sd 1 (IEEE 952 annex C)."""
+    x = tau / constant
+    return math.sqrt(2.0 / x * (1.0 - (3.0 - 4.0 * math.exp(-x) + math.exp(-2.0 * x)) / (2.0 * x)))
+
+
+def test_the_gauss_markov_process_has_the_floor_of_the_bias_instability_where_it_lies():
+    sd, constant = floor_process(ACC)
+    tau = np.geomspace(0.01, 100.0, 4001) * constant
+    deviation = sd * np.array([gauss_markov_deviation(t, constant) for t in tau])
+    peak = int(np.argmax(deviation))
+    assert deviation[peak] == pytest.approx(math.sqrt(2.0 * math.log(2.0) / math.pi) * ACC.B, rel=2e-4)
+    lowest = tau[np.argmin(allan_variance(Noise(ACC.N, 0.0, ACC.K), tau))]
+    assert tau[peak] == pytest.approx(lowest, rel=5e-3)
+    assert deviation[peak] / sd == pytest.approx(PEAK, rel=2e-4) and tau[peak] / constant == pytest.approx(
+        PEAK_AT, rel=5e-3
+    )
+
+
+def test_kalibr_gets_continuous_densities_and_the_walk_of_the_bias(tmp_path):
+    (text,) = exported(write_imu(tmp_path), "kalibr").values()
+    found = {key: float(value) for key, value in re.findall(r"^(\w+): ([-+.e\d]+)", text, re.MULTILINE)}
+    assert found["accelerometer_noise_density"] == pytest.approx(ACC.N, rel=1e-9)
+    assert found["accelerometer_random_walk"] == pytest.approx(ACC.K, rel=1e-9)
+    assert found["gyroscope_noise_density"] == pytest.approx(GYRO.N, rel=1e-9)
+    assert found["gyroscope_random_walk"] == pytest.approx(GYRO.K, rel=1e-9)
+    assert found["update_rate"] == pytest.approx(100.0)
+
+
+def test_kalibr_needs_both_kinds(tmp_path):
+    with pytest.raises(InputError, match="U-1 has no gyroscope: expected both kinds"):
+        exported(write_imu(tmp_path, ["ax", "ay", "az"]), "kalibr")
+
+
+@pytest.mark.parametrize("to", ["kalibr", "filter"])
+def test_a_component_without_noise_is_named(tmp_path, to):
+    path = write_imu(tmp_path)
+    document = json.loads(path.read_text())
+    document["sensors"][4]["noise"] = {}
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"nothing of the noise of U-1\.gy: expected N"):
+        exported(path, to)
+
+
+def test_gnss_ins_sim_gets_its_own_units(tmp_path):
+    texts = exported(write_imu(tmp_path), "json")
+    names: dict = {}
+    exec(texts["u_1_gnss_ins_sim.py"], names)
+    error = names["imu_err"]
+    # deg/sqrt(h): the angle's sd after an hour of white rate noise, N sqrt(3600 s)
+    assert error["gyro_arw"] == pytest.approx([math.degrees(GYRO.N * math.sqrt(3600.0))] * 3)
+    assert error["accel_vrw"] == pytest.approx([ACC.N * math.sqrt(3600.0)] * 3)
+    assert error["gyro_b_stability"] == pytest.approx([math.degrees(floor_process(GYRO)[0]) * 3600.0] * 3)
+    model = json.loads(texts["u_1_model.json"])
+    bias = [t["value"] for t in model["components"]["gy"]["terms"] if t["name"] == "b0"]
+    assert error["gyro_b"][1] == pytest.approx(math.degrees(bias[0]) * 3600.0)
+
+
+def test_process_noise_makes_the_variances_that_the_processes_have(tmp_path):
+    record = filter_record(characterized(write_imu(tmp_path)))
+    states = {state["name"]: (k, state) for k, state in enumerate(record["states"])}
+    _, walk = states["gx.b0"]
+    assert walk["q"] * 100.0 == pytest.approx(GYRO.K**2 * 100.0)  # the variance after 100 s of b0's walk
+    k, floor = states["gx.B"]
+    stationary, _ = quad(
+        lambda s: floor["q"] * math.exp(2.0 * floor["decay"] * s), 0.0, 50.0 / -floor["decay"]
+    )
+    assert stationary == pytest.approx(floor["sd"] ** 2, rel=1e-6)
+    assert record["P0"][k][k] == pytest.approx(stationary, rel=1e-6)
+
+
+def test_the_initial_covariance_is_the_posterior_in_the_order_of_the_states(tmp_path):
+    found = characterized(write_imu(tmp_path))
+    record = filter_record(found)
+    P0 = np.array(record["P0"])
+    assert P0.shape == (len(record["states"]),) * 2
+    for k, state in enumerate(record["states"]):
+        place, term = state["name"].split(".")
+        if term != "B":
+            part = found.parts[place]
+            j = part.component.library.names.index(term)
+            assert P0[k, k] == part.covariance[j, j]
+
+
+def test_a_model_without_a_bias_still_has_the_state_of_one(tmp_path):
+    path = write_imu(tmp_path)
+    path.write_text(path.read_text().replace('"model": ["b0", ', '"model": ['))
+    record = filter_record(characterized(path))
+    assert next(s["name"] for s in record["states"] if s["name"].endswith(".b0")) == "ax.b0"
+    assert len(record["P0"]) == len(record["states"])
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_every_file_names_its_result_units_axes_and_range(tmp_path, to):
+    path = write_imu(tmp_path)
+    digest = characterized(path).source.sha256
+    for text in exported(path, to).values():
+        for needed in (digest, "rad/s^2", "right-handed", "imubayes", "result.json"):
+            assert needed in text
+        assert "60" in text  # the largest specific force of the runs
+
+
+def test_an_unknown_format_is_named():
+    with pytest.raises(InputError, match="'ros' is not known: expected one of kalibr"):
+        exported("result.json", "ros")

@@ -1,0 +1,91 @@
+"""Noise processes as they are printed and stored."""
+
+import json
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from imubayes.inference.allan_fit import AllanFit, allan_curve
+from imubayes.reporting.noise_views import process_record, process_sentence, process_units, process_views
+from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
+from imubayes.selection.noise_found import NoiseFound
+from imubayes.sensors.noise_processes import NoiseProcesses
+from imubayes.units import factor
+
+ARW = factor("deg/sqrt(h)", like="rad/s/sqrt(Hz)")
+DPH = factor("deg/h", like="rad/s")
+
+
+def size(name, mean, verdict, inclusion, partners=()):
+    return ProcessSize(
+        name, inclusion, mean, 0.1 * abs(mean), 0.8 * mean, mean, 1.2 * mean, 1.2 * abs(mean), 0.1,
+        math.nan if name in ("N", "tau") else 2.0 * abs(mean), verdict, "because", partners,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def gyro():
+    noise = NoiseProcesses(N=0.15 * ARW, B=2.0 * DPH)
+    choice = NoiseChoice(
+        run="quiet",
+        sizes=(
+            size("N", noise.N, "needed", 1.0),
+            size("B", noise.B, "needed", 0.999),
+            size("K", 1e-8, "inseparable", 0.6, ("R",)),
+            size("Q", 1e-6, "not needed", 0.01),
+            size("R", 1e-10, "inseparable", 0.4, ("K",)),
+        ),
+        sets=((("B",), 0.7), (("B", "K"), 0.3)),
+        noise=noise,
+        prior="class x",
+        samples=1000,
+        rows=1000,
+        draws=np.zeros((1, 7)),
+    )
+    y = noise.N * np.random.default_rng(1).normal(size=1000)
+    curve = allan_curve(y, np.arange(1000.0), 1.0, noise)
+    fit = AllanFit(("N", "B"), (0.151 * ARW, 1.9 * DPH), (0.01, 0.1), 10.0, 9)
+    return SimpleNamespace(kind="gyroscope", processes=(NoiseFound(choice, curve, fit),))
+
+
+def test_sentence_says_what_is_there_in_data_sheet_units_and_what_cannot_be_told(gyro):
+    text = process_sentence(gyro.processes[0].choice, "gyroscope")
+    assert "white noise N = 0.150 +- 0.015 deg/sqrt(h) and bias instability B = 2.00 +- 0.20 deg/h" in text
+    assert "one of K and R, and cannot say which" in text
+    assert "Not there: Q." in text
+
+
+def test_rows_hold_both_routes_and_limits_of_what_is_not_there(gyro):
+    (view,) = process_views(gyro, "s1", drawn=True)
+    rows = {row.symbol: row for row in view.rows}
+    assert str(rows["B"].allan) == "1.90 +- 0.19 deg/h" and not rows["B"].is_limit
+    assert rows["Q"].is_limit and rows["Q"].size.sd == "" and rows["Q"].allan is None
+    assert rows["N"].detection is None and rows["K"].detection is not None
+    assert "deg" not in view.panel.svg and "°/h" in view.panel.svg
+
+
+def test_no_figure_where_none_is_drawn(gyro):
+    assert process_views(gyro, "s1", drawn=False)[0].panel is None
+
+
+def test_record_is_json_in_si_and_names_both_units(gyro):
+    record = process_record(gyro)["quiet"]
+    assert record["identified"] == ["N", "B"]
+    assert record["processes"]["B"]["mean"] == pytest.approx(2.0 * DPH)
+    assert record["processes"]["B"]["printed_unit"] == "deg/h"
+    assert record["allan"]["values"]["N"] == pytest.approx(0.151 * ARW)
+    assert json.dumps(record)
+
+
+def test_record_without_a_fit_says_none(gyro):
+    gyro.processes = (replace(gyro.processes[0], fit=None),)
+    assert process_record(gyro)["quiet"]["allan"] is None
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+def test_every_printed_unit_measures_what_its_si_unit_does(kind):
+    for printed, si in process_units(kind).values():
+        assert factor(printed, like="" if si == "rad" else si) > 0.0

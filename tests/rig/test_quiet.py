@@ -1,0 +1,49 @@
+"""Simulated quiet logs have the Allan variance of their processes."""
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.inference.allan import allan_deviation
+from imubayes.inference.allan_fit import log_covariance
+from imubayes.rig.quiet import quiet_log
+from imubayes.sensors.noise_processes import NoiseProcesses, shares
+
+SAMPLES, INTERVAL, LOGS = 4000, 0.5, 30
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        NoiseProcesses(N=0.3),
+        NoiseProcesses(N=1e-4, K=0.2),
+        NoiseProcesses(N=1e-4, Q=0.4),
+        NoiseProcesses(N=1e-4, G=0.5, tau=20.0),
+        NoiseProcesses(N=0.2, Q=0.3, K=0.01, G=0.2, tau=8.0),
+    ],
+    ids=["N", "K", "Q", "G", "all"],
+)
+def test_allan_variance_of_simulated_logs_is_that_of_their_processes(noise):
+    rng = np.random.default_rng(11)
+    t = INTERVAL * np.arange(SAMPLES)
+    curves = [allan_deviation(quiet_log(noise, SAMPLES, INTERVAL, rng), t, INTERVAL) for _ in range(LOGS)]
+    tau = curves[0][0]
+    # samples of walk and Gauss-Markov are points, not averages: they differ by interval/tau below ten samples
+    shown = (tau >= 10.0 * INTERVAL) & (tau <= 0.1 * SAMPLES * INTERVAL)
+    mean = np.mean([deviation**2 for _, deviation in curves], axis=0)[shown]
+    expected = np.sum(list(shares(noise, tau[shown]).values()), axis=0)
+    sd = np.sqrt(np.diag(log_covariance(noise, tau[shown], (SAMPLES, INTERVAL))) / LOGS)
+    points = 0.5 * (INTERVAL / tau[shown]) ** 2 if noise.K or noise.G else 0.0
+    assert np.all(np.abs(mean / expected - 1.0) < 4.0 * sd + points)
+
+
+def test_a_ramp_is_zero_in_the_middle_and_has_its_slope():
+    y = quiet_log(NoiseProcesses(N=0.0, R=-3.0), 101, 0.1, np.random.default_rng(1))
+    assert y[50] == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(np.diff(y) / 0.1, -3.0)
+
+
+@pytest.mark.parametrize(("samples", "interval"), [(1, 0.1), (100, 0.0)])
+def test_a_log_without_time_is_refused(samples, interval):
+    with pytest.raises(InputError, match="expected 2 or more"):
+        quiet_log(NoiseProcesses(N=1.0), samples, interval, np.random.default_rng(1))

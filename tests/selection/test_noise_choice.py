@@ -1,0 +1,180 @@
+"""Which noise processes a run shows: known truths, on a quiet log and under test, and calibration."""
+
+import math
+
+import numpy as np
+import pytest
+
+from imubayes.inference.linear import Linear
+from imubayes.inference.noise_fit import fit_draws, fit_mode
+from imubayes.inference.noise_limits import detection_limits
+from imubayes.inference.noise_models import likelihood, noise_data
+from imubayes.inference.noise_rows import noise_rows
+from imubayes.rig.quiet import quiet_log
+from imubayes.selection.noise_choice import identify_noise
+from imubayes.selection.noise_found import NoiseQuestion, noise_of
+from imubayes.sensors.catalogue import classes, sensor
+from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
+
+CONSUMER = sensor("mems_consumer", kind="gyroscope")
+INTERVAL = 0.1
+
+
+def linear(y, X=None, procedure="static"):
+    X = np.ones((len(y), 1)) if X is None else X
+    t = INTERVAL * np.arange(len(y))
+    names = tuple(f"c{k}" for k in range(X.shape[1]))
+    return Linear("log", procedure, names, t, np.full(len(y), INTERVAL), INTERVAL, y, lambda a, b: X[a:b])
+
+
+def usual(**sizes):
+    """Processes as large as usual in the class, times a factor each."""
+    known = class_prior(CONSUMER, INTERVAL).log_normal
+    ramp = {"R": sizes.pop("R")} if "R" in sizes else {}
+    return NoiseProcesses(
+        **{"N": known["N"][0], "tau": 100.0} | {n: f * known[n][0] for n, f in sizes.items()} | ramp
+    )
+
+
+def chosen(noise, *, samples=20_000, seed=1, candidates=OPTIONAL):
+    rng = np.random.default_rng(seed)
+    return identify_noise(
+        linear(quiet_log(noise, samples, INTERVAL, rng)), CONSUMER, rng=rng, candidates=candidates
+    )
+
+
+@pytest.mark.parametrize(
+    ("noise", "candidates"),
+    [
+        (usual(), ("B", "Q")),
+        (usual(B=1.5), ("B", "K", "Q", "R")),
+        (usual(Q=3.0), ("B", "Q")),
+        (usual(R=1e-6), ("B", "R")),
+        (usual(B=1.0, K=6.0), ("B", "K", "Q")),
+    ],
+    ids=["N", "NB", "NQ", "NR", "NBK"],
+)
+def test_processes_well_above_the_limit_are_found_and_no_others(noise, candidates):
+    found = chosen(noise, candidates=candidates)
+    assert found.identified == noise.present
+    for name in ("N", *noise.present):
+        told = found.size(name)
+        # a log-normal posterior within four of its sds
+        assert abs(getattr(noise, name) - told.mean) < 4.0 * told.sd
+        if name != "N":
+            assert abs(getattr(noise, name)) > told.detection_limit
+
+
+def test_probabilities_add_up_and_inclusions_are_sums_over_sets():
+    found = chosen(usual(B=0.3), samples=5000, candidates=("B", "Q", "R"))
+    assert len(found.sets) == 8 and sum(p for _, p in found.sets) == pytest.approx(1.0)
+    for name in ("B", "Q", "R"):
+        assert found.size(name).inclusion == pytest.approx(sum(p for names, p in found.sets if name in names))
+    share = np.mean(found.draws[:, 3] != 0.0)
+    assert share == pytest.approx(found.size("Q").inclusion, abs=4.0 * math.sqrt(0.25 / len(found.draws)))
+
+
+def test_a_process_far_below_the_noise_keeps_its_prior_and_is_not_decided():
+    found = chosen(usual(Q=1e-4), samples=3000, candidates=("K",))
+    size = found.size("K")
+    tiny = class_prior(sensor("fog_navigation", kind="gyroscope"), INTERVAL)
+    rng = np.random.default_rng(5)
+    y = quiet_log(usual(), 3000, INTERVAL, rng)
+    hidden = identify_noise(linear(y), rng=rng, candidates=("K",), prior=tiny).size("K")
+    assert hidden.inclusion == pytest.approx(0.5, abs=0.12) or hidden.verdict == "not needed"
+    assert size.detection_limit > 0.0
+
+
+def test_evidence_of_one_process_is_its_integral_over_the_prior():
+    """Importance draws against quadrature over ln N and ln Q."""
+    prior = class_prior(CONSUMER, INTERVAL)
+    y = quiet_log(usual(Q=1.0), 1500, INTERVAL, np.random.default_rng(2))
+    data = noise_data(noise_rows(linear(y)), prior)
+    names = ("N", "Q")
+    centers = np.log([prior.log_normal[n][0] for n in names])
+    fit = fit_draws(data, fit_mode(data, names, [centers]), np.random.default_rng(3))
+    sds = np.sqrt(np.diag(fit.covariance))
+    axes = [np.linspace(m - 6.0 * s, m + 6.0 * s, 41) for m, s in zip(fit.mode, sds, strict=True)]
+    widths = [prior.log_normal[n][1] for n in names]
+    levels = np.array(
+        [
+            [
+                likelihood(data, NoiseProcesses(N=math.exp(a), Q=math.exp(b))).without
+                - 0.5 * (((a - centers[0]) / widths[0]) ** 2 + ((b - centers[1]) / widths[1]) ** 2)
+                for b in axes[1]
+            ]
+            for a in axes[0]
+        ]
+    )
+    cell = (axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]) / (2.0 * np.pi * widths[0] * widths[1])
+    expected = math.log(np.exp(levels - levels.max()).sum() * cell) + levels.max()
+    # 64 draws with weights of a coefficient of variation below 1
+    assert fit.log_evidence[0] == pytest.approx(expected, abs=4.0 / math.sqrt(64.0))
+
+
+def test_a_unit_under_test_shows_the_same_processes_as_a_quiet_log():
+    """Dwells of a tumble: what the library explains is projected out, however large."""
+    rng = np.random.default_rng(4)
+    noise = usual(B=1.5)
+    y = quiet_log(noise, 20_000, INTERVAL, rng)
+    angle = np.repeat(np.arange(50) * 0.4, 400)
+    X = np.column_stack((np.ones(20_000), np.cos(angle), np.sin(angle), np.cos(2.0 * angle)))
+    tested = identify_noise(
+        linear(y + X @ [1.0, 0.3, -0.2, 0.1], X, "tumble"), CONSUMER, rng=rng, candidates=("B", "Q")
+    )
+    assert tested.identified == ("B",)
+    assert abs(tested.size("B").mean - noise.B) < 4.0 * tested.size("B").sd
+
+
+def test_two_routes_agree_on_the_sizes():
+    noise = usual(B=1.5, Q=2.0)
+    rng = np.random.default_rng(6)
+    y = quiet_log(noise, 20_000, INTERVAL, rng)
+    found = noise_of(linear(y), np.array([y.mean()]), CONSUMER, rng=rng, candidates=("B", "Q"))
+    assert found.fit.names == ("N", "B", "Q")
+    for name, value, log_sd in zip(found.fit.names, found.fit.values, found.fit.log_sd, strict=True):
+        size = found.choice.size(name)
+        assert abs(value - size.mean) < 4.0 * math.hypot(size.sd, value * log_sd)
+
+
+def test_only_the_runs_that_are_asked_are_judged():
+    log, tumble = linear(np.zeros(200)), linear(np.zeros(200), procedure="tumble")
+    asked = {
+        ask: (NoiseQuestion(ask).asks(log), NoiseQuestion(ask).asks(tumble))
+        for ask in ("static", "all", "none")
+    }
+    assert asked == {"static": (True, False), "all": (True, True), "none": (False, False)}
+    assert not NoiseQuestion("all").asks(linear(np.zeros(50)))
+
+
+@pytest.mark.slow
+def test_catalogue_wide_intervals_cover_and_sets_are_right_above_their_limits():
+    """Sizes and processes drawn from the priors of every class; 120 logs of an hour."""
+    rng = np.random.default_rng(20)
+    inside, found, above, false, right, judged = [], 0, 0, 0, 0, 0
+    for k in range(120):
+        entry = classes()[k % len(classes())]
+        prior = class_prior(entry, INTERVAL)
+        known = {n: m * math.exp(w * rng.standard_normal()) for n, (m, w) in prior.log_normal.items()}
+        present = [name for name in OPTIONAL if rng.random() < 0.5]
+        noise = NoiseProcesses(
+            **{n: v for n, v in known.items() if n in (*present, "N", "tau")},
+            R=prior.ramp * rng.standard_normal() if "R" in present else 0.0,
+        )
+        rows = linear(quiet_log(noise, 36_000, INTERVAL, rng))
+        choice = identify_noise(rows, entry, rng=rng)
+        limits = detection_limits(noise_data(noise_rows(rows), prior), noise, OPTIONAL)
+        inside += [
+            size.q05 <= getattr(noise, size.name) <= size.q95
+            for size in choice.sizes
+            if size.name in ("N", *present) and size.q05 == size.q05
+        ]
+        strong = {name for name in present if abs(getattr(noise, name)) > limits[name]}
+        above, found = above + len(strong), found + len(strong & set(choice.identified))
+        false += len(set(choice.identified) - set(present))
+        if strong == set(present):
+            judged, right = judged + 1, right + (set(choice.identified) == strong)
+    assert abs(np.mean(inside) - 0.9) < 4.0 * math.sqrt(0.09 / len(inside))
+    assert found >= 0.95 * above - 4.0 * math.sqrt(0.0475 * above)
+    assert right >= 0.95 * judged - 4.0 * math.sqrt(0.0475 * judged)
+    assert false <= 0.01 * 120 * len(OPTIONAL)

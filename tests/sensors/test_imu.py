@@ -1,0 +1,168 @@
+"""The IMU's forward model: axes, signs, the size effect."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError, TermError
+from imubayes.sensors.catalogue import draw_unit, sensor
+from imubayes.sensors.imu import (
+    COMPONENTS,
+    PERMUTATION,
+    Component,
+    Imu,
+    axes_of,
+    component_channels,
+    forward,
+    imu_of,
+    kind_of,
+    lever_terms,
+    signals,
+    without_lever,
+)
+from imubayes.sensors.terms import Library, columns, library
+
+LIBRARIES = {
+    kind: library(kind, powers=4, asymmetry=3, set="extended", temperature=2)
+    for kind in ("accelerometer", "gyroscope")
+}
+IDENTITY = 1e-12
+"""Relative; two orders of the same sums."""
+
+
+def one(name: str, **coefficients: float) -> Component:
+    lib = LIBRARIES[kind_of(name)]
+    return Component(lib, np.array([coefficients.get(term, 0.0) for term in lib.names]))
+
+
+def tactical(seed: int, levers=None) -> Imu:
+    rng = np.random.default_rng(seed)
+    found = {}
+    for name in COMPONENTS:
+        lib = LIBRARIES[kind_of(name)]
+        drawn = draw_unit(sensor("mems_tactical", kind=lib.kind), lib, rng)
+        found[name] = Component(lib, np.array([drawn[term] for term in lib.names]))
+    return imu_of(found, levers)
+
+
+def motion(seed: int, n: int = 1000):
+    rng = np.random.default_rng(seed)
+    T = 298.15 + 20.0 * rng.uniform(-1.0, 1.0, n)
+    f, w, dw = (size * rng.normal(size=(n, 3)) for size in (20.0, 2.0, 5.0))
+    return signals(f, w, dw=dw, T=T, warming=0.01 * rng.normal(size=n))
+
+
+def test_the_compiled_model_is_the_matrix_of_regressors_times_the_coefficients():
+    imu, inputs = tactical(1), motion(2)
+    outputs = forward(imu, inputs)
+    for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True)):
+        X = columns(component.library, component_channels(name, inputs), len(inputs.f))
+        truth = (inputs.f, inputs.w)[c // 3][:, c % 3] + X @ component.theta
+        found = (outputs.f, outputs.w)[c // 3][:, c % 3]
+        np.testing.assert_allclose(found, truth, rtol=0.0, atol=IDENTITY * np.abs(truth).max())
+
+
+def test_axes_of_every_component_are_right_handed_and_start_with_its_own():
+    for c, order in enumerate(PERMUTATION):
+        assert order[0] == c
+        assert np.linalg.det(np.eye(3)[list(order)]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "term", "column"),
+    [
+        ("ax", "m_j", 1), ("ax", "m_k", 2), ("ay", "m_j", 2), ("ay", "m_k", 0), ("az", "m_j", 0),
+        ("az", "m_k", 1), ("gx", "m_j", 1), ("gy", "m_k", 0), ("gz", "m_j", 0), ("gz", "m_k", 1),
+    ],
+)  # fmt: skip
+def test_a_misalignment_couples_the_case_axis_of_the_cyclic_order(name, term, column):
+    unit = np.eye(3)
+    outputs = forward(imu_of({name: one(name, **{term: 1e-3})}), signals(unit, unit))
+    response = (outputs.f, outputs.w)[COMPONENTS.index(name) // 3] - unit
+    expected = np.zeros((3, 3))
+    expected[column, "xyz".index(name[1])] = 1e-3
+    np.testing.assert_allclose(response, expected, rtol=0.0, atol=1e-16)
+
+
+def test_a_small_rotation_of_the_case_about_z_moves_x_into_y_with_plus_and_y_into_x_with_minus():
+    angle = 1e-4
+    turned = imu_of({"ax": one("ax", m_j=angle), "ay": one("ay", m_k=-angle)})
+    found = forward(turned, signals([[3.0, 5.0, 7.0]])).f[0]
+    rotation = np.array([[0.0, -angle, 0.0], [angle, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    # the response of a case turned by +angle about z to a vector that stays is -rotation of the vector
+    np.testing.assert_allclose(found, [3.0, 5.0, 7.0] - rotation @ [3.0, 5.0, 7.0], rtol=1e-15)
+
+
+def test_at_zero_input_the_sign_is_zero_and_an_asymmetry_puts_out_nothing():
+    outputs = forward(
+        imu_of({"ax": one("ax", b0p=1e-3, b1p=1e-3)}), signals([[0.0, 0, 0], [2.0, 0, 0], [-2.0, 0, 0]])
+    )
+    np.testing.assert_allclose(outputs.f[:, 0], [0.0, 2.0 + 3e-3, -2.0 + 1e-3], rtol=1e-15)
+
+
+def test_at_rest_with_z_up_the_ideal_imu_puts_out_plus_g_along_z():
+    outputs = forward(imu_of({}), signals([[0.0, 0.0, 9.80665]]))
+    assert outputs.f.tolist() == [[0.0, 0.0, 9.80665]]
+
+
+def test_a_lever_arm_of_1_cm_at_1000_deg_s_feels_0_31_g_towards_the_axis():
+    # physics: r w^2; the sensor at +x of the axis z feels a force inward, along -x
+    levers = [[0.01, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    outputs = forward(imu_of({}, levers), signals([[0.0, 0.0, 0.0]], [[0.0, 0.0, np.radians(1000.0)]]))
+    assert outputs.f[0, 0] / 9.80665 == pytest.approx(-0.3106, abs=5e-5)
+
+
+def test_the_size_effect_is_the_vector_formula_at_each_sense_point():
+    rng = np.random.default_rng(3)
+    levers, inputs = rng.normal(size=(3, 3)), motion(4)
+    found = forward(imu_of({}, levers), inputs).f - inputs.f
+    for c in range(3):
+        exact = np.cross(inputs.w, np.cross(inputs.w, levers[c])) + np.cross(inputs.dw, levers[c])
+        np.testing.assert_allclose(found[:, c], exact[:, c], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ax", "ay", "az"])
+def test_a_lever_arm_of_an_ideal_component_is_its_spin_and_angular_terms(name):
+    lever = np.array([0.03, -0.02, 0.05])
+    levers = np.zeros((3, 3))
+    levers[COMPONENTS.index(name)] = lever
+    i, j, k = axes_of(name)
+    as_terms = one(name, **lever_terms((lever[i], lever[j], lever[k])))
+    inputs = motion(5)
+    by_lever, by_terms = forward(imu_of({}, levers), inputs).f, forward(imu_of({name: as_terms}), inputs).f
+    np.testing.assert_allclose(by_lever, by_terms, rtol=0.0, atol=1e-12 * np.abs(by_terms).max())
+
+
+def test_a_lever_arm_that_was_taken_out_of_the_coefficients_is_not_counted_twice():
+    # what differs is the gain error and the nonlinearity of the size effect: of second order
+    imu, inputs, lever = tactical(6), motion(7), np.array([0.02, 0.01, -0.03])
+    levers = np.zeros((3, 3))
+    levers[1] = lever
+    taken = dict(zip(COMPONENTS, imu.components, strict=True))
+    taken["ay"] = without_lever("ay", imu.components[1], lever)
+    split, whole = forward(imu_of(taken, levers), inputs).f, forward(imu, inputs).f
+    size = np.abs(np.cross(inputs.w, np.cross(inputs.w, lever)) + np.cross(inputs.dw, lever)).max()
+    assert np.abs(split - whole).max() < 0.01 * size
+
+
+def test_a_lever_arm_along_the_input_axis_needs_the_extended_terms():
+    slide = library("accelerometer")
+    with pytest.raises(TermError, match="S_jj"):
+        without_lever("ax", Component(slide, np.zeros(len(slide.terms))), [0.01, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda: imu_of({"bx": one("ax")}), "bx"),
+        (lambda: imu_of({"gx": one("ax")}), "gyroscope"),
+        (lambda: imu_of({"ax": Component(Library("accelerometer", ()), np.zeros(2))}), "expected 0"),
+        (lambda: imu_of({}, [[0.0, 0.0, 0.0]]), r"\(3, 3\)"),
+        (lambda: signals([[0.0, 0.0, 1.0]], [[0.0, np.nan, 1.0]]), "w: row 0"),
+        (lambda: signals(np.zeros((2, 3)), T=[1.0]), r"expected \(2,\)"),
+    ],
+)
+def test_what_is_no_imu_is_named(call, named):
+    with pytest.raises(InputError, match=named):
+        call()

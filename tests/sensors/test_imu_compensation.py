@@ -1,0 +1,213 @@
+"""Compensation: forward and back over the catalogue, and an error outside of the range."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from imubayes.errors import InputError
+from imubayes.rig.scene_ranges import Ranges, catalogue_scenes
+from imubayes.sensors.catalogue import classes, draw_unit, sensor
+from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals
+from imubayes.sensors.imu_compensation import basic_model, compensate, is_basic, split_jumps
+from imubayes.sensors.imu_error import jacobian, sensed
+from imubayes.sensors.imu_range import contraction, input_range, rounds, scaled, slopes
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import library
+
+ACCELEROMETERS, GYROSCOPES = classes("accelerometer"), classes("gyroscope")
+PAIRS = [(ACCELEROMETERS[k % len(ACCELEROMETERS)], gyro) for k, gyro in enumerate(GYROSCOPES)]
+"""Every class of the catalogue in an IMU, at least once."""
+
+ROUND_TRIP = 1e-12
+
+
+def unit_of(accelerometer: SensorClass, gyroscope: SensorClass, seed: int, levers=None) -> Imu:
+    rng = np.random.default_rng(seed)
+    found = {}
+    for name in COMPONENTS:
+        entry = accelerometer if kind_of(name) == "accelerometer" else gyroscope
+        lib = library(entry.kind, set="extended", temperature=1)
+        drawn = draw_unit(entry, lib, rng)
+        found[name] = Component(lib, np.array([drawn[term] for term in lib.names]))
+    return imu_of(found, levers)
+
+
+def tactical(seed: int, levers=None) -> Imu:
+    entries = (sensor("mems_tactical", kind=kind) for kind in ("accelerometer", "gyroscope"))
+    return unit_of(*entries, seed=seed, levers=levers)
+
+
+def box(scene: Ranges):
+    return input_range(
+        scene.load[1] + 3.0 * scene.vibration[1], scene.rate[1], dw=scene.slope[1], T=scene.temperature,
+        warming=scene.warming,
+    )  # fmt: skip
+
+
+def inside(within, seed: int, n: int = 300) -> Signals:
+    rng = np.random.default_rng(seed)
+    f, w, dw = (rng.uniform(-1.0, 1.0, (n, 3)) * size for size in (within.f, within.w, within.dw))
+    warming = within.warming * rng.uniform(-1.0, 1.0, n)
+    return signals(f, w, dw=dw, T=rng.uniform(*within.T, n), warming=warming)
+
+
+def away_from_overlaps(imu: Imu, inputs: Signals) -> np.ndarray:
+    """Rows whose output near zero belongs to one input: |x| > |b0p| wherever b0p < 0, with a margin."""
+    _, jumps = split_jumps(imu)
+    x = np.hstack([*(sensed(imu, c, inputs).f[:, [c]] for c in range(3)), inputs.w])
+    size = np.array([max(0.0, -component.theta.sum()) for component in jumps.components])
+    return (np.abs(x) > 3.0 * size).all(axis=1)
+
+
+def _back(imu: Imu, within, seed: int) -> tuple[np.ndarray, int]:
+    """Largest error over the largest input of its kind, and how many rows."""
+    inputs = inside(within, seed)
+    found = compensate(imu, forward(imu, inputs), within)
+    kept = away_from_overlaps(imu, inputs)
+    errors = [np.abs(a - b)[kept].max(initial=0.0) for a, b in ((found.f, inputs.f), (found.w, inputs.w))]
+    return np.array(errors) / [np.abs(inputs.f).max(), np.abs(inputs.w).max()], int(kept.sum())
+
+
+def test_forward_and_compensation_return_the_input_over_every_class_and_scene_that_is_valid():
+    valid = 0
+    for (k, pair), scene in product(enumerate(PAIRS), catalogue_scenes()):
+        imu, within = unit_of(*pair, seed=k), box(scene)
+        if contraction(split_jumps(imu)[0], within) >= 0.99:
+            with pytest.raises(InputError, match=r"invertible for \|f\| up to|lies outside"):
+                compensate(imu, forward(imu, inside(scaled(within, 3.0), k)), within)
+            continue
+        errors, rows = _back(imu, within, k)
+        assert errors.max() < ROUND_TRIP, (pair[0].id, pair[1].id, scene.id)
+        valid += rows > 100  # else inputs are no larger than a negative b0p: no output tells them apart
+    assert valid > 0.8 * len(PAIRS) * 15
+
+
+def test_lever_arms_are_compensated_too():
+    imu = tactical(1, levers=[[0.05, 0.02, -0.01], [0.01, -0.05, 0.02], [0.0, 0.03, 0.04]])
+    errors, _ = _back(imu, input_range(100.0, 5.0, dw=50.0, T=(273.15, 323.15)), 2)
+    assert errors.max() < ROUND_TRIP
+
+
+def test_the_bound_holds_the_slopes_of_the_model_at_every_input_of_the_range():
+    levers = 0.05 * np.random.default_rng(3).normal(size=(3, 3))
+    imu, within = tactical(4, levers), input_range(100.0, 5.0, dw=50.0, T=(273.15, 323.15), warming=0.05)
+    found = np.abs(jacobian(imu, inside(within, 5, 3000)) - np.eye(6)).max(axis=0)
+    bound = slopes(imu, within)
+    assert (found <= bound * (1.0 + 1e-12)).all()
+    # it is a bound, not a guess: at the diagonal it is reached within a factor
+    assert (np.diag(bound) < 4.0 * np.diag(found)).all()
+
+
+def test_the_number_of_steps_brings_the_slowest_contraction_to_rounding():
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    slow = imu_of({"ax": Component(lib, np.array([0.9 if n == "b1" else 1e-9 for n in lib.names]))})
+    within = input_range(100.0, 1.0)
+    inputs = inside(within, 6)
+    found = compensate(slow, forward(slow, inputs), within)
+    assert rounds(slow, within) > 300
+    np.testing.assert_allclose(found.f, inputs.f, rtol=0.0, atol=1e-11)
+
+
+def test_the_basic_model_is_inverted_in_closed_form_and_by_the_fixed_point_alike():
+    imu, within = tactical(7), input_range(50.0, 5.0)
+    basic = imu_of(
+        {
+            name: Component(
+                c.library, np.where(np.isin(c.library.names, ["b0", "b1", "m_j", "m_k"]), c.theta, 0.0)
+            )
+            for name, c in zip(COMPONENTS, imu.components, strict=True)
+        }
+    )
+    short = {}
+    for name, c in zip(COMPONENTS, basic.components, strict=True):
+        kept = [k for k, term in enumerate(c.library.names) if term in ("b0", "b1", "m_j", "m_k")]
+        lib = type(c.library)(c.library.kind, tuple(c.library.terms[k] for k in kept))
+        short[name] = Component(lib, c.theta[kept])
+    outputs = forward(basic, inside(within, 8))
+    assert is_basic(imu_of(short)) and not is_basic(basic)
+    by_steps, closed = compensate(basic, outputs, within), compensate(imu_of(short), outputs, within)
+    np.testing.assert_allclose(closed.f, by_steps.f, rtol=0.0, atol=50.0 * ROUND_TRIP)
+    np.testing.assert_allclose(closed.w, by_steps.w, rtol=0.0, atol=5.0 * ROUND_TRIP)
+
+
+def test_the_closed_form_is_the_slides_matrix():
+    b1, m_xy, m_xz, b0 = 0.02, 3e-3, -1e-3, 0.4
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    lib = type(lib)(lib.kind, lib.terms[:4])
+    response, bias = basic_model(imu_of({"ax": Component(lib, np.array([b0, b1, m_xy, m_xz]))}))
+    assert lib.names == ("b0", "b1", "m_j", "m_k")
+    np.testing.assert_allclose(response[0, :3], [1.0 + b1, m_xy, m_xz], rtol=1e-15)
+    assert bias.tolist() == [b0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def test_a_gyroscope_is_compensated_with_the_compensated_force():
+    lib = library("gyroscope", powers=1, asymmetry=-1, set="extended")
+    acc = library("accelerometer", powers=1, asymmetry=-1)
+    g = 1e-4
+    imu = imu_of(
+        {
+            "gx": Component(lib, np.array([g if n == "g_i" else 0.0 for n in lib.names])),
+            "ax": Component(acc, np.array([0.5 if n == "b0" else 0.0 for n in acc.names])),
+        }
+    )
+    outputs = signals([[10.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]])
+    found = compensate(imu, outputs, input_range(20.0, 1.0))
+    assert found.w[0, 0] == pytest.approx(-g * (10.0 - 0.5), rel=1e-12)
+
+
+def jumping(size: float) -> Imu:
+    lib = library("accelerometer", powers=2, asymmetry=0)
+    named = {"b0p": size, "b2": 1e-5}
+    return imu_of({"ax": Component(lib, np.array([named.get(n, 0.0) for n in lib.names]))})
+
+
+def test_outputs_in_the_gap_of_a_positive_asymmetry_come_from_zero():
+    found = compensate(
+        jumping(1e-2), signals([[0.004, 0, 0], [-0.009, 0, 0], [0.03, 0, 0]]), input_range(20.0, 1.0)
+    )
+    np.testing.assert_allclose(found.f[:, 0], [0.0, 0.0, 0.02], atol=1e-6)
+
+
+def test_near_a_negative_asymmetry_the_output_decides_and_the_error_stays_below_twice_its_size():
+    size, imu, within = 1e-2, jumping(-1e-2), input_range(20.0, 1.0)
+    x = np.linspace(-3.0 * size, 3.0 * size, 601)
+    inputs = signals(np.column_stack([x, 0.0 * x, 0.0 * x]))
+    error = np.abs(compensate(imu, forward(imu, inputs), within).f[:, 0] - x)
+    assert error[np.abs(x) > 1.001 * size].max() < 1e-14
+    assert size < error.max() <= 2.0 * size / (1.0 - contraction(split_jumps(imu)[0], within))
+
+
+def test_an_input_outside_names_its_row_axis_and_range():
+    imu, within = tactical(9), input_range([20.0, 30.0, 20.0], 5.0, dw=1.0)
+    outputs = forward(imu, signals([[1.0, 2.0, 3.0], [1.0, 32.0, 3.0]]))
+    with pytest.raises(InputError, match=r"row 1: f along y lies outside.*\(20, 30, 20\) m/s\^2.*1 row"):
+        compensate(imu, outputs, within)
+
+
+@pytest.mark.parametrize(
+    ("known", "named"), [({"dw": [[0.0, 9.0, 0.0]]}, "dw along y"), ({"T": [340.0]}, "row 0: T lies")]
+)
+def test_a_known_input_outside_is_named(known, named):
+    with pytest.raises(InputError, match=named):
+        compensate(tactical(10), signals([[1.0, 2.0, 3.0]], **known), input_range(20.0, 5.0, dw=1.0))
+
+
+def test_a_polynomial_that_folds_back_is_refused_and_the_part_that_does_not_is_named():
+    # y = x - k x^2 has slope 0 at x = 1/(2 k) = 50: half of a range of 100
+    lib = library("accelerometer", powers=2, asymmetry=-1)
+    fold = imu_of({"az": Component(lib, np.array([-0.01 if n == "b2" else 0.0 for n in lib.names]))})
+    with pytest.raises(InputError, match=r"az: .*steepest terms are b2.* 0\.5 of that range"):
+        compensate(fold, signals([[0.0, 0.0, 1.0]]), input_range(100.0, 1.0))
+    assert _back(fold, input_range(49.0, 1.0), 1)[0].max() < 49.0 * ROUND_TRIP
+
+
+def test_a_singular_basic_model_is_refused():
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    short = type(lib)(lib.kind, lib.terms[:2])
+    with pytest.raises(InputError, match="singular"):
+        compensate(
+            imu_of({"ax": Component(short, np.array([0.0, -1.0]))}), signals([[0.0, 0, 0]]), input_range(1, 1)
+        )
