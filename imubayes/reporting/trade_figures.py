@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 HEIGHT = 270
 """px."""
 
+NEAR, SIMILAR = 0.06, 3.0
+"""Share of the time axis, and ratio of heights, within which two names would stand on each other."""
+
 SLANT = 62
 """deg; names of rungs whose times are close stand beside each other."""
 
@@ -187,20 +190,39 @@ def _points(
 ) -> None:
     """Every rung as a dot with its name: the default's in the accent, hollow one that has no error."""
     for one in places:
-        x, y = one.whole_seconds, height[one.rung]
-        color = ACCENT if one.rung == DEFAULT else INK
-        dots(axes, np.array([x]), np.array([y]), color=color, size=8.0)
+        at = np.array([one.whole_seconds]), np.array([height[one.rung]])
+        dots(axes, *at, color=_colour(one), size=8.0)
         if one.rung == hollow:
-            dots(axes, np.array([x]), np.array([y]), color="white", size=5.0)
+            dots(axes, *at, color="white", size=5.0)
+    for group in _close(places, height):
         axes.annotate(
-            one.rung,
-            (x, y),
+            ", ".join(one.rung for one in group),
+            (group[-1].whole_seconds, height[group[-1].rung]),
             xytext=(5, 6),
             textcoords="offset points",
             rotation=SLANT,
             rotation_mode="anchor",
-            color=color,
+            color=_colour(group[-1]),
         )
+
+
+def _colour(place: Place) -> str:
+    return ACCENT if place.rung == DEFAULT else INK
+
+
+def _close(places: Sequence[Place], height: Mapping[RungName, float]) -> list[list[Place]]:
+    """Rungs by time, those together whose names would stand on each other."""
+    low, high = _wide(places)
+    groups: list[list[Place]] = []
+    for one in sorted(places, key=lambda place: place.whole_seconds):
+        last = groups[-1][-1] if groups else None
+        if last is not None and one.whole_seconds < last.whole_seconds * (high / low) ** NEAR:
+            pair = sorted((height[last.rung], height[one.rung]))
+            if pair[1] <= SIMILAR * pair[0]:
+                groups[-1].append(one)
+                continue
+        groups.append([one])
+    return groups
 
 
 def _wide(places: Sequence[Place]) -> tuple[float, float]:
