@@ -59,7 +59,7 @@ def normal_equations(X: FloatArray, y: FloatArray) -> FloatArray:
 
 def statsmodels_ols(X: FloatArray, y: FloatArray) -> FloatArray:
     """Ordinary least squares by the pseudoinverse, its default."""
-    from statsmodels.regression.linear_model import OLS
+    from statsmodels.regression.linear_model import OLS  # pyright: ignore[reportMissingImports]
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -81,7 +81,7 @@ def supports(p: int) -> Iterator[tuple[int, ...]]:
 
 def statsmodels_subsets(X: FloatArray, y: FloatArray) -> FloatArray:
     """Inclusion (p,) by the weights ``exp(-BIC/2)`` of every subset, each fitted by OLS."""
-    from statsmodels.regression.linear_model import OLS
+    from statsmodels.regression.linear_model import OLS  # pyright: ignore[reportMissingImports]
 
     n, p = X.shape
     inside = list(supports(p))
@@ -100,7 +100,7 @@ def _bic(fit, n: int, k: int) -> float:
 
 def abess_best(X: FloatArray, y: FloatArray) -> FloatArray:
     """Support (p,) of the best subset, 1 or 0, chosen by BIC along the path of all sizes."""
-    from abess import LinearRegression
+    from abess import LinearRegression  # pyright: ignore[reportMissingImports]
 
     sizes = range(X.shape[1] + 1)
     return (
@@ -173,8 +173,8 @@ def nuts(A: FloatArray, b: FloatArray, seed: int) -> Self:
     Its warm-up counts, compilation does not; effective samples by ArviZ' bulk value, of the worst coordinate.
     """
     import arviz
-    import nutpie
-    from nutpie import compiled_pyfunc
+    import nutpie  # pyright: ignore[reportMissingImports]
+    from nutpie import compiled_pyfunc  # pyright: ignore[reportMissingImports]
 
     d, AT = A.shape[1], np.ascontiguousarray(A.T)
 
