@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
 Progress = Callable[[str], None]
@@ -133,7 +135,22 @@ def _landed(
 
 
 def _alone() -> None:
-    """Leave linear algebra to one thread: the processes share the cores."""
+    """Leave linear algebra to one thread, as the processes share the cores, and outlive no parent."""
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """Let this process end when the one that started it does, even if that was killed in mid-job.
+
+    A process that works for nobody would hold its core, and make others look slow.
+    """
+
+    def follow() -> None:
+        if parent := parent_process():
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()

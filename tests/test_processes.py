@@ -1,5 +1,8 @@
 import os
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -62,3 +65,51 @@ def test_processes_that_all_end_at_once_are_an_error_and_no_endless_loop(tmp_pat
 def test_error_of_a_job_is_that_of_the_whole():
     with pytest.raises(ZeroDivisionError):
         shared(divmod, [(1, 1), (1, 0)], 2, things="divisions")
+
+
+def endless(folder: str, number: int) -> None:
+    """Say who works, and go on for much longer than the test waits."""
+    (Path(folder) / f"{number}.pid").write_text(str(os.getpid()))
+    time.sleep(120.0)
+
+
+PARENT = """
+from test_processes import endless
+from imubayes.processes import shared
+
+if __name__ == "__main__":
+    shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
+"""
+
+
+def _lives(process: int) -> bool:
+    try:
+        # a zombie that nobody has waited for yet does not work any more
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads the state of processes from /proc")
+def test_processes_end_with_a_parent_that_is_killed_in_mid_job(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT.format(folder=str(tmp_path)))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
+    parent = subprocess.Popen([sys.executable, str(script)], env=environment)
+    workers = [int(_written(tmp_path / f"{number}.pid")) for number in range(2)]
+    assert all(_lives(worker) for worker in workers)
+    parent.kill()
+    parent.wait()
+    _until(lambda: not any(_lives(worker) for worker in workers))
+
+
+def _written(file: Path) -> str:
+    _until(lambda: file.exists() and file.read_text())
+    return file.read_text()
+
+
+def _until(holds) -> None:
+    end = time.monotonic() + 60.0
+    while not holds():
+        assert time.monotonic() < end, "waited for a minute"
+        time.sleep(0.05)

@@ -34,7 +34,7 @@ SCORE_HEADS = ("sensors", "90 % intervals hold", "error", "false needed", "false
 
 SCENE_HEAD = "terms off a scene"
 
-SCENE_HEADS = ("share off", "terms off")
+SCENE_HEADS = ("budgets off", "terms off")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +89,7 @@ def command(found: Traded) -> str:
     """
     trade = found.trade
     parts = ["imubayes trade", shlex.quote(str(trade.path)), f"--repeats {trade.repeats}"]
+    parts += [f"--only {shlex.quote(','.join(trade.only))}"] if trade.only else []
     parts += [f"--rungs {','.join(trade.rungs)}"] if trade.rungs != NAMES else []
     return " ".join([*parts, f'--limit "{trade.limit:g} s"'])
 

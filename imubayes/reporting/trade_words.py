@@ -110,7 +110,7 @@ def _best(found: Traded) -> Iterator[str]:
             if one.told.wanting > 1.0:
                 yield (
                     f"{standing.subject}: {one.told.rung} ran for {duration(one.seconds)} and has"
-                    f" {one.told.ess:.0f} effective draws of the {found.trade.ess:.0f} asked for; until its"
+                    f" {one.told.ess:,.0f} effective draws ({found.trade.ess:,.0f} are asked for); until its"
                     f" chains count as converged it would take about {duration(one.whole_seconds)}, by the"
                     " measured seconds a step."
                 )
@@ -179,11 +179,13 @@ def error_text(value: float) -> str:
 
     Examples
     --------
-    >>> error_text(11.18), error_text(0.162), error_text(0.0004), error_text(0.0)
-    ('11', '0.16', '<0.01', '0')
+    >>> error_text(1384.0), error_text(11.18), error_text(0.162), error_text(0.0004), error_text(0.0)
+    ('1,400', '11', '0.16', '<0.01', '0')
     """
     if math.isnan(value):
         return ""
     if value == 0.0:
         return "0"
-    return "<0.01" if value < 0.005 else f"{value:.2f}" if value < 1.0 else f"{value:.2g}"
+    if value < 1.0:
+        return "<0.01" if value < 0.005 else f"{value:.2f}"
+    return f"{value:.1f}" if value < 9.95 else f"{float(f'{value:.2g}'):,.0f}"

@@ -19,6 +19,7 @@ from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.planning.fidelity import RungName
+from imubayes.processes import end_with_parent
 from imubayes.rig.profiles import tumble
 from imubayes.rig.runs import RunSpec
 from imubayes.rig.simulate import simulate
@@ -71,7 +72,8 @@ def measured(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, 
     limits : of chains.
     seed : of whatever is drawn; chains have one of their own from it.
     """
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+    spawned = get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawned, initializer=end_with_parent) as pool:
         try:
             return pool.submit(here, problem, rung, limits, seed).result()
         except BrokenProcessPool:

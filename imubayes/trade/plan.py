@@ -63,6 +63,7 @@ class Trade:
     ess : effective sample size asked of chains.
     processes : that share the repeats.
     left_out : components that no rung answers for, each with the reason.
+    only : sensors or classes that were asked for by name; none for all.
     """
 
     title: str
@@ -77,6 +78,7 @@ class Trade:
     ess: float = ESS
     processes: int = 1
     left_out: tuple[tuple[str, str], ...] = ()
+    only: tuple[str, ...] = ()
 
 
 def rungs_of(asked: Sequence[str]) -> tuple[RungName, ...]:

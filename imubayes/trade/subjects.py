@@ -16,11 +16,11 @@ from imubayes.lots.plan import LotStudy
 from imubayes.lots.units import lot_of, simulate_unit
 from imubayes.planning.fidelity import RungName
 from imubayes.preparation import runs_of
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import ImuRun, TriadRun
 from imubayes.sensors.lots import Lot
 from imubayes.trade.plan import ESS, LIMIT, NAMES, REPEATS, Subject, Trade, cores
 
-FREE = "free tumbles of a triad have one method, and no ladder"
+FREE = "free tumbles and whole IMUs have one method, and no ladder"
 
 
 def of_study(study: Study, only: Collection[str] = ()) -> Trade:
@@ -37,13 +37,13 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         if only and spec.id not in only:
             continue
         runs = runs_of(spec, study.seed, k)
-        if any(isinstance(run, TriadRun) for run in runs):
+        if any(isinstance(run, TriadRun | ImuRun) for run in runs):
             left_out.append((spec.id, FREE))
             continue
         problem = problem_of(spec, runs, costs=study.costs, hierarchical=study.hierarchical)
         subjects.append(Subject(spec.id, problem))
     if not subjects:
-        raise InputError(f"{study.path}: {FREE}: a trade needs a sensor with known inputs")
+        raise InputError(f"{study.path}: {FREE}: a trade needs a single component with known inputs")
     return Trade(
         title=study.title,
         seed=study.seed,
@@ -54,6 +54,7 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         ess=study.sampling.ess,
         processes=cores(),
         left_out=tuple(left_out),
+        only=tuple(only),
     )
 
 
@@ -81,6 +82,7 @@ def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS)
         subjects=tuple(subjects),
         missions=study.missions,
         processes=cores(),
+        only=tuple(only),
     )
 
 
