@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 HEIGHT = 270
 """px."""
 
-NEAR, SIMILAR = 0.06, 3.0
-"""Share of the time axis, and ratio of heights, within which two names would stand on each other."""
+NEAR, SIMILAR, ALIKE = 0.06, 3.0, 0.25
+"""Share of the time axis, and ratio of heights or share of a linear axis, in which names would overlap."""
 
 SLANT = 62
 """deg; names of rungs whose times are close stand beside each other."""
@@ -54,21 +54,22 @@ def trade_panels(found: Traded) -> tuple[Panel, ...]:
 
 
 def pareto_panel(found: Traded) -> Panel:
-    """Rms error against time: the front, the Monte Carlo floor, and sticks up to the worst coefficient."""
-    floor = max(found.floor[1], LEAST)
-    height: dict[RungName, float] = {one.rung: max(one.rms, LEAST) for one in found.places}
+    """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms."""
+    floor = max(found.floor[0], LEAST)
+    height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in found.places}
     height[found.best] = floor
 
     def paint(axes: Axes) -> None:
         for one in found.places:
-            top = max(one.largest, height[one.rung])
-            axes.plot([one.whole_seconds] * 2, [height[one.rung], top], color=PALE, linewidth=2.0)
+            ends = [min(max(one.rms, LEAST), height[one.rung]), height[one.rung]]
+            axes.plot([one.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
         front = [one for one in found.places if one.rung in found.front]
         _stairs(axes, front, [max(height[one.rung], floor) for one in front])
         _points(axes, found.places, height, hollow=found.best)
         axes.axhline(allowed(found.floor[0]), color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
         most = max(max(one.largest for one in found.places), 2.0 * allowed(found.floor[0]))
-        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.3 * min(height.values()), 12.0 * most))
+        least = min(max(one.rms, LEAST) for one in found.places)
+        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), 12.0 * most))
         axes.set_xlim(*_wide(found.places))
         axes.axhspan(axes.get_ylim()[0], floor, color=PALE, alpha=0.5, linewidth=0.0)
         plain_logs(axes)
@@ -102,12 +103,14 @@ def inclusion_panel(found: Traded) -> Panel:
         axes.set_xlim(*_wide(found.places))
         plain_logs(axes)
 
-    good = next((one.rung for one in found.places if one.inclusion <= SURE), found.best)
+    wrong = [k for k, one in enumerate(found.places) if one.inclusion > SURE]
+    good = found.places[wrong[-1] + 1].rung if wrong and found.places[wrong[-1] + 1 :] else found.best
+    title = f"Inclusions are right from {good} on" if wrong else "Inclusions are right by every rung"
     told = "; ".join(f"{one.rung} {error_text(one.inclusion)}" for one in found.places)
     alt = f"Largest difference of an inclusion against time: {told}"
     return draw(
         paint,
-        title=f"Inclusions are right from {good} on",
+        title=title,
         alt=alt,
         key="inclusion",
         height=HEIGHT,
@@ -130,8 +133,8 @@ def _coverage_panel(found: Traded, places: Sequence[Place]) -> Panel:
             share = one.coverage.share
             axes.plot([place.whole_seconds] * 2, [share.low, share.high], color=GREY, linewidth=1.5)
         axes.axhline(INTERVAL, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
-        _points(axes, places, height)
-        axes.set(xlabel="s", ylabel="share of the truths held", ylim=(0.0, 1.35), yticks=(0.0, 0.5, 0.9, 1.0))
+        _points(axes, places, height, linear=1.6)
+        axes.set(xlabel="s", ylabel="share of the truths held", ylim=(0.0, 1.6), yticks=(0.0, 0.5, 0.9, 1.0))
         axes.set_xlim(*_wide(found.places))
         log_scale(axes, "x")
 
@@ -157,11 +160,9 @@ def _cost_panel(found: Traded, places: Sequence[Place]) -> Panel:
     height: dict[RungName, float] = {one.rung: one.cost for one in scores}
 
     def paint(axes: Axes) -> None:
-        _points(axes, places, height)
-        most = max(height.values())
-        axes.set(
-            xlabel="s", ylabel="wrong verdicts a sensor", ylim=(-0.08 * max(most, 0.5), 1.25 * max(most, 0.5))
-        )
+        high = 1.4 * max(*height.values(), 0.5)
+        _points(axes, places, height, linear=high)
+        axes.set(xlabel="s", ylabel="wrong verdicts a sensor", ylim=(-0.06 * high, high))
         axes.set_xlim(*_wide(found.places))
         few_ticks(axes)
         log_scale(axes, "x")
@@ -186,15 +187,23 @@ def _stairs(axes: Axes, places: Sequence[Place], heights: Sequence[float]) -> No
 
 
 def _points(
-    axes: Axes, places: Sequence[Place], height: Mapping[RungName, float], hollow: RungName | None = None
+    axes: Axes,
+    places: Sequence[Place],
+    height: Mapping[RungName, float],
+    hollow: RungName | None = None,
+    *,
+    linear: float | None = None,
 ) -> None:
-    """Every rung as a dot with its name: the default's in the accent, hollow one that has no error."""
+    """Every rung as a dot with its name: the default's in the accent, hollow one that has no error.
+
+    `linear` is how high the axis reaches where it is not logarithmic.
+    """
     for one in places:
         at = np.array([one.whole_seconds]), np.array([height[one.rung]])
         dots(axes, *at, color=_colour(one), size=8.0)
         if one.rung == hollow:
             dots(axes, *at, color="white", size=5.0)
-    for group in _close(places, height):
+    for group in _close(places, height, linear):
         axes.annotate(
             ", ".join(one.rung for one in group),
             (group[-1].whole_seconds, height[group[-1].rung]),
@@ -210,7 +219,9 @@ def _colour(place: Place) -> str:
     return ACCENT if place.rung == DEFAULT else INK
 
 
-def _close(places: Sequence[Place], height: Mapping[RungName, float]) -> list[list[Place]]:
+def _close(
+    places: Sequence[Place], height: Mapping[RungName, float], linear: float | None
+) -> list[list[Place]]:
     """Rungs by time, those together whose names would stand on each other."""
     low, high = _wide(places)
     groups: list[list[Place]] = []
@@ -218,7 +229,7 @@ def _close(places: Sequence[Place], height: Mapping[RungName, float]) -> list[li
         last = groups[-1][-1] if groups else None
         if last is not None and one.whole_seconds < last.whole_seconds * (high / low) ** NEAR:
             pair = sorted((height[last.rung], height[one.rung]))
-            if pair[1] <= SIMILAR * pair[0]:
+            if pair[1] - pair[0] <= ALIKE * linear if linear else pair[1] <= SIMILAR * pair[0]:
                 groups[-1].append(one)
                 continue
         groups.append([one])

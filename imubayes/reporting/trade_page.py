@@ -14,7 +14,6 @@ from imubayes.planning.fidelity import rung_of
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.trade_figures import trade_panels
 from imubayes.reporting.trade_words import bytes_text, error_text, rate_text, seconds_of, trade_answer
-from imubayes.speed.measure import machine
 from imubayes.trade.plan import DEFAULT, NAMES
 from imubayes.trade.recommend import allowed
 
@@ -75,7 +74,7 @@ def trade_html(found: Traded) -> str:
         scores=tuple(_score_row(one, bool(scenes)) for one in found.scores),
         drawn=_drawn(found),
         components=tuple(_component_rows(found)),
-        machine=machine(),
+        machine=found.machine,
         minutes=f"{found.seconds / 60.0:.1f}",
         version=imubayes.__version__,
         command=command(found),
@@ -180,7 +179,7 @@ def trade_json(found: Traded) -> str:
         "rungs": [asdict(place) for place in found.places],
         "scores": [asdict(one) for one in found.scores],
         "components": [_standing_values(standing) for standing in found.standings],
-        "machine": asdict(machine()),
+        "machine": asdict(found.machine),
         "seconds": found.seconds,
         "provenance": {
             "study_file": str(trade.path),

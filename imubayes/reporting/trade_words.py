@@ -62,11 +62,12 @@ def _cheaper(found: Traded) -> Iterator[str]:
 def _span(found: Traded) -> str:
     """How much time, and how much error, lie between the ends."""
     first, last = found.places[0], found.places[-1]
-    ratio = last.whole_seconds / first.seconds
+    decades, spent = (math.log10(s / first.seconds) for s in (last.whole_seconds, last.seconds))
+    measured = f" ({spent:.1f} measured)" if spent < decades else ""
     return (
         f"From {first.rung} ({seconds_of(first)}) to {last.rung} ({seconds_of(last)}) time grows by"
-        f" {math.log10(ratio):.1f} decades; coefficients of the cheapest are off by {first.largest:.2g}"
-        f" posterior sd at most, {first.rms:.2g} rms."
+        f" {decades:.1f} decades{measured}; coefficients of the cheapest are off by"
+        f" {first.largest:.2g} posterior sd at most, {first.rms:.2g} rms."
     )
 
 

@@ -17,6 +17,9 @@ CHAINS = 0.3
 SHORTEST = 1.0
 """s that chains have at least."""
 
+CROWDED = 1.5
+"""Times as long as alone that a rung takes beside others, which share memory, and with data to simulate."""
+
 START = 3.0
 """s that a new process takes for its imports, about."""
 

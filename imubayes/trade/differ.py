@@ -14,8 +14,8 @@ from imubayes.trade.told import Told
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-ENOUGH = 200.0
-"""Effective sample size from which chains can be what others are held against: they are off by 0.07 sd."""
+ENOUGH = 400.0
+"""Effective sample size from which chains can be what others are held against: they are off by 0.05 sd."""
 
 RESOLVED = ("needed", "not needed", "undecided")
 """Verdicts on terms that the test tells."""

@@ -12,10 +12,11 @@ from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.costs import calibrate
 from imubayes.ladder.problem import size_of
+from imubayes.machine import machine
 from imubayes.planning.fidelity import CostLaw, RungName
 from imubayes.processes import Progress, shared
 from imubayes.selection.relevance import Exposure, exposure
-from imubayes.trade.afford import HALF, beforehand, chain_limit, counts, dear
+from imubayes.trade.afford import CROWDED, HALF, beforehand, chain_limit, counts, dear
 from imubayes.trade.again import Repeat, repeat, sensors
 from imubayes.trade.alone import Measured, measured
 from imubayes.trade.differ import best_of, difference, knowledge_of, scene_needs, tested
@@ -46,7 +47,8 @@ def measure(trade: Trade, *, progress: Progress = lambda message: None) -> Trade
     ------
     InputError : if a component's runs cannot be used, or the time is too short for any rung.
     """
-    start, law = time.perf_counter(), calibrate(progress)
+    start, here = time.perf_counter(), machine()
+    law = calibrate(progress)
     progress("scenes")
     exposed = {one.name: _exposed(trade, one) for one in trade.subjects}
     share = HALF if trade.repeats else 1.0
@@ -62,10 +64,11 @@ def measure(trade: Trade, *, progress: Progress = lambda message: None) -> Trade
         places=found,
         best=best,
         floor=floor,
-        front=front(found, floor[1]),
+        front=front(found, floor[0]),
         recommended=recommended(found, scores, best, floor[0]),
         scores=scores,
         dear=dear(trade.rungs, {one.rung: one.repeats for one in scores}) if trade.repeats else (),
+        machine=here,
         seconds=time.perf_counter() - start,
     )
 
@@ -175,7 +178,7 @@ def _repeats(
     subjects = [one for one in trade.subjects if one.lot is not None or one.name in told]
     seconds: dict[RungName, float] = {one.rung: one.seconds for one in found}
     left = deadline - time.perf_counter() - START_POOL
-    afforded = counts(seconds, trade.repeats, left, trade.processes)
+    afforded = counts(seconds, trade.repeats, left / CROWDED, trade.processes)
     most = max(afforded.values(), default=0)
     drawn = sensors(subjects, [told.get(one.name) for one in subjects], most)
     longest = LONGER * max((m.told.chain_seconds for one in standings for m in one.measured), default=1.0)

@@ -26,14 +26,16 @@ def allowed(floor: float) -> float:
 def front(places: Sequence[Place], floor: float) -> tuple[RungName, ...]:
     """Rungs that no other beats in time without being worse; errors below the floor are all the same.
 
+    The error is that of the worst coefficient, by which rungs are recommended.
+
     Parameters
     ----------
     places : from the cheapest rung.
-    floor : rms Monte Carlo error of a difference.
+    floor : largest Monte Carlo error of a difference.
     """
     kept, lowest = list[RungName](), float("inf")
     for one in sorted(places, key=lambda place: place.whole_seconds):
-        error = max(one.rms, floor)
+        error = max(one.largest, floor)
         if error < lowest:
             kept.append(one.rung)
             lowest = error

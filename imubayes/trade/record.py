@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imubayes.machine import Machine
 from imubayes.planning.fidelity import RungName
 from imubayes.trade.alone import Measured
 from imubayes.trade.differ import Difference
@@ -90,6 +91,7 @@ class Traded:
     recommended : the cheapest rung that is good enough, and why (see `imubayes.trade.recommend`).
     scores : of the rungs that answered simulated repeats.
     dear : rungs that no repeat could afford.
+    machine : that the times belong to, as it was before the first.
     seconds : that all of it took.
     """
 
@@ -102,6 +104,7 @@ class Traded:
     recommended: RungName
     scores: tuple[Score, ...]
     dear: tuple[RungName, ...]
+    machine: Machine
     seconds: float
 
     def place(self, rung: RungName) -> Place | None:

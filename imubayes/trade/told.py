@@ -61,11 +61,6 @@ class Told:
     chain_seconds: float
     seconds: float
 
-    @property
-    def whole_seconds(self) -> float:
-        """Seconds that the rung takes until its chains have reached what was asked of them."""
-        return self.seconds + (self.wanting - 1.0) * self.chain_seconds
-
 
 def told_of(answer: Answer, ess: float, rng: np.random.Generator) -> Told:
     """Keep of an answer what others compare.

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imubayes.machine import Machine
 from imubayes.reporting.speed_page import speed_html, terminal_speed, write_speed
 from imubayes.reporting.speed_words import speed_answer
 from imubayes.speed.contests import Ladder, SpeedStudy
 from imubayes.speed.growth import fitted
-from imubayes.speed.measure import Found, Machine, Place, Speed
+from imubayes.speed.measure import Found, Place, Speed
 
 SIZES = (1_000, 10_000, 100_000)
 

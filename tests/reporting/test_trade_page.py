@@ -8,6 +8,7 @@ from rich.console import Console
 from trades import measured, told, trade
 
 from imubayes.lots.population import frequency
+from imubayes.machine import Machine
 from imubayes.reporting.trade_page import terminal_trade, trade_html, trade_json, write_trade
 from imubayes.reporting.trade_words import trade_answer
 from imubayes.trade.measure import standing_of
@@ -40,10 +41,11 @@ def _traded(held=180):
         places=found,
         best=standing.best,
         floor=standing.floor,
-        front=front(found, standing.floor[1]),
+        front=front(found, standing.floor[0]),
         recommended=recommended(found, scores, standing.best, standing.floor[0]),
         scores=scores,
         dear=("raw",),
+        machine=Machine("A processor", "System 1", 2, {"linear algebra": 1}, 0.1, {"numpy": "2.0"}),
         seconds=70.0,
     )
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from imubayes.machine import machine
 from imubayes.speed import peers
 from imubayes.speed.contests import Contest, Entrant, Self, SpeedStudy
-from imubayes.speed.measure import held, machine, measure
+from imubayes.speed.measure import held, measure
 
 
 def _contest(*entrants: Entrant) -> Contest:

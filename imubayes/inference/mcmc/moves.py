@@ -37,6 +37,15 @@ ROUNDS = 40
 GOOD = 0.5
 """Share of the points that must count for the fit to be good enough."""
 
+SETTLED = 1.1
+"""Growth of that share below which a round made nothing better: in many dimensions few points ever count."""
+
+FEWEST = 10.0
+"""Points for each dimension that must count for their covariance to be of use."""
+
+STEPS = 60
+"""Powers that are tried, from 1 to a thousandth."""
+
 FLOOR = 1e-3
 """Smallest sd of the fit relative to the prior's."""
 
@@ -77,7 +86,7 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
     ------
     ConvergenceError : if no noise that was looked at has any probability.
     """
-    q = Student(_maximum(density, start, sd), np.diag(sd))
+    q, before = Student(_maximum(density, start, sd), np.diag(sd)), 0.0
     for _ in range(ROUNDS):
         x = draw_student(q, SAMPLE, rng)
         log_weight = log_marginal(density, x) - log_student(q, x)
@@ -87,18 +96,34 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
                 " all; look at the residuals with the method exact",
                 dict(zip(density.parameters, np.exp(q.center).tolist(), strict=True)),
             )
-        weight = np.exp(log_weight - log_weight.max())
-        weight /= weight.sum()
+        weight, power = _tempered(log_weight, FEWEST * x.shape[1])
         count = 1.0 / float(np.sum(weight**2))
-        enough = min(count / (10.0 * x.shape[1]), 1.0)
         center = weight @ x
         spread = ((x - center) * weight[:, None]).T @ (x - center)
-        # few points that count give a poor covariance: keep some of the one before
+        # where even so too few count, keep some of the covariance before
+        enough = min(count / (FEWEST * x.shape[1]), 1.0)
         spread = enough * spread + (1.0 - enough) * q.L @ q.L.T
         q = Student(center, np.linalg.cholesky(spread + np.diag((FLOOR * density.width) ** 2)))
-        if count > GOOD * SAMPLE:
+        if power == 1.0 and (count > GOOD * SAMPLE or count < SETTLED * before):
             break
+        before = count if power == 1.0 else 0.0
     return q
+
+
+def _tempered(log_weight: FloatArray, fewest: float) -> tuple[FloatArray, float]:
+    """Weights (m,) to a power of at most 1, so small that at least so many points count; and the power.
+
+    Few points that count give a poor covariance; the power leads there step by step.
+    """
+    log_weight = log_weight - log_weight.max()
+
+    def weights(power: float) -> FloatArray:
+        found = np.exp(power * log_weight)
+        return found / found.sum()
+
+    powers = np.geomspace(1.0, 1e-3, STEPS)
+    power = next((p for p in powers.tolist() if 1.0 / np.sum(weights(p) ** 2) >= fewest), 1e-3)
+    return weights(power), power
 
 
 def _maximum(density: Density, start: FloatArray, sd: FloatArray) -> FloatArray:
