@@ -11,6 +11,9 @@ Method = Literal["exact", "collapsed", "full"]
 LARGE = 2_000_000
 """Rows beyond which the noise is sampled only if asked: every draw that is averaged over whitens them all."""
 
+WIDE = 30_000
+"""Matrix entries that a draw of the noise adds up, runs times columns squared, beyond which it takes minutes."""
+
 
 def chosen_method(wanted: str, summary: Summary) -> tuple[Method, str]:
     """Method (``exact``, ``collapsed``, ``full``) and the reason in words.
@@ -29,6 +32,12 @@ def chosen_method(wanted: str, summary: Summary) -> tuple[Method, str]:
         return "exact", (
             f"{summary.factor.n:,} samples fix the noise, and sampling it would whiten them all again and"
             " again; ask for the method collapsed to average over it all the same"
+        )
+    columns = len(summary.names)
+    if len(estimated) * columns**2 > WIDE:
+        return "exact", (
+            f"to sample the noise of {len(estimated)} runs beside {columns} columns takes many minutes; ask for"
+            " the method collapsed to average over it all the same"
         )
     several = "s" if len(estimated) > 1 else ""
     return "collapsed", (

@@ -35,6 +35,17 @@ def test_so_many_rows_that_sampling_takes_long_are_exact_and_say_so(campaign):
     assert "3,000,000" in reason
 
 
+def test_so_many_columns_that_sampling_takes_long_are_exact_and_say_so(campaign):
+    summary = campaign.summary
+    wide = replace(summary, runs=tuple(replace(run, name=f"r{k}") for k in range(3) for run in summary.runs))
+    assert chosen_method("auto", wide)[0] == "collapsed"
+    wide = replace(wide, factor=replace(summary.factor, names=tuple(f"x{k}" for k in range(100))))
+    method, reason = chosen_method("auto", wide)
+    assert method == "exact"
+    assert "6 runs beside 100 columns" in reason
+    assert chosen_method("collapsed", wide)[0] == "collapsed"
+
+
 @pytest.mark.parametrize("wanted", ["exact", "collapsed", "full"])
 def test_what_the_study_asks_for_is_done(campaign, given, wanted):
     for c in (campaign, given):
