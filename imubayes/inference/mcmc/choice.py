@@ -12,7 +12,7 @@ LARGE = 2_000_000
 """Rows beyond which the noise is sampled only if asked: every draw that is averaged over whitens them all."""
 
 WIDE = 30_000
-"""Matrix entries that a draw of the noise adds up, runs times columns squared, beyond which it takes minutes."""
+"""Matrix entries that a draw of the noise adds up, runs times squared columns: more take minutes."""
 
 
 def chosen_method(wanted: str, summary: Summary) -> tuple[Method, str]:
@@ -36,7 +36,7 @@ def chosen_method(wanted: str, summary: Summary) -> tuple[Method, str]:
     columns = len(summary.names)
     if len(estimated) * columns**2 > WIDE:
         return "exact", (
-            f"to sample the noise of {len(estimated)} runs beside {columns} columns takes many minutes; ask for"
+            f"to sample the noise of {len(estimated)} runs beside {columns} columns takes minutes; ask for"
             " the method collapsed to average over it all the same"
         )
     several = "s" if len(estimated) > 1 else ""
