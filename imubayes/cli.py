@@ -124,7 +124,7 @@ def _run(
                 "--method, --time-limit, --ess, --budget and --accuracy choose how a sensor's posterior is"
                 " computed, and a fleet's is exact: leave them out"
             )
-        _run_fleet(fleet, folder, scheduler or "local", resume=resume)
+        _run_fleet(fleet, folder, "local" if scheduler is None else scheduler, resume=resume)
         return
     if scheduler is not None:
         raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
@@ -164,8 +164,11 @@ def _run_fleet(study: FleetStudy, folder: Path, scheduler: str, *, resume: bool)
     from imubayes.fleet.measure import measure
     from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
 
-    with engine(scheduler, study.processes) as workers:
-        result = measure(study, folder, workers, resume=resume, progress=progress_line())
+    try:
+        with engine(scheduler, study.processes) as workers:
+            result = measure(study, folder, workers, resume=resume, progress=progress_line())
+    except KeyboardInterrupt:
+        fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)
     with complete(folder) as part:
         files = write_fleet(result, part)
     show(terminal_fleet(result))

@@ -8,13 +8,14 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 import typer
 
 from imubayes.errors import InputError
 
 
-def fail(message: str, code: int) -> None:
+def fail(message: str, code: int) -> NoReturn:
     """Say what went wrong, in one sentence, and end with an exit code."""
     clear_progress()
     typer.echo(f"imubayes: {' '.join(message.split())}", err=True)

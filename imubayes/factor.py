@@ -13,8 +13,8 @@ it would square the condition number.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -33,7 +33,7 @@ TILE = 8192
 gain nothing on a narrow block, and on a busy machine they wait for each other 20 times as long."""
 
 EXTENDED_ROWS = 4096
-"""Up to so many rows the factor is computed in extended precision: beyond, noise hides what it gains."""
+"""Up to so many rows the factor is computed in extended precision: of more, it is refined where that pays."""
 
 SCALE_STEPS = 5
 """Fixed-point steps of the noise scale: each gains a digit or more."""
@@ -121,15 +121,44 @@ def factor_of(X: FloatArray, y: FloatArray, names: Sequence[str], *, log_det: fl
     >>> least_squares(f).mean.round(12).tolist()
     [1.0, 1.0]
     """
-    if len(y) <= EXTENDED_ROWS:
-        extended = _householder(np.column_stack((X, y)))
-        R = extended.astype(np.float64)
-        return Factor(tuple(names), R, len(y), log_det, (extended - R).astype(np.float64))
-    blocks = (np.column_stack((X[i:j], y[i:j])) for i, j in row_blocks(len(y)))
-    return Factor(tuple(names), triangular(blocks, len(names) + 1), len(y), log_det)
+    n = len(y)
+    if n <= EXTENDED_ROWS:
+        return _in_halves(_householder(np.column_stack((X, y))), tuple(names), n, log_det)
+    width = len(names) + 1
+    R, sharp = sharpened(lambda: (np.column_stack((X[i:j], y[i:j])) for i, j in row_blocks(n)), width)
+    if sharp is None:
+        return Factor(tuple(names), R, n, log_det)
+    return _in_halves(sharp, tuple(names), n, log_det)
 
 
-def _householder(rows: FloatArray) -> NDArray[np.longdouble]:
+def _in_halves(R: NDArray[np.longdouble], names: tuple[str, ...], n: int, log_det: float) -> Factor:
+    """Factor rounded to double, with what that loses beside it."""
+    rounded = R.astype(np.float64)
+    return Factor(names, rounded, n, log_det, (R - rounded).astype(np.float64))
+
+
+def sharpened(
+    blocks: Callable[[], Iterable[FloatArray]], width: int
+) -> tuple[FloatArray, NDArray[np.longdouble] | None]:
+    """Triangular factor of rows in blocks, and the same refined where columns are nearly dependent.
+
+    Parameters
+    ----------
+    blocks : gives the rows, (k, width) at a time, as often as it is called.
+    width : columns and response.
+    """
+    R = triangular(blocks(), width)
+    return R, sharpened_by(R, blocks)
+
+
+def sharpened_by(R: FloatArray, blocks: Callable[[], Iterable[FloatArray]]) -> NDArray[np.longdouble] | None:
+    """Refined factor of the rows whose factor R is, or None where that would gain nothing."""
+    from imubayes.refinement import refined, worth_refining
+
+    return refined(R, blocks()) if worth_refining(R) else None
+
+
+def _householder(rows: NDArray[np.floating]) -> NDArray[np.longdouble]:
     """Triangular factor by Householder reflections in extended precision.
 
     Small ill-conditioned problems with large residuals (NIST's Wampler5) lose log10(cond) digits to the
@@ -165,10 +194,15 @@ def triangular(blocks: Iterable[FloatArray], width: int) -> FloatArray:
 
 def _absorb(R: FloatArray, rows: FloatArray) -> FloatArray:
     stacked = np.concatenate((R, rows)) if R.any() else rows
-    peak = np.abs(stacked).max(axis=0)
-    scale = np.exp2(np.floor(np.log2(peak, where=peak > 0.0, out=np.zeros_like(peak))))
+    scale = _powers(stacked)
     upper = _tiled(stacked / scale) * scale
     return np.pad(upper, ((0, R.shape[0] - upper.shape[0]), (0, 0)))
+
+
+def _powers(rows: FloatArray) -> FloatArray:
+    """Power of two of each column's largest number."""
+    peak = np.abs(rows).max(axis=0)
+    return np.exp2(np.floor(np.log2(peak, where=peak > 0.0, out=np.zeros_like(peak))))
 
 
 def _tiled(rows: FloatArray) -> FloatArray:
@@ -183,7 +217,7 @@ def _tiled(rows: FloatArray) -> FloatArray:
 
 
 def add(a: Factor, b: Factor) -> Factor:
-    """Factor of the rows of both.
+    """Factor of the rows of both, in extended precision, so that adding costs no digit.
 
     Raises
     ------
@@ -191,8 +225,11 @@ def add(a: Factor, b: Factor) -> Factor:
     """
     if a.names != b.names:
         raise ValueError(f"factors of different columns cannot be added: {a.names} and {b.names}")
-    R = triangular((a.R, b.R), len(a.names) + 1)
-    return Factor(a.names, R, a.n + b.n, a.log_det + b.log_det)
+    scale = _powers(np.concatenate((a.R, b.R)))
+    both = np.concatenate([(f.R.astype(np.longdouble) + f.rest) / scale for f in (a, b)])
+    made = _in_halves(_householder(both) * scale, a.names, a.n + b.n, a.log_det + b.log_det)
+    sharp = isinstance(a.rest, np.ndarray) and isinstance(b.rest, np.ndarray)
+    return made if sharp else replace(made, rest=0.0)
 
 
 def reorder(f: Factor, names: Sequence[str]) -> Factor:
@@ -273,9 +310,12 @@ def least_squares(f: Factor) -> LeastSquares:
     left = abs(whole[-1, -1])
     scale = left / np.sqrt(np.longdouble(dof)) if dof > 0 else np.longdouble(np.inf)
     solved = _back_substitute(whole[:-1, :-1], np.column_stack((whole[:-1, -1], np.eye(f.p))))
-    size = np.abs(solved[:, 1:]).max(axis=1)
+    size = np.abs(solved[:, 1:]).max(axis=1, initial=0.0)
     sd = scale * (size * np.sqrt(np.sum((solved[:, 1:] / size[:, None]) ** 2, axis=1)))
-    if max(np.abs(solved[:, 0]).max(), sd.max() if dof > 0 else 0.0) > np.finfo(np.float64).max:
+    if (
+        max(np.abs(solved[:, 0]).max(initial=0.0), sd.max(initial=0.0) if dof > 0 else 0.0)
+        > np.finfo(np.float64).max
+    ):
         raise UnobservableError(
             "coefficients leave the range of doubles (1e308): give columns or response in other units",
             f.names,
@@ -319,9 +359,11 @@ def _stands_for(f: Factor, k: int, lost: NDArray[np.bool_]) -> str:
 def _digits(f: Factor, mean: FloatArray, sd: FloatArray) -> Digits:
     found = bounds(f.R, f.rounding)
     against = np.maximum(np.abs(mean), sd)
+    refined = f.n > EXTENDED_ROWS and isinstance(f.rest, np.ndarray)
+    turned = rounding_of(f.n, f.p) * math.sqrt(f.n) if refined else 0.0
     with np.errstate(invalid="ignore", divide="ignore"):
         error = np.where(np.isinf(against), found.coefficients / np.abs(mean), found.coefficients / against)
-    return Digits(_fewest(error), _fewest(found.sd), 0, 0)
+    return Digits(_fewest(error + turned), _fewest(found.sd + turned), 0, 0)
 
 
 def _fewest(errors: FloatArray) -> int:

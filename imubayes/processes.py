@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import Pipe, connection, get_context, parent_process
+from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 Progress = Callable[[str], None]
@@ -111,14 +114,21 @@ def _until_one_dies(
 ) -> Generator[tuple[int, Found], None, list[int]]:
     """Give results and take their jobs from `left`; return those of the `ahead` in flight when one died."""
     queue, flight = iter(list(left)), dict[Future[Found], int]()
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_alone) as pool:
+    held, own = Pipe(duplex=False)
+    spawned = {"mp_context": get_context("spawn"), "initializer": _alone, "initargs": (held,)}
+    with held, own, ProcessPoolExecutor(processes, **spawned) as pool:
         try:
             while left:
                 for _, index in zip(range(ahead - len(flight)), queue, strict=False):
-                    flight[pool.submit(work, *left[index])] = index
+                    with _uninterrupted():
+                        flight[pool.submit(work, *left[index])] = index
                 yield from _landed(flight, left)
         except BrokenProcessPool:
             return sorted(index for index in flight.values() if index in left)
+        except BaseException:
+            # nobody waits for the jobs that are in flight any more: the pool would
+            own.close()
+            raise
     return []
 
 
@@ -134,12 +144,33 @@ def _landed(
         yield index, found
 
 
-def _alone() -> None:
-    """Leave linear algebra to one thread, as the processes share the cores, and outlive no parent."""
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold an interrupt from the keyboard back; a process that is started here does not know it at all.
+
+    It would say so in a traceback of its own, before it could be told not to.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _alone(held: Connection) -> None:
+    """Leave linear algebra to one thread, as the processes share the cores, and interrupts to the parent.
+
+    `held` is a pipe whose other end only the parent has: this process ends when that is closed, or dies with
+    the parent.
+    """
     from threadpoolctl import threadpool_limits
 
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)
-    end_with_parent()
+    _end_with(held)
 
 
 def end_with_parent() -> None:
@@ -147,10 +178,13 @@ def end_with_parent() -> None:
 
     A process that works for nobody would hold its core, and make others look slow.
     """
+    if parent := parent_process():
+        _end_with(parent.sentinel)
 
+
+def _end_with(held: Connection | int) -> None:
     def follow() -> None:
-        if parent := parent_process():
-            parent.join()
-            os._exit(1)
+        connection.wait([held])
+        os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()

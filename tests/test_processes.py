@@ -103,6 +103,46 @@ def test_processes_end_with_a_parent_that_is_killed_in_mid_job(tmp_path):
     _until(lambda: not any(_lives(worker) for worker in workers))
 
 
+INTERRUPTED = """
+import sys
+import time
+from pathlib import Path
+
+from test_processes import endless
+from imubayes.processes import shared
+
+if __name__ == "__mp_main__" and {starting}:
+    Path({folder!r}, "starts.pid").write_text("1")
+    time.sleep(2.0)
+
+if __name__ == "__main__":
+    try:
+        shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="a terminal interrupts a group of processes")
+@pytest.mark.parametrize("when", ["starts", "1"])
+def test_interrupt_is_the_parents_alone_whether_processes_start_or_work(tmp_path, when):
+    script = tmp_path / "parent.py"
+    script.write_text(INTERRUPTED.format(folder=str(tmp_path), starting=when == "starts"))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
+    parent = subprocess.Popen(
+        [sys.executable, str(script)],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    _written(tmp_path / f"{when}.pid")
+    os.killpg(parent.pid, signal.SIGINT)
+    # the jobs in flight take two minutes: nobody waits for them
+    _, said = parent.communicate(timeout=60.0)
+    assert (parent.returncode, said) == (130, "")
+
+
 def _written(file: Path) -> str:
     _until(lambda: file.exists() and file.read_text())
     return file.read_text()

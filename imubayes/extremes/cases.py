@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.inference.prior import GFamily, GPrior, HyperG, ZellnerSiow
 from imubayes.inference.whiten import Processes, Rows
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, gains, library
@@ -30,6 +31,12 @@ class Stamps:
     noise: Noise
     parts: Processes
 
+    @property
+    def plain(self) -> bool:
+        """Whether the noise is white and of unit variance in every row, so that whitening changes nothing."""
+        unit = bool(np.all(self.rows.duration == self.noise.N**2))
+        return unit and self.noise.B == self.noise.K == 0.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
@@ -45,6 +52,7 @@ class Case:
     doublings : how often the rows are stacked on themselves: 2^doublings copies of each.
     stamps : of rows with coloured noise of known scale; None for white noise of unknown scale.
     condition : of the equilibrated columns where it was chosen; None where it was not.
+    prior : of the g-family, in place of the physical one; None for that.
     """
 
     family: str
@@ -56,6 +64,7 @@ class Case:
     doublings: int = 0
     stamps: Stamps | None = None
     condition: float | None = None
+    prior: GFamily | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -235,6 +244,57 @@ def stamps(rng: np.random.Generator) -> Iterator[Case]:
         yield replace(made, stamps=Stamps(when, noise, parts))
 
 
+def long_records(rng: np.random.Generator) -> Iterator[Case]:
+    """Yield arrays of 4,097 to 1e5 rows, and runs of as many that are whitened, columns nearly dependent.
+
+    The runs have white noise of unit variance a row, which whitens them without a rounding: the reference can
+    take the very doubles of the table.
+    """
+    for n, p, k in ((4097, 3, 10), (20_000, 3, 8), (20_000, 3, 10), (50_000, 4, 0), (100_000, 4, 10)):
+        yield _nearly_dependent(rng, n, p, k)
+    for n, p, k in ((40, 3, 10), (4097, 3, 10), (20_000, 3, 6), (50_000, 4, 10), (100_000, 3, 10)):
+        yield _as_run(_nearly_dependent(rng, n, p, k))
+
+
+def _as_run(case: Case) -> Case:
+    """Rows that come as a run with white noise of unit variance."""
+    n = len(case.y)
+    when = Rows(np.asarray(0.25 * np.arange(1, n + 1), dtype=np.float64), np.full(n, 0.25))
+    white = Stamps(when, Noise(0.5, 0.0, 0.0), Processes(np.empty(0), np.empty(0)))
+    return replace(case, label=f"run {case.label}", stamps=white)
+
+
+def _nearly_dependent(rng: np.random.Generator, n: int, p: int, k: int) -> Case:
+    """Rows whose columns have a condition number of 10^k."""
+    U = np.linalg.qr(_regular(rng, p, n))[0]
+    V = np.linalg.qr(_regular(rng, p, p))[0]
+    X = U * 10.0 ** -np.linspace(0.0, k, p) @ V.T
+    made = _case("long records", f"{n:,}, 1e{k}", X, rng)
+    return replace(made, condition=10.0**k)
+
+
+def many_columns(rng: np.random.Generator) -> Iterator[Case]:
+    """Yield eight candidates, which are weighed by products, alone and beside two that are always in."""
+    for k in (0, 10):
+        yield replace(_nearly_dependent(rng, 200, 8, k), family="eight candidates", label=f"1e{k}")
+    made = _nearly_dependent(rng, 5000, 10, 10)
+    yield replace(_as_run(made), family="eight candidates", label="run, 2 always", always=2)
+
+
+def g_family(rng: np.random.Generator) -> Iterator[Case]:
+    """Yield priors of the g-family: fixed, with tails that hardly end, and narrow ones."""
+    for n, noise in ((12, 1.0), (400, 1.0), (20, 1e-6)):
+        X = _regular(rng, 3, n)
+        y = X @ (np.array([3.0, 1.2, 0.0]) / np.sqrt(n)) + noise * rng.normal(size=n)
+        for label, prior in _g_priors(n).items():
+            yield Case("g-family", f"{label}, {n} rows", X, y, np.ones(3), prior=prior)
+
+
+def _g_priors(n: int) -> dict[str, GFamily]:
+    hyper = {f"hyper g {a:g}": HyperG(a) for a in (3.0, 2.01, 40.0)}
+    return {"g = n": GPrior(float(n)), **hyper, "Zellner, Siow": ZellnerSiow(1.0)}
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], Iterator[Case]]] = {
     "condition": conditions,
     "specific force": inputs,
@@ -249,6 +309,9 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Iterator[Case]]] = {
     "magnitude": magnitudes,
     "single precision": singles,
     "time stamps": stamps,
+    "long records": long_records,
+    "eight candidates": many_columns,
+    "g-family": g_family,
 }
 """Every family of the grid by its name in a study."""
 

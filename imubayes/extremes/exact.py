@@ -95,10 +95,34 @@ class Products:
 
 
 def products(X: FloatArray, y: FloatArray, copies: int = 1) -> Products:
-    """Inner products of the doubles of (n, p) and (n,), each row taken `copies` times."""
+    """Inner products of the doubles of (n, p) and (n,), each row taken `copies` times, in whole numbers."""
+    table = np.column_stack((X, y))
+    p, unit = X.shape[1], _units(table)
+    wholes = [_in_wholes(column) for column in table.T]
+
+    def inner(i: int, j: int) -> Any:
+        (a, low), (b, low_b) = wholes[i], wholes[j]
+        return mp.ldexp(mp.mpf(copies * int(a @ b)), low + low_b - int(unit[i] + unit[j]))
+
     with mp.workdps(DIGITS):
-        columns, unit = _in_powers(X, y)
-        return _products(columns, unit, copies)
+        gram = mp.matrix(p, p)
+        for i, j in product(range(p), repeat=2):
+            gram[i, j] = gram[j, i] if j < i else inner(i, j)
+        return Products(gram, [inner(i, p) for i in range(p)], inner(p, p), unit, copies * len(y))
+
+
+def _in_wholes(column: FloatArray) -> tuple[NDArray[np.object_], int]:
+    """Doubles (n,) as whole numbers times a power of two, and its exponent."""
+    part, power = np.frexp(column)
+    whole, power = np.ldexp(part, 53).astype(np.int64), power.astype(np.int64) - 53
+    lowest = int(power[whole != 0].min(initial=0))
+    shifted = [int(w) << int(e) - lowest if w else 0 for w, e in zip(whole, power, strict=True)]
+    return np.array(shifted, dtype=object), lowest
+
+
+def _units(table: FloatArray) -> NDArray[np.int64]:
+    """Exponents of the powers of two above each column's largest number."""
+    return np.frexp(np.abs(table).max(axis=0))[1].astype(np.int64)
 
 
 def whitened_products(X: FloatArray, y: FloatArray, stamps: Stamps) -> Products:
@@ -108,7 +132,7 @@ def whitened_products(X: FloatArray, y: FloatArray, stamps: Stamps) -> Products:
         L = mp.cholesky(_covariance(stamps))
         whitened = [_forward(L, column) for column in columns]
         log_det = 2 * mp.fsum(mp.log(L[i, i]) for i in range(L.rows))
-        return replace(_products(whitened, unit, 1), log_det=log_det)
+        return replace(_products(whitened, unit), log_det=log_det)
 
 
 def _forward(L: Any, b: list[Any]) -> list[Any]:
@@ -122,7 +146,7 @@ def _forward(L: Any, b: list[Any]) -> list[Any]:
 def _in_powers(X: FloatArray, y: FloatArray) -> tuple[list[list[Any]], NDArray[np.int64]]:
     """Columns and response in units of powers of two, and the exponents."""
     table = np.column_stack((X, y))
-    unit = np.frexp(np.abs(table).max(axis=0))[1].astype(np.int64)
+    unit = _units(table)
     scaled = [
         [mp.ldexp(mp.mpf(float(value)), -int(e)) for value in column]
         for column, e in zip(table.T, unit, strict=True)
@@ -130,14 +154,14 @@ def _in_powers(X: FloatArray, y: FloatArray) -> tuple[list[list[Any]], NDArray[n
     return scaled, unit
 
 
-def _products(columns: list[list[Any]], unit: NDArray[np.int64], copies: int) -> Products:
+def _products(columns: list[list[Any]], unit: NDArray[np.int64]) -> Products:
     *X, y = columns
     p = len(X)
     gram = mp.matrix(p, p)
     for i, j in product(range(p), repeat=2):
-        gram[i, j] = copies * mp.fdot(X[i], X[j])
-    cross = [copies * mp.fdot(column, y) for column in X]
-    return Products(gram, cross, copies * mp.fdot(y, y), unit, copies * len(y))
+        gram[i, j] = mp.fdot(X[i], X[j])
+    cross = [mp.fdot(column, y) for column in X]
+    return Products(gram, cross, mp.fdot(y, y), unit, len(y))
 
 
 def _covariance(stamps: Stamps) -> Any:

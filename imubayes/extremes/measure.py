@@ -10,7 +10,7 @@ import numpy as np
 
 from imubayes import factor as algebra
 from imubayes.errors import InputError
-from imubayes.extremes import exact
+from imubayes.extremes import exact, exact_g
 from imubayes.extremes.cases import Case, Stamps, cases
 from imubayes.extremes.digits import digits_of, of_coefficients, of_log_evidence
 from imubayes.extremes.plan import ExtremesStudy
@@ -67,6 +67,7 @@ class Outcome:
     full_rank : whether the reference says that the columns are independent.
     told : by quantity.
     refused : what the product said where it gave no least squares, and no posterior; empty otherwise.
+    rows : of the problem, copies counted.
     """
 
     family: str
@@ -75,6 +76,7 @@ class Outcome:
     full_rank: bool
     told: dict[str, Told]
     refused: tuple[str, ...]
+    rows: int = 0
 
     @property
     def silent(self) -> tuple[str, ...]:
@@ -122,12 +124,14 @@ def outcome(case: Case) -> Outcome:
         told |= _of_models(models, _reference(case, given, models))
     except InputError as error:
         refused.append(str(error))
-    return Outcome(case.family, case.label, _condition(summary), fit is not None, told, tuple(refused))
+    return Outcome(
+        case.family, case.label, _condition(summary), fit is not None, told, tuple(refused), given.n
+    )
 
 
 def _products(case: Case) -> exact.Products:
     X, y = np.asarray(case.X, dtype=float), np.asarray(case.y, dtype=float)
-    if case.stamps is not None:
+    if case.stamps is not None and not case.stamps.plain:
         return exact.whitened_products(X, y, case.stamps)
     return exact.products(X, y, 2**case.doublings)
 
@@ -158,11 +162,14 @@ def _whitened(case: Case, stamps: Stamps) -> algebra.Factor:
 
 def _models(case: Case, summary: Summary) -> Models:
     scale = None if case.stamps is None else 1.0
-    return enumerate_models(summary, ScalePrior(case.sd), always=case.names[: case.always], scale=scale)
+    prior = case.prior or ScalePrior(case.sd)
+    return enumerate_models(summary, prior, always=case.names[: case.always], scale=scale)
 
 
 def _reference(case: Case, given: exact.Products, models: Models) -> exact.Averaged:
     """Exact posterior, at the very noise scale where the product takes one."""
+    if case.prior is not None:
+        return exact_g.posterior(given, case.prior)
     scale = None
     if len(models.scales) == 1:
         scale = math.ldexp(float(models.scales[0]), models.candidates.response_unit)

@@ -1,88 +1,53 @@
 """The records of a fleet as a Parquet dataset: a row for each unit and term, a file for each part.
 
-A file appears under its name when it is complete, and carries the fingerprint of what it was made from and
-the part's broken units: a study that is resumed takes the files whose fingerprint is that of its own parts.
+A file appears under its name when it is complete, and carries a mark for each of its units: the fingerprint
+of what the unit's records were made from (`keeping`).
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from imubayes.errors import InputError
-from imubayes.fleet.plan import FleetStudy, Part
-from imubayes.fleet.units import Broken, PartFound, Record, run_file
+from imubayes.fleet.units import Record
 from imubayes.rig.record import write_whole
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-UNITS = "units"
-"""Folder of the dataset, in that of the results."""
-
 NOTE = b"imubayes"
-"""Key of a file's fingerprint and broken units, in the schema's metadata."""
+"""Key of the marks of a file's units, in the schema's metadata."""
 
 SCALARS = ("mean", "sd", "full_mean", "full_sd", "inclusion", "truth")
 """Columns with one number for each unit and term."""
 
-
-def part_file(folder: Path, index: int) -> Path:
-    """Path of the file of a part."""
-    return folder / UNITS / f"part-{index:05}.parquet"
+Marks = tuple[tuple[int, str], ...]
+"""Number and fingerprint of each unit of a file."""
 
 
-def fingerprint(study: FleetStudy, part: Part) -> str:
-    """Fingerprint of what the records of a part are made from.
-
-    The study's text (its seed is there) and class, the version of imubayes, and each unit's name; of recorded
-    units also size and time of their files, so that a file which is mended, or comes to be there, is read.
-    """
-    from imubayes import __version__
-
-    made_from = [__version__, study.text, repr(study.sensor_class)]
-    for unit in part.units:
-        made_from.append(unit.name)
-        if unit.place is not None:
-            made_from += [_state(run_file(run, unit)) for run in study.spec.runs]
-    return hashlib.sha256("\n".join(made_from).encode()).hexdigest()
-
-
-def _state(file: Path) -> str:
-    try:
-        found = file.stat()
-    except OSError:
-        return "missing"
-    return f"{found.st_size} {found.st_mtime_ns}"
-
-
-def write_part(folder: Path, found: PartFound, names: Sequence[str], mark: str) -> None:
+def write_part(file: Path, records: Sequence[Record], names: Sequence[str], marks: Marks) -> None:
     """Write the file of a part.
 
     Parameters
     ----------
-    folder : of the results, whose dataset is there (`clear`).
-    found : of the part.
+    file : whose folder is there.
+    records : of the part.
     names : of the library's terms.
-    mark : fingerprint of the part.
+    marks : of the records.
     """
     from pyarrow import parquet
 
-    path = part_file(folder, found.index)
-    note = {"fingerprint": mark, "broken": [asdict(one) for one in found.broken]}
-    table = _table(found.records, names).replace_schema_metadata({NOTE: json.dumps(note)})
+    table = _table(records, names).replace_schema_metadata({NOTE: json.dumps({"units": marks})})
 
     def write(stream: BinaryIO) -> None:
         parquet.write_table(table, stream)
 
-    write_whole(path, write)
+    write_whole(file, write)
 
 
 def _table(records: Sequence[Record], names: Sequence[str]) -> pa.Table:
@@ -118,28 +83,27 @@ def _noise(k: int, record: Record) -> float:
     return record.noise[k]
 
 
-def read_part(folder: Path, part: Part, mark: str) -> PartFound | None:
-    """Read the records of a part that is finished; None where it is not, or was made from something else.
-
-    Parameters
-    ----------
-    folder : of the results.
-    part : of the fleet.
-    mark : fingerprint that the file must have.
-    """
+def marks_of(file: Path) -> Marks | None:
+    """Marks of a file's units; None where it is not there, is damaged, or is none of `write_part`."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    path = part_file(folder, part.index)
     try:
-        table = parquet.read_table(path)
-        note = json.loads((table.schema.metadata or {})[NOTE])
+        note = json.loads((parquet.read_schema(file).metadata or {})[NOTE])
+        return tuple((number, mark) for number, mark in note.get("units", ()))
     except (OSError, KeyError, ValueError, pa.ArrowException):
         return None
-    if note["fingerprint"] != mark:
-        return None
-    broken = tuple(Broken(**one) for one in note["broken"])
-    return PartFound(part.index, tuple(records_of(table)), broken)
+
+
+def read_part(file: Path) -> tuple[Record, ...]:
+    """Read the records of a file; none where it is damaged."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        return tuple(records_of(parquet.read_table(file)))
+    except (OSError, ValueError, pa.ArrowException):
+        return ()
 
 
 def records_of(table: pa.Table) -> Iterator[Record]:
@@ -170,20 +134,3 @@ def _upper(rows: Sequence[Sequence[float]], rho: float) -> np.ndarray:
         R[j, j:] = row
     R[-1, -1] = rho
     return R
-
-
-def clear(folder: Path, keep: Sequence[int]) -> None:
-    """Make room for the dataset: remove the files of earlier studies, but for some parts.
-
-    Raises
-    ------
-    InputError : if the folder cannot be written.
-    """
-    try:
-        (folder / UNITS).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}): choose another --out") from None
-    kept = {part_file(folder, index) for index in keep}
-    for file in sorted((folder / UNITS).glob("*.parquet")):
-        if file not in kept:
-            file.unlink()

@@ -59,12 +59,18 @@ def engine(scheduler: str, processes: int) -> Iterator[Engine]:
 
     Raises
     ------
-    InputError : if dask is not installed, the scheduler does not answer, or its workers lack imubayes.
+    InputError : if no address is given, dask is not installed, the scheduler does not answer, or its workers
+        lack imubayes.
     """
     if scheduler == LOCAL:
         what = "process" if processes == 1 else "processes"
         yield Engine(f"{processes} {what} of this machine", partial(_local, processes))
         return
+    if not scheduler.strip():
+        raise InputError(
+            "--scheduler: came an empty text: expected an address such as tcp://127.0.0.1:8786; without "
+            "--scheduler the work is done on this machine"
+        )
     client = _connected(scheduler)
     try:
         workers = _checked_workers(client, scheduler)

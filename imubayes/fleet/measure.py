@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from imubayes.errors import InputError
-from imubayes.fleet.dataset import clear, fingerprint, read_part, write_part
+from imubayes.fleet.dataset import Marks
 from imubayes.fleet.engines import Engine
+from imubayes.fleet.keeping import fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.fleet.plan import FleetStudy, Part, parts_of
 from imubayes.fleet.population import FleetAnswer, answer
 from imubayes.fleet.reduction import Tally, reduced, tally
-from imubayes.fleet.units import Broken, PartFound, part_found
+from imubayes.fleet.units import Broken, PartFound, Record, part_found
 from imubayes.processes import Lost, Progress, pace
 from imubayes.sensors.lots import Lot, draw_lot
 
@@ -57,37 +58,45 @@ def measure(
     Parameters
     ----------
     study : as `config.read_fleet` gives it.
-    folder : of the results; its dataset ``units`` gets a file for each part as soon as it is done.
+    folder : of the results; a part is kept there as soon as it is done, and all become its dataset ``units``
+        when none is left.
     engine : who does the work.
-    resume : take the parts that are in the dataset already, if they were made from the same study and files.
+    resume : take the records that are there already, if they were made from the same study and files; units
+        that could not be read are tried again.
     progress : is told how many units are done.
 
     Raises
     ------
-    InputError : if no unit could be read.
+    InputError : if no unit could be read; if the folder cannot be written, or other files are in its way.
     """
     start = time.perf_counter()
-    lot = lot_of(study)
-    parts = parts_of(study, lot)
-    marks = [fingerprint(study, part) for part in parts]
-    kept = _kept(folder, parts, marks) if resume else {}
-    clear(folder, list(kept))
-    slim, todo = replace(study, units=()), [part for part in parts if part.index not in kept]
-    resumed = sum(len(parts[index].units) for index in kept)
-    tell = pace(len(study.units) - resumed, "units", progress)
+    make_room(folder, study)
+    lot, prints = lot_of(study), [fingerprint(study, unit) for unit in study.units]
+    kept = kept_records(folder, prints) if resume else {}
+    parts, p = parts_of(study, lot), len(study.spec.library.terms)
+    finished = dict[int, Marks]()
+    tell = pace(len(study.units) - len(kept), "units", progress)
 
     def leaves() -> Iterator[tuple[int, Tally]]:
-        done, p, names = 0, len(study.spec.library.terms), study.spec.library.names
-        yield from ((index, tally(found, p)) for index, found in kept.items())
-        for found in _ran(slim, todo, engine):
-            write_part(folder, found, names, marks[found.index])
-            done += len(found.records) + len(found.broken)
-            tell(done)
-            yield found.index, tally(found, p)
+        done = 0
+        for new in _missing(replace(study, units=()), parts, kept, engine):
+            whole, count = _with_kept(new, parts[new.index], kept), len(new.records) + len(new.broken)
+            finished[new.index] = keep(
+                folder, whole, study.spec.library.names, prints, changed=bool(new.records)
+            )
+            done += count
+            if count:
+                tell(done)
+            yield new.index, tally(whole, p)
 
-    whole = reduced(leaves(), len(parts))
-    _check_any(whole, study)
-    return FleetResult(study, answer(whole, study, lot), engine.name, resumed, time.perf_counter() - start)
+    try:
+        whole = reduced(leaves(), len(parts))
+        _check_any(whole, study)
+    finally:
+        leave(folder)
+    publish(folder, finished)
+    found = answer(whole, study, lot)
+    return FleetResult(study, found, engine.name, len(kept), time.perf_counter() - start)
 
 
 def lot_of(study: FleetStudy) -> Lot | None:
@@ -98,10 +107,25 @@ def lot_of(study: FleetStudy) -> Lot | None:
     return draw_lot(study.sensor_class, study.spec.library, len(study.units), rng)
 
 
-def _kept(folder: Path, parts: Sequence[Part], marks: Sequence[str]) -> dict[int, PartFound]:
-    """Parts that are finished already."""
-    found = {part.index: read_part(folder, part, mark) for part, mark in zip(parts, marks, strict=True)}
-    return {index: one for index, one in found.items() if one is not None}
+def _missing(
+    study: FleetStudy, parts: Sequence[Part], kept: Mapping[int, Record], engine: Engine
+) -> Iterator[PartFound]:
+    """Records that are not kept, part by part: those that lack none first, the others as they are done."""
+    todo = list[Part]()
+    for part in parts:
+        places = [k for k, unit in enumerate(part.units) if unit.number not in kept]
+        if places:
+            todo.append(part.only(places))
+        else:
+            yield PartFound(part.index, (), ())
+    yield from _ran(study, todo, engine)
+
+
+def _with_kept(new: PartFound, part: Part, kept: Mapping[int, Record]) -> PartFound:
+    """Records of a part, those that were kept among them, in the order of its units."""
+    old = [kept[unit.number] for unit in part.units if unit.number in kept]
+    records = sorted((*old, *new.records), key=lambda record: record.number)
+    return replace(new, records=tuple(records))
 
 
 def _ran(study: FleetStudy, parts: Sequence[Part], engine: Engine) -> Iterator[PartFound]:
@@ -116,7 +140,7 @@ def _ran(study: FleetStudy, parts: Sequence[Part], engine: Engine) -> Iterator[P
 
 
 def _one_by_one(study: FleetStudy, part: Part, engine: Engine) -> PartFound:
-    jobs = [(study, part.single(k)) for k in range(len(part.units))]
+    jobs = [(study, part.only([k])) for k in range(len(part.units))]
     found = dict[int, PartFound]()
     for k, one in engine.do(part_found, jobs) if len(jobs) > 1 else [(0, Lost())]:
         unit = part.units[k]

@@ -73,11 +73,10 @@ class Part:
     units: tuple[Unit, ...]
     lot: Lot | None = None
 
-    def single(self, k: int) -> Part:
-        """Give the k-th unit as a part of its own."""
-        return Part(
-            self.index, self.units[k : k + 1], None if self.lot is None else lot_slice(self.lot, k, 1)
-        )
+    def only(self, places: Sequence[int]) -> Part:
+        """Give the part with some of its units, by their places in it."""
+        lot = None if self.lot is None else lot_of_some(self.lot, places)
+        return replace(self, units=tuple(self.units[k] for k in places), lot=lot)
 
 
 def parts_of(study: FleetStudy, lot: Lot | None) -> tuple[Part, ...]:
@@ -88,19 +87,16 @@ def parts_of(study: FleetStudy, lot: Lot | None) -> tuple[Part, ...]:
     study : of the fleet.
     lot : all its units where they are simulated, else None.
     """
+    whole, n = Part(0, study.units, lot), len(study.units)
     return tuple(
-        Part(
-            index,
-            study.units[first : first + study.part],
-            None if lot is None else lot_slice(lot, first, study.part),
-        )
-        for index, first in enumerate(range(0, len(study.units), study.part))
+        replace(whole.only(range(first, min(first + study.part, n))), index=index)
+        for index, first in enumerate(range(0, n, study.part))
     )
 
 
-def lot_slice(lot: Lot, first: int, count: int) -> Lot:
-    """Units of a lot that follow each other."""
-    return replace(lot, theta=lot.theta[first : first + count], noise=tuple(lot.noise[first : first + count]))
+def lot_of_some(lot: Lot, places: Sequence[int]) -> Lot:
+    """Some units of a lot, by their places in it."""
+    return replace(lot, theta=lot.theta[list(places)], noise=tuple(lot.noise[k] for k in places))
 
 
 def simulated_units(class_id: str, count: int) -> tuple[Unit, ...]:

@@ -1,11 +1,12 @@
 """One unit of a fleet: its runs read or simulated, its terms decided, and the small record that is kept.
 
 A unit gives the same record to the last digit wherever it is analysed: its random numbers come from the
-study's seed and its own number alone, and linear algebra is left to one thread.
+study's seed and its own number (recorded: its name) alone, and linear algebra is left to one thread.
 """
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,9 +21,9 @@ from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.lots.units import simulate_unit
-from imubayes.preparation import Prepared, prepare
+from imubayes.preparation import Prepared, prepare, runs_of
 from imubayes.rig.inputs import Run
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.runs import RunSpec
 from imubayes.selection.decision import Selection, loose_fit, select
 
 FloatArray = NDArray[np.float64]
@@ -93,7 +94,7 @@ def part_found(study: FleetStudy, part: Part) -> PartFound:
     from threadpoolctl import threadpool_limits
 
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        found = [_unit_found(study, part.single(k)) for k in range(len(part.units))]
+        found = [_unit_found(study, part.only([k])) for k in range(len(part.units))]
     return PartFound(
         part.index,
         tuple(one for one in found if isinstance(one, Record)),
@@ -126,11 +127,10 @@ def record_of(study: FleetStudy, alone: Part) -> Record:
     ConvergenceError : if the errors of the bench do not settle.
     """
     (unit,) = alone.units
-    spec, seed = replace(study.spec, id=unit.name), (study.seed, 1, unit.number)
+    spec, seed = replace(study.spec, id=unit.name), (study.seed, *_stream(unit))
     if alone.lot is None:
         spec = replace(spec, runs=tuple(_recorded(run, unit) for run in spec.runs))
-        read = (read_run(run, spec.kind) for run in spec.runs)
-        runs = tuple(run for run in read if isinstance(run, Run))
+        runs = tuple(run for run in runs_of(spec, study.seed, 0) if isinstance(run, Run))
         truth = np.full(len(spec.library.terms), np.nan)
     else:
         spec, truth = replace(spec, truth=alone.lot.truth(0)), alone.lot.theta[0]
@@ -175,6 +175,13 @@ def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
     sorted_ = reorder(whole, (*summary.names[terms:], *summary.names[:terms]))
     extras = found.p - terms
     return Factor(sorted_.names[extras:], sorted_.R[extras:, extras:], found.n, found.log_det)
+
+
+def _stream(unit: Unit) -> tuple[int, int]:
+    """Random stream of a unit: a recorded one's hangs on its name, as others may be added before it."""
+    if unit.place is None:
+        return 1, unit.number
+    return 2, int.from_bytes(hashlib.sha256(unit.name.encode()).digest()[:8])
 
 
 def _recorded(run: RunSpec, unit: Unit) -> RunSpec:

@@ -35,11 +35,16 @@ def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]
     alone = np.zeros(f.p)
     for part, noise in zip(rows, noises, strict=True):
         places = [part.names.index(name) for name in f.names]
-        weight = 1.0 / marginal_variance(noise, part.rows)
+        weight = part.counts / marginal_variance(noise, _single(part))
         for a in range(0, len(part), CHUNK):
             b = min(a + CHUNK, len(part))
             alone += weight[a:b] @ part.columns(a, b)[:, places] ** 2
     return samples_of(f.column_norms**2, alone, f.n)
+
+
+def _single(part: Linear) -> Rows:
+    """When single samples were taken: of a run that is read a part at a time, one for each average."""
+    return part.rows if part.stream is None else Rows(part.t, np.full(len(part), part.stream.interval))
 
 
 def samples_of(whitened: FloatArray, alone: FloatArray, n: int) -> float:

@@ -66,6 +66,11 @@ class Linear:
         return len(self) if self.stream is None else self.stream.samples
 
     @property
+    def counts(self) -> NDArray[np.int64]:
+        """Samples (n,) behind each row."""
+        return np.ones(len(self), dtype=np.int64) if self.stream is None else self.stream.counts
+
+    @property
     def rows(self) -> Rows:
         """When the rows were taken."""
         from imubayes.inference.whiten import Rows
@@ -221,10 +226,9 @@ def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) 
     from imubayes.inference.whiten import whiten, whitener
 
     if rows.stream is not None:
-        from imubayes.inference.pieces import stacked
-        from imubayes.inference.streaming import streamed_pieces
+        from imubayes.inference.streaming import streamed_factor
 
-        return stacked([streamed_pieces(rows, rows.stream, noise, parts)]), rows.stream.reach
+        return streamed_factor(rows, rows.stream, noise, parts), rows.stream.reach
     n, p = len(rows), len(rows.names)
     table = np.empty((n, p + 1))
     for a in range(0, n, CHUNK):
@@ -235,8 +239,8 @@ def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) 
     reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
     w = whitener(noise, rows.rows, parts)
     whiten(w, table)
-    R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
-    return Factor(rows.names, R, n, w.log_det), reach
+    R, sharp = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
+    return Factor(rows.names, R if sharp is None else sharp.astype(np.float64), n, w.log_det), reach
 
 
 def _whole_blocks(edges: NDArray[np.int64], n: int):

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.inference.linear import Linear
+from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.reml import block_edges
+
+if TYPE_CHECKING:
+    from imubayes.rig.streams import Stream
 
 FloatArray = NDArray[np.float64]
 
@@ -72,8 +76,11 @@ def noise_rows(rows: Linear) -> NoiseRows:
 
     Parameters
     ----------
-    rows : of the run, with the library's columns.
+    rows : of the run, with the library's columns. Of one that is read a part at a time, a stretch at full
+        rate has pieces of many lengths, and the blocks beside it are taken as they are.
     """
+    if rows.stream is not None:
+        return _around_stretch(rows, rows.stream)
     edges, levels = piece_edges(rows.t, rows.interval)
     counts = np.diff(np.append(edges, len(rows)))
     X = np.empty((len(edges), len(rows.names)))
@@ -85,15 +92,44 @@ def noise_rows(rows: Linear) -> NoiseRows:
         )
     duration = np.add.reduceat(rows.duration, edges)
     start = rows.t[edges] - 0.5 * rows.duration[edges]
-    gaps = start[1:] - (start + duration)[:-1]
     return NoiseRows(
         start=start,
         duration=duration,
-        joined=np.concatenate(([False], gaps < CONTIGUOUS * rows.interval)),
+        joined=_joined(start, duration, rows.interval),
         X=X / counts[:, None],
         y=np.add.reduceat(rows.y, edges) / counts,
         levels=levels,
         interval=rows.interval,
+    )
+
+
+def _joined(start: FloatArray, duration: FloatArray, interval: float) -> NDArray[np.bool_]:
+    """Whether each row (m,) begins where the one before it ends."""
+    gaps = start[1:] - (start + duration)[:-1]
+    return np.concatenate(([False], gaps < CONTIGUOUS * interval))
+
+
+def _around_stretch(rows: Linear, stream: Stream) -> NoiseRows:
+    """Averages of a run that is read a part at a time, in time order."""
+    from imubayes.inference.streaming import beside_stretch
+
+    fine = noise_rows(linear_of(stream.stretch, stream.library))
+    before, after = beside_stretch(stream)
+
+    def joined(coarse: FloatArray, inside: FloatArray) -> FloatArray:
+        return np.concatenate((coarse[before], inside, coarse[after]))
+
+    start = joined(rows.t - 0.5 * rows.duration, fine.start)
+    duration = joined(rows.duration, fine.duration)
+    beside = int(np.count_nonzero(before | after))
+    return NoiseRows(
+        start=start,
+        duration=duration,
+        joined=_joined(start, duration, stream.interval),
+        X=joined(stream.X, fine.X),
+        y=joined(rows.y, fine.y),
+        levels=(*fine.levels, (float(np.median(rows.duration)), beside)),
+        interval=stream.interval,
     )
 
 

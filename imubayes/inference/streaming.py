@@ -9,12 +9,14 @@ averages over a stretch at full rate, so that white noise is seen where it is la
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes import factor as algebra
+from imubayes.factor import Factor
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.pieces import Pieces
@@ -74,16 +76,21 @@ def noise_blocks(rows: Linear, stream: Stream) -> Blocks:
     counts = np.diff(np.append(first, len(fine)))
     rungs = [np.add.reduceat(values, first) for values in (fine.t, fine.duration, fine.y)]
     X = np.add.reduceat(fine.columns(0, len(fine)), first, axis=0) / counts[:, None]
-    begins = np.cumsum(stream.counts) - stream.counts
-    ends = begins + stream.counts
-    before = ends <= stream.stretch_first
-    after = begins >= stream.stretch_first + len(fine)
+    before, after = beside_stretch(stream)
 
     def joined(coarse: FloatArray, ladder: FloatArray) -> FloatArray:
         return np.concatenate((coarse[before], ladder, coarse[after]))
 
     taken = Rows(joined(rows.t, rungs[0] / counts), joined(rows.duration, rungs[1]), None, stream.interval)
     return Blocks(taken, joined(stream.X, X), joined(rows.y, rungs[2] / counts))
+
+
+def beside_stretch(stream: Stream) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which blocks (m,) end before the stretch at full rate begins, and which begin after its end."""
+    begins = np.cumsum(stream.counts) - stream.counts
+    ends = begins + stream.counts
+    first = stream.stretch_first
+    return ends <= first, begins >= first + len(stream.stretch.inputs)
 
 
 def _ladder(n: int) -> NDArray[np.int64]:
@@ -119,17 +126,38 @@ def _remembered(rows: Linear, noise: Noise) -> Pieces:
     return _pieces(rows, rows.stream, noise, mattering(noise, rows.rows))
 
 
+def streamed_factor(rows: Linear, stream: Stream, noise: Noise, parts: Processes | None = None) -> Factor:
+    """Factor of a run, whitened as a whole: one pass over its rows, and one more where columns are alike.
+
+    Parameters as of `streamed_pieces`.
+    """
+    from imubayes.inference.pieces import stacked
+
+    made = stacked([streamed_pieces(rows, stream, noise, parts)])
+    chosen, width = mattering(noise, rows.rows) if parts is None else parts, len(rows.names) + 1
+    tiles = _whitened(stream, noise, chosen, "columns that are nearly alike")
+    sharp = algebra.sharpened_by(made.R, lambda: (table[:, :width] for _, _, table in tiles))
+    return made if sharp is None else replace(made, R=sharp.astype(np.float64))
+
+
+def _whitened(
+    stream: Stream, noise: Noise, parts: Processes, purpose: str
+) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Whitened rows a tile at a time: number of the first, logs of their variances, and the table."""
+    carry: Carry | None = None
+    for first, t, duration, table in _tiles(stream, purpose):
+        if carry is None:
+            carry = begin(noise, parts, float(t[0] - 0.5 * duration[0]), table.shape[1])
+        yield first, np.log(whiten_on(carry, t, duration, table)), table
+
+
 def _pieces(rows: Linear, stream: Stream, noise: Noise, parts: Processes) -> Pieces:
     dwells = dwells_of(rows)
     edges = np.concatenate(([0], np.cumsum(stream.counts)))[dwells.edges]
     width = len(rows.names) + 1
     R, log_det = np.zeros((len(dwells), width, width)), np.zeros(len(dwells))
-    carry: Carry | None = None
-    for first, t, duration, table in _tiles(stream, "whitening"):
-        if carry is None:
-            carry = begin(noise, parts, float(t[0] - 0.5 * duration[0]), table.shape[1])
-        log_d = np.log(whiten_on(carry, t, duration, table))
-        for k, a, b in _shares(edges, first, first + len(t)):
+    for first, log_d, table in _whitened(stream, noise, parts, "whitening"):
+        for k, a, b in _shares(edges, first, first + len(log_d)):
             inside = slice(a - first, b - first)
             R[k] = algebra.triangular((R[k], table[inside, :width]), width)
             log_det[k] += float(log_d[inside].sum())

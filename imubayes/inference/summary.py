@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imubayes import factor as algebra
-from imubayes.errors import StudyError, UnobservableError
+from imubayes.errors import InputError, StudyError, UnobservableError
 from imubayes.factor import Factor, LeastSquares
 from imubayes.inference.linear import Extra, Linear, blocks_of, linear_of, whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
@@ -111,6 +111,7 @@ class Summary:
         Raises
         ------
         UnobservableError : if the shapes do not agree or a value is not finite.
+        InputError : if a name is there twice, or the numbers are complex or masked.
 
         Examples
         --------
@@ -118,6 +119,7 @@ class Summary:
         >>> s.least_squares().mean.tolist(), s.least_squares().dof
         ([3.0], 2)
         """
+        _check_plain(X, y)
         rows, response = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         if rows.ndim != 2 or response.shape != rows.shape[:1] or rows.shape[1] != len(names):
             raise UnobservableError(
@@ -126,11 +128,36 @@ class Summary:
             )
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(response))):
             raise UnobservableError("X and y must be finite: take out or mend the rows that are not")
+        check_names(names)
         return cls(algebra.factor_of(rows, response, tuple(names)))
 
     def least_squares(self) -> LeastSquares:
         """Ordinary (whitened) least squares over all terms."""
         return algebra.least_squares(self.factor)
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Refuse a name that two columns share: whatever is asked of it would be told of the first alone.
+
+    Raises
+    ------
+    InputError : naming it.
+    """
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise InputError(
+                f"names: '{name}' is there twice, in columns {names.index(name)} and {k}: expected a name of"
+                " its own for each column; rename one, or leave one out"
+            )
+
+
+def _check_plain(X: ArrayLike, y: ArrayLike) -> None:
+    for name, values in (("X", X), ("y", y)):
+        if np.ma.isMaskedArray(values) or np.iscomplexobj(values):
+            raise InputError(
+                f"{name}: expected plain real numbers, got masked or complex ones: leave out the rows that"
+                " are masked, and give real and imaginary parts as rows of their own"
+            )
 
 
 def summarize(

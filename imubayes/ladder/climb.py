@@ -13,7 +13,7 @@ from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.foresight import Foresight, foresee
 from imubayes.ladder.problem import Ground, Problem, Tell, ground_of, size_of
 from imubayes.ladder.rungs import stand
-from imubayes.planning.fidelity import LADDER, Choice, CostLaw, RungName, rung_of
+from imubayes.planning.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rung_of, rungs_for
 
 NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
 
@@ -28,7 +28,7 @@ def climb(
 ) -> tuple[Answer, ...]:
     """Answers of every rung from the cheapest to `until`; what they share is computed once."""
     ground = ground_of(problem, rng, tell, limits)
-    return tuple(stand(name, ground) for name in _up_to(until))
+    return tuple(stand(name, ground) for name in _up_to(until, problem))
 
 
 def by_budget(
@@ -53,7 +53,8 @@ def by_budget(
     rung = within(budget, size, law)
     ground = ground_of(problem, rng, tell, _ending(limits, budget, foreseen(rung, size, law).seconds))
     found = stand(rung, ground)
-    return found, _choice(ground, found, law, f"a budget of {budget:g} s", start, ())
+    choice = _choice(ground, found, law, f"a budget of {budget:g} s", start)
+    return found, replace(choice, budget=budget)
 
 
 def by_accuracy(
@@ -78,13 +79,13 @@ def by_accuracy(
     ground = ground_of(problem, rng, tell, limits)
     found = stand(NAMES[0], ground)
     steps: list[tuple[RungName, float, float]] = [(found.rung, 0.0, 0.0)]
-    for name in NAMES[1:]:
+    for name in rungs_for(size_of(problem))[1:]:
         below, found = found, stand(name, ground)
         steps.append((name, *change(below, found)))
         if steps[-1][1] <= accuracy:
             break
     asked = f"an accuracy of {accuracy:g} posterior sd"
-    return found, _choice(ground, found, law, asked, start, tuple(steps))
+    return found, replace(_choice(ground, found, law, asked, start), climbed=tuple(steps), accuracy=accuracy)
 
 
 def by_name(
@@ -99,11 +100,13 @@ def by_name(
     """Answer of one rung, and what the next one would change."""
     start, ground = time.perf_counter(), ground_of(problem, rng, tell, limits)
     found = stand(rung, ground)
-    return found, _choice(ground, found, law, f"the rung {rung}", start, ())
+    return found, _choice(ground, found, law, f"the rung {rung}", start)
 
 
-def _up_to(rung: RungName) -> tuple[RungName, ...]:
-    return NAMES[: NAMES.index(rung_of(rung).name) + 1]
+def _up_to(rung: RungName, problem: Problem) -> tuple[RungName, ...]:
+    """Rungs from the cheapest to `rung` that a problem can be put to."""
+    wanted = NAMES[: NAMES.index(rung_of(rung).name) + 1]
+    return tuple(name for name in rungs_for(size_of(problem)) if name in wanted)
 
 
 def _ending(limits: Limits | None, budget: float, foreseen: float) -> Limits:
@@ -118,19 +121,26 @@ def _choice(
     law: CostLaw,
     asked: str,
     start: float,
-    climbed: tuple[tuple[RungName, float, float], ...],
 ) -> Choice:
+    """What was taken, and what the next rung would change."""
     size = size_of(ground.problem)
-    above = NAMES[NAMES.index(found.rung) + 1 :]
-    ahead = foresee(ground, found) if above else Foresight(0.0, 0.0, "there is no better rung")
+    can = rungs_for(size)
+    above = can[can.index(found.rung) + 1 :]
+    ahead = foresee(ground, found) if above else Foresight(0.0, 0.0, _top(found.rung))
     return Choice(
         rung=found.rung,
         asked=asked,
         seconds=time.perf_counter() - start,
         foreseen=foreseen(found.rung, size, law).seconds,
-        climbed=climbed,
+        climbed=(),
         next_rung=above[0] if above else None,
         next_seconds=foreseen(above[0], size, law).seconds if above else 0.0,
         next_change=(ahead.coefficients, ahead.inclusions),
         next_reason=ahead.reason,
     )
+
+
+def _top(rung: RungName) -> str:
+    """Why there is no rung above."""
+    above = NAMES[NAMES.index(rung) + 1 :]
+    return f"{above[0]} is no choice here: {NEEDS_ROWS}" if above else "there is no better rung"

@@ -7,7 +7,7 @@ them, ``BIC = n ln(rss/n) + k ln n`` of a model with k terms, and models count a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +116,8 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     )
     c = candidates(tested, names, (), np.full(len(names), math.inf))
     space, weight = listed(inside, weight)
-    return posterior_of(names, Weighed(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
+    found = posterior_of(names, Weighed(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
+    return found if found.n_models == 1 << len(names) else replace(found, missing=math.nan, error=math.nan)
 
 
 def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:

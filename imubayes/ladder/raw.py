@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.errors import InputError
 from imubayes.inference.at_noise import at_noise
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains, Diagnostics
@@ -26,10 +27,11 @@ from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.ladder.answer import Answer
-from imubayes.ladder.problem import Ground, chained, prepared
+from imubayes.ladder.problem import Ground, chained, prepared, size_of
 from imubayes.ladder.sampled import by_chains
 from imubayes.ladder.shared_noise import groups_of, noises_of
 from imubayes.ladder.walkers import run_slowly
+from imubayes.planning.fidelity import NEEDS_ROWS, rungs_for
 from imubayes.preparation import Prepared
 from imubayes.sensors.noise import Noise
 
@@ -40,7 +42,16 @@ INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
 
 
 def raw(ground: Ground) -> Answer:
-    """Sample coefficients and noise on every row."""
+    """Sample coefficients and noise on every row.
+
+    Raises
+    ------
+    InputError : if a run is read a part at a time, so that its rows are not there.
+    """
+    if "raw" not in rungs_for(size_of(ground.problem)):
+        raise InputError(
+            f"the rung raw is not for this study: {NEEDS_ROWS}: take full, which compresses them"
+        )
     ready = prepared(ground)
     below, _ = chained(ground, "full")
     rng = ground.rngs["raw"]

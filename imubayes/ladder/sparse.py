@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from imubayes.factor import noise_scale, posterior
@@ -61,4 +64,5 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     space, weight = listed(supports[best : best + 1], np.ones(1))
     scales = np.array([scale])
     w = Weighed(c, space, scales, weight, float(score[best]))
-    return posterior_of(columns, w, scale_components(c, space, scales, weight))
+    found = posterior_of(columns, w, scale_components(c, space, scales, weight))
+    return replace(found, missing=math.nan, error=math.nan)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.inference.mcmc.diagnostics import LONG, effective_size, split_rhat
+from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
 from imubayes.inference.mcmc.engine import Target, sampler_of
-from imubayes.inference.mcmc.ensembles import RHAT, History, Limits, walkers_for
+from imubayes.inference.mcmc.ensembles import History, Limits, verdict, walkers_for, wanting
 from imubayes.ladder.problem import Tell
 
 FIRST = 4
@@ -54,9 +54,8 @@ def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Lim
     chains = tuple(sampler.get_chain() for sampler in samplers)
     readable = [target.readable(chain) for chain in chains]
     ess, tau = effective_size(readable)
-    rhat, steps = split_rhat(readable), len(chains[0])
-    mixed = ess.min() >= limits.ess and rhat.max() < RHAT and steps >= LONG * tau.max()
-    found = f"{ess.min():.0f} of {limits.ess:.0f} effective samples, R-hat {rhat.max():.3f}"
+    rhat = split_rhat(readable)
+    missing = wanting(ess, rhat, tau, len(chains[0]), limits)
     return History(
         chains=chains,
         log_prob=tuple(sampler.get_log_prob() for sampler in samplers),
@@ -65,6 +64,6 @@ def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Lim
         tau=tau,
         acceptance=float(np.mean([sampler.acceptance_fraction for sampler in samplers])),
         seconds=seconds,
-        converged=bool(mixed),
-        text="every parameter has mixed" if mixed else f"not converged: {found}",
+        converged=not missing,
+        text=verdict(missing),
     )

@@ -59,12 +59,14 @@ class Size:
     columns : terms and errors of the bench.
     candidates : terms that are excited, of which every subset is a model.
     runs : with a noise of their own.
+    streamed : of the rows, those that are read a part at a time, again for each whitening.
     """
 
     rows: int
     columns: int
     candidates: int
     runs: int
+    streamed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,9 @@ class Choice:
     next_seconds : what it would take.
     next_change : what it would change: (coefficients in posterior sd, inclusions), foreseen as
         `next_reason` says.
-    next_reason : how `next_change` was foreseen, a sentence.
+    next_reason : how `next_change` was foreseen, a sentence; where there is no rung above, why.
+    budget : s, where a budget was asked for.
+    accuracy : in posterior sd, where an accuracy was asked for.
     """
 
     rung: RungName
@@ -103,6 +107,30 @@ class Choice:
     next_seconds: float
     next_change: tuple[float, float]
     next_reason: str
+    budget: float | None = None
+    accuracy: float | None = None
+
+    @property
+    def met(self) -> bool:
+        """Whether what was asked for is what came: in time, or a last step within the accuracy."""
+        if self.accuracy is not None:
+            return len(self.climbed) > 1 and self.climbed[-1][1] <= self.accuracy
+        return self.budget is None or self.seconds <= self.budget
+
+
+NEEDS_ROWS = "it needs every row at every step, and a run that is read a part at a time does not hold them"
+"""Why the last rung is not for streamed runs."""
+
+
+def rungs_for(size: Size) -> tuple[RungName, ...]:
+    """Rungs that a problem can be put to, from the cheapest: not every one takes runs that are streamed.
+
+    Examples
+    --------
+    >>> rungs_for(Size(rows=10_000_000, columns=20, candidates=17, runs=1, streamed=10_000_000))[-1]
+    'full'
+    """
+    return tuple(rung.name for rung in LADDER if rung.name != "raw" or not size.streamed)
 
 
 def rung_of(name: str) -> Rung:

@@ -47,8 +47,15 @@ def unconverged_sentence(sensor: SensorResult) -> str:
     return (
         f"{sensor.id}: the chains have not converged"
         + (f" ({why})" if why else "")
-        + ". What rests on them is the estimate so far: continue with --resume, or give more time."
+        + f". What rests on them is the estimate so far: {_remedy(sensor)}."
     )
+
+
+def _remedy(sensor: SensorResult) -> str:
+    """What gives the chains more steps; those of a rung that was chosen are not kept."""
+    if sensor.choice is None:
+        return "continue with --resume, or give more time"
+    return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"
 
 
 def distrust_sentence(sensor: SensorResult) -> str:

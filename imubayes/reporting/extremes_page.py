@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ORDINARY = 1e10
 """Condition number up to which a full-rank problem is promised digits."""
 
+STACKED = "rows"
+"""Family whose long records are copies of a short one."""
 
 HEADS = ("least sq.", "sd", "averaged", "sd", "evidence", "inclusion")
 """`QUANTITIES` in a terminal's 80 columns."""
@@ -84,13 +86,24 @@ def _none(count: int) -> str:
 
 
 def _kept(found: Extremes) -> Iterable[str]:
-    ordinary = [one for one in found.outcomes if one.full_rank and one.condition <= ORDINARY]
-    noisy = [one for one in ordinary if one.family != "noise 0" and not one.refused]
-    if noisy:
-        least = [_least(noisy, name) for name in ("least squares", "averaged")]
+    promised = [
+        one
+        for one in found.outcomes
+        if one.full_rank and one.condition <= ORDINARY and one.family != "noise 0"
+    ]
+    answered = [one for one in promised if not one.refused]
+    if answered:
+        least = [_least(answered, name) for name in ("least squares", "averaged")]
         yield (
             f"Where there is noise, independent columns up to a condition number of 1e10 keep at least"
-            f" {min(least)} digits of every coefficient, and inclusion to 1e-{_least(noisy, 'inclusion')}."
+            f" {min(least)} digits of every coefficient, and inclusion to 1e-{_least(answered, 'inclusion')}."
+            f" They had {_range(answered)}."
+        )
+    left_out = len(promised) - len(answered)
+    if left_out:
+        yield (
+            f"That leaves out {left_out} of {len(promised)} such problems, which were refused at least in"
+            " part."
         )
     refused = [one for one in found.outcomes if one.refused]
     if refused:
@@ -98,6 +111,17 @@ def _kept(found: Extremes) -> Iterable[str]:
             f"{len(refused)} problems are refused at least in part, with a message that names the columns"
             " or says what is wrong."
         )
+
+
+def _range(outcomes: Iterable[Outcome]) -> str:
+    """How many rows these problems had, in words."""
+    own = [one.rows for one in outcomes if one.family != STACKED]
+    rows = [one.rows for one in outcomes]
+    if not own or max(rows) == max(own):
+        return f"{min(rows):,} to {max(rows):,} rows"
+    return (
+        f"{min(rows):,} to {max(own):,} rows, and up to {max(rows):.0e} of a short record stacked on itself"
+    )
 
 
 def _least(outcomes: Iterable[Outcome], name: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from imubayes.planning.fidelity import rung_of
+from imubayes.reporting.chain_words import sentence
 
 if TYPE_CHECKING:
     from imubayes.planning.fidelity import Choice
@@ -22,17 +23,31 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
     Examples
     --------
     >>> from imubayes.planning.fidelity import Choice
-    >>> told = Choice("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
-    >>> choice_sentences(told)[0]
+    >>> given = ("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
+    >>> choice_sentences(Choice(*given, budget=1.0))[0]
     'Method: whitened factor, sparse regression along its path, the best that fits a budget of 1 s (0.4 s).'
     """
     if choice is None:
         return ()
     rung = rung_of(choice.rung)
-    how = "reached" if choice.climbed else "the best that fits"
-    taken = f"Method: {rung.title}, {how} {choice.asked} ({seconds(choice.seconds)})."
+    taken = f"Method: {rung.title}{_why(choice)}."
     gave_up = f"It {rung.leaves_out}" if rung.leaves_out else ""
     return tuple(text for text in (taken, gave_up, *_climbed(choice), _next(choice), NOT_ASKED) if text)
+
+
+def _why(choice: Choice) -> str:
+    """Why this rung was taken, and whether it is what was asked for."""
+    took = seconds(choice.seconds)
+    if choice.accuracy is not None:
+        missed = f"the last that there is: {choice.asked} was not reached ({took})"
+        return f", reached {choice.asked} ({took})" if choice.met else f", {missed}"
+    if choice.budget is None:
+        return f", as asked ({took})"
+    if choice.foreseen > choice.budget:
+        return f", the cheapest: none fits {choice.asked} (it took {took})"
+    if not choice.met:
+        return f", the best that was foreseen to fit {choice.asked}; it took longer, {took}"
+    return f", the best that fits {choice.asked} ({took})"
 
 
 def _climbed(choice: Choice) -> tuple[str, ...]:
@@ -49,7 +64,7 @@ def _climbed(choice: Choice) -> tuple[str, ...]:
 
 def _next(choice: Choice) -> str:
     if choice.next_rung is None:
-        return "There is no better rung."
+        return sentence(choice.next_reason[:1].upper() + choice.next_reason[1:])
     coefficients, inclusions = choice.next_change
     return (
         f"The next rung ({rung_of(choice.next_rung).title}) would take about {seconds(choice.next_seconds)}"
@@ -76,6 +91,7 @@ def choice_record(choice: Choice | None) -> dict[str, Any] | None:
     return {
         "rung": choice.rung,
         "asked": choice.asked,
+        "met": choice.met,
         "seconds": choice.seconds,
         "foreseen_seconds": choice.foreseen,
         "climbed": [

@@ -264,6 +264,8 @@ def weighed_text(models: Models) -> str:
     if models.n_models == 1 << len(models.candidates.names):
         return f"all {models_text(models.n_models)} models"
     of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
+    if math.isnan(models.error):
+        return f"{of}, picked by the method: how probable the others are is not known"
     if math.isnan(models.missing):
         return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
     return f"{of}, searched for: the others carry at most {models.missing:.0e} of the probability"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imubayes.rig.checks import JUMP, LEVELS, check_output, gap_note, jump_note, railed, rest_note
 from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps
 from imubayes.rig.runs import RunSpec, assumed, frozen, source_of
-from imubayes.rig.streams import Part, RunFile, Stream, Tell, first_interval, opened, parts_of
+from imubayes.rig.streams import Part, Reader, RunFile, Stream, Tell, first_interval, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
 
@@ -112,7 +112,7 @@ def _surveyed(
 ) -> _Survey:
     """Pass over a run."""
     found: _Survey | None = None
-    for part in parts_of(file, interval, rate)("reading"):
+    for part in Reader(file, interval, rate)("reading"):
         names = ("t", "duration", *part.channels, "output", *lib.names)
         if found is None:
             longest = max(1, math.ceil(file.rows / BLOCKS))
@@ -247,7 +247,7 @@ def _run(spec: RunSpec, kind: Kind, file: RunFile, found: _Survey, sha256: str) 
     duration = np.array([row[1] for row in found.sums])
     extremes = dict(zip((*names, "output"), found.extremes.T, strict=True))
     stream = Stream(
-        parts=parts_of(file, found.interval, found.rate),
+        parts=Reader(file, found.interval, found.rate),
         samples=samples,
         interval=found.interval,
         library=found.lib,

@@ -13,17 +13,18 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.errors import TermError, UnobservableError
-from imubayes.factor import VANISHED
+from imubayes.errors import InputError, TermError, UnobservableError
+from imubayes.factor import vanished
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
-from imubayes.inference.summary import Summary
-from imubayes.selection.bayes_factors import log_bayes_factors, rss_of_all, weights_of
+from imubayes.inference.summary import Summary, check_names
+from imubayes.selection.bayes_factors import integration_error, log_bayes_factors, rss_of_all, weights_of
 from imubayes.selection.beyond import search_models
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
 from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 from imubayes.selection.spaces import Every
 from imubayes.selection.weighing import Logs, Products, ways
+from imubayes.trust import HALF_UNIT
 
 FloatArray = NDArray[np.float64]
 LARGEST = 26
@@ -63,6 +64,9 @@ WIDEST = math.log(1e8)
 SEED = 0.5
 """Distance in ln sigma of the seeds where data and prior disagree."""
 
+APART = 100.0
+"""Powers of ten from the response to a given noise scale, beyond which squares leave the range of doubles."""
+
 EXACT = 1e-14
 """Smallest noise scale, relative to the rms of the data: below, rounding would be read as signal. A full
 library that leaves less fits exactly, and the noise scale is taken as this."""
@@ -97,10 +101,12 @@ def enumerate_models(
 
     Raises
     ------
-    TermError : if a name is unknown, the prior does not fit the terms, or there are over 26 candidates under
-        a prior of the g-family.
-    UnobservableError : with the g-family, if a candidate depends linearly on others; if the response is zero
-        in every row and the noise scale is not given.
+    TermError : if a name is unknown or there twice, the prior or `needs` do not fit the terms, or there are
+        over 26 candidates under a prior of the g-family.
+    InputError : if `scale` is not positive and finite, or `scale_limit` is not above 1.
+    UnobservableError : if a forced column depends linearly on those before it, or the rows are no more than
+        the forced columns; with the g-family, if a candidate depends linearly on others; if the response is
+        zero in every row and the noise scale is not given.
 
     Examples
     --------
@@ -110,6 +116,7 @@ def enumerate_models(
     >>> enumerate_models(s, ScalePrior(1.0)).best[0][0]
     ('a',)
     """
+    _check_scale(scale, scale_limit)
     c = _prepare(summary, prior, tuple(forced), tuple(always))
     scale = _known_scale(c, scale)
     numbered = _numbered(c, needs)
@@ -129,9 +136,8 @@ def enumerate_models(
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:
     names = summary.names
-    unknown = [name for name in (*forced, *always) if name not in names]
-    if unknown:
-        raise TermError(f"term '{unknown[0]}' is not in the summary: its terms are {', '.join(names)}")
+    check_names(names)
+    _check_always(names, (*forced, *always))
     free = tuple(name for name in names if name not in forced and name not in always)
     if len(free) > LARGEST and not isinstance(prior, ScalePrior):
         raise TermError(
@@ -140,7 +146,50 @@ def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tu
         )
     sd = _sd_by_name(prior, names, forced)
     order = (*forced, *always, *free)
-    return candidates(summary.factor, free, (*forced, *always), np.array([sd[name] for name in order]))
+    c = candidates(summary.factor, free, (*forced, *always), np.array([sd[name] for name in order]))
+    _check_forced(c, len(forced))
+    return c
+
+
+def _check_scale(scale: float | None, limit: float) -> None:
+    if scale is not None and not 0.0 < scale < math.inf:
+        raise InputError(
+            f"scale = {scale:g}: expected the sd of the noise, positive and finite; leave it out where it is"
+            " not known"
+        )
+    if not limit > 1.0:
+        raise InputError(
+            f"scale_limit = {limit:g}: expected more than 1, the largest noise scale over that of the full"
+            " library; leave it out for no limit"
+        )
+
+
+def _check_always(names: tuple[str, ...], taken: tuple[str, ...]) -> None:
+    for k, name in enumerate(taken):
+        if name not in names:
+            raise TermError(f"term '{name}' is not in the summary: its terms are {', '.join(names)}")
+        if name in taken[:k]:
+            raise TermError(
+                f"forced and always: '{name}' is there twice, expected each term once; name it in one of them"
+            )
+
+
+def _check_forced(c: Candidates, forced: int) -> None:
+    """Refuse columns with a flat prior that the rows do not tell apart: their posterior has no end."""
+    lost = vanished(c.whole)[:forced]
+    if lost.any():
+        terms = tuple(name for name, gone in zip(c.always, lost, strict=False) if gone)
+        raise UnobservableError(
+            f"forced: expected independent columns, but {', '.join(terms)} is zero or depends on the ones"
+            " before; leave it out, or give it a prior of its own (`always`)",
+            terms,
+        )
+    if forced and c.dof < 1:
+        raise UnobservableError(
+            f"forced: {c.dof + forced} rows for {forced} forced columns leave nothing to tell the rest by;"
+            " add rows, or force fewer columns",
+            c.always[:forced],
+        )
 
 
 def _sd_by_name(prior: Prior, names: tuple[str, ...], forced: tuple[str, ...]) -> dict[str, float]:
@@ -160,7 +209,25 @@ def _sd_by_name(prior: Prior, names: tuple[str, ...], forced: tuple[str, ...]) -
 def _numbered(c: Candidates, needs: Sequence[tuple[str, str]]) -> Needs:
     """Needs by the candidates' numbers; a parent that is always in, or not there, is not asked for."""
     number = {name: j for j, name in enumerate(c.names)}
-    return [(number[a], number[b]) for a, b in needs if a in number and b in number]
+    found = [(a, b) for a, b in dict.fromkeys(needs) if a in number and b in number]
+    parents = dict(found)
+    if len(parents) < len(found):
+        child = next(a for a, b in found if parents[a] != b)
+        raise TermError(f"needs: '{child}' has two parents, expected one; leave one of them out")
+    for name in parents:
+        _check_ends(name, parents)
+    return [(number[a], number[b]) for a, b in found]
+
+
+def _check_ends(name: str, parents: dict[str, str]) -> None:
+    """Refuse terms that need each other in a circle."""
+    line = [name]
+    while (parent := parents.get(line[-1])) is not None:
+        if parent in line:
+            raise TermError(
+                f"needs: {' needs '.join((*line, parent))}: expected an end; take one of these pairs out"
+            )
+        line.append(parent)
 
 
 def _over_scales(c: Candidates, sums: Products | Logs, limit: float) -> Weighed:
@@ -199,7 +266,7 @@ def _over_scales(c: Candidates, sums: Products | Logs, limit: float) -> Weighed:
 def _known_scale(c: Candidates, scale: float | None) -> float | None:
     """Noise scale in the units of the candidates, where it is given or the full library fits exactly."""
     if scale is not None:
-        return math.ldexp(scale, -c.response_unit)
+        return _within_range(c, scale)
     if not c.whole[:, -1].any():
         raise UnobservableError(
             "the response is zero in every row, which any noise scale however small explains: give the scale,"
@@ -208,6 +275,18 @@ def _known_scale(c: Candidates, scale: float | None) -> float | None:
         )
     start, _, _ = _first_scale(c)
     return start if start <= _smallest(c) else None
+
+
+def _within_range(c: Candidates, scale: float) -> float:
+    """Given noise scale in the units of the candidates."""
+    size = float(np.linalg.norm(c.whole[:, -1]))
+    given = math.log10(size or 1.0) + c.response_unit * math.log10(2.0)
+    if size > 0.0 and abs(math.log10(scale) - given) > APART:
+        raise InputError(
+            f"scale = {scale:g}: expected the sd of the noise in the units of the response, whose norm is"
+            f" about 1e{given:.0f}; give both in the same units"
+        )
+    return math.ldexp(scale, -c.response_unit)
 
 
 def _smallest(c: Candidates) -> float:
@@ -253,10 +332,19 @@ def _over_g(
     a, p = len(c.always), len(c.names)
     rss, nodes = rss_of_all(c), g_nodes(prior, c.dof + a)
     total = float(rss[0])
-    peak = log_bayes_factors(rss, c, nodes, by_size, needs)
-    null = math.lgamma(c.dof / 2) - c.dof / 2 * math.log(math.pi * total) - math.log(2.0) - 0.5 * c.log_det
+    if total == 0.0:
+        raise UnobservableError(
+            "the forced columns alone fit the response exactly, which leaves nothing to tell the others by;"
+            " force fewer, or add rows",
+            c.always,
+        )
+    error = integration_error(prior, nodes, float(rss[-1]) / total, p, float(c.dof))
+    peak, off = log_bayes_factors(rss, c, nodes, by_size, needs)
+    counted = math.lgamma(c.dof / 2), c.dof / 2 * math.log(math.pi * total)
+    null = counted[0] - counted[1] - math.log(2.0) - 0.5 * c.log_det
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))
-    w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak)
+    error += off + 2.0 * HALF_UNIT * (abs(counted[0]) + abs(counted[1]))
+    w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
     told = totals(w)
     w = thinned(w, STORED) if p > STORED_BITS else w
     few = thinned(w, STANDING)
@@ -268,8 +356,7 @@ def _over_g(
 
 
 def _check_independent(c: Candidates) -> None:
-    norms = np.linalg.norm(c.whole[:, :-1], axis=0)
-    lost = np.abs(np.diag(c.whole)[:-1]) <= VANISHED * norms
+    lost = vanished(c.whole)
     if lost.any():
         terms = tuple(name for name, gone in zip(c.columns, lost, strict=True) if gone)
         raise UnobservableError(

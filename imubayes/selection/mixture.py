@@ -226,9 +226,9 @@ def g_components(
     inside = space.members(chosen)
     b, v, _, _ = solutions(c.whole, with_always(c, inside))
     b0, v0, _, _ = solutions(c.whole, with_always(c, np.zeros((1, len(c.names)), dtype=bool)))
-    shrink, square, spread, unshrunk = integrals[chosen, 1:].T[:, :, None]
+    shrink, wide, spread, unshrunk = integrals[chosen, 1:].T[:, :, None]
     unit = total / (c.dof - 2)
-    variance = unit * (unshrunk * v0 + spread * (v - v0)) + (square - shrink**2) * (b - b0) ** 2
+    variance = unit * (unshrunk * v0 + spread * (v - v0)) + wide * (b - b0) ** 2
     scale = np.ldexp(np.sqrt(unit * unshrunk[:, 0]), c.response_unit)
     return Components(share, inside, scale, c.given(b0 + shrink * (b - b0)), c.given(np.sqrt(variance)))
 

@@ -41,7 +41,8 @@ class Models:
     components : the mixture behind `mean` and `sd`.
     parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
     missing : bound on the probability of all models that are not in `space`; NaN where there is none.
-    error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were.
+    error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were;
+        NaN where a rule picked them, so that nothing is known of the others.
     quadrature : bound on the error of the log evidence by the integration over the noise scale.
     """
 

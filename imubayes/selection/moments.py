@@ -90,7 +90,8 @@ def g_integrals(unexplained, size, dof, g, log_weight):
 
     Returns
     -------
-    array (m, 5) : log BF; posterior means of ``s = g/(1+g)``, ``s^2``, ``s r`` and ``r = (1 + g u)/(1 + g)``.
+    array (m, 5) : log BF; posterior mean of ``s = g/(1+g)``, its variance, and the means of ``s r`` and
+    ``r = (1 + g u)/(1 + g)``.
     """
     out = np.zeros((len(size), 5))
     log_g1, terms = np.log1p(g), np.zeros(len(g))
@@ -104,9 +105,10 @@ def g_integrals(unexplained, size, dof, g, log_weight):
             w, s, r = np.exp(terms[q] - peak), g[q] / (1.0 + g[q]), (1.0 + g[q] * u) / (1.0 + g[q])
             total += w
             out[m, 1] += w * s
-            out[m, 2] += w * s * s
             out[m, 3] += w * s * r
             out[m, 4] += w * r
         out[m, 0] = peak + np.log(total)
         out[m, 1:] /= total
+        for q in range(len(g)):  # about the mean, which under strong signals is 1 to 12 digits
+            out[m, 2] += np.exp(terms[q] - peak) / total * (g[q] / (1.0 + g[q]) - out[m, 1]) ** 2
     return out

@@ -147,7 +147,7 @@ def identify_noise(
         sets=tuple(weighed.items()),
         noise=best,
         prior=data.prior.source,
-        samples=len(rows),
+        samples=rows.samples,
         rows=len(data.rows.y),
         draws=draws,
     )

@@ -79,6 +79,9 @@ def noise_of(
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
         return NoiseFound(choice, curve, None)
     names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
+    if rows.stream is not None:
+        # averages over blocks are too long to show it
+        names = tuple(name for name in names if name != "Q")
     if len(names) >= len(curve.tau):
         return NoiseFound(choice, curve, None)
     return NoiseFound(choice, curve, fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))

@@ -70,8 +70,9 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     number, sizes : the block, and the ones in the numbers of its models (2^bits,).
     total : residual sum of squares without any candidate.
     dof : rows minus forced columns.
-    nodes : ``(least, step)`` of the table in ln u, or ``(g, log weight)`` of a single g where it is empty.
-    table : (p + 1, points - 1, 4) cubics in ln u by size, of the log Bayes factor.
+    nodes : least ln u and step of the table, or ``(g, log weight)`` of a single g where it is empty.
+    table : (p + 1, points - 1, 4) cubics in ``ln(1 - dof ln u)`` by size, of the log Bayes factor plus
+        ``dof/2 ln u``.
     links : (l, 2) children and parents; a model with a child without its parent gets -inf.
     by_size : (p + 1,) what is added by size.
 
@@ -87,7 +88,8 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
         if single:
             value = 0.5 * (dof - k) * log_g - 0.5 * dof * np.log1p(nodes[0] * u) + nodes[1]
         else:
-            value = _cubic(table[k], (np.log(u) - nodes[0]) / nodes[1])
+            log_u = max(np.log(u), nodes[0])
+            value = _cubic(table[k], np.log1p(-dof * log_u) / nodes[1]) - 0.5 * dof * log_u
         for n in range(len(links)):
             if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
                 value = -np.inf
@@ -98,8 +100,7 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
 def _cubic(pieces, x):
-    """Value at x of a piecewise cubic with nodes 0, 1, ..., constant before the first."""
-    x = max(x, 0.0)
+    """Value at x >= 0 of a piecewise cubic with nodes 0, 1, ...."""
     i = min(int(x), len(pieces) - 1)
     r = x - i
     return ((pieces[i, 0] * r + pieces[i, 1]) * r + pieces[i, 2]) * r + pieces[i, 3]

@@ -63,11 +63,14 @@ def design_factor(rows: Sequence[Linear]) -> Factor:
         for run in rows:
             for a in range(0, len(run), CHUNK):
                 part = run.columns(a, min(a + CHUNK, len(run)))
+                if run.stream is not None:
+                    # an average stands for all of its samples
+                    part = part * np.sqrt(run.counts[a : a + CHUNK])[:, None]
                 yield from (part[i:j] for i, j in algebra.row_blocks(len(part)))
 
     names = rows[0].names
     R = np.pad(algebra.triangular(parts(), len(names)), (0, 1))
-    return Factor(names, R, sum(len(run) for run in rows))
+    return Factor(names, R, sum(run.samples for run in rows))
 
 
 def reduced(

@@ -13,7 +13,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.costs import calibrate
 from imubayes.ladder.problem import size_of
 from imubayes.machine import machine
-from imubayes.planning.fidelity import CostLaw, RungName
+from imubayes.planning.fidelity import NEEDS_ROWS, CostLaw, RungName, rungs_for
 from imubayes.processes import Progress, shared
 from imubayes.selection.relevance import Exposure, exposure
 from imubayes.trade.afford import CROWDED, HALF, beforehand, chain_limit, counts, dear
@@ -67,10 +67,15 @@ def measure(trade: Trade, *, progress: Progress = lambda message: None) -> Trade
         front=front(found, floor[0]),
         recommended=recommended(found, scores, best, floor[0]),
         scores=scores,
-        dear=dear(trade.rungs, {one.rung: one.repeats for one in scores}) if trade.repeats else (),
+        dear=dear(trade.rungs, {one.rung: one.repeats for one in scores}) if _repeated(trade) else (),
         machine=here,
         seconds=time.perf_counter() - start,
     )
+
+
+def _repeated(trade: Trade) -> bool:
+    """Whether simulated repeats are asked for, and any component's tests can be repeated."""
+    return trade.repeats > 0 and any(one.repeatable for one in trade.subjects)
 
 
 def _highest(standings: Sequence[Standing], rungs: Sequence[RungName]) -> RungName:
@@ -115,11 +120,14 @@ def _standing(
     law: CostLaw,
     progress: Progress,
 ) -> Standing:
-    subject = trade.subjects[k]
+    subject, size = trade.subjects[k], size_of(trade.subjects[k].problem)
     found: list[Measured] = []
     skipped: list[tuple[RungName, str]] = []
     for place, rung in enumerate(trade.rungs):
-        left, expected = deadline - time.perf_counter(), beforehand(rung, size_of(subject.problem), law)
+        if rung not in rungs_for(size):
+            skipped.append((rung, NEEDS_ROWS))
+            continue
+        left, expected = deadline - time.perf_counter(), beforehand(rung, size, law)
         if found and expected > left:
             skipped.append((rung, f"it takes about {expected:.0f} s, and {max(left, 0.0):.0f} s were left"))
             continue
@@ -175,7 +183,9 @@ def _repeats(
 ) -> tuple[Repeat, ...]:
     """Simulate sensors, and let every rung answer that the rest of the time affords."""
     told = {one.subject: next(m.told for m in one.measured if m.told.rung == one.best) for one in standings}
-    subjects = [one for one in trade.subjects if one.lot is not None or one.name in told]
+    subjects = [s for s in trade.subjects if s.repeatable and (s.lot is not None or s.name in told)]
+    if not subjects:
+        return ()
     seconds: dict[RungName, float] = {one.rung: one.seconds for one in found}
     left = deadline - time.perf_counter() - START_POOL
     afforded = counts(seconds, trade.repeats, left / CROWDED, trade.processes)

@@ -47,6 +47,11 @@ class Subject:
     problem: Problem
     lot: Lot | None = None
 
+    @property
+    def repeatable(self) -> bool:
+        """Whether its tests can be simulated again: runs that are read a part at a time are too long."""
+        return all(run.stream is None for run in self.problem.runs)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trade:

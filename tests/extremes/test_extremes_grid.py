@@ -10,6 +10,7 @@ import pytest
 from imubayes.extremes.cases import FAMILIES, Case, cases
 from imubayes.extremes.digits import digits_of, of_coefficients
 from imubayes.extremes.measure import Outcome, outcome
+from imubayes.selection import abreast
 
 THIN = 8
 """Every so many cases of a family in the default run, and its first and last."""
@@ -36,7 +37,11 @@ def _holds(one: Outcome) -> None:
         assert "x1" in one.refused[0] or "x2" in one.refused[0], where
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+LONGEST = "eight candidates"
+"""Family whose references take a quarter of a minute each."""
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != LONGEST])
 def test_no_answer_at_the_extremes_is_wrong_in_silence(family):
     for case in cases([family], seed=11, every=THIN):
         _holds(outcome(case))
@@ -48,6 +53,12 @@ def test_no_answer_at_the_extremes_is_wrong_in_silence(family):
 def test_no_answer_on_the_entire_grid_is_wrong_in_silence(family, seed):
     for case in cases([family], seed=seed):
         _holds(outcome(case))
+
+
+def test_eight_nearly_dependent_candidates_of_a_run_keep_their_digits():
+    *_, last = FAMILIES[LONGEST](np.random.default_rng(4))
+    assert len(last.names) - last.always >= abreast.FEWEST
+    _holds(outcome(last))
 
 
 def test_an_exact_fit_is_told_for_what_it_is():

@@ -86,15 +86,17 @@ def backwards() -> Engine:
     return Engine("this process, from the end", do)
 
 
-def recorded(folder: Path, names: Sequence[str] = ("A1", "A2", "A3", "A4", "A5")) -> FleetStudy:
+def recorded(
+    folder: Path, names: Sequence[str] = ("A1", "A2", "A3", "A4", "A5"), run: RunSpec = TUMBLE
+) -> FleetStudy:
     """Write the runs of some units as files, a folder for each, and a study of them."""
-    study = fleet(len(names))
+    study = fleet(len(names), spec=replace(fleet().spec, runs=(run,)))
     lot = draw_lot(CLASS, study.spec.library, len(names), np.random.default_rng(8))
     for k, name in enumerate(names):
         (folder / "units" / name).mkdir(parents=True)
         spec = replace(study.spec, truth=lot.truth(k))
-        (run,) = simulate_unit(spec, lot, k, np.random.default_rng(k))
-        write_run(run, folder / "units" / name / "tumble.csv", kind="accelerometer")
+        (made,) = simulate_unit(spec, lot, k, np.random.default_rng(k))
+        write_run(made, folder / "units" / name / "tumble.csv", kind="accelerometer")
     path = folder / "fleet.toml"
     path.write_text(STUDY, encoding="utf-8")
     read = read_fleet(path)

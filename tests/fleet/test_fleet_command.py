@@ -63,6 +63,7 @@ def test_resume_keeps_what_is_finished(tmp_path, monkeypatch, capsys):
     ("option", "message"),
     [
         (("--ess", "100"), "a fleet's is exact: leave them out"),
+        (("--scheduler", ""), "--scheduler: came an empty text: expected an address such as tcp://"),
         (("--scheduler", "nonsense"), "--scheduler nonsense: no dask scheduler answers there"),
     ],
 )
@@ -74,6 +75,37 @@ def test_option_that_cannot_be_is_refused_before_anything_is_written(
     assert _run(monkeypatch, str(path), "--out", str(out), *option) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_interrupt_is_said_in_one_line_and_resume_goes_on(tmp_path, monkeypatch, capsys):
+    path, out, done = tmp_path / "fleet.toml", tmp_path / "out", list[int]()
+    path.write_text(SMALL.replace("units = 5", "units = 5\npart = 2"))
+
+    def once(total, things, progress):
+        def stop(units: int) -> None:
+            done.append(units)
+            if len(done) == 1:
+                raise KeyboardInterrupt
+
+        return stop
+
+    monkeypatch.setattr("imubayes.fleet.measure.pace", once)
+    assert _run(monkeypatch, str(path), "--out", str(out)) == 130
+    assert capsys.readouterr().err == (
+        "imubayes: interrupted: the same command with --resume goes on, and keeps what is finished\n"
+    )
+    assert [file.name for file in out.iterdir()] == ["units.part"]
+    assert _run(monkeypatch, str(path), "--out", str(out), "--resume") == 0
+    assert "2 units were there already" in " ".join(capsys.readouterr().out.split())
+    assert sorted(file.name for file in out.iterdir()) == ["report.html", "result.json", "units"]
+
+
+def test_recordings_where_the_results_would_be_are_refused_and_stay(tmp_path, monkeypatch, capsys):
+    study = recorded(tmp_path, ("A1", "A2"))
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+    assert _run(monkeypatch, str(study.path), "--out", str(tmp_path)) == 2
+    assert "A1: is a unit of this study" in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
 
 
 def test_scheduler_of_a_study_without_a_fleet_is_refused(tmp_path, monkeypatch, capsys):

@@ -6,8 +6,10 @@ import pytest
 from fleet_studies import backwards, fleet, here, recorded
 from pyarrow import parquet
 
+from imubayes.config import read_fleet
 from imubayes.errors import InputError
 from imubayes.fleet.engines import Engine, engine
+from imubayes.fleet.keeping import GROWING, UNITS
 from imubayes.fleet.measure import ENDED, lot_of, measure
 from imubayes.fleet.units import part_found
 from imubayes.processes import Lost, as_done
@@ -23,8 +25,8 @@ def _rows(folder):
     return parquet.read_table(folder / "units")
 
 
-def _times(folder) -> dict[str, int]:
-    return {file.name: file.stat().st_mtime_ns for file in (folder / "units").iterdir()}
+def _times(folder, within=UNITS) -> dict[str, int]:
+    return {file.name: file.stat().st_mtime_ns for file in (folder / within).iterdir()}
 
 
 def test_every_unit_and_term_is_a_row_and_truth_lies_beside_it(whole):
@@ -67,12 +69,13 @@ def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         measure(fleet(8), tmp_path, here(), progress=stopping)
-    before = _times(tmp_path)
+    before = _times(tmp_path, GROWING)
     assert sorted(before) == ["part-00000.parquet", "part-00001.parquet"]
     jobs: list[int] = []
     result = measure(fleet(8), tmp_path, here(jobs), resume=True)
     assert (sum(jobs), result.resumed) == (1, 6)
     assert _times(tmp_path).items() > before.items()
+    assert not (tmp_path / GROWING).exists()
     assert _rows(tmp_path).equals(_rows(whole[0]))
     assert result.answer.terms == whole[1].answer.terms
 
@@ -96,14 +99,62 @@ def test_poisoned_file_costs_only_its_unit_and_is_read_when_it_is_mended(tmp_pat
     assert str(file) in broken.error
     assert result.answer.units == 4
     assert "A4" not in _rows(out).column("unit").to_pylist()
-    # nothing has changed: nothing is done again, and the unit is still broken
-    jobs: list[int] = []
-    again = measure(study, out, here(jobs), resume=True)
-    assert (sum(jobs), again.answer.broken) == (0, (broken,))
+    # it is tried again, and only it; what is finished stays as it is
+    before, tried = _times(out), list[str]()
+    again = measure(study, out, noting(tried), resume=True)
+    assert (tried, again.resumed, again.answer.broken) == (["A4"], 4, (broken,))
+    assert _times(out) == before
     file.write_text(good)
-    mended = measure(study, out, here(jobs), resume=True)
-    assert (mended.answer.units, mended.answer.broken, jobs[-1]) == (5, (), 1)
-    assert mended.resumed == 3
+    mended = measure(study, out, noting(tried), resume=True)
+    assert (tried, mended.resumed) == (["A4", "A4"], 4)
+    assert (mended.answer.units, mended.answer.broken) == (5, ())
+    measure(study, tmp_path / "fresh", here())
+    assert _rows(out).equals(_rows(tmp_path / "fresh"))
+
+
+def noting(tried: list[str]) -> Engine:
+    """Engine of this process; keeps the names of the units that it was given."""
+
+    def do(work, given):
+        tried.extend(unit.name for _, part in given for unit in part.units)
+        return as_done(work, given, 1)
+
+    return Engine("this process", do)
+
+
+def test_unit_that_is_added_before_the_others_is_the_only_one_that_is_done(tmp_path):
+    study, out, tried = recorded(tmp_path), tmp_path / "out", list[str]()
+    measure(study, out, here())
+    (tmp_path / "units" / "A5").rename(tmp_path / "units" / "A0")
+    more = read_fleet(study.path)
+    assert more is not None
+    result = measure(more, out, noting(tried), resume=True)
+    assert (tried, result.resumed) == (["A0"], 4)
+    fresh = measure(more, tmp_path / "fresh", here())
+    assert _rows(out).equals(_rows(tmp_path / "fresh"))
+    assert result.answer.worst == fresh.answer.worst
+
+
+def test_study_that_is_begun_anew_and_interrupted_loses_nothing(tmp_path):
+    study, out = recorded(tmp_path), tmp_path / "out"
+    measure(study, out, here())
+    before = _times(out)
+
+    def stop(message: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measure(study, out, here(), progress=stop)
+    assert _times(out) == before
+    assert measure(study, out, here(), resume=True).resumed == 5
+
+
+def test_recordings_in_the_folder_of_the_results_are_refused_before_any_is_touched(tmp_path):
+    study = recorded(tmp_path)
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*.csv")}
+    with pytest.raises(InputError, match="choose another --out"):
+        measure(study, tmp_path, here())
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*.csv")} == before
 
 
 def test_unit_without_its_file_is_broken_and_says_what_is_missing(tmp_path):
@@ -120,6 +171,7 @@ def test_fleet_of_broken_units_only_is_an_error(tmp_path):
         (tmp_path / "units" / name / "tumble.csv").write_text("")
     with pytest.raises(InputError, match=r"none of 2 units could be read; A1: .*tumble.csv"):
         measure(study, tmp_path / "out", here())
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def deadly(study, part):

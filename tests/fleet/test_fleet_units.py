@@ -2,20 +2,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fleet_studies import first_part, fleet
+from fleet_studies import TUMBLE, first_part, fleet, recorded
 
-from imubayes.errors import StudyError
+from imubayes.errors import InputError, StudyError
 from imubayes.factor import posterior
 from imubayes.fleet import units
-from imubayes.fleet.plan import lot_slice, parts_of
+from imubayes.fleet.plan import Part, lot_of_some, parts_of
 from imubayes.fleet.units import of_terms, part_found, record_of
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.prior import ScalePrior
 from imubayes.lots.units import simulate_unit
 from imubayes.preparation import prepare
+from imubayes.rig import streams
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.lots import draw_lot
+from imubayes.sensors.noise import Noise, NoiseRule
+
+KNOWN = NoiseRule("fixed", Noise(1e-3, 0.0, 0.0))
 
 OSCILLATING = replace(
     fleet().spec,
@@ -56,7 +60,7 @@ def test_full_library_estimates_scatter_about_the_truth_as_their_sds_say():
 def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrated_out():
     study = fleet(2)
     spec = replace(OSCILLATING, truth=_lot(study).truth(0))
-    runs = simulate_unit(spec, lot_slice(_lot(study), 0, 1), 0, np.random.default_rng(1))
+    runs = simulate_unit(spec, lot_of_some(_lot(study), [0]), 0, np.random.default_rng(1))
     ready = prepare(spec, runs, lambda message: None, np.random.default_rng(2))
     p = len(spec.library.terms)
     assert len(ready.summary.names) > p
@@ -69,7 +73,7 @@ def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrat
 
 def test_without_errors_of_the_bench_the_factor_is_the_whole_one():
     study = fleet(2)
-    record = record_of(study, first_part(study).single(0))
+    record = record_of(study, first_part(study).only([0]))
     p = len(study.spec.library.terms)
     summary = replace(_summary(study), extras=())
     mean, cov = loose_fit(summary, ScalePrior(np.ones(p)))
@@ -85,7 +89,7 @@ def test_without_errors_of_the_bench_the_factor_is_the_whole_one():
 def _summary(study):
     lot = _lot(study)
     spec = replace(study.spec, id=study.units[0].name, truth=lot.truth(0))
-    runs = simulate_unit(spec, lot_slice(lot, 0, 1), 0, np.random.default_rng([5, 1, 0, 0]))
+    runs = simulate_unit(spec, lot_of_some(lot, [0]), 0, np.random.default_rng([5, 1, 0, 0]))
     return prepare(spec, runs, lambda message: None, np.random.default_rng([5, 1, 0, 1])).summary
 
 
@@ -109,7 +113,46 @@ def test_fault_in_one_unit_leaves_the_others(monkeypatch):
     assert "fault of imubayes" in found.broken[1].error
 
 
+def test_random_numbers_of_recorded_units_hang_on_their_names_and_differ(tmp_path, monkeypatch):
+    study, drawn = recorded(tmp_path, ("A1", "A2")), dict[tuple[str, int], float]()
+
+    def note(spec, runs, tell, rng):
+        drawn[spec.id, len(drawn)] = rng.random()
+        return prepare(spec, runs, tell, rng)
+
+    monkeypatch.setattr(units, "prepare", note)
+    (part,) = parts_of(study, None)
+    for unit in (*part.units, replace(part.units[0], number=7)):
+        record_of(study, Part(0, (unit,)))
+    assert drawn["A1", 0] == drawn["A1", 2] != drawn["A2", 1]
+
+
+def test_long_file_of_a_unit_is_read_a_part_at_a_time_and_says_the_same(tmp_path, monkeypatch):
+    fast = replace(TUMBLE, simulate={**(TUMBLE.simulate or {}), "rate": 50.0})
+    study = recorded(tmp_path, ("A1", "A2"), fast)
+    study = replace(study, spec=replace(study.spec, runs=(replace(study.spec.runs[0], noise=KNOWN),)))
+    (part,) = parts_of(study, None)
+    whole = record_of(study, part.only([0]))
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    monkeypatch.setattr(streams, "MOST_WHOLE", 1000)
+    streamed = record_of(study, part.only([0]))
+    assert streamed.samples == whole.samples == 6000
+    assert streamed.verdicts == whole.verdicts
+    np.testing.assert_allclose((streamed.full_mean - whole.full_mean) / whole.full_sd, 0.0, atol=1e-4)
+    # of 6000 rows, ten stand for columns that were not excited; whether they count for the noise is open
+    np.testing.assert_allclose(streamed.full_sd / whole.full_sd, 1.0, rtol=1e-2)
+
+
+def test_long_file_is_refused_where_dwells_may_be_left_out(tmp_path, monkeypatch):
+    study = recorded(tmp_path, ("A1", "A2"))
+    (part,) = parts_of(study, None)
+    monkeypatch.setattr(streams, "STREAMED", 10)
+    monkeypatch.setattr(streams, "MOST_WHOLE", 10)
+    with pytest.raises(InputError, match=r"\(reference\) or robust"):
+        record_of(replace(study, spec=replace(study.spec, robust=True)), part.only([0]))
+
+
 def test_unit_that_is_asked_for_alone_says_what_is_wrong():
     study = fleet(3, spec=replace(fleet().spec, runs=(RunSpec("x", "tumble"),)))
     with pytest.raises(StudyError, match="'x'"):
-        record_of(study, first_part(study).single(0))
+        record_of(study, first_part(study).only([0]))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from mpmath import mp as _mp
 from scipy.stats import cauchy, norm
 
 from imubayes.errors import TermError
@@ -16,11 +18,14 @@ from imubayes.inference.prior import (
     ZellnerSiow,
     class_sd,
     g_nodes,
+    g_step_error,
     prior,
     weak_sd,
 )
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.terms import library
+
+mp: Any = _mp
 
 
 @pytest.mark.parametrize("n", [5, 50, 5_000])
@@ -46,6 +51,33 @@ def test_zellner_siow_makes_cauchy_coefficients(n, scale):
     theta = np.array([0.0, 0.1, 1.0, 3.0, 30.0]) * scale
     mixed = np.exp(log_weight) @ norm.pdf(theta, scale=np.sqrt(g / n)[:, None])
     np.testing.assert_allclose(mixed, cauchy.pdf(theta, scale=scale), rtol=1e-8)
+
+
+@pytest.mark.parametrize(("a", "columns"), [(3.0, 26), (10.0, 13), (40.0, 26)])
+def test_the_error_of_the_steps_of_g_is_that_of_an_inverse_gamma_density(a, columns):
+    """The bound is reached where the steps fall worst, and what is told is no more than twice that."""
+    g, _ = g_nodes(HyperG(a), 10)
+    s = 0.5 * (columns + a) - 1.0
+    with mp.workdps(30):
+        step, phases = mp.log(mp.mpf(g[1])) - mp.log(mp.mpf(g[0])), [mp.mpf(k) / 8 for k in range(8)]
+        nodes = [
+            [(k + phase) * step for k in range(int(-8 / float(step)), int(40 / float(step)))]
+            for phase in phases
+        ]
+        sums = [step * mp.fsum(mp.exp(-s * x - mp.exp(-x)) for x in row) / mp.gamma(s) for row in nodes]
+        worst = float(max(abs(one - 1) for one in sums))
+    # eight phases come within cos(pi/8) of the worst
+    bound = g_step_error(HyperG(a), columns)
+    assert 0.9 * bound <= worst <= 1.01 * bound
+
+
+@pytest.mark.parametrize(
+    ("of", "value"),
+    [(GPrior, math.inf), (GPrior, math.nan), (HyperG, 2.0), (HyperG, math.inf), (ZellnerSiow, 1e200)],
+)
+def test_a_prior_on_g_without_an_integral_is_refused(of, value):
+    with pytest.raises(TermError, match="prior"):
+        of(value)
 
 
 def test_a_wider_prior_has_every_sd_times_the_factor():

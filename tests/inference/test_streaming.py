@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from pyarrow import parquet as pq
 
 from imubayes.config import read_runs, read_study
+from imubayes.factor import least_squares, reorder
+from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import linear_of, whitened_factor, within_blocks
 from imubayes.inference.mcmc.coordinates import coordinates
 from imubayes.inference.mcmc.split import splits_of, values_at
@@ -24,6 +26,7 @@ from imubayes.inference.whiten import Rows, mattering, whiten, whitener
 from imubayes.rig import stream_files, streams
 from imubayes.rig.runs import RunSpec, read_run
 from imubayes.rig.simulate import synthesise
+from imubayes.selection.reduced import design_factor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
 from imubayes.study import run as study_run
@@ -130,6 +133,23 @@ def test_the_factor_is_that_of_the_rows_in_memory(runs):
     assert part.runs[0].interval == pytest.approx(whole.runs[0].interval, rel=1e-9)
 
 
+def test_nearly_dependent_columns_of_a_stream_are_those_of_the_rows_in_memory(tmp_path, monkeypatch):
+    """At a condition of 1e9 plain sweeps of 60,000 rows differ by 1e-6 sd; other columns are zero or alike."""
+    made = recording()
+    made["f_j [m/s^2]"] = made["f_i [m/s^2]"] * (1.0 + 1e-8 * np.random.default_rng(8).normal(size=N))
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table(made), path)
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    spec, noise = RunSpec("r", "other", file=path), Noise(1e-3, 0.0, 0.0)
+    taken = ("b0", "b1", "m_j")
+    fits = [
+        least_squares(reorder(whitened_factor(linear_of(run, lib), noise)[0], taken))
+        for run in (read_run(spec, "accelerometer"), read_run(spec, "accelerometer", lib))
+    ]
+    assert np.max(np.abs(fits[0].mean - fits[1].mean) / fits[0].sd) <= 1e-8
+
+
 def test_white_noise_of_unknown_scale_is_that_of_the_rows_in_memory(runs):
     rules = {"r": NoiseRule("white")}
     whole, part = (summarize([run], LIB, rules=rules) for run in runs)
@@ -206,6 +226,24 @@ def test_residuals_of_a_stream_are_tested_by_averages_and_by_samples(runs):
     assert check.tau[0] == pytest.approx(INTERVAL)
     assert np.all(np.diff(check.tau) > 0.0)
     assert check.deviation[0] == pytest.approx(check.expected[0], rel=0.1)
+
+
+def test_effective_samples_of_a_stream_are_those_of_its_rows_in_memory(runs):
+    """In averages bias instability hides less behind white noise than in samples: samples are what counts."""
+    counted = []
+    for run in runs:
+        rows = linear_of(run, LIB)
+        f = reorder(whitened_factor(rows, NOISE)[0], ("b0", "b1"))
+        counted.append(effective_samples(f, [rows], [NOISE]))
+    # positions last many blocks, so that an average has the inputs of its samples but at a turn
+    assert counted[1] == pytest.approx(counted[0], rel=0.02)
+
+
+def test_a_stream_weighs_as_many_samples_in_the_rms_of_its_columns(runs):
+    whole, part = (design_factor([linear_of(run, LIB)]) for run in runs)
+    assert part.n == whole.n == N
+    both = ("b0", "b1")
+    assert off(reorder(whole, both).R, reorder(part, both).R) < 0.01
 
 
 def test_a_stream_answers_for_the_library_that_it_was_read_for(runs):

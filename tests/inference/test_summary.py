@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.errors import StudyError, UnobservableError
+from imubayes.errors import InputError, StudyError, UnobservableError
 from imubayes.factor import Factor, add
 from imubayes.inference import linear as module
 from imubayes.inference.linear import blocks_of, deviation, library_rows, linear_of
@@ -181,3 +181,21 @@ def test_arrays_with_values_that_are_not_finite_are_refused(where, wrong):
     arrays[where].flat[1] = wrong
     with pytest.raises(UnobservableError, match="must be finite"):
         Summary.from_arrays(arrays["X"], arrays["y"], ("a",))
+
+
+def test_a_name_that_two_columns_share_is_refused():
+    """Whatever is asked of it would be told of the first alone: a signal in the third column got lost."""
+    X = np.random.default_rng(0).normal(size=(9, 3))
+    with pytest.raises(InputError, match=r"'a' is there twice, in columns 0 and 2.*rename one"):
+        Summary.from_arrays(X, X[:, 2], ("a", "b", "a"))
+
+
+@pytest.mark.parametrize("wrong", [np.ma.masked_greater(np.arange(3.0), 1.0), np.ones(3) + 0j])
+def test_masked_and_complex_numbers_are_refused(wrong):
+    with pytest.raises(InputError, match="y: expected plain real numbers"):
+        Summary.from_arrays(np.ones((3, 1)), wrong, ("a",))
+
+
+def test_without_columns_all_is_residual():
+    fit = Summary.from_arrays(np.empty((3, 0)), [1.0, 2.0, 2.0], ()).least_squares()
+    assert (fit.rss, fit.dof, fit.mean.shape) == (pytest.approx(9.0, rel=1e-15), 3, (0,))

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet as pq
 
 from imubayes.campaign import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
-from imubayes.rig.runs import RunSpec, simulate_runs
+from imubayes.rig import stream_files, streams
+from imubayes.rig.runs import RunSpec, read_run, simulate_runs
+from imubayes.rig.simulate import synthesise
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
 
 TRUTH = {"b0": 0.015, "b1": 3e-4, "m_j": 3.5e-4}
@@ -25,6 +33,27 @@ def problem(*, seed: int = 1, rule: NoiseRule | None = None, **options) -> Probl
     spec = SensorSpec("unit", "accelerometer", entry, lib, (run,), TRUTH)
     runs, _ = simulate_runs(spec.runs, entry, lib, truth=TRUTH, rng=np.random.default_rng(seed))
     return problem_of(spec, runs)
+
+
+def in_memory_and_streamed(folder: Path, n: int = 9000) -> tuple[Problem, Problem]:
+    """The same recording twice: its rows in memory, and read a part at a time.
+
+    Twelve positions with gaps between them, drift beside white noise, and a bias, scale and misalignment.
+    """
+    rng, interval = np.random.default_rng(5), 0.1
+    noise = Noise(6e-4, 4e-4, 3e-6)
+    t = interval * np.arange(n) + 5.0 * (np.arange(n) * 12 // n)
+    angle = 2.0 * np.pi / 12.0 * (np.arange(n) * 12 // n)
+    f_i, f_j = 9.8 * np.cos(angle), 9.8 * np.sin(angle)
+    output = f_i + 0.015 + 3e-4 * f_i + 3.5e-4 * f_j + synthesise(noise, t, interval, rng)
+    table = {"t [s]": t, "f_i [m/s^2]": f_i, "f_j [m/s^2]": f_j, "output [m/s^2]": output}
+    pq.write_table(pa.table(table), folder / "run.parquet")
+    spec = replace(problem().spec, runs=(RunSpec("r", "tumble", file=folder / "run.parquet"),), truth={})
+    whole = problem_of(spec, [read_run(spec.runs[0], spec.kind)])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(streams, "STREAMED", 1000)
+        patch.setattr(stream_files, "ROWS", 2048)
+        return whole, problem_of(spec, [read_run(spec.runs[0], spec.kind, spec.library)])
 
 
 def ground(one: Problem, seed: int = 2) -> Ground:

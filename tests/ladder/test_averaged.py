@@ -1,5 +1,7 @@
+from dataclasses import replace
+
 import numpy as np
-from ladders import ground, problem
+from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
 from imubayes.inference.at_noise import at_noise
@@ -61,3 +63,10 @@ def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():
     assert 1.0 <= sd[0] * np.sqrt(2.0 * n) < 3.0
     assert (sd[1:] > sd[0]).all()
     assert (sd <= peak.prior[:, 1] * (1.0 + 1e-9)).all()
+
+
+def test_a_streamed_run_tells_its_white_noise_as_well_as_its_rows_in_memory(tmp_path):
+    one = in_memory_and_streamed(tmp_path, 4000)[1]
+    runs = tuple(replace(run, noise=NoiseRule("white")) for run in one.spec.runs)
+    peak = peak_of(prepared(ground(replace(one, spec=replace(one.spec, runs=runs)))))
+    np.testing.assert_allclose(peak.L, 1.0 / np.sqrt(2.0 * 4000.0), rtol=1e-12)

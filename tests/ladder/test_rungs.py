@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from ladders import TRUTH, ground, problem
+from ladders import TRUTH, ground, in_memory_and_streamed, problem
 
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
@@ -116,3 +116,48 @@ def test_prior_of_the_problem_is_that_of_the_factor():
     one = problem()
     assert isinstance(one.prior, ScalePrior)
     np.testing.assert_array_equal(one.prior.sd, prepared(ground(one)).prior.sd)
+
+
+@pytest.fixture(scope="module")
+def twice(tmp_path_factory):
+    """Grounds of one recording: its rows in memory, and read a part at a time."""
+    pair = in_memory_and_streamed(tmp_path_factory.mktemp("twice"))
+    return tuple(ground_of(one, np.random.default_rng(2), lambda message: None, LONGER) for one in pair)
+
+
+LONGER = Limits(ess=200.0, time_limit=30.0, seed=3)
+
+
+@pytest.mark.parametrize(
+    "rung",
+    [
+        "means",
+        "sparse",
+        "plug-in",
+        "averaged",
+        "collapsed",
+        pytest.param("full", marks=pytest.mark.slow),
+    ],
+)
+def test_a_streamed_run_says_what_its_rows_in_memory_say(twice, rung):
+    whole, part = (stand(rung, g) for g in twice)
+    # two means from 200 effective draws each; sds and the noise from as many
+    draws = 4.0 * np.sqrt(2.0 / LONGER.ess)
+    assert np.max(np.abs(part.full_mean - whole.full_mean) / whole.full_sd) < draws
+    assert np.max(np.abs(np.log(part.full_sd / whole.full_sd))) < draws / np.sqrt(2.0)
+    assert np.max(np.abs(part.mean - whole.mean) / whole.full_sd) < draws
+    assert np.max(np.abs(part.inclusion - whole.inclusion)) < 0.05
+    # 9,000 rows tell the white noise to an sd of a percent or so, by whatever averages it is judged
+    assert abs(np.log(part.noise[0][0] / whole.noise[0][0])) < 0.04
+
+
+def test_a_streamed_run_is_as_large_as_its_rows_in_memory(twice):
+    whole, part = (size_of(g.problem) for g in twice)
+    assert (whole.rows, whole.streamed) == (9000, 0)
+    assert (part.rows, part.streamed) == (9000, 9000)
+    assert (part.columns, part.candidates, part.runs) == (whole.columns, whole.candidates, whole.runs)
+
+
+def test_every_row_at_every_step_is_refused_where_rows_are_not_held(twice):
+    with pytest.raises(InputError, match=r"raw is not for this study.*a part at a time.*take full"):
+        stand("raw", twice[1])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from imubayes.planning.fidelity import Choice
 from imubayes.planning.observability import Confounded
 from imubayes.reporting.chain_words import changes, diagnoses, distrust_sentence
 from imubayes.reporting.words import answer, sensor_groups
@@ -13,6 +14,18 @@ def test_answer_says_first_that_the_chains_have_not_converged_and_why(make_sampl
     first, second, *_ = answer(make_sampled(converged=False))
     assert first.startswith("ACC-07: the chains have not converged (b2 has R-hat 1.83).")
     assert "5 of 20 terms are needed" in second
+
+
+@pytest.mark.parametrize(
+    ("given", "remedy"), [("budget", "a larger --budget"), ("accuracy", "a longer --time-limit")]
+)
+def test_chains_of_a_rung_cannot_be_resumed_and_nobody_is_told_to(make_sampled, given, remedy) -> None:
+    told = Choice("raw", "so much", 4.0, 9.0, (), None, 0.0, (0.0, 0.0), "the top")
+    sensor = replace(make_sampled(converged=False), choice=replace(told, **{given: 1.0}))
+    first = answer(sensor)[0]
+    assert remedy in first
+    assert "--resume" not in first
+    assert "--resume" in answer(replace(sensor, choice=None))[0]
 
 
 def test_answer_states_the_method_and_why_in_its_second_sentence(make_sampled) -> None:

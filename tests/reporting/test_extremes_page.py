@@ -39,6 +39,21 @@ def test_an_answer_that_claims_too_much_is_counted_in_the_first_sentence(found):
     assert "6 is NaN or infinite" in extremes_answer(_with(found, Told(-math.inf, 5.0)))[0]
 
 
+def test_problems_that_were_refused_are_counted_beside_the_promise(found):
+    first = Outcome("noise", "1", 2.0, True, dict.fromkeys(QUANTITIES, Told(9.0, 8.0)), (), 40)
+    refused = replace(first, told=dict.fromkeys(QUANTITIES, Told(math.nan, math.nan)), refused=("why",))
+    answer = " ".join(extremes_answer(replace(found, outcomes=(first, refused))))
+    assert "That leaves out 1 of 2 such problems, which were refused" in answer
+    assert "leaves out" not in " ".join(extremes_answer(replace(found, outcomes=(first,))))
+
+
+def test_the_promise_says_for_how_many_rows_it_was_measured(found):
+    first = Outcome("noise", "1", 2.0, True, dict.fromkeys(QUANTITIES, Told(9.0, 8.0)), (), 40)
+    copies = replace(first, family="rows", rows=10**9)
+    answer = " ".join(extremes_answer(replace(found, outcomes=(first, replace(first, rows=100_000), copies))))
+    assert "40 to 100,000 rows, and up to 1e+09 of a short record stacked on itself" in answer
+
+
 def test_numbers_of_every_case_are_in_the_result(found):
     document = json.loads(extremes_json(found))
     assert [case["case"] for case in document["cases"]] == [one.label for one in found.outcomes]

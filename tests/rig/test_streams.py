@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import h5py
 import numpy as np
 import pyarrow as pa
@@ -232,3 +234,14 @@ def test_progress_is_told_with_rows_a_second(tmp_path, monkeypatch):
     read_run(spec, "accelerometer", LIB, tell=said.append)
     assert said[-1].startswith("reading: 20,000 of about 20,000 rows, ")
     assert said[-1].endswith(" rows/s")
+
+
+def test_another_process_reads_the_same_rows(tmp_path):
+    said: list[str] = []
+    run = read_run(
+        RunSpec("r", "other", file=parquet(recording(), tmp_path)), "accelerometer", LIB, tell=said.append
+    )
+    sent = pickle.loads(pickle.dumps(run))
+    for part, other in zip(run.stream.parts("reading"), sent.stream.parts("reading"), strict=True):
+        np.testing.assert_array_equal(part.t, other.t)
+        np.testing.assert_array_equal(part.output, other.output)

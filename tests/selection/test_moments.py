@@ -80,7 +80,8 @@ def _expectations(prior, n, dof, k, u):
 
     total = mean_of(lambda s, r: 1.0)
     moments = [lambda s, r: s, lambda s, r: s * s, lambda s, r: s * r, lambda s, r: r]
-    return [math.log(total), *(mean_of(of) / total for of in moments)]
+    s, square, shrunk, left = (mean_of(of) / total for of in moments)
+    return [math.log(total), s, square - s * s, shrunk, left]
 
 
 @pytest.mark.parametrize("prior", [HyperG(3.0), HyperG(4.0), ZellnerSiow(1.0), ZellnerSiow(0.3)])
@@ -97,7 +98,15 @@ def test_a_fixed_g_gives_the_closed_bayes_factor_and_shrinkage(u, k, g):
     found = g_integrals(np.array([u]), np.array([k]), 10.0, *g_nodes(GPrior(g), 11))[0]
     s, r = g / (1.0 + g), (1.0 + g * u) / (1.0 + g)
     log_factor = 0.5 * (10 - k) * math.log1p(g) - 5.0 * math.log1p(g * u)
-    np.testing.assert_allclose(found, [log_factor, s, s * s, s * r, r], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found, [log_factor, s, 0.0, s * r, r], rtol=1e-12, atol=1e-12)
+
+
+def test_the_variance_of_the_shrinkage_keeps_its_digits_beside_a_strong_signal():
+    """For u -> 0 and large g, ``1/g`` is about gamma of shape s = (k + a)/2 - 1 and rate dof u^-1/2."""
+    u, k, dof = 1e-14, 2, 1e6
+    found = g_integrals(np.array([u]), np.array([k]), dof, *g_nodes(HyperG(3.0), 10))[0]
+    shape, rate = 0.5 * (k + 3.0) - 1.0, 0.5 * dof / u
+    assert found[2] == pytest.approx(shape / rate**2, rel=1e-4)
 
 
 @pytest.mark.parametrize("a", [2.5, 3.0, 4.0])

@@ -3,18 +3,23 @@
 import math
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet as pq
 
-from imubayes.inference.linear import Linear
+from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import fit_draws, fit_mode
 from imubayes.inference.noise_limits import detection_limits
 from imubayes.inference.noise_models import likelihood, noise_data
 from imubayes.inference.noise_rows import noise_rows
+from imubayes.rig import stream_survey, streams
 from imubayes.rig.quiet import quiet_log
+from imubayes.rig.runs import RunSpec, read_run
 from imubayes.selection.noise_choice import identify_noise
 from imubayes.selection.noise_found import NoiseQuestion, noise_of
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
+from imubayes.sensors.terms import library
 
 CONSUMER = sensor("mems_consumer", kind="gyroscope")
 INTERVAL = 0.1
@@ -178,3 +183,27 @@ def test_catalogue_wide_intervals_cover_and_sets_are_right_above_their_limits():
     assert found >= 0.95 * above - 4.0 * math.sqrt(0.0475 * above)
     assert right >= 0.95 * judged - 4.0 * math.sqrt(0.0475 * judged)
     assert false <= 0.01 * 120 * len(OPTIONAL)
+
+
+def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_path, monkeypatch):
+    """Quantization shows in single samples of a stretch, random walk in averages over the whole run."""
+    noise = usual(Q=3.0, K=20.0)
+    samples = 40_000
+    y = quiet_log(noise, samples, INTERVAL, np.random.default_rng(2))
+    table = {"t [s]": INTERVAL * np.arange(samples), "output [rad/s]": y}
+    pq.write_table(pa.table(table), tmp_path / "log.parquet")
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    monkeypatch.setattr(stream_survey, "STRETCH", 4096)
+    lib = library("gyroscope", powers=1, asymmetry=-1)
+    run = read_run(RunSpec("log", "static", file=tmp_path / "log.parquet"), "gyroscope", lib)
+    rows = linear_of(run, lib)
+    candidates = ("B", "K", "Q")
+    theta = np.zeros(len(lib.names))
+    found = noise_of(rows, theta, CONSUMER, rng=np.random.default_rng(1), candidates=candidates)
+    assert found.choice.identified == ("K", "Q")
+    assert found.choice.samples == samples
+    for name in ("N", "K", "Q"):
+        told = found.choice.size(name)
+        assert abs(getattr(noise, name) - told.mean) < 4.0 * told.sd
+    assert found.fit is not None
+    assert "Q" not in found.fit.names

@@ -1,15 +1,23 @@
+from dataclasses import replace
+
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet as pq
 from trades import SHORT, in_this_process, measured, mission, problem, told, trade
 
 from imubayes.errors import InputError
 from imubayes.ladder.answer import change
-from imubayes.ladder.problem import ground_of
+from imubayes.ladder.problem import ground_of, problem_of
 from imubayes.ladder.rungs import stand
+from imubayes.planning.fidelity import NEEDS_ROWS
+from imubayes.reporting.trade_words import trade_answer
+from imubayes.rig import streams
+from imubayes.rig.runs import RunSpec, read_run
 from imubayes.selection.relevance import exposure
 from imubayes.trade import measure
 from imubayes.trade.differ import apart, best_of, difference
-from imubayes.trade.plan import rungs_of
+from imubayes.trade.plan import Subject, rungs_of
 from imubayes.trade.subjects import with_options
 from imubayes.trade.told import told_of
 
@@ -88,3 +96,21 @@ def test_rungs_that_cannot_be_traded_are_refused(asked):
 def test_a_negative_number_of_repeats_is_refused():
     with pytest.raises(InputError, match="-1 repeats"):
         with_options(trade(), repeats=-1)
+
+
+def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(monkeypatch, tmp_path):
+    one = problem()
+    run = one.runs[0]
+    table = {"t [s]": run.inputs.t, "output [m/s^2]": run.output}
+    table |= {f"{name} [m/s^2]": values for name, values in run.inputs.channels.items() if name[0] == "f"}
+    pq.write_table(pa.table(table), tmp_path / "run.parquet")
+    spec = replace(one.spec, runs=(RunSpec("r", "tumble", file=tmp_path / "run.parquet"),))
+    monkeypatch.setattr(streams, "STREAMED", 100)
+    streamed = problem_of(spec, [read_run(spec.runs[0], spec.kind, spec.library)])
+    monkeypatch.setattr(measure, "measured", in_this_process)
+    asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in", "raw"), missions=())
+    found = measure.measure(asked)
+    assert [place.rung for place in found.places] == ["means", "plug-in"]
+    assert found.standings[0].skipped == (("raw", NEEDS_ROWS),)
+    assert found.scores == found.dear == ()
+    assert any("no simulated repeats" in text for text in trade_answer(found))

@@ -148,7 +148,7 @@ def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Lim
     readable = [target.readable(chain) for chain in chains]
     ess, tau = effective_size(readable)
     rhat = split_rhat(readable)
-    missing = _missing(ess, rhat, tau, steps - drop, limits)
+    missing = wanting(ess, rhat, tau, steps - drop, limits)
     return History(
         chains=chains,
         log_prob=tuple(sampler.get_log_prob()[drop:] for sampler in samplers),
@@ -158,11 +158,11 @@ def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Lim
         acceptance=float(np.mean([sampler.acceptance_fraction for sampler in samplers])),
         seconds=seconds,
         converged=not missing,
-        text=f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed",
+        text=verdict(missing),
     )
 
 
-def _missing(ess: FloatArray, rhat: FloatArray, tau: FloatArray, steps: int, limits: Limits) -> list[str]:
+def wanting(ess: FloatArray, rhat: FloatArray, tau: FloatArray, steps: int, limits: Limits) -> list[str]:
     """What is still missing, in words; nothing when the chains may end."""
     found = []
     if ess.min() < limits.ess:
@@ -172,6 +172,11 @@ def _missing(ess: FloatArray, rhat: FloatArray, tau: FloatArray, steps: int, lim
     if steps < LONG * tau.max():
         found.append(f"{steps} steps are fewer than {LONG:.0f} autocorrelation times of {tau.max():.1f}")
     return found
+
+
+def verdict(missing: Sequence[str]) -> str:
+    """Say why chains ended, given what is `wanting`."""
+    return f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
 
 
 def _message(done: History, limits: Limits, elapsed: float) -> str:

@@ -123,7 +123,7 @@ def whitenings(
     anywhere = low + (high - low) * rng.random((ANYWHERE, 2))
     bare = Whitenings(0, low, high, flat, (1, 1), np.empty((0, 0)), 0.0, top)
     return tuple(
-        _interpolated(split, replace(bare, n=len(part)), probes, anywhere)
+        _interpolated(split, replace(bare, n=part.samples), probes, anywhere)
         for split, part in zip(splits, rows, strict=True)
     )
 
