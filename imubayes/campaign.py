@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.misfit import Misfit
+from imubayes.inference.recovered import Recovered
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.sessions import Repeatability
@@ -21,6 +22,7 @@ from imubayes.planning.fidelity import Choice
 from imubayes.planning.observability import Observability
 from imubayes.rig.runs import RunSpec
 from imubayes.rig.scenes import Scene
+from imubayes.selection.class_needs import ClassInCommon
 from imubayes.selection.decision import Selection
 from imubayes.selection.kernels import Budget
 from imubayes.selection.noise_found import NoiseFound, NoiseQuestion
@@ -51,7 +53,8 @@ class SensorSpec:
     robust : whether dwells may be contaminated by outliers.
     unit, session : for a unit that was tested in several sessions, which ones are the same unit; empty else.
     gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its
-        accelerometers.
+        accelerometers. Its truth is by component and term, ``ax.b0``.
+    bench_drawn : whether the bench of simulated runs has errors, drawn from `reference`.
     """
 
     id: str
@@ -66,6 +69,7 @@ class SensorSpec:
     unit: str = ""
     session: str = ""
     gyroscope: SensorSpec | None = None
+    bench_drawn: bool = False
 
     def of(self, kind: Kind) -> SensorSpec:
         """What is asked of the components of a kind."""
@@ -227,6 +231,8 @@ class SensorResult:
     processes : noise processes of the runs that were asked for them.
     pooled : inclusion of each term in one model for all components of its kind in the case, by name; empty
         for a single component.
+    recovered : known quantities of the case's runs before and after compensation, alike for all of its
+        components; none where inputs are known.
     """
 
     id: str
@@ -252,6 +258,8 @@ class SensorResult:
     choice: Choice | None = None
     processes: tuple[NoiseFound, ...] = ()
     pooled: Mapping[str, float] = field(default_factory=dict)
+    pulls: Mapping[str, FloatArray] = field(default_factory=dict)
+    recovered: tuple[Recovered, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -264,12 +272,14 @@ class StudyResult:
     sensors : one entry per component.
     sessions : what sessions of one unit have in common.
     scenes : (id of a component, what a scene requires of it), scene by scene.
+    classes : what the units of each class have in common.
     """
 
     study: Study
     sensors: tuple[SensorResult, ...]
     sessions: tuple[Repeatability, ...] = ()
     scenes: tuple[tuple[str, Relevance], ...] = ()
+    classes: tuple[ClassInCommon, ...] = ()
 
 
 def file_name(name: str) -> str:

@@ -252,7 +252,10 @@ def noise_scale(f: Factor, sd: FloatArray) -> float:
     coefficients, sd (p,), leaves.
     """
     if f.n >= PLENTY * f.p:
-        return abs(float(f.R[-1, -1])) / math.sqrt(f.n - f.p) or 1.0
+        # the row of a column that was not excited holds a share of the residual, which depends on the blocks
+        R = f.R[:, np.append(np.any(f.R[:, :-1] != 0.0, axis=0), True)]
+        left = np.asarray(np.linalg.qr(R, mode="r")) if R.shape[1] <= f.p else R
+        return abs(float(left[-1, -1])) / math.sqrt(f.n - R.shape[1] + 1) or 1.0
     scale = 1.0
     for _ in range(SCALE_STEPS):
         scale = abs(float(with_prior_rows(f.R, scale / sd)[-1, -1])) / math.sqrt(f.n) or 1.0
@@ -277,21 +280,6 @@ def posterior_root(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[Float
     T = with_prior_rows(f.R, scale / sd)
     inverse = invert_triangular(T[:-1, :-1])
     return inverse @ T[:-1, -1], scale * inverse
-
-
-def correlation(f: Factor, sd: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Correlation (q, q) of the q named coefficients under a normal prior, sds (p,), in units of the noise.
-
-    Examples
-    --------
-    >>> f = factor_of(np.array([[1.0, 1.0], [0.0, 1.0]]), np.zeros(2), ("a", "b"))
-    >>> correlation(f, np.full(2, 1e9), ("a", "b")).round(3).tolist()
-    [[1.0, -0.707], [-0.707, 1.0]]
-    """
-    rows = invert_triangular(with_prior_rows(f.R, 1.0 / sd)[:-1, :-1])
-    rows = rows[[f.names.index(name) for name in names]]
-    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    return rows @ rows.T
 
 
 def least_squares(f: Factor) -> LeastSquares:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from imubayes.errors import StudyError
 from imubayes.inference.case import Asked, Case, tumble_case
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
 from imubayes.inference.norm_only import solve_free_tumble
 from imubayes.inference.nuisances import extras_for, rows_with, solve
@@ -19,16 +20,18 @@ from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import calibration, triad_of
-from imubayes.rig.inputs import ImuRun, Run, TriadRun
+from imubayes.inference.triad_angles import angles_of
+from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
+from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, Run, TriadRun
 from imubayes.rig.reference import KINDS, effective
-from imubayes.rig.runs import FERRARIS, OUTPUT_UNIT, read_imu_run, read_run, simulate_runs
+from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec, read_run, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import factor
 
-AnyRun = Run | TriadRun | ImuRun
+AnyRun = Run | CaseRun
 """What a run of a study is read as."""
 
 
@@ -40,17 +43,22 @@ def runs_of(
     Long files are read a part at a time, unless errors of the bench or robust dwells need all rows at once;
     `tell` is told how far that is.
     """
-    if spec.gyroscope:
-        return tuple(read_imu_run(s) for s in spec.runs)
     lib = None if spec.reference or spec.robust else spec.library
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
-    return tuple(
-        simulated[s.name] if s.simulate else read_run(s, spec.kind, lib, tell=tell) for s in spec.runs
-    )
+
+    def read(one: RunSpec) -> AnyRun:
+        return read_imu_run(one) if spec.gyroscope else read_run(one, spec.kind, lib, tell=tell)
+
+    return tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
 
 
-def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:
-    """Simulate the runs of one sensor of a study; give them with the coefficients behind them.
+def simulate_sensor(
+    spec: SensorSpec, seed: int, index: int
+) -> tuple[tuple[Run | KnownRun, ...], Mapping[str, float]]:
+    """Simulate the runs of one sensor of a study; give them with what is behind them.
+
+    That is the coefficients by name, of a whole IMU by component and term (``ax.b0``), and the errors of the
+    bench where they are drawn, SI.
 
     Parameters
     ----------
@@ -66,7 +74,17 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
     if not wanted or spec.sensor_class is None:
         return (), {}
     rng = np.random.default_rng([seed, index])
-    return simulate_runs(wanted, spec.sensor_class, spec.library, truth=spec.truth, rng=rng)
+    if spec.gyroscope and spec.gyroscope.sensor_class:
+        halves = (spec, spec.gyroscope)
+        made = Made(
+            classes={"accelerometer": spec.sensor_class, "gyroscope": spec.gyroscope.sensor_class},
+            libraries={one.kind: one.library for one in halves},
+            truth={**spec.truth, **spec.gyroscope.truth},
+            bench={one.kind: one.reference for one in halves} if spec.bench_drawn else {},
+        )
+        return simulate_imu(wanted, made, rng)
+    bench = spec.reference if spec.bench_drawn else {}
+    return simulate_runs(wanted, spec.sensor_class, spec.library, truth=spec.truth, bench=bench, rng=rng)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,13 +192,15 @@ def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
     return ScalePrior([*prior.sd, *(extra.sd for extra in extras)])
 
 
-def prepare_case(spec: SensorSpec, runs: Sequence[TriadRun | ImuRun]) -> tuple[Case, Prepared]:
+def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = False) -> tuple[Case, Prepared]:
     """Linearise runs of several components in one case, and give the linear problem that comes of it.
 
     Parameters
     ----------
     spec : of a triad of accelerometers, or of an IMU.
-    runs : free tumbles of a triad; all free tumbles or all with known sections of an IMU.
+    runs : free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
+        inputs.
+    blind : do not look at what the sensor said where inputs are known, so that nothing is fitted.
 
     Raises
     ------
@@ -188,10 +208,9 @@ def prepare_case(spec: SensorSpec, runs: Sequence[TriadRun | ImuRun]) -> tuple[C
     ConvergenceError : if a linearisation does not settle.
     """
     prior, source = _triad_prior(spec)
-    imu = [run for run in runs if isinstance(run, ImuRun)]
-    if spec.gyroscope and imu:
+    if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
-        case = _imu_case(spec, imu, (prior, own))
+        case = _imu_case(spec, runs, (prior, own), blind=blind)
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
     else:
         free = [run for run in runs if isinstance(run, TriadRun)]
@@ -202,19 +221,37 @@ def prepare_case(spec: SensorSpec, runs: Sequence[TriadRun | ImuRun]) -> tuple[C
             )
         )
     whole = _with_extras(prior, case.summary.extras)
+    if _referenced(spec):
+        case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
     return case, Prepared(runs, case.summary, case.rows, whole, source)
 
 
-def _imu_case(spec: SensorSpec, runs: Sequence[ImuRun], priors: tuple[ScalePrior, ScalePrior]) -> Case:
+def _imu_case(
+    spec: SensorSpec, runs: Sequence[CaseRun], priors: tuple[ScalePrior, ScalePrior], *, blind: bool
+) -> Case:
     """Characterise an IMU in one piece, by what its runs know."""
-    gyroscope = spec.of("gyroscope")
+    known = [run for run in runs if isinstance(run, KnownRun)]
     asked = [
-        Asked(one.library, prior, one.sensor_class, _rules(one, runs))
-        for one, prior in zip((spec, gyroscope), priors, strict=True)
+        Asked(
+            one.library,
+            prior,
+            one.sensor_class,
+            _noise_before_fit(one) if blind and known else _rules(one, runs),
+            one.reference,
+        )
+        for one, prior in zip((spec, spec.of("gyroscope")), priors, strict=True)
     ]
-    if runs[0].procedure == FERRARIS:
-        return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
-    return solve_imu_tumble(runs, *asked, gravity=_gravity(spec))
+    if known:
+        return solve_known_case(known, *asked, blind=blind)
+    partly = [run for run in runs if isinstance(run, ImuRun)]
+    if partly[0].procedure == FERRARIS:
+        return solve_ferraris(partly, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
+    return solve_imu_tumble(partly, *asked, gravity=_gravity(spec))
+
+
+def _referenced(spec: SensorSpec) -> bool:
+    """Whether the runs of a case know directions, and not only the size of gravity."""
+    return spec.runs[0].procedure != FREE_TUMBLE
 
 
 def _both(accelerometer: str, gyroscope: str) -> str:
@@ -262,10 +299,11 @@ def _triad_prior(spec: SensorSpec) -> tuple[ScalePrior, str]:
     ------
     StudyError : if the study names no class.
     """
-    libraries = triad_of(spec.library, referenced=spec.runs[0].procedure == FERRARIS).libraries
+    libraries = triad_of(spec.library, referenced=_referenced(spec)).libraries
     if spec.sensor_class is None:
         raise StudyError(
-            f"sensor '{spec.id}': a free tumble needs a class: the directions alone give no prior"
+            f"sensor '{spec.id}': several components in one case need a class, which gives their priors:"
+            ' add class = "..." (imubayes catalogue lists them)'
         )
     return _overridden(
         np.concatenate([class_sd(spec.sensor_class, lib) for lib in libraries]), spec, libraries
@@ -305,8 +343,9 @@ def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[d
     theta : coefficients of all of them, SI.
     """
     parts = np.split(np.asarray(theta, dtype=float), [len(case.triads[0].theta)])
+    angles = {"angles": [asdict(angle) for angle in case.angles]} if case.angles else {}
     return [
-        row
+        row | angles
         for triad, mean in zip(case.triads, parts, strict=False)
         for row in calibration(
             replace(triad, theta=mean), [nominal_columns(spec, name) for name in triad.components]

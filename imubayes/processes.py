@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import Pipe, connection, get_context, parent_process
+from multiprocessing import Pipe, connection, get_context
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
@@ -109,13 +109,29 @@ def as_done(
                 yield index, Lost()
 
 
+def elsewhere(work: Callable[..., Found], *job: Any) -> Found | Lost:
+    """Do one job in a process of its own, which has all threads; `Lost` where that does not survive it.
+
+    Examples
+    --------
+    >>> elsewhere(pow, 2, 3)
+    8
+    """
+    return dict(_until_one_dies(work, {0: job}, 1, 1, one_thread=False)).get(0, Lost())
+
+
 def _until_one_dies(
-    work: Callable[..., Found], left: dict[int, tuple[Any, ...]], processes: int, ahead: int
+    work: Callable[..., Found],
+    left: dict[int, tuple[Any, ...]],
+    processes: int,
+    ahead: int,
+    *,
+    one_thread: bool = True,
 ) -> Generator[tuple[int, Found], None, list[int]]:
     """Give results and take their jobs from `left`; return those of the `ahead` in flight when one died."""
     queue, flight = iter(list(left)), dict[Future[Found], int]()
     held, own = Pipe(duplex=False)
-    spawned = {"mp_context": get_context("spawn"), "initializer": _alone, "initargs": (held,)}
+    spawned = {"mp_context": get_context("spawn"), "initializer": _alone, "initargs": (held, one_thread)}
     with held, own, ProcessPoolExecutor(processes, **spawned) as pool:
         try:
             while left:
@@ -160,29 +176,18 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _alone(held: Connection) -> None:
-    """Leave linear algebra to one thread, as the processes share the cores, and interrupts to the parent.
+def _alone(held: Connection, one_thread: bool) -> None:
+    """Leave linear algebra to one thread, where processes share the cores, and interrupts to the parent.
 
     `held` is a pipe whose other end only the parent has: this process ends when that is closed, or dies with
-    the parent.
+    the parent. One that worked for nobody would hold its core, and make others look slow.
     """
     from threadpoolctl import threadpool_limits
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threadpool_limits(1)
-    _end_with(held)
+    if one_thread:
+        threadpool_limits(1)
 
-
-def end_with_parent() -> None:
-    """Let this process end when the one that started it does, even if that was killed in mid-job.
-
-    A process that works for nobody would hold its core, and make others look slow.
-    """
-    if parent := parent_process():
-        _end_with(parent.sentinel)
-
-
-def _end_with(held: Connection | int) -> None:
     def follow() -> None:
         connection.wait([held])
         os._exit(1)

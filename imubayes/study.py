@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from imubayes import factor as algebra
+from imubayes.calibrated import of_case
 from imubayes.campaign import (
     ExtraPosterior,
     SensorCheck,
@@ -25,13 +26,16 @@ from imubayes.campaign import (
     StudyResult,
     file_name,
 )
+from imubayes.classes import of_study
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Case
+from imubayes.inference.correlations import correlation, pulls
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.misfit import Misfit, find_misfit
+from imubayes.inference.noise_at_rest import rows_at_rest
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
 from imubayes.ladder.climb import by_accuracy, by_budget
 from imubayes.ladder.costs import calibrate
@@ -42,18 +46,15 @@ from imubayes.preparation import (
     AnyRun,
     Prepared,
     before_fit,
-    compensation,
     prepare,
     prepare_case,
     runs_of,
 )
-from imubayes.repeats import between_sessions
-from imubayes.rig.inputs import ImuRun, Run, TriadRun
+from imubayes.rig.inputs import CaseRun, Run
 from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
-from imubayes.selection.noise_found import NoiseFound, noise_of
+from imubayes.selection.noise_found import processes_of
 from imubayes.selection.panel import Panel, panel_of
-from imubayes.selection.pooled import pooled_by_kind
 
 DRAWS = 2000
 """Posterior and prior draws that a result carries."""
@@ -84,10 +85,9 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
             else:
                 found = _case(job, case) if case else [_single(job, _of_component(runs))]
             results.append((spec, found))
-    components = tuple(one for _, found in results for one in found)
     if study.scenes:
         progress(f"what {len(study.scenes)} scenes require")
-    return StudyResult(study, components, between_sessions(results), required(study.scenes, results))
+    return of_study(study, results, required(study.scenes, results))
 
 
 def check(study: Study) -> tuple[SensorCheck, ...]:
@@ -110,8 +110,8 @@ def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
     return SensorCheck(spec.id, spec.library, _observed(ready), ready.summary.extras)
 
 
-def _case_check(spec: SensorSpec, runs: Sequence[TriadRun | ImuRun]) -> list[SensorCheck]:
-    case, ready = prepare_case(spec, runs)
+def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
+    case, ready = prepare_case(spec, runs, blind=True)
     return [
         SensorCheck(
             f"{spec.id}.{one.name}",
@@ -180,7 +180,7 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     )
     inputs = [run.inputs.channels for run in ready.runs if isinstance(run, Run)]
     told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
-    processes = tuple(_processes(job, ready, theta))
+    processes = processes_of(job.study.noise, ready.rows, spec.sensor_class, theta=theta, **_told_to(job))
     result = _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
     return replace(result, processes=processes)
 
@@ -206,23 +206,23 @@ def _on_ladder(job: _Job, runs: Sequence[AnyRun]) -> SensorResult:
     return replace(result, choice=choice, chains=chains)
 
 
-def _case(job: _Job, runs: Sequence[TriadRun | ImuRun]) -> list[SensorResult]:
+def _case(job: _Job, runs: Sequence[CaseRun]) -> list[SensorResult]:
     """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
     start, spec = time.perf_counter(), job.spec
     job.tell("stills, noise and linearisation")
     case, ready = prepare_case(spec, runs)
     posterior = _sampled(job, ready)
     told = _components(job, case, ready, posterior)
-    selections = [one.selection for one in told]
-    rows = compensation(spec, case, [term.mean for one in selections for term in one.terms])
-    pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
+    shared = of_case(spec, case, ready, [one.selection for one in told])
+    resting, asking = rows_at_rest(runs, case), _told_to(job)
     seconds = (time.perf_counter() - start) / len(told)
     results = []
-    for one, said, row in zip(case.components, told, rows, strict=True):
+    for one, said, fields in zip(case.components, told, shared, strict=True):
         own = replace(job, spec=spec.of(one.library.kind))
         part = _part(ready, one.parts)
         found = _result(own, f"{spec.id}.{one.name}", part, posterior, said, seconds)
-        results.append(replace(found, calibration=row, pooled=pooled[one.library.kind]))
+        noises = processes_of(job.study.noise, resting[one.name], own.spec.sensor_class, **asking)
+        results.append(replace(found, processes=noises, **fields))
     return results
 
 
@@ -241,7 +241,7 @@ def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -
         job.tell(f"every model of {len(one.library.terms)} terms of {one.name}")
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
         selection = select(own.summary, own.prior, component=one.name, **_asked(job, posterior))
-        panel = _panel(job, own, posterior, selection)
+        panel = _panel(job, own, posterior, selection, one.parts)
         told.append(_Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts]))
     return told
 
@@ -290,7 +290,9 @@ def _asked(job: _Job, posterior: _Posterior) -> dict[str, Any]:
     }
 
 
-def _panel(job: _Job, ready: Prepared, posterior: _Posterior, selection: Selection) -> Panel | None:
+def _panel(
+    job: _Job, ready: Prepared, posterior: _Posterior, selection: Selection, parts: Sequence[int] = ()
+) -> Panel | None:
     """Ask the other methods, unless the study does without."""
     if not job.study.compare:
         return None
@@ -303,6 +305,7 @@ def _panel(job: _Job, ready: Prepared, posterior: _Posterior, selection: Selecti
         rng=np.random.default_rng([*job.seed, 2]),
         chains=posterior.sampled.chains if posterior.sampled else None,
         hierarchical=job.study.hierarchical,
+        parts=parts,
     )
 
 
@@ -312,14 +315,9 @@ def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray
     return find_misfit(ready.rows, inputs, ready.summary, ready.prior.sd, rng=rng)
 
 
-def _processes(job: _Job, ready: Prepared, theta: np.ndarray) -> Iterator[NoiseFound]:
-    """Identify the noise processes of the runs that are asked for them."""
-    asked, sensor = job.study.noise, job.spec.sensor_class
-    rng = np.random.default_rng([*job.seed, 4])
-    for rows in ready.rows:
-        if asked.asks(rows):
-            job.tell(f"noise processes of {rows.name}")
-            yield noise_of(rows, theta, sensor, rng=rng, candidates=asked.candidates)
+def _told_to(job: _Job) -> dict[str, Any]:
+    """What the search for noise processes is given: draws of its own, and whom it tells."""
+    return {"rng": np.random.default_rng([*job.seed, 4]), "tell": job.tell}
 
 
 def _result(
@@ -353,7 +351,8 @@ def _result(
         distrusted=ready.distrusted,
         panel=told.panel,
         misfit=told.misfit,
-        correlation=algebra.correlation(ready.summary.factor, ready.prior.sd, selection.columns),
+        correlation=correlation(ready.summary.factor, ready.prior.sd, selection.columns),
+        pulls=pulls(ready.summary.factor, ready.prior.sd, selection.columns),
     )
 
 
@@ -383,9 +382,9 @@ def _named(spec: SensorSpec) -> Iterator[None]:
         raise UnobservableError(f"sensor '{spec.id}': {error}", error.terms) from None
 
 
-def _of_case(runs: Sequence[AnyRun]) -> list[TriadRun | ImuRun]:
+def _of_case(runs: Sequence[AnyRun]) -> list[CaseRun]:
     """Runs of several components among the runs; a sensor has all of them or none."""
-    return [run for run in runs if isinstance(run, TriadRun | ImuRun)]
+    return [run for run in runs if isinstance(run, CaseRun)]
 
 
 def _of_component(runs: Sequence[AnyRun]) -> list[Run]:

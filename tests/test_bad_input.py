@@ -136,7 +136,10 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
     "missing name": (_study('name = "tumble"', ""), ("sensor[0].run[0].name", "missing")),
     "wrong type": (_study("seed = 1", 'seed = "one"'), ("study.seed", "'one'")),
     "unknown kind": (_study('"accelerometer"', '"magnetometer"'), ("sensor[0].kind", "'magnetometer'")),
-    "imu": (_study('"accelerometer"', '"imu"'), ("sensor[0].run[0].procedure", "for a whole IMU")),
+    "imu": (
+        _study('"accelerometer"', '"imu"'),
+        ("run.csv: column 'f_i [g]'", "expected the inputs along the axes of the case, f_x f_y f_z"),
+    ),
     "unknown class": (_study("mems_tactical", "mems_tactial"), ("sensor[0].class", "mems_tactical")),
     "class of the other kind": (_study("mems_tactical", "mech_dtg"), ("sensor[0].class", "gyroscope")),
     "unknown procedure": (

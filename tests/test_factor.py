@@ -264,3 +264,16 @@ def test_least_squares_loses_no_more_than_the_condition_number_of_the_doubles_gi
     backward = p * 2.0**-64 * (condition * np.linalg.norm(y) + condition**2 * math.sqrt(found.rss))
     rounding = 2.0**-53 * np.abs(found.mean)
     assert np.all(error <= rounding + backward / np.linalg.norm(X, axis=0))
+
+
+def test_columns_without_input_leave_the_noise_scale_alone_whatever_the_blocks():
+    rng = np.random.default_rng(6)
+    X, y = rng.normal(size=(60, 15)), rng.normal(size=60)
+    X[:, 2:12] = 0.0
+    names = tuple(f"x{k}" for k in range(15))
+    whole = factor_of(X, y, names)
+    halves = add(factor_of(X[:23], y[:23], names), factor_of(X[23:], y[23:], names))
+    left = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    expected = np.sqrt(left @ left / (60 - 5))
+    for one in (whole, halves):
+        assert algebra.noise_scale(one, np.ones(15)) == pytest.approx(expected, rel=1e-10)

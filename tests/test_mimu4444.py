@@ -182,6 +182,28 @@ def test_eight_units_come_back_in_all_but_their_biases(whole, measured):
 
 
 @pytest.mark.slow
+def test_class_needs_bias_scale_and_misalignment_and_its_turn_on_is_common_to_all_units(whole, measured):
+    """Eight units on one board: what a session does, it does to all of them."""
+    result, _ = whole
+    (found,) = result.classes
+    terms = {term.parameter.name: term for term in found.terms}
+    verdicts = {name: term.need.verdict for name, term in terms.items()}
+    assert (len(found.units), found.sessions, found.components) == (8, ("1", "2", "3"), COMPONENTS)
+    needed = {f"{axis}.{name}" for axis in COMPONENTS for name in ("b0", "b1")} | {"ay.m_j", "ax.m_k"}
+    assert {name for name, verdict in verdicts.items() if verdict == "needed" and "." in name} == needed
+    assert verdicts["ax.m_j"] == "not needed"
+    for name in ("b2", "c_ij", "c_jj", "S_ij", "s_k"):
+        assert verdicts[name] == "cannot tell"
+    bias, scale = terms["b0"].spreads, terms["b1"].spreads
+    measured("mg: b0 between sessions, of 8 units that move together", round(bias.turn_on.value / MG, 3))
+    # the sd of units that move independently is inside the interval of those that need not
+    between = next(one for one in result.sessions if one.parameter == "b0").between[0]
+    assert bias.turn_on.low < between < bias.turn_on.high < 2.5 * MG
+    assert terms["az.b0"].spreads.common_share.low > 0.7
+    assert scale.turn_on.high < 100.0 * PPM < 0.05 * scale.unit.value
+
+
+@pytest.mark.slow
 def test_noise_model_holds_within_a_session_but_for_the_first_second_of_a_still(whole):
     """The board rocks for a moment where it is put down; the fourth unit's x axis is filtered otherwise."""
     result, _ = whole

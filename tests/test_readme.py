@@ -16,6 +16,7 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
 from imubayes.campaign import ExtraPosterior, Mission, Sampling
+from imubayes.classes import in_common
 from imubayes.config import (
     read_extremes,
     read_fleet,
@@ -29,7 +30,10 @@ from imubayes.config import (
 from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
+from imubayes.inference.recovered import Recovered
 from imubayes.inference.sessions import Repeatability
+from imubayes.reporting.case_views import case_records, recovered_record
+from imubayes.reporting.population_results import class_entry
 from imubayes.reporting.results import result_dict
 from imubayes.reporting.rows import MARKS
 from imubayes.reporting.sampled_results import extra_entry, session_entry
@@ -246,6 +250,8 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
             others = {"scene": [{"budget": content["budget"]} | given]}
         case "[[scene]]":
             others = {"scene": [content]}
+        case "[[sensor]]" if "bench" in given:
+            sensor |= {"run": [MADE], "reference": {"gravity": True}} | content
         case "[[sensor]]":
             sensor |= ({"run": [MADE]} if "truth" in given else {}) | content
         case "[sensor.library]" | "[sensor.reference]":
@@ -404,7 +410,12 @@ def test_documented_keys_of_results_are_those_written(own_result):
     sensor = document["sensors"][0]
     extra = ExtraPosterior(Extra("gravity", "gravity", 1.0, "m/s^2", "ug", "gravity"), 0.0, 1.0, ())
     row = np.zeros((1, 1))
+    recovered = Recovered("hand", "gravity", row, row, row, row, row)
+    cased = replace(own_result.sensors[0], recovered=(recovered,))
     session = Repeatability("b0", "", "", ("U",), ("1",), row, row, row[None], 1.0, (0.0, 0.0, 0.0), False)
+    (spec,), (one,) = own_result.study.sensors, own_result.sensors
+    units = [(replace(spec, unit=f"U{k}"), [replace(one, class_id="any")]) for k in range(4)]
+    population = class_entry(next(in_common(units)))
     written = {
         "result.json": document,
         "sensors[]": sensor,
@@ -413,5 +424,9 @@ def test_documented_keys_of_results_are_those_written(own_result):
         "extras[]": extra_entry(extra),
         "scenes[]": document["scenes"][0],
         "sessions[]": session_entry(session),
+        "population[]": population,
+        "population[].terms[]": population["terms"][0],
+        "cases[]": case_records(replace(own_result, sensors=(cased,)))[0],
+        "recovered[]": recovered_record(recovered),
     }
     assert _documented_results() == {name: set(table) for name, table in written.items()}

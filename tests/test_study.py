@@ -283,7 +283,7 @@ def test_what_cannot_be_told_names_its_sensor():
 
 
 def test_a_free_tumble_without_a_class_is_refused(hand_held):
-    with pytest.raises(StudyError, match="sensor 'A': a free tumble needs a class"):
+    with pytest.raises(StudyError, match="sensor 'A': several components in one case need a class"):
         method.run(small(spec(sensor_class=None)))
 
 

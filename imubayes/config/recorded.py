@@ -13,7 +13,8 @@ from imubayes.campaign import SensorSpec, Study, file_name
 from imubayes.config.run_tables import located
 from imubayes.errors import StudyError
 from imubayes.preparation import simulate_sensor
-from imubayes.rig.record import write_run
+from imubayes.rig.inputs import KnownRun, Run
+from imubayes.rig.record import write_imu_run, write_run
 
 TRUTH = "truth.json"
 """Coefficients of the simulated sensors, SI, by sensor and term."""
@@ -45,7 +46,7 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         prefix = f"{sensor.id}-" if several else ""
         for run in runs:
             files.append(_free(folder / f"{file_name(prefix + run.name)}.csv", files))
-            write_run(run, files[-1], kind=sensor.kind)
+            _write(run, files[-1], sensor)
             _point(table, run.name, files[-1].name)
         _anchor(table, sensor)
     if not files:
@@ -54,6 +55,13 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         if key in table:
             table[key] = str(located(table[key], study.path.parent).resolve())
     return (*files, *_written(folder, study, tables, truths))
+
+
+def _write(run: Run | KnownRun, file: Path, sensor: SensorSpec) -> None:
+    if isinstance(run, KnownRun):
+        write_imu_run(run, file)
+    else:
+        write_run(run, file, kind=sensor.kind)
 
 
 def named_files(tables: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
@@ -70,8 +78,9 @@ def _point(table: dict[str, Any], name: str, file: str) -> None:
 
 
 def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:
-    """Make the paths of recorded runs absolute, and drop the truth, which belongs to simulated ones."""
+    """Make the paths of recorded runs absolute, and drop what belongs to simulated ones: truth and bench."""
     table.pop("truth", None)
+    table.pop("bench", None)
     for run, spec in zip(table["run"], sensor.runs, strict=True):
         if spec.file is not None:
             run["file"] = str(spec.file.resolve())

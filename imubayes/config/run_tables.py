@@ -26,9 +26,11 @@ from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.inputs import Section
 from imubayes.rig.runs import (
+    CASES,
     FERRARIS,
     FREE_TUMBLE,
     IMU_CHANNELS,
+    KNOWN_IMU_CHANNELS,
     OUTPUT_UNIT,
     RUN_CHANNELS,
     TRIAD,
@@ -83,20 +85,13 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         simulate=None if run.simulate is None else _simulation(run, place),
         origin=run.source,
         gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
+        gyroscope_shown=run.gyroscope_file or "",
         sections=tuple(_section(one, place.at("sections").at(k)) for k, one in enumerate(run.sections)),
     )
 
 
 def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
     """Refuse what only a run of an IMU has, and what it cannot have."""
-    known = (FREE_TUMBLE, FERRARIS)
-    if imu and run.procedure not in known:
-        raise place.at("procedure").error(
-            f"'{run.procedure}' is not known for a whole IMU: expected {' or '.join(known)}; "
-            "list its accelerometers and gyroscopes as sensors of their own"
-        )
-    if imu and run.simulate is not None:
-        raise place.at("simulate").error("a run of a whole IMU cannot be simulated: expected file")
     if not imu and run.procedure == FERRARIS:
         raise place.at("procedure").error('positions and turns are for a whole IMU: expected kind = "imu"')
     if not imu and run.gyroscope_file is not None:
@@ -156,9 +151,22 @@ def located(file: str, folder: Path) -> Path:
 def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:
     if run.simulate is not None and run.columns:
         raise place.error("a simulated run has no file whose columns could differ: leave it out")
-    triad = ("t", *TRIAD) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
-    known = IMU_CHANNELS if imu else triad
+    if imu:
+        known = IMU_CHANNELS if run.procedure in CASES else KNOWN_IMU_CHANNELS
+        _refuse_component_axes(run.columns, known, place)
+    else:
+        known = ("t", *TRIAD) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
     return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
+
+
+def _refuse_component_axes(raw: Mapping[str, Any], known: Collection[str], place: Place) -> None:
+    """Refuse inputs along i, j, k of a case, whose components each have other such axes."""
+    for channel in raw:
+        if channel in RUN_CHANNELS and channel not in known and channel != "output":
+            raise place.at(channel).error(
+                "is along an axis of a component: the inputs of a whole IMU are along the axes of the case,"
+                " f_x f_y f_z, w_x w_y w_z, dw_x dw_y dw_z"
+            )
 
 
 def columns_of(
@@ -220,9 +228,11 @@ def _wrap(table: ColumnTable, size: float, place: Place) -> float | None:
 
 
 def _local_gravity(run: RunTable, place: Place) -> float | None:
-    if run.procedure not in (FREE_TUMBLE, FERRARIS):
+    if run.procedure not in CASES:
         if run.gravity is not None:
-            raise place.error("only a free tumble needs it: leave it out, and give the inputs in the file")
+            raise place.error(
+                f"only {' and '.join(CASES)} runs need it: leave it out, and give the inputs in the file"
+            )
         return None
     if run.gravity is None:
         wanted = '"9.81 m/s^2" or { latitude = "45 deg", height = "100 m" }'

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign import SensorSpec
-from imubayes.config.imu_tables import KINDS_OF_IMU, check_imu, half
+from imubayes.config.imu_tables import KINDS_OF_IMU, check_imu, half, truths_of, without_component
 from imubayes.config.run_tables import located, noise_rule, run_spec
 from imubayes.config.shapes import LibraryTable, Place, SensorTable, hint, quantity, shaped, shown, unique
 from imubayes.rig.reference import KINDS, for_sensor
@@ -91,13 +91,34 @@ def _of_kind(
         sensor_class,
         lib,
         runs,
-        _truth(table.truth, kind, runs, place.at("truth")),
+        _truth(truths_of(table.truth, kind) if imu else table.truth, kind, runs, place.at("truth")),
         _prior(prior, lib, there),
-        _reference(table.reference, kind, runs, place.at("reference")),
+        _reference(_halves(table, kind, place.at("reference")), kind, runs, place.at("reference")),
         table.robust,
         table.unit or "",
         table.session or "",
+        bench_drawn=_bench_drawn(table, runs, place.at("bench")),
     )
+
+
+def _halves(table: SensorTable, kind: Kind, place: Place) -> dict[str, Any]:
+    """Entries of ``reference`` for a kind; one that speaks of the other kind alone is left out."""
+    entries = {
+        name: half(value, kind, place.at(name), imu=table.kind == "imu")[0]
+        for name, value in table.reference.items()
+    }
+    return {name: value for name, value in entries.items() if value != {}}
+
+
+def _bench_drawn(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> bool:
+    """Whether simulated runs are on a bench with errors."""
+    if table.bench == "exact":
+        return False
+    if not any(run.simulate for run in runs) or not table.reference:
+        raise place.error(
+            "errors are drawn from [sensor.reference] for simulated runs: expected both, or bench left out"
+        )
+    return True
 
 
 def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterator[RunSpec]:
@@ -126,7 +147,7 @@ def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Plac
     truth = {}
     for name, text in raw.items():
         with place.at(name).blamed():
-            (term,) = library_of(kind, [name]).terms
+            (term,) = library_of(kind, [without_component(name)]).terms
         truth[name] = quantity(text, term.unit, place.at(name))
     if truth and not any(run.simulate for run in runs):
         raise place.error("no run is simulated: expected a [sensor.run.simulate] table, or no truth")
@@ -202,8 +223,8 @@ def _check_runs(runs: tuple[RunSpec, ...], sensor_class: SensorClass | None, pla
             )
         if (run.procedure == FREE_TUMBLE) != (runs[0].procedure == FREE_TUMBLE):
             raise here.at("procedure").error(
-                f"'{run.procedure}' beside '{runs[0].procedure}': a free tumble tests three components "
-                "at once, the other procedures one; expected two [[sensor]] tables"
+                f"'{run.procedure}' beside '{runs[0].procedure}': a free tumble tests components in one case "
+                "by gravity alone, the other procedures by known inputs; expected two [[sensor]] tables"
             )
 
 

@@ -224,6 +224,7 @@ class SensorTable:
     truth: Table = Field(default_factory=dict)
     prior: Table = Field(default_factory=dict)
     reference: Table = Field(default_factory=dict)
+    bench: Literal["exact", "drawn"] = "exact"
     robust: bool = False
     unit: Text | None = None
     session: Text | None = None

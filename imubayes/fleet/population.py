@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from imubayes.fleet.plan import FleetStudy
 from imubayes.fleet.reduction import VERDICTS, Tally
 from imubayes.fleet.units import Broken
-from imubayes.lots.answers import PopulationTerm, Share
-from imubayes.lots.population import OPEN, frequency, lot_sizes, spread
+from imubayes.inference.intervals import Share, frequency
+from imubayes.lots.answers import PopulationTerm
+from imubayes.lots.population import OPEN, lot_sizes, spread
 from imubayes.sensors.lots import Lot
 
 FloatArray = NDArray[np.float64]

@@ -88,14 +88,14 @@ def rest_rows(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) 
     still = np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
     regressors = gyroscopes.regressors(np.zeros_like(seen.f), seen.f)
     t = run.t[index]
-    lasting = durations(t, run.interval)
+    of_sample = durations(t, run.interval)
     return tuple(
         Linear(
             name=f"{run.name} ({component} at rest)",
             procedure=run.procedure,
             names=tuple(f"{component}.{name}" for name in lib.names),
             t=t,
-            duration=lasting,
+            duration=of_sample,
             interval=run.interval,
             y=run.rate[index, c],
             columns=_taken(X, still),
@@ -109,6 +109,15 @@ def rest_rows(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) 
 def rest_forces(stills: Stills, seen: Directions) -> FloatArray:
     """Specific force (n, 3) of the still that each row at rest belongs to."""
     return np.repeat(seen.f, [b - a for a, b in stills], axis=0)
+
+
+def turning(
+    run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad
+) -> tuple[FloatArray, FloatArray]:
+    """Compensated rate and specific force, (n, 3) each, of all samples within the turns."""
+    turns = [np.arange(turn.start, turn.stop) for turn in _unbroken(run, stills)]
+    index = np.concatenate([np.zeros(0, dtype=np.int64), *turns])
+    return gyroscopes.compensate(run.rate[index], seen.force[index]), seen.force[index]
 
 
 def turn_rates(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) -> FloatArray:
@@ -171,18 +180,18 @@ def turn_rows(
         )
     made = [_turned(run, turn, seen, gyroscopes) for turn in turns]
     X, y = np.concatenate([m[0] for m in made]), np.concatenate([m[1] for m in made])
-    lasting = np.array([run.t[turn.stop - 1] - run.t[turn.start] for turn in turns])
+    whole = lasting(run, stills)
     extra = np.array([_direction_variance(run, stills, turn, noises[0]) for turn in turns])
     # the directions' variance, as if the gyroscopes had been averaged over less time
-    lasting = noises[1].N ** 2 / (noises[1].N ** 2 / lasting + extra / lasting**2)
+    counting = noises[1].N ** 2 / (noises[1].N ** 2 / whole + extra / whole**2)
     middle = np.array([0.5 * (run.t[turn.start] + run.t[turn.stop - 1]) for turn in turns])
     return Linear(
         name=f"{run.name} ({TURNS})",
         procedure=run.procedure,
         names=(*seen.triad.names, *gyroscopes.names),
         t=np.repeat(middle, 2),
-        duration=np.repeat(lasting, 2),
-        interval=float(np.median(lasting)),
+        duration=np.repeat(counting, 2),
+        interval=float(np.median(counting)),
         y=y,
         columns=lambda start, stop: X[start:stop],
         axes=np.concatenate([m[2] for m in made]),
@@ -197,30 +206,70 @@ def _unbroken(run: ImuRun, stills: Stills) -> tuple[_Turn, ...]:
 
 def _direction_variance(run: ImuRun, stills: Stills, turn: _Turn, noise: Noise) -> float:
     """Variance (rad^2) of the directions at both ends of a turn, from the accelerometers' noise."""
-    lasting = [(b - a) * run.interval for a, b in stills[turn.still : turn.still + 2]]
-    return sum(noise.N**2 / T + noise.B**2 for T in lasting) / run.gravity**2
+    held = [(b - a) * run.interval for a, b in stills[turn.still : turn.still + 2]]
+    return sum(noise.N**2 / T + noise.B**2 for T in held) / run.gravity**2
+
+
+def closures(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) -> FloatArray:
+    """Sines (m, 2) of the angles by which up, carried through each unbroken turn, misses the next still's up.
+
+    Parameters
+    ----------
+    run, stills, seen, gyroscopes : as in `turn_rows`.
+    """
+    turns = (_carried(run, turn, seen, gyroscopes) for turn in _unbroken(run, stills))
+    return np.array([turn.missed for turn in turns], dtype=np.float64).reshape(-1, 2)
+
+
+def lasting(run: ImuRun, stills: Stills) -> FloatArray:
+    """Duration (m,), s, of each unbroken turn."""
+    return np.array([run.t[turn.stop - 1] - run.t[turn.start] for turn in _unbroken(run, stills)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Carried:
+    """Up, carried through one turn.
+
+    Attributes
+    ----------
+    t, w, f : (n,), (n, 3), (n, 3) time, compensated rate and specific force.
+    C : (n, 3, 3) the turn from each sample to the end.
+    here : (3,) up at the end.
+    across : (2, 3) unit vectors across it.
+    missed : (2,) rad, up as it is seen there minus up as it was carried, along them.
+    """
+
+    t: FloatArray
+    w: FloatArray
+    f: FloatArray
+    C: FloatArray
+    here: FloatArray
+    across: FloatArray
+    missed: FloatArray
+
+
+def _carried(run: ImuRun, turn: _Turn, seen: Directions, gyroscopes: Triad) -> _Carried:
+    inside = slice(turn.start, turn.stop)
+    t, f = run.t[inside], seen.force[inside]
+    w = gyroscopes.compensate(run.rate[inside], f)
+    C, here = onward(t, w), seen.up[turn.still + 1]
+    across = _across(here)
+    return _Carried(t, w, f, C, here, across, across @ (here - C[0] @ seen.up[turn.still]))
 
 
 def _turned(
     run: ImuRun, turn: _Turn, seen: Directions, gyroscopes: Triad
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Two rows of one turn: columns (2, p), response (2,), and how the three gyroscopes weigh (2, 3)."""
-    inside = slice(turn.start, turn.stop)
-    t, f = run.t[inside], seen.force[inside]
-    w = gyroscopes.compensate(run.rate[inside], f)
-    C = onward(t, w)
-    before, after = turn.still, turn.still + 1
-    here = seen.up[after]
-    across = _across(here)
-    axes = across @ cross_matrix(here)
-    steps = np.convolve(np.diff(t), (0.5, 0.5))
-    of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, C, _response(gyroscopes, w, f))
-    of_directions = across @ (C[0] @ seen.change[before] - seen.change[after])
+    up = _carried(run, turn, seen, gyroscopes)
+    axes = up.across @ cross_matrix(up.here)
+    steps = np.convolve(np.diff(up.t), (0.5, 0.5))
+    of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, up.C, _response(gyroscopes, up.w, up.f))
+    of_directions = up.across @ (up.C[0] @ seen.change[turn.still] - seen.change[turn.still + 1])
     X = np.hstack((of_directions, of_gyroscopes))
-    at = np.concatenate((seen.triad.theta, gyroscopes.theta))
-    y = across @ (here - C[0] @ seen.up[before]) + X @ at
-    lasting = t[-1] - t[0]
-    return X / lasting, y / lasting, axes
+    y = up.missed + X @ np.concatenate((seen.triad.theta, gyroscopes.theta))
+    duration = up.t[-1] - up.t[0]
+    return X / duration, y / duration, axes
 
 
 def _across(u: FloatArray) -> FloatArray:

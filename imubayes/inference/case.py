@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.inference.layout import narrowed
 from imubayes.inference.linear import Linear
 from imubayes.inference.norm_only import FreeTumble
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Rules, Summary
 from imubayes.inference.triad import Triad
+from imubayes.inference.triad_angles import Angle
 from imubayes.rig.inputs import Facts
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Library
@@ -29,12 +32,14 @@ class Asked:
     prior : of the triad's terms, in the order of `triad.triad_of(library).names`.
     sensor : class whose noise prior steers the estimate of the noise.
     rules : how the noise is known, by run.
+    reference : sd in SI of each error of the bench that is allowed for, where inputs are known.
     """
 
     library: Library
     prior: ScalePrior
     sensor: SensorClass | None = None
     rules: Rules | None = None
+    reference: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +72,7 @@ class Case:
     triads : accelerometers, and gyroscopes where there are some, at the coefficients of the full library.
     residuals : (n,) of each of the summary's runs, SI.
     inputs : channels (n,) of each of the summary's runs, for the figures and the search for what is missing.
+    angles : how the axes of triads lie, where directions were known.
     """
 
     summary: Summary
@@ -75,6 +81,7 @@ class Case:
     triads: tuple[Triad, ...]
     residuals: tuple[FloatArray, ...]
     inputs: tuple[dict[str, FloatArray], ...]
+    angles: tuple[Angle, ...] = ()
 
 
 def tumble_case(found: FreeTumble) -> Case:
@@ -89,6 +96,14 @@ def tumble_case(found: FreeTumble) -> Case:
         residuals=tuple(left for left, _, _ in found.residuals),
         inputs=tuple(along("f", force) for _, _, force in found.residuals),
     )
+
+
+def own_rows(case: Case, component: Component) -> tuple[Linear, ...]:
+    """Rows of a component with the columns of its own terms and of the extras: those of others are zero."""
+    extras = {extra.name for extra in case.summary.extras}
+    names = case.summary.names
+    own = [k for k, name in enumerate(names) if name in extras or name.startswith(f"{component.name}.")]
+    return tuple(narrowed(case.rows[k], own) for k in component.parts)
 
 
 def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:

@@ -20,18 +20,17 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.errors import UnobservableError
+from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.factor import add, posterior
 from imubayes.inference.case import Asked, Case, Component, along, components_of
 from imubayes.inference.layout import widened
 from imubayes.inference.linear import Extra, Linear, averaged, blocks_of, residuals, whitened_factor
 from imubayes.inference.reml import NoiseEstimate, block_edges, estimate
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.triad import Triad, triad_of
+from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.rig.inputs import Facts, ImuRun, Section, durations
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
 
@@ -95,11 +94,14 @@ def solve_ferraris(
     summary = _summary(pieces, rows, extras, accelerometer.library)
     theta, _ = posterior(summary.factor, sd)
     split = np.split(theta, np.cumsum([len(force.theta), len(rate.theta)]))
+    triads = (replace(force, theta=split[0]), replace(rate, theta=split[1]))
+    moved = [_ranges(piece, triads) for piece in pieces]
+    told = [replace(run, ranges=ends) for run, ends in zip(summary.runs, moved, strict=True)]
     return Case(
-        summary=summary,
+        summary=replace(summary, runs=tuple(told)),
         rows=rows,
         components=tuple(_components((force, rate), len(runs), summary.facts)),
-        triads=(replace(force, theta=split[0]), replace(rate, theta=split[1])),
+        triads=triads,
         residuals=tuple(residuals(part, theta) for part in rows),
         inputs=tuple(_inputs(piece.run, piece.rows) for piece in pieces),
     )
@@ -284,7 +286,6 @@ def _run_summary(piece: _Heard, part: Linear) -> RunSummary:
     """Summary of one component's rows, `part`, averaged and among the columns of all components."""
     run, found = piece.run, piece.found
     made, reach = whitened_factor(part, found.noise)
-    output = _outputs(run)[piece.component]
     return RunSummary(
         name=part.name,
         procedure=run.procedure,
@@ -297,14 +298,27 @@ def _run_summary(piece: _Heard, part: Linear) -> RunSummary:
         noise_origin=piece.origin,
         noise_run=part.name,
         steering=found.steering,
-        ranges={"output": (float(output.min()), float(output.max()))},
+        ranges={},
         source=run.source,
         factor=made,
         reach=reach,
         stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in run.sections if not s.angle),
+        sampling=run.interval,
     )
 
 
-def _outputs(run: ImuRun) -> dict[str, FloatArray]:
-    """Output (n,) of each component."""
-    return dict(zip(COMPONENTS, (*run.force.T, *run.rate.T), strict=True))
+def _ranges(piece: _Heard, triads: tuple[Triad, Triad]) -> dict[str, tuple[float, float]]:
+    """Inputs of the sections that say something of a component: compensated, sample by sample.
+
+    Where the coefficients are too far off for that (a column's scale or offset is wrong), as they are known.
+    """
+    run, of_rate = piece.run, piece.component.startswith("g")
+    sections = [s for s in run.sections if of_rate or not s.angle]
+    inside = np.concatenate([np.arange(s.start, s.stop) for s in sections])
+    try:
+        f = triads[0].compensate(run.force[inside])
+        w = triads[1].compensate(run.rate[inside], f) if of_rate else None
+    except ConvergenceError:
+        f = np.array([run.gravity * s.direction for s in sections])
+        w = np.array([s.angle / ((s.stop - s.start) * run.interval) * s.direction for s in sections])
+    return spans("f", f) | (spans("w", w) if of_rate and w is not None else {})

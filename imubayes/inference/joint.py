@@ -24,6 +24,7 @@ from imubayes.inference.between_stills import (
     rest_rows,
     turn_rates,
     turn_rows,
+    turning,
 )
 from imubayes.inference.case import Asked, Case, Component, along, components_of
 from imubayes.inference.layout import widened, widened_factor
@@ -32,10 +33,9 @@ from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
 from imubayes.inference.reml import Blocks, NoiseEstimate, block_edges, estimate
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.triad import Triad, triad_of
+from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.rig.inputs import ImuRun
 from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.imu import GYROSCOPES
 from imubayes.sensors.noise import Noise, NoiseRule
 
 FloatArray = NDArray[np.float64]
@@ -208,7 +208,7 @@ def _case(
     parts = [replace(part, rows=widened(part.rows, names)) for part in (*judged[0], *judged[1])]
     runs = (
         *(_among(run, part, names) for run, part in zip(old.runs, free.rows, strict=True)),
-        *(_run_summary(part, one) for part, one in zip(parts, of_run, strict=True)),
+        *(_run_summary(part, one, gyroscopes) for part, one in zip(parts, of_run, strict=True)),
     )
     reach = np.max([run.reach for run in runs], axis=0)
     factor = reduce(add, (run.factor for run in runs))
@@ -253,13 +253,18 @@ def _among(run: RunSummary, part: Linear, names: Sequence[str]) -> RunSummary:
     """Summary of a run of the accelerometers among the columns of all components."""
     rows = widened(averaged(part), names)
     made, reach = whitened_factor(rows, run.noise)
-    return replace(run, factor=made, reach=reach, interval=rows.interval)
+    return replace(run, factor=made, reach=reach, interval=rows.interval, sampling=run.interval)
 
 
-def _run_summary(part: _Judged, seen: _Seen) -> RunSummary:
-    """Summary of a part of a run of the gyroscopes."""
+def _run_summary(part: _Judged, seen: _Seen, gyroscopes: Triad) -> RunSummary:
+    """Summary of a part of a run of the gyroscopes: their inputs at rest, or in the turns."""
     made, reach = whitened_factor(part.rows, part.found.noise)
     run, found = seen.run, part.found
+    if part.rows.axes is None:
+        ranges = spans("f", np.concatenate([seen.directions.force[a:b] for a, b in seen.stills]))
+    else:
+        w, f = turning(run, seen.stills, seen.directions, gyroscopes)
+        ranges = spans("w", w) | spans("f", f)
     return RunSummary(
         name=part.rows.name,
         procedure=run.procedure,
@@ -272,11 +277,10 @@ def _run_summary(part: _Judged, seen: _Seen) -> RunSummary:
         noise_origin=part.origin,
         noise_run=part.rows.name,
         steering=found.steering,
-        ranges={
-            name: (float(v.min()), float(v.max())) for name, v in zip(GYROSCOPES, run.rate.T, strict=True)
-        },
+        ranges=ranges,
         source=run.source,
         factor=made,
         reach=reach,
         stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in seen.stills),
+        sampling=run.interval,
     )

@@ -27,6 +27,16 @@ def widened(rows: Linear, names: Sequence[str]) -> Linear:
     return replace(rows, names=tuple(names), columns=columns)
 
 
+def narrowed(rows: Linear, where: Sequence[int]) -> Linear:
+    """Rows with some of their columns alone, by their numbers."""
+    kept = list(where)
+    return replace(
+        rows,
+        names=tuple(rows.names[k] for k in kept),
+        columns=lambda start, stop: rows.columns(start, stop)[:, kept],
+    )
+
+
 def widened_factor(f: Factor, names: Sequence[str]) -> Factor:
     """Factor of the same rows among the columns `names`: those that it does not have are zero.
 

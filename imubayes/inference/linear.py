@@ -44,6 +44,7 @@ class Linear:
     columns : gives the columns (stop - start, p) of the rows from start to stop.
     axes : (n, a) weights of alike and independent components in each row; None for a single component.
     stream : the rows behind these, which are averages over blocks of them; None where these are all.
+    shared : gives what `whitened_factor` does, where the work is shared with other components; None else.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Linear:
     columns: Callable[[int, int], FloatArray]
     axes: FloatArray | None = None
     stream: Stream | None = None
+    shared: Callable[[Noise], tuple[Factor, FloatArray]] | None = None
 
     def __len__(self) -> int:
         return len(self.y)
@@ -225,6 +227,8 @@ def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) 
     """
     from imubayes.inference.whiten import whiten, whitener
 
+    if rows.shared is not None and parts is None:
+        return rows.shared(noise)
     if rows.stream is not None:
         from imubayes.inference.streaming import streamed_factor
 

@@ -1,8 +1,9 @@
 """Posterior and evidence of one set of noise processes.
 
-The mode and its curvature give Laplace's approximation, and the proposal of an importance sample that puts
-right what is not normal: a process that hides below the others has a long tail to small sizes. A ramp is
-linear: with and without it the evidence comes from the same factor.
+The mode and its curvature give Laplace's approximation, and the proposal of importance draws that put right
+what is not normal: a process that hides below the others has a long tail to small sizes, and of a slow
+Gauss-Markov process only the walk ``2 G^2 / tau`` is known. A ramp is linear: with and without it the
+evidence comes from the same factor.
 """
 
 from __future__ import annotations
@@ -14,17 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.inference.noise_draws import Hump, drawn_until
 from imubayes.inference.noise_models import Likelihood, NoiseData, likelihood
 from imubayes.inference.reml import REACH, STEP
 from imubayes.sensors.noise_processes import NoiseProcesses
 
 FloatArray = NDArray[np.float64]
-
-DRAWS = 64
-"""Importance draws of a round: the evidence is then known to about 0.1 nats."""
-
-FREEDOM = 5.0
-"""Degrees of freedom of Student's t from which the draws come: tails heavier than the posterior's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +31,7 @@ class ProcessFit:
     ----------
     names : logarithms that vary: N, then those of B, K, Q, G, tau that the set has.
     mode : (k,) of the logarithms.
-    covariance : (k, k) at the mode.
+    root : (k, k) lower triangular, of the covariance at the mode.
     log_evidence : (without a ramp, with one), of the data under the set and its priors.
     draws : (m, k) logarithms; the mode alone where nothing was drawn.
     weights : (m, 2) posterior weights without a ramp and with one; they add up to 1.
@@ -44,7 +40,7 @@ class ProcessFit:
 
     names: tuple[str, ...]
     mode: FloatArray
-    covariance: FloatArray
+    root: FloatArray
     log_evidence: tuple[float, float]
     draws: FloatArray
     weights: FloatArray
@@ -71,85 +67,62 @@ def fit_mode(data: NoiseData, names: tuple[str, ...], starts: Sequence[FloatArra
     names : logarithms that vary, as `parameters` gives them.
     starts : (k,) where to begin; the best of them is taken.
     """
-    from scipy.optimize import minimize
-
     cost = _cost_of(data, names)
-    first = min(starts, key=cost)
-    bounds = [
-        (min(c, s) - REACH * w, max(c, s) + REACH * w)
-        for c, s, w in zip(cost.center, first, cost.width, strict=True)
-    ]
-    found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60, "ftol": 1e-9})
-    covariance = _covariance(cost, found.x, cost.width)
-    told = cost.told(found.x)
-    level = -cost.pull(found.x) - cost.log_widths + 0.5 * float(np.linalg.slogdet(covariance)[1])
-    weights = np.exp(np.array([told.without, told.ramp]) - np.logaddexp(told.without, told.ramp))
+    mode = _lowest(cost, min(starts, key=cost))
+    told = cost.told(mode)
+    root = np.asarray(np.linalg.cholesky(_covariance(cost, mode, cost.width)), dtype=np.float64)
+    spread = 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.sum(np.log(np.diag(root))))
+    level = cost.log_prior(mode) + spread
+    shares = np.array([told.without, told.ramp]) - np.logaddexp(told.without, told.ramp)
     return ProcessFit(
         names=names,
-        mode=found.x,
-        covariance=covariance,
+        mode=mode,
+        root=root,
         log_evidence=(level + told.without, level + told.ramp),
-        draws=found.x[None, :],
-        weights=weights[None, :],
+        draws=mode[None, :],
+        weights=np.exp(shares)[None, :],
         ramps=np.array([[told.ramp_mean, told.ramp_sd]]) * data.prior.ramp,
     )
 
 
-def fit_draws(data: NoiseData, fit: ProcessFit, rng: np.random.Generator) -> ProcessFit:
-    """Put Laplace's approximation right by two rounds of importance draws; the first shapes the second."""
+def fit_draws(data: NoiseData, fit: ProcessFit, rng: np.random.Generator, *, enough: float) -> ProcessFit:
+    """Put Laplace's approximation right by importance draws.
+
+    Parameters
+    ----------
+    data : the run.
+    fit : of `fit_mode`.
+    rng : the source of randomness.
+    enough : effective draws.
+    """
     cost = _cost_of(data, fit.names)
-    first = _round(cost, fit.mode, fit.covariance, rng)
-    center, covariance = _moments(first, fit)
-    second = _round(cost, center, covariance, rng)
-    peak = float(np.max(second.log_weights))
-    weights = np.exp(second.log_weights - peak)
-    total = weights.mean(axis=0)
-    levels = np.log(np.maximum(total, np.finfo(float).tiny)) + peak
+
+    def target(x: FloatArray) -> Sequence[float]:
+        told, prior = cost.told(x), cost.log_prior(x)
+        both = float(np.logaddexp(told.without, told.ramp))
+        return both + prior, told.without + prior, told.ramp + prior, told.ramp_mean, told.ramp_sd
+
+    found = drawn_until(target, Hump(fit.mode, fit.root), cost.width, rng, enough=enough)
+    logs = found.told[:, 1:3] - found.log_proposal[:, None]
+    peak = float(np.max(logs))
+    weights = np.exp(logs - peak)
+    levels = np.log(np.maximum(weights.mean(axis=0), np.finfo(float).tiny)) + peak
     return replace(
         fit,
         log_evidence=(float(levels[0]), float(levels[1])),
-        draws=second.draws,
+        draws=found.draws,
         weights=weights / weights.sum(),
-        ramps=second.ramps * data.prior.ramp,
+        ramps=found.told[:, 3:] * data.prior.ramp,
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Round:
-    draws: FloatArray
-    log_weights: FloatArray
-    ramps: FloatArray
+def _lowest(cost: _Cost, start: FloatArray) -> FloatArray:
+    from scipy.optimize import minimize
 
-
-def _round(cost: _Cost, center: FloatArray, covariance: FloatArray, rng: np.random.Generator) -> _Round:
-    k = len(center)
-    root = np.linalg.cholesky(covariance)
-    stretch = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, size=(DRAWS, 1)))
-    z = stretch * rng.standard_normal((DRAWS, k))
-    draws = center + z @ root.T
-    log_q = (
-        math.lgamma(0.5 * (FREEDOM + k)) - math.lgamma(0.5 * FREEDOM)
-        - 0.5 * k * math.log(FREEDOM * math.pi) - float(np.sum(np.log(np.diag(root))))
-        - 0.5 * (FREEDOM + k) * np.log1p(np.sum(z * z, axis=1) / FREEDOM)
-    )  # fmt: skip
-    told = [cost.told(x) for x in draws]
-    prior = np.array([-cost.pull(x) for x in draws]) - cost.log_widths - 0.5 * k * math.log(2.0 * math.pi)
-    levels = np.array([[one.without, one.ramp] for one in told])
-    ramps = np.array([[one.ramp_mean, one.ramp_sd] for one in told])
-    return _Round(draws, levels + (prior - log_q)[:, None], ramps)
-
-
-def _moments(first: _Round, fit: ProcessFit) -> tuple[FloatArray, FloatArray]:
-    """Center and covariance of the second proposal: of the weighted draws, with some of the first."""
-    whole = np.logaddexp(first.log_weights[:, 0], first.log_weights[:, 1])
-    weights = np.exp(whole - whole.max())
-    weights /= weights.sum()
-    effective = 1.0 / float(weights @ weights)
-    center = weights @ first.draws
-    apart = first.draws - center
-    trust = effective / (effective + 2.0 * len(fit.mode))
-    covariance = trust * (apart * weights[:, None]).T @ apart + (1.0 - trust) * fit.covariance
-    return trust * center + (1.0 - trust) * fit.mode, covariance
+    ends = np.minimum(cost.center, start), np.maximum(cost.center, start)
+    bounds = [*zip(ends[0] - REACH * cost.width, ends[1] + REACH * cost.width, strict=True)]
+    options = {"maxiter": 60, "ftol": 1e-9}
+    return minimize(cost, start, method="L-BFGS-B", bounds=bounds, options=options).x
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,15 +134,16 @@ class _Cost:
     center: FloatArray
     width: FloatArray
 
-    @property
-    def log_widths(self) -> float:
-        return float(np.sum(np.log(self.width)))
-
     def told(self, x: FloatArray) -> Likelihood:
         return likelihood(self.data, NoiseProcesses(**dict(zip(self.names, np.exp(x).tolist(), strict=True))))
 
     def pull(self, x: FloatArray) -> float:
         return 0.5 * float(np.sum(((x - self.center) / self.width) ** 2))
+
+    def log_prior(self, x: FloatArray) -> float:
+        """Log density of the logarithms."""
+        spread = 0.5 * len(x) * math.log(2.0 * math.pi) + float(np.sum(np.log(self.width)))
+        return -self.pull(x) - spread
 
     def __call__(self, x: FloatArray) -> float:
         told = self.told(x)

@@ -57,7 +57,7 @@ def detection_limits(data: NoiseData, noise: NoiseProcesses, candidates: Sequenc
     noise : the processes that it has.
     candidates : that could take each other's place.
     """
-    grid = spectrum(data.rows.levels, ramp="R" in candidates)
+    grid = spectrum(data.rows.levels, ramp="R" in candidates, parts=_parts(data))
     limits = {
         name: _limit(grid, noise, name, [c for c in candidates if c not in (name, "R")], data.prior)
         for name in candidates
@@ -66,19 +66,38 @@ def detection_limits(data: NoiseData, noise: NoiseProcesses, candidates: Sequenc
     return limits | ({"R": _ramp_limit(data, grid, noise, candidates)} if "R" in candidates else {})
 
 
-def spectrum(levels: Sequence[tuple[float, int]], *, ramp: bool = False) -> Spectrum:
+def _parts(data: NoiseData) -> FloatArray | None:
+    """Lengths of the unbroken parts, s, where the columns are enough to take out the mean of each."""
+    begins = np.flatnonzero(~data.rows.joined)
+    few = data.table.shape[1] - 2 < len(begins)
+    return None if few or len(begins) == 1 else np.add.reduceat(data.rows.duration, begins)
+
+
+def spectrum(
+    levels: Sequence[tuple[float, int]], *, ramp: bool = False, parts: FloatArray | None = None
+) -> Spectrum:
     """Frequencies that the averages of a run see; a ramp takes the lowest one.
 
     Parameters
     ----------
     levels : (length in s, how many) of the averages.
     ramp : whether a ramp is taken out.
+    parts : lengths, s, of parts whose means are taken out: only parts that hold a period see a frequency.
+
+    Examples
+    --------
+    >>> whole, parted = (spectrum(((1.0, 100),), parts=p) for p in (None, np.array([30.0, 70.0])))
+    >>> float(whole.count[whole.f < 0.03].sum()), round(float(parted.count[parted.f < 0.03].sum()), 3)
+    (2.0, 0.7)
     """
-    parts = [
+    tables = [
         _level(length, number, ramp=ramp and k == len(levels) - 1)
         for k, (length, number) in enumerate(levels)
     ]
-    return Spectrum(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    f, count, length = (np.concatenate(column) for column in zip(*tables, strict=True))
+    if parts is not None:
+        count = count * (parts * (parts * f[:, None] >= 1.0)).sum(axis=1) / parts.sum()
+    return Spectrum(f, count, length)
 
 
 def _level(length: float, number: int, *, ramp: bool) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -26,7 +26,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reml import Blocks, NoiseEstimate, estimate
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import Rules, RunSummary, Summary
-from imubayes.inference.triad import COMPONENTS, Triad, triad_of
+from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.inference.whiten import Rows, whiten, whitener
 from imubayes.rig.inputs import Facts, TriadRun, durations
 from imubayes.sensors.catalogue import SensorClass, noise_prior
@@ -203,7 +203,7 @@ def _outcome(
     stills, noises, rules = found
     rows = tuple(_rows(triad, run, s, extras) for run, s in zip(runs, stills, strict=True))
     summaries = tuple(
-        _run_summary(run, s, part, noise, rule)
+        _run_summary(run, s, part, noise, rule, triad)
         for run, s, part, noise, rule in zip(runs, stills, rows, noises, rules, strict=True)
     )
     reach = np.max([s.reach for s in summaries], axis=0)
@@ -223,9 +223,10 @@ def _outcome(
 
 
 def _run_summary(
-    run: TriadRun, stills: Stills, part: Linear, found: NoiseEstimate, rule: NoiseRule
+    run: TriadRun, stills: Stills, part: Linear, found: NoiseEstimate, rule: NoiseRule, triad: Triad
 ) -> RunSummary:
     made, reach = whitened_factor(part, found.noise)
+    held = np.concatenate([run.output[a:b] for a, b in stills])
     return RunSummary(
         name=run.name,
         procedure=run.procedure,
@@ -238,7 +239,7 @@ def _run_summary(
         noise_origin=f"run {rule.like}" if rule.like else ORIGIN[rule.rule],
         noise_run=rule.like or run.name,
         steering=found.steering,
-        ranges={c: (float(v.min()), float(v.max())) for c, v in zip(COMPONENTS, run.output.T, strict=True)},
+        ranges=spans("f", triad.compensate(held)),
         source=run.source,
         factor=made,
         reach=reach,

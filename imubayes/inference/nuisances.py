@@ -12,7 +12,7 @@ shows up as a column that cannot be told from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -56,6 +56,9 @@ ROUNDS = 100
 
 ROOM = 3.0
 """Prior sd of a tilt over that of the misalignment: so wide that it hardly tells the one from the other."""
+
+ROTATIONS = frozenset({"fixture", "fixture_common"})
+"""Kinds of errors that are a rotation in the fixture."""
 
 MANY = 10_000
 """Rows from which it pays to settle on block averages first."""
@@ -156,72 +159,119 @@ def solve(
     ------
     ConvergenceError : if the linearisation does not settle; it carries coefficients and errors so far.
     """
-    extras = extras_for(runs, {**kinds, **_tilt(lib, prior_sd, kinds)}, sensor=lib.kind)
+    extras = extras_for(runs, {**kinds, **tilt_of(lib, prior_sd, kinds)}, sensor=lib.kind)
     sd = np.concatenate((prior_sd, [extra.sd for extra in extras]))
-    ask = _Asked(lib, extras, sd, sensor, rules)
-    start = np.zeros(len(sd))
-    if sum(len(run.inputs) for run in runs) > MANY:
-        # block averages of the rows find the place, all rows have the last word
-        start = _settled(runs, ask, start, _averaged)[2]
-    return _settled(runs, ask, start, lambda rows: rows)[:2]
+    ask = _Asked(lib, extras, sensor, rules)
+    return settled_rows(lambda taken: _linearised(runs, ask, taken), sd, runs)[:2]
 
 
-def _tilt(lib: Library, prior_sd: FloatArray, kinds: Mapping[str, float]) -> dict[str, float]:
-    """Prior sd of the tilt that comes with a rotation in the fixture."""
+def tilt_of(lib: Library, prior_sd: FloatArray, kinds: Collection[str]) -> dict[str, float]:
+    """Prior sd of the tilt that comes with a rotation in the fixture, where there is one among the kinds.
+
+    Parameters
+    ----------
+    lib : terms of a component.
+    prior_sd : (p,) of these, SI.
+    kinds : of errors of the bench.
+    """
     sizes = [sd for name, sd in zip(lib.names, prior_sd.tolist(), strict=True) if name in ("m_j", "m_k")]
-    return {TILT.name: ROOM * max(sizes)} if sizes and {"fixture", "fixture_common"} & kinds.keys() else {}
+    return {TILT.name: ROOM * max(sizes)} if sizes and ROTATIONS & set(kinds) else {}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Asked:
-    """What is asked of runs, whichever they are (see `solve`); `sd` (p + q,) is that of terms and extras."""
+    """What is asked of runs, whichever they are (see `solve`)."""
 
     lib: Library
     extras: tuple[Extra, ...]
-    sd: FloatArray
     sensor: SensorClass | None
     rules: Rules | None
 
 
+def _linearised(runs: Sequence[Run], ask: _Asked, taken: Taken) -> Linearised:
+    """Give summary and rows of runs, of whose rows `taken` says which are taken."""
+    p = len(ask.lib.terms)
+
+    def linearised(
+        place: FloatArray, leaning: FloatArray | None, judged: Sequence[RunSummary]
+    ) -> tuple[Summary, tuple[Linear, ...]]:
+        at = None if leaning is None else leaning[:p]
+        parts = rows_with(runs, ask.lib, ask.extras, place[:p], place[p:], leaning=at)
+        rows = tuple(taken(part) for part in parts)
+        rules = held(judged, ask.rules) if judged else ask.rules
+        summary = summarize(runs, ask.lib, sensor=ask.sensor, rules=rules, rows=rows, extras=ask.extras)
+        return summary, rows
+
+    return linearised
+
+
+Taken = Callable[[Linear], Linear]
+"""Which rows are taken of a run's: all of them, or averages."""
+
+Linearised = Callable[
+    [FloatArray, FloatArray | None, Sequence[RunSummary]], tuple[Summary, tuple[Linear, ...]]
+]
+"""Summary and rows, linearised at coefficients and errors (p + q,), the tilt's columns at others where these
+are given, and the noise as it was judged where it was."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Tangents:
-    """Linearisations of runs; `taken` says which rows are taken of a run's, `judged` is what its noise is."""
+    """Linearisations under priors `sd` (p + q,), the noise and the place that a tilt leans on held or not."""
 
-    runs: Sequence[Run]
-    ask: _Asked
-    taken: Callable[[Linear], Linear]
+    sd: FloatArray
+    linearised: Linearised
     judged: Sequence[RunSummary] = ()
     leaning: FloatArray | None = None
 
     def at(self, place: FloatArray) -> tuple[Summary, tuple[Linear, ...]]:
         """Summary and rows, linearised at coefficients and errors (p + q,)."""
-        ask, p = self.ask, len(self.ask.lib.terms)
-        parts = rows_with(self.runs, ask.lib, ask.extras, place[:p], place[p:], leaning=self.leaning)
-        rows = tuple(self.taken(part) for part in parts)
-        rules = _held(self.judged, ask.rules) if self.judged else ask.rules
-        summary = summarize(self.runs, ask.lib, sensor=ask.sensor, rules=rules, rows=rows, extras=ask.extras)
-        return summary, rows
+        return self.linearised(place, self.leaning, self.judged)
 
 
-def _settled(
-    runs: Sequence[Run], ask: _Asked, at: FloatArray, taken: Callable[[Linear], Linear]
+def settled_rows(
+    linearised: Callable[[Taken], Linearised], sd: FloatArray, runs: Sequence[Run]
 ) -> tuple[Summary, tuple[Linear, ...], FloatArray]:
+    """Linearise where that settles.
+
+    Parameters
+    ----------
+    linearised : gives the linearisation of the rows that are taken.
+    sd : (p + q,) prior sds of coefficients and errors, SI.
+    runs : of a component; many rows of it are averaged first, until that settles.
+
+    Returns
+    -------
+    (summary, rows, place) : where they settled, with the coefficients and errors (p + q,) there.
+
+    Raises
+    ------
+    ConvergenceError : if the linearisation does not settle; it carries coefficients and errors so far.
+    """
+    start = np.zeros(len(sd))
+    if sum(len(run.inputs) for run in runs) > MANY:
+        # block averages of the rows find the place, all rows have the last word
+        start = _settled(_Tangents(sd, linearised(_averaged)), start)[2]
+    return _settled(_Tangents(sd, linearised(lambda rows: rows)), start)
+
+
+def _settled(tangents: _Tangents, at: FloatArray) -> tuple[Summary, tuple[Linear, ...], FloatArray]:
     """Summary and rows where the linearisation has settled, and coefficients and errors (p + q,) there.
 
-    `taken` says which rows are taken of a run's. While the noise is judged each round goes where the linear
-    problem is solved; where that does not settle, trust regions do.
+    While the noise is judged each round goes where the linear problem is solved; where that does not settle,
+    trust regions do.
     """
-    tangents, judged, scale = _Tangents(runs, ask, taken), (), 1.0
+    judged, scale = (), 1.0
     for turn in range(NOISE_ROUNDS + 1):
         summary, rows = tangents.at(at)
         judged = summary.runs if turn < NOISE_ROUNDS else judged
         tangents = replace(tangents, judged=judged if turn + 1 >= NOISE_ROUNDS else ())
-        scale = noise_scale(summary.factor, ask.sd)
-        mean, spread = posterior(summary.factor, ask.sd, scale)
+        scale = noise_scale(summary.factor, tangents.sd)
+        mean, spread = posterior(summary.factor, tangents.sd, scale)
         if np.all(np.abs(mean - at) <= SETTLED * spread):
             return _with_judged(summary, judged), rows, mean
         at = mean if turn < NOISE_ROUNDS else at
-    at = _peak(replace(tangents, leaning=at[: len(ask.lib.terms)]), at, summary.factor, scale)
+    at = _peak(replace(tangents, leaning=at), at, summary.factor, scale)
     summary, rows = tangents.at(at)
     return _with_judged(summary, judged), rows, at
 
@@ -264,7 +314,7 @@ def _descended(
     """
     from scipy.optimize import least_squares
 
-    rows = scale / tangents.ask.sd
+    rows = scale / tangents.sd
     metric = scale * invert_triangular(with_prior_rows(f.R, rows)[:-1, :-1])
 
     @lru_cache(maxsize=1)
@@ -295,7 +345,7 @@ def _averaged(rows: Linear) -> Linear:
     )
 
 
-def _held(judged: Sequence[RunSummary], rules: Rules | None) -> dict[str, NoiseRule]:
+def held(judged: Sequence[RunSummary], rules: Rules | None) -> dict[str, NoiseRule]:
     """Rules that hold the noise as it was judged; the scale of white noise follows from the residuals."""
     white = {name for name, rule in (rules or {}).items() if rule.rule == "white"}
     return {

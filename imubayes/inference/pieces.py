@@ -23,6 +23,10 @@ from imubayes.sensors.noise import Noise
 FloatArray = NDArray[np.float64]
 
 
+ROUNDING = 1e-15
+"""A direction of a dwell that is smaller, beside the columns of all dwells, is rounding."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
     """Factors of the q dwells of a run.
@@ -35,6 +39,7 @@ class Pieces:
     rows : (q,) samples of each dwell.
     R : (q, p + 1, p + 1) triangular factor of the whitened ``[X y]`` of each dwell.
     log_det : (q,) log determinant of the noise covariance of each dwell, given those before it.
+    kept : whether they are always there: never left out, and never drawn twice.
     """
 
     run: str
@@ -44,6 +49,7 @@ class Pieces:
     rows: NDArray[np.int64]
     R: FloatArray
     log_det: FloatArray
+    kept: bool = False
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -80,6 +86,22 @@ def pieces_of(rows: Linear, noise: Noise) -> Pieces:
         R=np.array([algebra.triangular([table[a:b]], p + 1) for a, b in pairwise(dwells.edges.tolist())]),
         log_det=np.add.reduceat(log_d, dwells.edges[:-1]),
     )
+
+
+def always(f: Factor) -> Pieces:
+    """A factor from elsewhere as one piece that is always there."""
+    nowhen = np.array([np.nan])
+    return Pieces("", f.names, nowhen, nowhen, np.array([f.n]), f.R[None], np.array([f.log_det]), kept=True)
+
+
+def few_rows(R: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Rows (q, w, w) that say what the factors R (q, w, w) of dwells do, and which (q, w) say something.
+
+    A dwell at constant inputs moves the columns in a few directions only.
+    """
+    size = np.linalg.norm(R, axis=(0, 1))
+    _, s, directions = np.linalg.svd(R / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    return s[:, :, None] * directions * size, s > ROUNDING
 
 
 def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None = None) -> Factor:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,9 +98,9 @@ class Repeatability:
     between : (mean, q05, q95) of the sd between sessions, SI, from its posterior, as if units moved
         independently; NaN as above.
     exceeds : whether the scatter exceeds what the posteriors allow.
-    shared : share of the scatter about the units' means that all units have in common: 1/u by chance, 1 for
-        a cause that moves them alike, such as temperature, of which `between` then knows less than it says;
-        NaN with fewer than two complete units.
+    shared : share of the scatter about the units' means that all units have in common, of all axes together
+        axis by axis: one over their number by chance, 1 for a cause that moves them alike, such as
+        temperature, of which `between` then knows less than it says; NaN with fewer than two complete units.
     """
 
     parameter: str
@@ -194,7 +194,7 @@ def compare_sessions(
         p_value=p,
         between=between_sd(value[rows], error[rows], float(np.nanmedian(prior))) if rows.any() else nothing,
         exceeds=p < SUSPECT,
-        shared=_shared(value),
+        shared=_shared([value]),
     )
 
 
@@ -269,14 +269,14 @@ def _pulls(value: FloatArray, error: FloatArray) -> FloatArray:
     return difference / np.hypot(error[:, :, None], error[:, None, :])
 
 
-def _shared(value: FloatArray) -> float:
-    """Share of the scatter that is the mean over the units, from the units with all sessions."""
-    whole = value[np.isfinite(value).all(axis=1)]
-    left = whole - whole.mean(axis=1, keepdims=True) if len(whole) else whole
-    total = float((left**2).sum())
-    if len(whole) < 2 or total == 0.0:
+def _shared(values: Sequence[FloatArray]) -> float:
+    """Share of the scatter that is the mean over the units, of those with all sessions, axis by axis."""
+    whole = [value[np.isfinite(value).all(axis=1)] for value in values]
+    left = [value - value.mean(axis=1, keepdims=True) for value in whole if len(value) > 1]
+    total = sum(float((one**2).sum()) for one in left)
+    if total == 0.0:
         return math.nan
-    return len(whole) * float((left.mean(axis=0) ** 2).sum()) / total
+    return sum(len(one) * float((one.mean(axis=0) ** 2).sum()) for one in left) / total
 
 
 def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
@@ -296,7 +296,14 @@ def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
     for (unit, session), e in cells.items():
         table[:, units.index(unit), sessions.index(session)] = e.mean, e.sd, e.prior_sd
     first = Parameter(name, group[0].si, group[0].printed)
-    return compare_sessions(first, *table, units=units, sessions=sessions)
+    found = compare_sessions(first, *table, units=units, sessions=sessions)
+    if not several:
+        return found
+    # the axes of a case share their sessions, but not what these do to them
+    value, _ = without_prior(*table)
+    axes = [unit.rpartition(".")[2] for unit in units]
+    rows = [[k for k, axis in enumerate(axes) if axis == one] for one in dict.fromkeys(axes)]
+    return replace(found, shared=_shared([value[part] for part in rows]))
 
 
 def _joined(first: str, second: str) -> str:

@@ -26,6 +26,10 @@ SHORTEST = 1.0
 CONTRAST = 10.0
 """Variance in motion over that at rest (medians) from which a record has both: hands give 1e2 to 1e5."""
 
+RESTLESS = 3.0
+"""Variance of the rates over a window, beside the usual one at rest, from which a case turns slowly: noise
+makes two windows in a million that restless, if they hold as few as 24 numbers."""
+
 STILLEST = 1e-8
 """Share of the largest variance below which rest is rest: coarse counts that do not change have none."""
 
@@ -38,7 +42,8 @@ def find_stills(run: TriadRun) -> Stills:
 
     The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
     motion, so its logarithm has two humps; the threshold is where Otsu's criterion parts them, and the ends
-    of each still are trimmed by half a window, so that the result hardly depends on it.
+    of each still are trimmed by half a window, so that the result hardly depends on it. A slow turn, or one
+    about the direction of gravity, hardly changes the force: gyroscopes in the case see it.
 
     Raises
     ------
@@ -50,6 +55,8 @@ def find_stills(run: TriadRun) -> Stills:
             f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
         )
     quiet = _quiet(run, width)
+    if run.rate is not None:
+        quiet &= _unturned(run.rate, width, quiet)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
     # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
     found = [(int(a + width // 2), int(b + width // 2)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -73,6 +80,13 @@ def _quiet(run: TriadRun, width: int) -> NDArray[np.bool_]:
             " after the other, and turn it between them"
         )
     return quiet
+
+
+def _unturned(rate: FloatArray, width: int, quiet: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Windows in which the rates do not vary by more than noise, which is that of the `quiet` windows."""
+    variance = _rolling_variance(rate, width)
+    usual = max(float(np.median(variance[quiet])), STILLEST * float(variance.max()))
+    return variance < RESTLESS * usual
 
 
 def _rolling_variance(values: FloatArray, width: int) -> FloatArray:

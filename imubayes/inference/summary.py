@@ -52,6 +52,7 @@ class RunSummary:
     factor : of the run's whitened rows.
     reach : (p,) largest size of each column, SI.
     stills : (start, stop) in s of each still that a free tumble uses; empty otherwise.
+    sampling : s, of the record whose averages the rows are; 0 where the rows are its samples.
     """
 
     name: str
@@ -70,6 +71,7 @@ class RunSummary:
     factor: Factor
     reach: FloatArray
     stills: tuple[tuple[float, float], ...] = ()
+    sampling: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

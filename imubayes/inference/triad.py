@@ -127,6 +127,20 @@ class Triad:
         return matrix
 
 
+def spans(quantity: str, values: FloatArray) -> dict[str, tuple[float, float]]:
+    """Smallest and largest values of vectors (n, 3) along each case axis, by channel.
+
+    Examples
+    --------
+    >>> spans("f", np.array([[0.0, 1.0, 2.0], [3.0, -1.0, 2.0]]))
+    {'f_x': (0.0, 3.0), 'f_y': (-1.0, 1.0), 'f_z': (2.0, 2.0)}
+    """
+    return {
+        f"{quantity}_{axis}": (float(v.min()), float(v.max()))
+        for axis, v in zip("xyz", values.T, strict=True)
+    }
+
+
 def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
     """Triad of three alike components, all coefficients zero.
 
@@ -170,10 +184,15 @@ def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[d
                 "scale": float(T[c, c]) * scale,
                 "bias": offset + bias[c] / scale,
                 "nonorthogonality": {name: float(T[c, axis] / T[axis, axis]) for name, axis in names},
-                "convention": CONVENTIONS[triad.kind],
+                "convention": CONVENTIONS[triad.kind if _upper(triad) else "referenced"],
             }
         )
     return tuple(rows)
+
+
+def _upper(triad: Triad) -> bool:
+    """Whether the case is that of the accelerometers, so that the gain is of their convention."""
+    return triad.kind == "gyroscope" or "m_k" not in triad.libraries[1].names
 
 
 _SIGNS = (
@@ -183,6 +202,8 @@ _SIGNS = (
 CONVENTIONS = {
     "accelerometer": "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal:"
     " the sensor's z axis is the case's, its y axis lies in the case's y-z plane." + _SIGNS,
-    "gyroscope": "w = T K (raw - bias), K diagonal (scale), T with ones on the diagonal: the case is that of"
-    " the accelerometers." + _SIGNS,
+    "gyroscope": "w = T K (raw - bias), K diagonal (scale), T with ones on the diagonal: the case is that"
+    " which the accelerometers are given in." + _SIGNS,
+    "referenced": "f = T K (raw - bias), K diagonal (scale), T with ones on the diagonal: the case is that"
+    " of the known directions." + _SIGNS,
 }

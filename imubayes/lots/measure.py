@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.lots.answers import Check, ClassFound, Coverage, LotResult, Share, UnitFound
+from imubayes.inference.intervals import Share, frequency
+from imubayes.lots.answers import Check, ClassFound, Coverage, LotResult, UnitFound
 from imubayes.lots.missions import exposures, missions, over_units
 from imubayes.lots.plan import LotStudy
-from imubayes.lots.population import CANNOT_TELL, frequency, population
+from imubayes.lots.population import population
 from imubayes.lots.units import lot_of, unit_of
 from imubayes.processes import Progress, shared
+from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.lots import Lot
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from imubayes.campaign import Mission
 from imubayes.errors import UnobservableError
 from imubayes.factor import Factor
-from imubayes.lots.answers import MissionFound, MissionTerm, Share, UnitFound
+from imubayes.inference.intervals import Share
+from imubayes.lots.answers import MissionFound, MissionTerm, UnitFound
 from imubayes.lots.plan import LotStudy
 from imubayes.selection.relevance import SURE, Exposure, Knowledge, Relevance, exposure, weigh
 from imubayes.sensors.equations.basic import TERMS, project

@@ -20,7 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.lots.answers import PopulationTerm, Share, UnitFound
+from imubayes.inference.intervals import TAIL, Share, frequency, of_mixture
+from imubayes.lots.answers import PopulationTerm, UnitFound
+from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
@@ -30,15 +32,6 @@ FloatArray = NDArray[np.float64]
 
 CELLS = 400
 """Cells of the grid of ln tau: a class's range is a factor of 100 or so, a cell 1 %."""
-
-BISECTIONS = 50
-"""Halvings of a bracket of +-12 sd: to rounding."""
-
-TAIL = 0.05
-"""Posterior probability on either side of an interval."""
-
-CANNOT_TELL = frozenset({"inseparable", "unresolved", "untested"})
-"""Verdicts by which a test has no answer."""
 
 OPEN = CANNOT_TELL | {"undecided"}
 """Verdicts that leave a term open."""
@@ -122,7 +115,7 @@ def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float
     weight /= weight.sum()
     reached = np.concatenate(([0.0], np.cumsum(weight)))
     low, half, high = np.exp(np.interp((TAIL, 0.5, 1.0 - TAIL), reached, edges)).tolist()
-    return Spread(_of_mixture(weight, mean, sd), Share(half, low, high))
+    return Spread(of_mixture(weight, mean, sd), Share(half, low, high))
 
 
 def _given(
@@ -134,34 +127,3 @@ def _given(
     pull = precision @ estimate
     log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - 2.0 * np.log(tau)
     return 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu), pull / of_mu, 1.0 / np.sqrt(of_mu)
-
-
-def _of_mixture(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> Share:
-    """Median and interval of a mixture of normals, by bisection."""
-    from scipy.special import ndtr
-
-    goal = np.array([TAIL, 0.5, 1.0 - TAIL])
-    low = np.full(3, (mean - 12.0 * sd).min())
-    high = np.full(3, (mean + 12.0 * sd).max())
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        below = ndtr((middle[:, None] - mean) / sd) @ weight < goal
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    left, half, right = (0.5 * (low + high)).tolist()
-    return Share(half, left, right)
-
-
-def frequency(count: int, n: int) -> Share:
-    """Share of n with its 90 % interval: Jeffreys' beta posterior, open to the end that was met.
-
-    Examples
-    --------
-    >>> frequency(0, 10).low, round(frequency(0, 10).high, 2), frequency(5, 10).value
-    (0.0, 0.17, 0.5)
-    """
-    from scipy.special import betaincinv
-
-    if n == 0:
-        return Share(math.nan, 0.0, 1.0)
-    low, high = betaincinv(count + 0.5, n - count + 0.5, np.array([TAIL, 1.0 - TAIL])).tolist()
-    return Share(count / n, low if count else 0.0, high if count < n else 1.0)

@@ -10,6 +10,7 @@ from imubayes.reporting import chain_figures
 from imubayes.reporting.chain_words import Change, Diagnosis, changes, diagnoses
 from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit
 from imubayes.reporting.rows import bench_label, label
+from imubayes.sensors.imu import COMPONENTS
 
 if TYPE_CHECKING:
     from imubayes.campaign import Distrusted, ExtraPosterior, SensorResult
@@ -89,12 +90,21 @@ class BenchView:
 
 def bench_view(sensor: SensorResult) -> BenchView:
     """Errors of the test bench in printed units; of many, those that the data narrow most."""
-    bench = sensor.extras
+    bench = own_errors(sensor)
     told = sorted(bench, key=lambda entry: entry.sd / entry.extra.sd)[:MOST_BENCH]
     shown = [entry for entry in bench if any(entry is one for one in told)]
     labels = {term.name: label(term) for term in sensor.selection.terms}
     labels |= {entry.extra.name: bench_label(entry.extra) for entry in sensor.extras}
     return BenchView(tuple(_bench_row(entry, labels) for entry in shown), len(bench) - len(shown))
+
+
+def own_errors(sensor: SensorResult) -> list[ExtraPosterior]:
+    """Errors of the test bench without those of other components of the case, which end in their names."""
+    own = sensor.id.rpartition(".")[2]
+    if own not in COMPONENTS:
+        return list(sensor.extras)
+    places = [(entry, entry.extra.name.rpartition(".")[2]) for entry in sensor.extras]
+    return [entry for entry, place in places if place not in COMPONENTS or place == own]
 
 
 def _bench_row(entry: ExtraPosterior, labels: dict[str, str]) -> BenchRow:

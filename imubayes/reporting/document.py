@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imubayes.errors import InputError
+from imubayes.reporting.case_views import case_views
+from imubayes.reporting.population_views import class_views
 from imubayes.reporting.posterior import write_posterior, written_draws
 from imubayes.reporting.results import command, result_json, versions
 from imubayes.reporting.rounding import pretty, superscript
@@ -91,6 +93,8 @@ def report_html(result: StudyResult) -> str:
         overview=overview(result) if len(result.sensors) > 1 else (),
         many=len(result.sensors) > MANY,
         sessions=session_view(result),
+        classes=class_views(result),
+        cases=case_views(result),
         draws=written_draws(result),
     )
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from imubayes.fleet.measure import FleetResult
     from imubayes.fleet.population import Pull
     from imubayes.fleet.units import Broken
-    from imubayes.lots.answers import Share
+    from imubayes.inference.intervals import Share
     from imubayes.sensors.terms import Library
 
 NAMED = 5

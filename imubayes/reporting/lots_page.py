@@ -41,7 +41,8 @@ from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_un
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
-    from imubayes.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm, Share
+    from imubayes.inference.intervals import Share
+    from imubayes.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
 

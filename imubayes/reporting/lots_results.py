@@ -15,7 +15,8 @@ from imubayes.reporting.quality_page import finite
 from imubayes.reporting.results import versions
 
 if TYPE_CHECKING:
-    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, Share, UnitFound
+    from imubayes.inference.intervals import Share
+    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, UnitFound
 
 
 def lots_json(result: LotResult) -> str:

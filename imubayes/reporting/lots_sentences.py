@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from imubayes.lots.population import CANNOT_TELL
 from imubayes.reporting.lots_words import (
     MAJORITY,
     NARROW,
@@ -20,12 +19,14 @@ from imubayes.reporting.lots_words import (
     scene_name,
     slug,
 )
+from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.selection.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
 
 if TYPE_CHECKING:
-    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, Share
+    from imubayes.inference.intervals import Share
+    from imubayes.lots.answers import ClassFound, LotResult, MissionFound
 
 MOST_TERMS = 8
 """Terms that a sentence names."""

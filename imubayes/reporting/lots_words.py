@@ -13,7 +13,8 @@ from imubayes.selection.relevance import MATTERS
 
 if TYPE_CHECKING:
     from imubayes.campaign import Mission
-    from imubayes.lots.answers import Coverage, MissionFound, MissionTerm, Share
+    from imubayes.inference.intervals import Share
+    from imubayes.lots.answers import Coverage, MissionFound, MissionTerm
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind
 
@@ -89,7 +90,7 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
 
     Examples
     --------
-    >>> from imubayes.lots.answers import Share
+    >>> from imubayes.inference.intervals import Share
     >>> ranged(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6)
     '41.8 (39.0 to 45.0) ppm'
     """
@@ -121,7 +122,7 @@ def shares(found: Share) -> str:
 
     Examples
     --------
-    >>> from imubayes.lots.answers import Share
+    >>> from imubayes.inference.intervals import Share
     >>> shares(Share(0.9, 0.64, 0.98))
     '90\xa0% (64 to 98)'
     """
@@ -133,7 +134,8 @@ def covered(found: Coverage) -> str:
 
     Examples
     --------
-    >>> from imubayes.lots.answers import Coverage, Share
+    >>> from imubayes.inference.intervals import Share
+    >>> from imubayes.lots.answers import Coverage
     >>> covered(Coverage(9, 10, Share(0.9, 0.64, 0.98)))
     '9 of 10 cases, 90\xa0% (64 to 98)'
     """

@@ -113,17 +113,22 @@ def process_sentence(choice: NoiseChoice, kind: Kind) -> str:
     needed = ["N", *choice.identified]
     told = listed(f"{NAMES[name]} {name} = {size_text(choice.size(name), kind)}" for name in needed)
     words = [f"The run shows {told}."]
-    groups = {
-        tuple(sorted((size.name, *size.confounded_with)))
-        for size in choice.sizes
-        if size.verdict == "inseparable" and size.name != "tau"
-    }
-    words += [f"It shows one of {listed(group)}, and cannot say which." for group in sorted(groups)]
+    words += [f"It shows one of {listed(group)}, and cannot say which." for group in _groups(choice)]
     for verdict, text in _WORDS.items():
         names = [s.name for s in choice.sizes if s.verdict == verdict and s.name != "tau"]
         if names:
             words.append(f"{text}: {', '.join(names)}.")
     return " ".join(words)
+
+
+def _groups(choice: NoiseChoice) -> list[list[str]]:
+    """Groups of which the run shows one, without those that hold a smaller one."""
+    every = {
+        frozenset((size.name, *size.confounded_with))
+        for size in choice.sizes
+        if size.verdict == "inseparable" and size.name != "tau"
+    }
+    return sorted(sorted(group) for group in every if not any(other < group for other in every))
 
 
 _WORDS = {

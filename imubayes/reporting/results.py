@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
+from imubayes.reporting.case_views import case_records
 from imubayes.reporting.ladder_words import choice_record
 from imubayes.reporting.method_results import methods_block
 from imubayes.reporting.noise_views import process_record
+from imubayes.reporting.population_results import class_entry
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.sampled_results import (
     column_moments,
@@ -46,6 +48,8 @@ def result_dict(result: StudyResult) -> dict[str, Any]:
         "sensors": [_sensor(result.study, sensor) for sensor in result.sensors],
         "scenes": [scene_record(found, sensor) for sensor, found in result.scenes],
         "sessions": [session_entry(found) for found in result.sessions],
+        "population": [class_entry(found) for found in result.classes],
+        "cases": case_records(result),
         "appendices": [{"title": a.title, "command": a.command} for a in result.study.appendices],
         "provenance": provenance(result.study),
     }
@@ -214,6 +218,7 @@ def _run(run: RunSummary) -> dict[str, Any]:
         "samples": run.samples,
         "duration": run.duration,
         "interval": run.interval,
+        "sampling": run.sampling or run.interval,
         "noise_origin": run.noise_origin,
         "noise_log_sd": dict(zip("NBK", run.noise_sd, strict=True)),
         "ranges": {channel: list(ends) for channel, ends in run.ranges.items()},

@@ -14,6 +14,7 @@ from rich.text import Text
 from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
 from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.noise_views import process_sentence
+from imubayes.reporting.population_words import class_sentences
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
@@ -67,6 +68,12 @@ def terminal_summary(result: StudyResult) -> Group:
         parts += [
             Text("between sessions", style="bold"),
             indented(session_sentence(result.sessions)),
+            Text(),
+        ]
+    for found in result.classes:
+        parts += [
+            Text(f"units of {found.class_id}, {found.kind}s", style="bold"),
+            indented(" ".join(class_sentences(found))),
             Text(),
         ]
     if result.scenes:

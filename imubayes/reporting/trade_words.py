@@ -153,7 +153,7 @@ def rate_text(rate: Rate) -> str:
 
     Examples
     --------
-    >>> from imubayes.lots.population import frequency
+    >>> from imubayes.inference.intervals import frequency
     >>> from imubayes.trade.score import Rate
     >>> rate_text(Rate(18, 20, frequency(18, 20)))
     '90 % (75 to 97 %)'

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from imubayes.sensors.imu import COMPONENTS, case_channel
+from imubayes.sensors.terms import CHANNELS
 
 if TYPE_CHECKING:
     from imubayes.rig.streams import Stream
@@ -137,6 +140,7 @@ class TriadRun:
     gravity : local gravity, m/s^2.
     interval : averaging time of one sample, s.
     source : where it came from.
+    rate : (n, 3) of gyroscopes beside them, rad/s, which see slow turns; None where there are none.
     """
 
     name: str
@@ -146,6 +150,7 @@ class TriadRun:
     gravity: float
     interval: float
     source: Source = field(default_factory=Source)
+    rate: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,8 +184,57 @@ class ImuRun:
     def accelerometers(self) -> TriadRun:
         """The accelerometers alone."""
         return TriadRun(
-            self.name, self.procedure, self.t, self.force, self.gravity, self.interval, self.source
+            self.name, self.procedure, self.t, self.force, self.gravity, self.interval, self.source, self.rate
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownRun:
+    """A run of a whole IMU whose inputs are known: six components in one case, on one clock.
+
+    Attributes
+    ----------
+    name : as in the study.
+    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
+    inputs : what was applied, along the case axes: channels ``f_x`` ... ``dw_z``, ``T``, ``dT``.
+    output : (n, 6) what ax, ay, az (m/s^2), gx, gy, gz (rad/s) said.
+    source : where it came from.
+    """
+
+    name: str
+    procedure: str
+    inputs: Inputs
+    output: FloatArray
+    source: Source = field(default_factory=Source)
+
+    def component(self, name: str) -> Run:
+        """Run of one component, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
+        output = self.output[:, COMPONENTS.index(name)]
+        return Run(self.name, self.procedure, own_inputs(self.inputs, name), output, self.source)
+
+
+CaseRun = TriadRun | ImuRun | KnownRun
+"""A run of several components in one case."""
+
+
+def own_inputs(inputs: Inputs, component: str) -> Inputs:
+    """Inputs along the case axes as those of a component, along its axes (i, j, k).
+
+    Examples
+    --------
+    >>> along_x = Inputs(np.zeros(1), {"f_x": np.array([9.81])}, 1.0)
+    >>> list(own_inputs(along_x, "ay").channels), list(own_inputs(along_x, "gz").channels)
+    (['f_k'], ['f_j'])
+    """
+    places = {channel: case_channel(component, channel) for channel in CHANNELS}
+    told = {own: inputs.channels[place] for own, place in places.items() if place in inputs.channels}
+    return replace(inputs, channels=told)
+
+
+def case_inputs(inputs: Inputs) -> Inputs:
+    """Inputs along (i, j, k) as those of a case whose axes x, y, z these are: the inverse for ``ax``."""
+    told = {case_channel("ax", channel): values for channel, values in inputs.channels.items()}
+    return replace(inputs, channels=told)
 
 
 def between_gaps(t: FloatArray, interval: float) -> tuple[tuple[int, int], ...]:

@@ -1,4 +1,8 @@
-"""A quiet log: every noise process drawn exactly, at a constant interval."""
+"""A quiet log: noise processes drawn at a constant interval, each sample the average over its interval.
+
+Points of a process that changes within the interval scatter more than averages do: a Gauss-Markov process far
+above the white noise would then count as white noise too.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +21,9 @@ FloatArray = NDArray[np.float64]
 def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.random.Generator) -> FloatArray:
     """One realisation of the processes, (n,), SI.
 
-    White noise, bias instability and random walk are those of `imubayes.rig.simulate.synthesise`;
-    quantization is the difference of white angles over the interval, a ramp is zero in the middle of the log,
-    and the Gauss-Markov process starts from its stationary distribution.
+    White noise and bias instability are those of `imubayes.rig.simulate.synthesise`, the latter at points;
+    quantization is the difference of white angles over the interval, the random walk starts from zero, a ramp
+    is zero in the middle of the log, and the Gauss-Markov process starts from its stationary distribution.
 
     Parameters
     ----------
@@ -43,14 +47,32 @@ def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.rand
             f"a log of {samples} samples every {interval} s: expected 2 or more, and time to pass"
         )
     t = np.arange(samples, dtype=float) * interval
-    values = synthesise(Noise(noise.N, noise.B, noise.K), t, interval, rng)
+    values = synthesise(Noise(noise.N, noise.B, 0.0), t, interval, rng)
     values += noise.Q * np.diff(rng.standard_normal(samples + 1)) / interval
     values += noise.R * (t - t.mean())
+    values += noise.K * _walk(samples, interval, rng)
     return values + noise.G * _gauss_markov(samples, interval / noise.tau, rng)
 
 
+def _walk(samples: int, interval: float, rng: np.random.Generator) -> FloatArray:
+    """Averages of a random walk of unit size: steps w of variance T, and averages w/2 + v, Var v = T/12."""
+    steps, within = np.sqrt(interval) * rng.standard_normal((2, samples))
+    return np.cumsum(steps) - 0.5 * steps + within / np.sqrt(12.0)
+
+
 def _gauss_markov(samples: int, x: float, rng: np.random.Generator) -> FloatArray:
-    """Stationary first-order process of unit variance, sampled every x time constants."""
-    innovations = rng.standard_normal(samples)
-    innovations[1:] *= np.sqrt(-np.expm1(-2.0 * x))
-    return np.asarray(lfilter([1.0], [1.0, -np.exp(-x)], innovations))
+    """Averages of a stationary first-order process of unit variance over intervals of x time constants.
+
+    Given its value at the start of an interval, the value at the end and the average over the interval are
+    normal: ``a = exp(-x)``, ``E = (1 - a)/x``, Var end = 1 - a^2, Cov = x E^2, Var average = A - E^2 with the
+    variance A of an average.
+    """
+    a, E = np.exp(-x), -np.expm1(-x) / x
+    A = 1.0 - x / 3.0 + x**2 / 12.0 - x**3 / 60.0 if x < 1e-2 else 2.0 * (x + np.expm1(-x)) / x**2
+    ends, within = rng.standard_normal((2, samples))
+    ends *= np.sqrt(-np.expm1(-2.0 * x))
+    follows = x * E**2 / -np.expm1(-2.0 * x)
+    left = max(A - E**2 - follows * x * E**2, 0.0)
+    first = rng.standard_normal()
+    value = np.concatenate(([first], lfilter([1.0], [1.0, -a], ends[:-1], zi=[a * first])[0]))
+    return np.asarray(E * value + follows * ends + np.sqrt(left) * within)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
 from imubayes.rig.columns import channel_unit
-from imubayes.rig.inputs import Run
+from imubayes.rig.inputs import Inputs, KnownRun, Run
 from imubayes.rig.runs import MOUNT, OUTPUT_UNIT
+from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.terms import Kind
 
 DERIVED = ("dT",)
@@ -31,17 +35,36 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     ------
     OSError : if the file cannot be written.
     """
+    _write({**_inputs(run.inputs), "output": run.output}, path, output_unit=OUTPUT_UNIT[kind])
+
+
+def write_imu_run(run: KnownRun, path: Path) -> None:
+    """Write a run of a whole IMU as `write_run` does, the inputs along the axes of the case.
+
+    Raises
+    ------
+    OSError : if the file cannot be written.
+    """
+    outputs = dict(zip(COMPONENTS, np.ascontiguousarray(run.output.T), strict=True))
+    _write({**_inputs(run.inputs), **outputs}, path)
+
+
+def _inputs(inputs: Inputs) -> dict[str, NDArray]:
+    """Time, mounts, and the channels that reading does not derive."""
+    channels = {name: values for name, values in inputs.channels.items() if name not in DERIVED}
+    mount = {} if inputs.mount is None else {MOUNT: inputs.mount}
+    return {"t": inputs.t, **mount, **channels}
+
+
+def _write(columns: Mapping[str, NDArray], path: Path, *, output_unit: str = "") -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    inputs = {name: values for name, values in run.inputs.channels.items() if name not in DERIVED}
-    mount = {} if run.inputs.mount is None else {MOUNT: run.inputs.mount}
-    columns = {"t": run.inputs.t, **mount, **inputs, "output": run.output}
-    header = ",".join(_header(name, channel_unit(name, OUTPUT_UNIT[kind])) for name in columns)
+    header = ",".join(_header(name, channel_unit(name, output_unit)) for name in columns)
 
     def write(stream: BinaryIO) -> None:
         stream.write(f"{header}\n".encode())
-        csv.write_csv(pa.table(columns), stream, csv.WriteOptions(include_header=False))
+        csv.write_csv(pa.table(dict(columns)), stream, csv.WriteOptions(include_header=False))
 
     write_whole(path, write)
 

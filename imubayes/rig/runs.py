@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from stat import S_ISDIR
@@ -16,7 +16,7 @@ from imubayes.errors import DataError, InputError, StudyError
 from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump, saturation
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import ImuRun, Inputs, Run, Section, Source, TriadRun, sampling_interval
+from imubayes.rig.inputs import Inputs, Run, Section, Source, TriadRun, sampling_interval
 from imubayes.rig.profiles import (
     Plan,
     centrifuge,
@@ -28,10 +28,10 @@ from imubayes.rig.profiles import (
     vibration,
 )
 from imubayes.rig.sequences import planned
-from imubayes.rig.simulate import simulate
+from imubayes.rig.simulate import drawn_errors, simulate_on_bench
 from imubayes.rig.thermal import temperature_rate, thermal
 from imubayes.sensors.catalogue import SensorClass, draw_unit
-from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES
+from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
 
@@ -62,9 +62,15 @@ TRIAD = ACCELEROMETERS
 IMU_CHANNELS = ("t", *COMPONENTS)
 """Columns of a run of a whole IMU."""
 
+CASES = (FREE_TUMBLE, FERRARIS)
+"""Procedures of several components in one case whose inputs are known in part."""
+
 INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
 MOUNT = "mount"
 """Column with the number of each row's plane or mount."""
+
+KNOWN_IMU_CHANNELS = (*IMU_CHANNELS, *CASE_CHANNELS, MOUNT)
+"""Columns of a run of a whole IMU with known inputs, which are along the axes x, y, z of the case."""
 
 RUN_CHANNELS = ("t", "output", *INPUTS, MOUNT)
 """Columns of a run with known inputs."""
@@ -83,9 +89,6 @@ PROFILES = {
 
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""
-
-SAME_TIME = 0.01
-"""Share of the interval by which time stamps of two files of one run may differ."""
 
 LATE_EPOCH = 1e6
 """s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
@@ -107,7 +110,8 @@ class RunSpec:
     simulate : for a simulated run, ``profile`` (a key of `PROFILES`) and the arguments of its function by
         name, in SI.
     origin : where a public file comes from, for the message when it is not there.
-    gyroscope_file : of an IMU whose gyroscopes have a file of their own, on the same clock.
+    gyroscope_file, gyroscope_shown : of an IMU whose gyroscopes have a file of their own, on the same clock;
+        as the study gives it.
     sections : of an IMU: the parts of the run whose inputs are known.
     """
 
@@ -121,6 +125,7 @@ class RunSpec:
     simulate: Mapping[str, object] | None = None
     origin: str = ""
     gyroscope_file: Path | None = None
+    gyroscope_shown: str = ""
     sections: tuple[Section, ...] = ()
 
 
@@ -158,11 +163,11 @@ def read_run(
     if spec.procedure == FREE_TUMBLE:
         return _triad_run(spec, spec.file)
     shown = spec.shown or str(spec.file)
-    path = _existing(spec.file, shown, spec.origin)
+    path = existing(spec.file, shown, spec.origin)
     if long := _long_run(spec, path, kind, lib, tell):
         return long
     table = read_table(path, shown)
-    return _run(spec, kind, table, _sha256(spec.file))
+    return _run(spec, kind, table, sha256_of(spec.file))
 
 
 def _long_run(
@@ -177,7 +182,7 @@ def _long_run(
         return None
     from imubayes.rig.stream_survey import read_long_run
 
-    return read_long_run(spec, path, kind, lib, sha256=_sha256(path), tell=tell)
+    return read_long_run(spec, path, kind, lib, sha256=sha256_of(path), tell=tell)
 
 
 def plan_run(spec: RunSpec) -> Plan:
@@ -204,6 +209,7 @@ def simulate_runs(
     *,
     truth: Mapping[str, float],
     rng: np.random.Generator,
+    bench: Mapping[str, float] | None = None,
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Simulate the runs of one sensor.
 
@@ -214,10 +220,11 @@ def simulate_runs(
     lib : terms of a unit drawn from the class.
     truth : coefficients in SI by name; empty draws a unit from the class over `lib`.
     rng : the source of randomness.
+    bench : sd in SI of each kind of error of the bench; one draw is made, and the runs say nothing of it.
 
     Returns
     -------
-    (runs, truth) : with the coefficients that were used.
+    (runs, truth) : with the coefficients that were used, and the errors of the bench by name.
 
     Raises
     ------
@@ -225,7 +232,8 @@ def simulate_runs(
     """
     plans = [plan_run(spec) for spec in specs]
     unit = truth or draw_unit(sensor_class, lib, rng)
-    return simulate(sensor_class, plans, seed=rng, truth=unit), unit
+    errors = drawn_errors(plans, bench or {}, rng)
+    return simulate_on_bench(sensor_class, plans, errors, seed=rng, truth=unit), {**unit, **errors}
 
 
 def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
@@ -236,19 +244,32 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
         optional=(*INPUTS, MOUNT),
         output_unit=OUTPUT_UNIT[kind],
     )
-    t, epoch = _time(table, columns["t"])
-    values = {name: values_of(table, columns[name], len(t)) for name in columns if name != "t"}
-    output, mount = values.pop("output"), values.pop(MOUNT, None)
+    t, epoch = time_of(table, columns["t"])
+    output = values_of(table, columns["output"], len(t))
     check_output(table, columns["output"])
-    notes = (*epoch, *_notes(t, {"output": output}), *assumed(kind, values))
-    if "T" in values and "dT" not in values:
-        values["dT"] = temperature_rate(t, values["T"])
-        notes = (*notes, "dT/dt is the smoothed derivative of the recorded temperature")
-    channels = {name: frozen(column) for name, column in values.items()}
-    whole = None if mount is None else _whole(table, columns[MOUNT], mount)
-    inputs = Inputs(t, channels, sampling_interval(t), whole)
+    inputs, derived = inputs_of(table, {name: columns[name] for name in columns if name != "output"}, t)
+    notes = (*epoch, *notes_of(t, {"output": output}), *assumed(kind, columns), *derived)
     source = source_of(table.file, sha256, columns, notes)
     return Run(spec.name, spec.procedure, inputs, frozen(output), source)
+
+
+def inputs_of(table: Table, columns: Mapping[str, Column], t: FloatArray) -> tuple[Inputs, tuple[str, ...]]:
+    """Known inputs of a run, and what was derived for them.
+
+    Parameters
+    ----------
+    table : the file, for messages.
+    columns : of the inputs by channel, of the time, and of the mount where there is one.
+    t : (n,) time, s.
+    """
+    values = {name: values_of(table, column, len(t)) for name, column in columns.items() if name != "t"}
+    mount, notes = values.pop(MOUNT, None), ()
+    if "T" in values and "dT" not in values:
+        values["dT"] = temperature_rate(t, values["T"])
+        notes = ("dT/dt is the smoothed derivative of the recorded temperature",)
+    whole = None if mount is None else _whole(table, columns[MOUNT], mount)
+    channels = {name: frozen(column) for name, column in values.items()}
+    return Inputs(t, channels, sampling_interval(t), whole), notes
 
 
 def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
@@ -256,56 +277,26 @@ def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
         raise DataError(
             f"run '{spec.name}': a free tumble needs gravity, for example gravity = \"9.81 m/s^2\""
         )
-    t, output, source = _triad_of(spec, file, TRIAD)
+    t, output, source = outputs_of(spec, file, TRIAD)
     return TriadRun(spec.name, spec.procedure, t, output, spec.gravity, sampling_interval(t), source)
 
 
-def read_imu_run(spec: RunSpec) -> ImuRun:
-    """Read and check the file of a run of a whole IMU, or the two files.
-
-    Raises
-    ------
-    DataError : as `read_run` does; if two files do not have the same time stamps; if a section is not in it.
-    """
-    if spec.file is None or spec.gravity is None:
-        raise DataError(f"run '{spec.name}': a run of an IMU needs a file, and gravity = \"9.81 m/s^2\"")
-    t, force, source = _triad_of(spec, spec.file, ACCELEROMETERS)
-    t_too, rate, other = _triad_of(spec, spec.gyroscope_file or spec.file, GYROSCOPES)
-    interval = sampling_interval(t)
-    if len(t) != len(t_too) or np.max(np.abs(t - t_too)) > SAME_TIME * interval:
-        raise DataError(
-            f"{source.file} and {other.file}: expected the same time stamps in both, for accelerometers and"
-            f" gyroscopes of one run; came {len(t)} and {len(t_too)} rows"
-        )
-    for section in spec.sections:
-        if not 0 <= section.start < section.stop <= len(t):
-            raise DataError(
-                f"run '{spec.name}': rows {section.start} to {section.stop} are no section of a file of"
-                f" {len(t)} rows: expected first and last of them, counted from 0"
-            )
-    columns = tuple(dict.fromkeys((*source.columns, *other.columns)))
-    notes = tuple(dict.fromkeys((*source.notes, *other.notes)))
-    both = source.file if spec.gyroscope_file is None else f"{source.file}, {other.file}"
-    whole = Source(both, source.sha256, columns, notes)
-    return ImuRun(spec.name, spec.procedure, t, force, rate, spec.gravity, interval, whole, spec.sections)
-
-
-def _triad_of(
+def outputs_of(
     spec: RunSpec, file: Path, components: tuple[str, ...]
 ) -> tuple[FloatArray, FloatArray, Source]:
     """Time (n,), outputs (n, 3) and source of three components in a file."""
-    shown = spec.shown if spec.shown and file == spec.file else str(file)
-    table = read_table(_existing(file, shown, spec.origin), shown)
+    shown = (spec.shown if file == spec.file else spec.gyroscope_shown) or str(file)
+    table = read_table(existing(file, shown, spec.origin), shown)
     columns = resolve(table, spec.columns, required=("t", *components), optional=(), output_unit="")
-    t, epoch = _time(table, columns["t"])
+    t, epoch = time_of(table, columns["t"])
     outputs = {name: values_of(table, columns[name], len(t)) for name in components}
     for name in components:
         check_output(table, columns[name])
-    source = source_of(table.file, _sha256(file), columns, (*epoch, *_notes(t, outputs)))
+    source = source_of(table.file, sha256_of(file), columns, (*epoch, *notes_of(t, outputs)))
     return t, frozen(np.column_stack([outputs[name] for name in components])), source
 
 
-def _time(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
+def time_of(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
     """Time in s; a clock that counts from an epoch is referred to its first reading before it is scaled."""
     check_values(table, column)
     running, turns = unwrapped(table, column)
@@ -350,16 +341,17 @@ def _whole(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64
     return numbers
 
 
-def _notes(t: FloatArray, outputs: Mapping[str, FloatArray]) -> tuple[str, ...]:
+def notes_of(t: FloatArray, outputs: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """What the checks found of time and outputs (n,) that does not stop a run."""
     found = [gaps(t), interval_jump(t), *(saturation(name, output) for name, output in outputs.items())]
     return tuple(note for note in found if note)
 
 
-def assumed(kind: Kind, channels: Mapping[str, FloatArray]) -> tuple[str, ...]:
-    """Say which inputs are taken as zero because the file does not have them."""
+def assumed(kind: Kind, channels: Collection[str], axes: str = "ijk") -> tuple[str, ...]:
+    """Say which inputs are taken as zero because they are not among the channels of the file."""
     families = ("f", "w", "dw") if kind == "accelerometer" else ("w", "f", "dw")
     absent = [
-        f"{family}_{axis}" for family in families for axis in "ijk" if f"{family}_{axis}" not in channels
+        f"{family}_{axis}" for family in families for axis in axes if f"{family}_{axis}" not in channels
     ]
     return (f"{ABSENT}: {', '.join(absent)}",) if absent else ()
 
@@ -374,7 +366,14 @@ ABSENT = "not in the file, taken as zero"
 """How the notes of a run begin that name its absent inputs."""
 
 
-def _existing(path: Path, shown: str, origin: str) -> Path:
+def existing(path: Path, shown: str, origin: str) -> Path:
+    """Path of a file that is there.
+
+    Raises
+    ------
+    DataError : if it is not, or is a directory. `shown` is what the study calls it, `origin` where it is
+        public.
+    """
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):
@@ -386,7 +385,8 @@ def _existing(path: Path, shown: str, origin: str) -> Path:
     return path
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """Hash of a file's bytes."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

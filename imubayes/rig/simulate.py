@@ -5,7 +5,8 @@ Every noise process is drawn exactly from its own distribution at the given time
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from imubayes.errors import InputError, TermError
+from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Inputs, Run, Source
 from imubayes.rig.profiles import Plan
+from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.noise import Noise, flicker
 from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, library
@@ -71,6 +74,37 @@ def simulate(
     return tuple(
         Run(name, plan.procedure, plan.inputs, _output(plan.inputs, lib, truth, noise, rng), source)
         for name, plan in _numbered(plans)
+    )
+
+
+def drawn_errors(
+    plans: Sequence[Plan], sds: Mapping[str, float], rng: np.random.Generator
+) -> dict[str, float]:
+    """One draw of the errors of a bench, SI, by name: normal, with the sd of each kind."""
+    return {error.name: rng.normal(0.0, sds[error.kind]) for error in errors_of(plans, sds)}
+
+
+def simulate_on_bench(
+    sensor: SensorClass,
+    plans: Sequence[Plan],
+    errors: Mapping[str, float],
+    *,
+    seed: np.random.Generator,
+    truth: Mapping[str, float],
+) -> tuple[Run, ...]:
+    """Run plans as `simulate` does on a rig with errors, of which the inputs of the runs say nothing.
+
+    Parameters
+    ----------
+    errors : of the bench, SI by name; none for a rig without.
+    """
+    moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans] if errors else plans
+    runs = simulate(sensor, moved, seed=seed, truth=truth)
+    if not errors:
+        return runs
+    return tuple(
+        replace(run, inputs=plan.inputs, output=run.output + errors.get(f"{OFFSET}.{run.name}", 0.0))
+        for run, plan in zip(runs, plans, strict=True)
     )
 
 

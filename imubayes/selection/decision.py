@@ -344,8 +344,9 @@ class _Told:
 
 def _moments(parts: Components, column: int) -> tuple[float, float]:
     """Mean and sd of one column of a mixture."""
-    mean, sd = parts.moments()
-    return float(mean[column]), float(sd[column])
+    alone = replace(parts, mean=parts.mean[:, column : column + 1], sd=parts.sd[:, column : column + 1])
+    mean, sd = alone.moments()
+    return float(mean[0]), float(sd[0])
 
 
 def _verdict(

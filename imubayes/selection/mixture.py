@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,12 +283,12 @@ def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) 
     """Independent draws of all columns from the mixture of a physical prior: (size, a + p)."""
     from imubayes.selection.moments import submodel
 
-    out = np.zeros((size, len(c.columns)))
+    out, at = np.zeros((size, len(c.columns))), cache(c.at)  # scales are few where components are many
     which = rng.choice(len(parts.weight), size=size, p=parts.weight)
     for component in np.unique(which):
         rows = np.flatnonzero(which == component)
         scale = math.ldexp(float(parts.scale[component]), -c.response_unit)
-        T, columns = submodel(c.at(scale), with_always(c, parts.inside[component : component + 1])[0])
+        T, columns = submodel(at(scale), with_always(c, parts.inside[component : component + 1])[0])
         z = T[:-1, -1:] + scale * rng.standard_normal((len(columns), len(rows)))
         out[np.ix_(rows, columns)] = solve_triangular(T[:-1, :-1], z).T
     return c.given(out)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from imubayes.inference.allan_fit import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
+from imubayes.inference.reml import span
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.noise_choice import NoiseChoice, identify_noise
 from imubayes.sensors.noise_processes import OPTIONAL
@@ -27,7 +28,8 @@ class NoiseQuestion:
 
     Attributes
     ----------
-    identify : ``static`` (the quiet logs), ``all`` or ``none``.
+    identify : ``static`` (the quiet logs), ``all`` (tests too; of the components of a case their rest) or
+        ``none``.
     candidates : processes beside white noise that a run may show.
     """
 
@@ -56,9 +58,35 @@ class NoiseFound:
     fit: AllanFit | None
 
 
+def processes_of(
+    asked: NoiseQuestion,
+    runs: Sequence[Linear],
+    sensor: SensorClass | None,
+    *,
+    rng: np.random.Generator,
+    theta: FloatArray | None = None,
+    tell: Callable[[str], None] = lambda message: None,
+) -> tuple[NoiseFound, ...]:
+    """Identify the noise processes of the runs that are asked for them.
+
+    Parameters
+    ----------
+    asked : which runs, and for which processes.
+    runs : rows of each.
+    sensor, rng, theta : as `noise_of` takes them.
+    tell : is told what goes on.
+    """
+    found = []
+    for rows in runs:
+        if asked.asks(rows):
+            tell(f"noise processes of {rows.name}")
+            found.append(noise_of(rows, theta, sensor, rng=rng, candidates=asked.candidates))
+    return tuple(found)
+
+
 def noise_of(
     rows: Linear,
-    theta: FloatArray,
+    theta: FloatArray | None,
     sensor: SensorClass | None,
     *,
     rng: np.random.Generator,
@@ -69,13 +97,15 @@ def noise_of(
     Parameters
     ----------
     rows : of the run.
-    theta : (p,) coefficients whose residuals the Allan deviation is of; the evidence needs none.
+    theta : (p,) coefficients whose residuals the Allan deviation is of, None for those that fit the run alone
+        best by least squares; the evidence needs none.
     sensor : class whose priors hold; None takes wide ones.
     rng : of the importance draws.
     candidates : processes beside white noise.
     """
     choice = identify_noise(rows, sensor, rng=rng, candidates=candidates)
-    curve = allan_curve(residuals(rows, theta), rows.t, rows.interval, choice.noise)
+    left = _left(rows) if theta is None else residuals(rows, theta)
+    curve = allan_curve(left, rows.t, rows.interval, choice.noise)
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
         return NoiseFound(choice, curve, None)
     names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
@@ -85,3 +115,9 @@ def noise_of(
     if len(names) >= len(curve.tau):
         return NoiseFound(choice, curve, None)
     return NoiseFound(choice, curve, fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))
+
+
+def _left(rows: Linear) -> FloatArray:
+    """Response (n,) less its projection on the columns."""
+    basis = span(rows.columns(0, len(rows)))
+    return np.asarray(rows.y - basis @ (basis.T @ rows.y), dtype=np.float64)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import reorder
+from imubayes.factor import add, reorder
+from imubayes.inference.apart import Apart, apart
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.mcmc.chains import Chains
-from imubayes.inference.pieces import pieces_of
+from imubayes.inference.pieces import always, pieces_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, judge
 from imubayes.inference.summary import Summary
@@ -62,8 +64,11 @@ def panel_of(
     chains: Chains | None = None,
     hierarchical: bool = False,
     widths: Sequence[float] = (),
+    parts: Sequence[int] = (),
 ) -> Panel:
     """Ask every other method about the candidates of a decision.
+
+    A component of a case is asked about on its own runs; what the case's other runs say stays in every model.
 
     Parameters
     ----------
@@ -74,17 +79,19 @@ def panel_of(
     chains : that sampled the noise, for importance sampling beside the closed-form leave-one-out.
     hierarchical : whether a model must hold what its terms call for.
     widths : factors on every prior sd that are tried; by default as many as do not take long.
+    parts : indices of the component's own runs, where others take part in the factor.
     """
     models = selection.models
     candidates = models.candidates.names
-    names = tuple(name for name in summary.names if name in models.candidates.columns)
-    factor = reorder(summary.factor, names)
-    sd = prior.sd[[summary.names.index(name) for name in names]]
+    own = apart(summary, prior.sd, rows, parts or range(len(rows)), candidates)
+    names = tuple(name for name in own.summary.names if name in models.candidates.columns)
+    factor = reorder(own.summary.factor, names)
+    sd = own.sd[[own.summary.names.index(name) for name in names]]
     needs = hierarchy(names) if hierarchical else ()
-    pieces = [pieces_of(r, run.noise) for r, run in zip(rows, summary.runs, strict=True)]
-    samples = effective_samples(
-        reorder(summary.factor, candidates), rows, [run.noise for run in summary.runs]
-    )
+    pieces = [pieces_of(r, run.noise) for r, run in zip(own.rows, own.summary.runs, strict=True)]
+    samples = _effective(own, candidates)
+    if own.known is not None:
+        pieces.append(always(own.known))
     among = _most_probable(models) if len(candidates) > LARGEST else None
     compared = criteria(factor, pieces, sd, candidates, needs=needs, samples=samples, among=among, widen=True)
     if chains is not None:
@@ -101,9 +108,16 @@ def panel_of(
         criteria=compared,
         sindy=sparse,
         sensitivity=others,
-        votes=votes(selection, compared, sparse, others, coloured=coloured(summary, prior, rows)),
-        reduced=reduced(selection, design_factor(rows), rng=rng),
+        votes=votes(selection, compared, sparse, others, coloured=coloured(summary, prior, rows, parts)),
+        reduced=reduced(selection, design_factor(own.rows), rng=rng),
     )
+
+
+def _effective(own: Apart, candidates: tuple[str, ...]) -> float:
+    """Effective sample size of a component's own runs."""
+    runs = own.summary.runs
+    factor = reduce(add, (reorder(run.factor, candidates) for run in runs))
+    return effective_samples(factor, own.rows, [run.noise for run in runs])
 
 
 def _most_probable(models: Models) -> BoolArray:
@@ -118,9 +132,12 @@ def _most_probable(models: Models) -> BoolArray:
     return np.unique(np.concatenate((found, near.reshape(-1, found.shape[1]))), axis=0)
 
 
-def coloured(summary: Summary, prior: ScalePrior, rows: Sequence[Linear]) -> tuple[str, ...]:
-    """Names of the runs whose noise was assumed white, and whose residuals are not."""
-    white = [(r, run) for r, run in zip(rows, summary.runs, strict=True) if run.noise_origin == "white"]
+def coloured(
+    summary: Summary, prior: ScalePrior, rows: Sequence[Linear], parts: Sequence[int] = ()
+) -> tuple[str, ...]:
+    """Names of the runs (of the indices `parts`) whose noise was assumed white, and which are not."""
+    asked = [(rows[k], summary.runs[k]) for k in parts or range(len(rows))]
+    white = [(r, run) for r, run in asked if run.noise_origin == "white"]
     theta, _ = loose_fit(summary, prior)
     return tuple(
         run.name for r, run in white if judge(residuals(r, theta), r.rows, run, {}).whiteness_p < SUSPECT

@@ -44,8 +44,9 @@ def pooled_inclusion(selections: Sequence[Selection]) -> Mapping[str, float]:
     shared = [name for name in local[0] if all(name in others for others in local)]
     if not shared:
         return {}
-    logs = [_log_evidence(models, names, shared) for (models, _), names in zip(weighed, local, strict=True)]
-    total = np.sum(logs, axis=0) + log_model_prior("beta-binomial", len(shared))[sizes(len(shared))]
+    total = log_model_prior("beta-binomial", len(shared))[sizes(len(shared))]
+    for (models, _), names in zip(weighed, local, strict=True):
+        total += _log_evidence(models, names, shared)
     sums, whole = fold(np.exp(total - total.max()), len(shared))
     return dict(zip(shared, np.minimum(sums / whole, 1.0).tolist(), strict=True))
 

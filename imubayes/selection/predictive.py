@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from imubayes import factor as algebra
-from imubayes.inference.pieces import Pieces, stacked
+from imubayes.inference.pieces import Pieces, few_rows, stacked
 from imubayes.selection.mixture import Candidates, with_always
 from imubayes.selection.spaces import Every, Space
 
@@ -58,7 +58,7 @@ class Held:
     ----------
     candidates : what the models are of; its columns are those of the factors.
     scale : of the noise, which is known.
-    parts : (q, w + 1, w + 1) factor of each part.
+    parts : (q, m, w + 1) whitened rows of each part, as few as hold all that it says.
     whole : (w + 1, w + 1) factor of all parts, with the prior's rows stacked under it.
     without : (q, w + 1, w + 1) the same without each part.
     offset : (q,) what each part adds to the deviance of every model: ``n ln(2 pi scale^2)`` and the log
@@ -75,16 +75,26 @@ class Held:
 
 def by_dwell(pieces: Sequence[Pieces], c: Candidates, scale: float) -> Held:
     """Dwells of all runs, to be left out one at a time."""
-    parts = np.concatenate([p.R[:, :, _places(p.names, c)] for p in pieces])
-    rows = np.concatenate([p.rows for p in pieces])
-    return _held(parts, rows, np.concatenate([p.log_det for p in pieces]), c, scale)
+    loose = [p for p in pieces if not p.kept]
+    parts = np.concatenate([p.R[:, :, _places(p.names, c)] for p in loose])
+    counts = np.concatenate([p.rows for p in loose]), np.concatenate([p.log_det for p in loose])
+    return _held(parts, counts, _prior(pieces, c, scale), c, scale)
 
 
 def by_run(pieces: Sequence[Pieces], c: Candidates, scale: float) -> Held:
     """Whole runs, to be left out one at a time."""
-    runs = [stacked([p]) for p in pieces]
+    runs = [stacked([p]) for p in pieces if not p.kept]
     parts = np.array([f.R[:, _places(f.names, c)] for f in runs])
-    return _held(parts, np.array([f.n for f in runs]), np.array([f.log_det for f in runs]), c, scale)
+    counts = np.array([f.n for f in runs]), np.array([f.log_det for f in runs])
+    return _held(parts, counts, _prior(pieces, c, scale), c, scale)
+
+
+def _prior(pieces: Sequence[Pieces], c: Candidates, scale: float) -> FloatArray:
+    """Factor (w + 1, w + 1) of the prior, and of the pieces that are always there."""
+    width = len(c.columns) + 1
+    prior = algebra.with_prior_rows(np.zeros((width, width)), scale / c.sd)
+    known = [R for p in pieces if p.kept for R in p.R[:, :, _places(p.names, c)]]
+    return algebra.triangular((prior, *known), width) if known else prior
 
 
 def _places(names: tuple[str, ...], c: Candidates) -> list[int]:
@@ -93,10 +103,16 @@ def _places(names: tuple[str, ...], c: Candidates) -> list[int]:
 
 
 def _held(
-    parts: FloatArray, rows: NDArray[np.int64], log_det: FloatArray, c: Candidates, scale: float
+    parts: FloatArray,
+    counts: tuple[NDArray[np.int64], FloatArray],
+    prior: FloatArray,
+    c: Candidates,
+    scale: float,
 ) -> Held:
-    width = parts.shape[2]
-    prior = algebra.with_prior_rows(np.zeros((width, width)), scale / c.sd)
+    """Parts, how many rows each has, the log determinant of their noise, and what is always there."""
+    (rows, log_det), width = counts, parts.shape[2]
+    every, telling = few_rows(parts)
+    parts = every[:, : max(1, int(telling.sum(axis=1).max()))]
 
     def joined(R: FloatArray, part: FloatArray) -> FloatArray:
         return algebra.triangular((np.concatenate((R, part)),), width)
@@ -125,10 +141,9 @@ def fits(T: FloatArray, c: Candidates, space: Space) -> tuple[FloatArray, FloatA
     from imubayes.selection.moments import solutions
     from imubayes.selection.tree import walk
 
-    if not isinstance(space, Every):
-        return solutions(T, with_always(c, space.inside))[2:]
     always = len(c.always)
-    rss, log_det = walk(np.ascontiguousarray(T[always:, always:]))
+    inner = np.ascontiguousarray(T[always:, always:])
+    rss, log_det = walk(inner) if isinstance(space, Every) else solutions(inner, space.inside)[2:]
     with np.errstate(divide="ignore"):
         return rss, log_det + np.sum(np.log(np.abs(np.diag(T)[:always])))
 

@@ -105,7 +105,10 @@ def _fitted(optimizer: BaseOptimizer, A: FloatArray, b: FloatArray) -> BaseOptim
 
 
 def _by_size(visited: Iterable[BoolArray], p: int, strength: FloatArray) -> BoolArray:
-    """Supports of the sizes asked for; none and all terms need no optimizer."""
+    """Supports of the sizes asked for; none and all terms need no optimizer.
+
+    An optimizer that stops short of a size, with nothing left to explain, has its largest one below.
+    """
     by_size = {int(support.sum()): support for support in visited}
     by_size |= {0: np.zeros(p, dtype=np.bool_), p: np.ones(p, dtype=np.bool_)}
-    return np.array([by_size[k] for k in strength.astype(int).tolist()])
+    return np.array([by_size[max(n for n in by_size if n <= k)] for k in strength.astype(int).tolist()])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from imubayes import factor as algebra
 from imubayes.factor import Factor
-from imubayes.inference.pieces import Pieces
+from imubayes.inference.pieces import Pieces, few_rows
 
 FloatArray = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -23,9 +23,6 @@ Counts = NDArray[np.int64]
 CUT = 0.9
 """Selection frequency over halves from which a term is stable: the upper end of what Meinshausen and Buhlmann
 (2010) recommend (0.6 to 0.9), since strong terms reach 1."""
-
-ROUNDING = 1e-15
-"""A direction of a dwell that is smaller, beside the whole campaign's columns, is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,32 +35,35 @@ class Dwelled:
     rows : (m, p + 1).
     dwell : (m,) the dwell that a row belongs to.
     sizes : dwells of each run.
+    known : (k, p + 1) rows that every campaign has.
     """
 
     names: tuple[str, ...]
     rows: FloatArray
     dwell: NDArray[np.int64]
     sizes: tuple[int, ...]
+    known: FloatArray
 
 
 def dwelled(pieces: Sequence[Pieces], names: tuple[str, ...]) -> Dwelled:
-    """Bring the dwells of all runs to the named columns.
+    """Bring the dwells of all runs to the named columns."""
+    known, R = (_columns([p for p in pieces if p.kept is kept], names) for kept in (True, False))
+    rows, kept = few_rows(R)
+    sizes = tuple(len(p) for p in pieces if not p.kept)
+    return Dwelled(names, rows[kept], np.nonzero(kept)[0], sizes, known.reshape(-1, known.shape[2]))
 
-    A dwell at constant inputs moves the columns in a few directions only: the others are left out.
-    """
-    R = np.concatenate([p.R[:, :, [*(p.names.index(name) for name in names), -1]] for p in pieces])
-    size = np.linalg.norm(R, axis=(0, 1))
-    _, s, directions = np.linalg.svd(R / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    kept = s > ROUNDING
-    rows = (s[:, :, None] * directions)[kept] * size
-    return Dwelled(names, rows, np.nonzero(kept)[0], tuple(len(p) for p in pieces))
+
+def _columns(pieces: Sequence[Pieces], names: tuple[str, ...]) -> FloatArray:
+    """Factors (q, w, p + 1) of pieces, over the named columns."""
+    parts = [p.R[:, :, [*(p.names.index(name) for name in names), -1]] for p in pieces]
+    return np.concatenate(parts) if parts else np.zeros((0, len(names) + 1, len(names) + 1))
 
 
 def resampled(d: Dwelled, counts: Counts) -> Factor:
     """Factor of the dwells, each taken as often as `counts` says."""
     times = counts[d.dwell]
     taken = times > 0
-    rows = np.sqrt(times[taken])[:, None] * d.rows[taken]
+    rows = np.concatenate((d.known, np.sqrt(times[taken])[:, None] * d.rows[taken]))
     width = len(d.names) + 1
     return Factor(d.names, algebra.triangular([rows] if len(rows) else [], width), len(rows))
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -19,7 +16,7 @@ from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.planning.fidelity import RungName
-from imubayes.processes import end_with_parent
+from imubayes.processes import Lost, elsewhere
 from imubayes.rig.profiles import tumble
 from imubayes.rig.runs import RunSpec
 from imubayes.rig.simulate import simulate
@@ -72,12 +69,8 @@ def measured(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, 
     limits : of chains.
     seed : of whatever is drawn; chains have one of their own from it.
     """
-    spawned = get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=spawned, initializer=end_with_parent) as pool:
-        try:
-            return pool.submit(here, problem, rung, limits, seed).result()
-        except BrokenProcessPool:
-            return None
+    found = elsewhere(here, problem, rung, limits, seed)
+    return None if isinstance(found, Lost) else found
 
 
 def here(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]) -> Measured:

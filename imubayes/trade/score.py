@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.lots.answers import Share
-from imubayes.lots.population import frequency
+from imubayes.inference.intervals import Share, frequency
 from imubayes.planning.fidelity import RungName
 from imubayes.selection.relevance import Exposure
 from imubayes.selection.verdicts import TENTH, Costs

@@ -1,11 +1,15 @@
 """``kind = "imu"``: what is said of both kinds at once, and what is refused."""
 
+import json
+
 import numpy as np
 import pytest
 
+from imubayes.cli import main
+from imubayes.config import record_study
 from imubayes.config.reading import read_runs, read_study
 from imubayes.errors import DataError, StudyError
-from imubayes.study import check
+from imubayes.study import check, run
 
 CHANNELS = "ax [m/s^2],ay [m/s^2],az [m/s^2]", "gx [deg/s],gy [deg/s],gz [deg/s]"
 
@@ -83,6 +87,116 @@ def test_section_beyond_the_file_is_refused(tmp_path):
         read_runs(path)
 
 
+KNOWN = """
+[[sensor.run]]
+name = "turns"
+procedure = "rate-table"
+simulate = { rates = ["-100 deg/s", "50 deg/s"], dwell = "2 s", rate = "5 Hz" }
+[[sensor.run]]
+name = "faces"
+procedure = "tumble"
+simulate = { positions = 6, dwell = "10 s", rate = "2 Hz" }
+"""
+IMU = 'kind = "imu"'
+FACES = 'simulate = { positions = 6, dwell = "10 s", rate = "2 Hz" }'
+GRAVITY = 'bench = "drawn"\nreference = { gravity = "1 mg" }'
+BENCH = """
+bench = "drawn"
+reference = { fixture_common = "1 mrad", turn_on = { accelerometer = "1 mg", gyroscope = "100 deg/h" } }
+"""
+
+
+def known(text="", runs=KNOWN):
+    return HEAD.replace('kind = "imu"', f'kind = "imu"\n{text}') + runs
+
+
+def test_a_simulated_imu_is_the_same_when_it_is_recorded(tmp_path):
+    study = read_study(written(tmp_path, known(BENCH)))
+    (tmp_path / "out").mkdir()
+    record_study(study, tmp_path / "out")
+    for one, other in zip(read_runs(study.path), read_runs(tmp_path / "out" / "study.toml"), strict=True):
+        np.testing.assert_array_equal(one.output, other.output)
+        assert one.inputs.channels.keys() == other.inputs.channels.keys()
+    truth = json.loads((tmp_path / "out" / "truth.json").read_text(encoding="utf-8"))["A"]
+    assert {"ax.b0", "gz.g_i", "fixture_common_i", "turn_on.faces.gx"} <= truth.keys()
+
+
+def test_offsets_since_turn_on_have_an_sd_for_each_kind(tmp_path):
+    (spec,) = read_study(written(tmp_path, known(BENCH))).sensors
+    assert spec.reference["turn_on"] == pytest.approx(9.80665e-3)
+    assert spec.gyroscope is not None
+    assert spec.gyroscope.reference["turn_on"] == pytest.approx(np.deg2rad(100.0) / 3600.0)
+    assert spec.reference["fixture_common"] == spec.gyroscope.reference["fixture_common"] == 1e-3
+
+
+@pytest.mark.parametrize(
+    "truth",
+    ['truth = { ax.b0 = "1 mg", gz.b1 = "30 ppm" }', 'truth = { "ax.b0" = "1 mg", "gz.b1" = "30 ppm" }'],
+)
+def test_truth_is_by_component_and_term(tmp_path, truth):
+    (spec,) = read_study(written(tmp_path, known(truth))).sensors
+    assert spec.gyroscope is not None
+    assert spec.truth == pytest.approx({"ax.b0": 9.80665e-3})
+    assert spec.gyroscope.truth == pytest.approx({"gz.b1": 3e-5})
+
+
+def test_a_simulated_imu_is_characterized_to_its_end(tmp_path):
+    text = f'[study]\nmethod = "exact"\n[decision]\ncompare = false\n{known(GRAVITY)}'
+    lowest = "powers = 1\nasymmetry = -1"
+    small = f"[sensor.library.accelerometer]\n{lowest}\n[sensor.library.gyroscope]\nasymmetry = -1"
+    text = (
+        text.replace("[sensor.library.gyroscope]", small)
+        .replace('set = "extended"', "")
+        .replace("g_i =", "S_ij =")
+    )
+    text = text.replace("deg/h/g", "deg/h/g^2")
+    result = run(read_study(written(tmp_path, text)))
+    assert [one.id for one in result.sensors] == [
+        f"A.{name}" for name in ("ax", "ay", "az", "gx", "gy", "gz")
+    ]
+    for one in result.sensors:
+        assert one.pooled
+        assert [part.name for part in one.runs] == [f"turns ({one.id[2:]})", f"faces ({one.id[2:]})"]
+    (angle,) = [
+        a
+        for a in result.sensors[0].calibration["angles"]
+        if a["name"] == "nonorthogonality_xy" and a["of"] == "gyroscope"
+    ]
+    assert 0.0 < angle["sd"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (IMU, f'{IMU}\ntruth = {{ b0 = "1 mg" }}', "expected a component and its term, such as ax.b0"),
+        (IMU, f'{IMU}\ntruth = {{ ax.b9x = "1 mg" }}', "truth.ax.b9x: 'b9x' is not a term"),
+        (IMU, f'{IMU}\nreference = {{ turn_on = "1 mg" }}', "accelerometers and gyroscopes have other units"),
+        (IMU, f'{IMU}\nbench = "drawn"', "bench: errors are drawn from .sensor.reference."),
+        ('procedure = "tumble"', 'procedure = "free-tumble"\ngravity = "9.81 m/s^2"',
+         "procedure: 'free-tumble' cannot be simulated"),
+        (FACES, 'file = "a.csv"\ncolumns = { f_i = 3 }', "columns.f_i: is along an axis of a component"),
+        (FACES, 'file = "a.csv"\nsections = [{ rows = [0, 5], up = "x" }]',
+         "sections: expected the positions and turns of a run of procedure 'ferraris'"),
+    ],
+)  # fmt: skip
+def test_what_a_known_case_cannot_have_is_refused_by_its_key(tmp_path, old, new, message):
+    text = known()
+    assert old in text
+    with pytest.raises(StudyError, match=message):
+        read_study(written(tmp_path, text.replace(old, new, 1)))
+
+
+def test_a_recorded_imu_without_a_column_ends_with_the_file_and_exit_2(tmp_path, capsys, monkeypatch):
+    record(tmp_path / "faces.csv", CHANNELS)
+    path = written(tmp_path, known().replace(FACES, 'file = "faces.csv"'))
+    monkeypatch.setattr("sys.argv", ["imubayes", "run", str(path), "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "faces.csv: has no column with an input: expected some of f_x f_y f_z" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_six_components_can_be_checked_before_the_test(tmp_path):
     record(tmp_path / "both.csv", CHANNELS, rows=90)
     ups = [*"xyz", "-x", "-y", "-z"]
@@ -106,8 +220,9 @@ def test_six_components_can_be_checked_before_the_test(tmp_path):
         ("powers = 1", "powrs = 1", r"library.gyroscope.powrs: unknown key: did you mean 'powers'"),
         (', gyroscope = "mems_consumer" }', " }", "expected one class, or { accelerometer"),
         ('gyroscope = "mems_consumer"', 'gyroscope = "mems"', "class.gyroscope: class 'mems' is not in"),
-        ("free-tumble", "tumble", "'tumble' is not known for a whole IMU: expected free-tumble or ferraris"),
+        ("free-tumble", "tumble", r"gravity: only free-tumble and ferraris runs need it"),
         ("free-tumble", "ferraris", "sections: expected the positions and turns"),
+        ('gravity = "9.81 m/s^2"\n', "", "gravity: the key is missing: a free-tumble run needs"),
         ('g_i = "300', 'g_x = "300', "prior.gyroscope.g_x: is not a term of the library"),
         ('id = "A"', 'id = "A"\nrobust = true', "robust: is not known for a whole IMU"),
         (

@@ -190,6 +190,19 @@ def test_axes_of_a_triad_are_compared_together_and_one_by_one():
     )
 
 
+def test_axes_together_have_in_common_what_their_own_units_have():
+    """A cause that moves x one way and z the other moves all units alike."""
+    moved = {"ax": (0.0, 1.0, 2.0), "az": (3.0, 1.0, -4.0)}
+    every = [
+        SessionEstimate(unit, f"{k}", axis, "b0", "m/s^2", "mg", shift, 1e-3, 1e3)
+        for unit in ("A", "B", "C")
+        for axis, shifts in moved.items()
+        for k, shift in enumerate(shifts)
+    ]
+    found = {one.parameter: one.shared for one in repeatability(every)}
+    assert list(found.values()) == pytest.approx([1.0, 1.0, 1.0], abs=1e-9)
+
+
 def test_parameter_that_the_data_hardly_touch_cannot_be_told():
     found = {one.parameter: one for one in repeatability(estimates())}
     assert found["b0"].told and not found["b2"].told

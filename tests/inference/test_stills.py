@@ -43,6 +43,28 @@ def test_stills_do_not_depend_on_the_noise(hand_tumble, factor):
     assert_found(hand_tumble(noise=scaled(QUIET, factor)))
 
 
+def test_a_slow_turn_about_gravity_is_no_rest_where_gyroscopes_see_it(hand_tumble):
+    """The force stays what it was: only the rates tell."""
+    tumble = hand_tumble(hold=8.0)
+    run, (start, stop) = tumble.run, tumble.held[3]
+    rng = np.random.default_rng(1)
+    rate = 5e-3 * rng.normal(size=run.output.shape)
+    for a, b in zip(
+        [0, *(b for _, b in tumble.held)], [*(a for a, _ in tumble.held), len(run.t)], strict=True
+    ):
+        rate[a:b] += 1.0
+    middle = (start + stop) // 2
+    rate[middle:stop, 2] += 0.05 * np.sin(2.0 * np.pi * run.t[middle:stop])
+    assert_found(tumble)
+    found = find_stills(replace(run, rate=rate))
+    assert len(found) == len(tumble.held)
+    # a window that holds a part of the swing is no rest, and half a window is trimmed before it
+    assert found[3][1] <= middle + 0.5 * WINDOW / run.interval
+    others = [k for k in range(len(found)) if k != 3]
+    usual = find_stills(run)
+    assert all(abs(found[k][1] - usual[k][1]) * run.interval <= 0.5 * WINDOW for k in others)
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_stills_hardly_depend_on_the_window(hand_tumble, monkeypatch, factor):
     run = hand_tumble(hold=4.0).run

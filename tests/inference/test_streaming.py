@@ -134,7 +134,7 @@ def test_the_factor_is_that_of_the_rows_in_memory(runs):
 
 
 def test_nearly_dependent_columns_of_a_stream_are_those_of_the_rows_in_memory(tmp_path, monkeypatch):
-    """At a condition of 1e9 plain sweeps of 60,000 rows differ by 1e-6 sd; other columns are zero or alike."""
+    """At a condition of 1e9 plain sweeps of 60,000 rows differ by 1e-6 sd; others are zero or alike."""
     made = recording()
     made["f_j [m/s^2]"] = made["f_i [m/s^2]"] * (1.0 + 1e-8 * np.random.default_rng(8).normal(size=N))
     path = tmp_path / "run.parquet"

@@ -6,7 +6,8 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import beta, chi2
 
-from imubayes.lots.population import frequency, lot_sizes, spread
+from imubayes.inference.intervals import frequency
+from imubayes.lots.population import lot_sizes, spread
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign import Mission
+from imubayes.inference.intervals import Share
 from imubayes.lots.answers import (
     Check,
     ClassFound,
@@ -15,7 +16,6 @@ from imubayes.lots.answers import (
     MissionFound,
     MissionTerm,
     PopulationTerm,
-    Share,
     UnitFound,
 )
 from imubayes.lots.plan import LotStudy

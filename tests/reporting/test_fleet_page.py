@@ -12,7 +12,8 @@ from imubayes.fleet.measure import FleetResult
 from imubayes.fleet.plan import FleetStudy, recorded_units, simulated_units
 from imubayes.fleet.population import FleetAnswer, Pull
 from imubayes.fleet.units import Broken
-from imubayes.lots.answers import PopulationTerm, Share
+from imubayes.inference.intervals import Share
+from imubayes.lots.answers import PopulationTerm
 from imubayes.reporting.fleet_page import fleet_html, terminal_fleet, write_fleet
 from imubayes.reporting.fleet_words import NAMED, fleet_answer, standing_out
 from imubayes.sensors.catalogue import sensor

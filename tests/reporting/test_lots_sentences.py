@@ -3,7 +3,8 @@ from dataclasses import replace
 import pytest
 from lots_found import lot_result
 
-from imubayes.lots.answers import Coverage, Share
+from imubayes.inference.intervals import Share
+from imubayes.lots.answers import Coverage
 from imubayes.reporting.lots_sentences import (
     basic_sentences,
     check_sentences,

@@ -1,6 +1,6 @@
 from lots_found import lot_result
 
-from imubayes.lots.answers import Share
+from imubayes.inference.intervals import Share
 from imubayes.reporting.lots_words import NARROW, budget, counts, of_budget, ranged, required
 
 

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from trades import measured, told, trade
 
-from imubayes.lots.population import frequency
+from imubayes.inference.intervals import frequency
 from imubayes.machine import Machine
 from imubayes.reporting.trade_page import terminal_trade, trade_html, trade_json, write_trade
 from imubayes.reporting.trade_words import trade_answer

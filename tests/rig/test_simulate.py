@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.errors import InputError, TermError
 from imubayes.rig.profiles import centrifuge, static, tumble
-from imubayes.rig.simulate import library_of, simulate, synthesise
+from imubayes.rig.simulate import drawn_errors, library_of, simulate, simulate_on_bench, synthesise
 from imubayes.sensors.catalogue import draw_unit, sensor
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import columns, library
@@ -159,3 +159,18 @@ def test_truth_of_a_term_that_does_not_exist_is_refused(name):
 def test_noise_at_impossible_times_is_refused(t, interval):
     with pytest.raises(InputError, match="time increasing"):
         synthesise(SILENT, np.array(t), interval, np.random.default_rng(0))
+
+
+def test_a_drawn_bench_moves_what_was_applied_and_not_what_the_rig_says():
+    plans = [tumble(angles=4, planes=1, dwell=2.0, rate=5.0)]
+    errors = drawn_errors(plans, {"table_zero": 1e-2, "turn_on": 0.5}, np.random.default_rng(1))
+    assert errors.keys() == {"table_zero", "turn_on.tumble"}
+    asked = {"seed": np.random.default_rng(2), "truth": {}}
+    (moved,) = simulate_on_bench(TACTICAL, plans, errors, **asked)
+    asked = {"seed": np.random.default_rng(2), "truth": {}}
+    (plain,) = simulate_on_bench(TACTICAL, plans, {}, **asked)
+    np.testing.assert_array_equal(moved.inputs.channels["f_i"], plain.inputs.channels["f_i"])
+    # about the plane's normal f_i = g cos(angle) becomes g cos(angle + error): the noise is the same
+    angle = np.arctan2(plain.inputs.channels["f_j"], plain.inputs.channels["f_i"])
+    shift = 9.80665 * (np.cos(angle + errors["table_zero"]) - np.cos(angle)) + errors["turn_on.tumble"]
+    np.testing.assert_allclose(moved.output - plain.output, shift, rtol=0.0, atol=1e-12)

@@ -15,7 +15,7 @@ from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams
 from imubayes.rig.quiet import quiet_log
 from imubayes.rig.runs import RunSpec, read_run
-from imubayes.selection.noise_choice import identify_noise
+from imubayes.selection.noise_choice import SIZES, identify_noise
 from imubayes.selection.noise_found import NoiseQuestion, noise_of
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
@@ -90,6 +90,15 @@ def test_a_process_far_below_the_noise_keeps_its_prior_and_is_not_decided():
     assert size.detection_limit > 0.0
 
 
+def test_inseparable_processes_are_a_group_of_which_the_log_shows_one():
+    """Ten minutes with a drift that bias instability explains as a random walk does, quantization hidden."""
+    found = chosen(usual(B=0.25), samples=6000, candidates=("B", "K", "Q"))
+    partners = {size.name: size.confounded_with for size in found.sizes}
+    assert partners == {"N": (), "B": ("K",), "K": ("B",), "Q": ()}
+    neither = sum(p for names, p in found.sets if not {"B", "K"} & set(names))
+    assert neither < 0.05 < 1.0 - max(found.size(name).inclusion for name in ("B", "K"))
+
+
 def test_evidence_of_one_process_is_its_integral_over_the_prior():
     """Importance draws against quadrature over ln N and ln Q."""
     prior = class_prior(CONSUMER, INTERVAL)
@@ -97,8 +106,8 @@ def test_evidence_of_one_process_is_its_integral_over_the_prior():
     data = noise_data(noise_rows(linear(y)), prior)
     names = ("N", "Q")
     centers = np.log([prior.log_normal[n][0] for n in names])
-    fit = fit_draws(data, fit_mode(data, names, [centers]), np.random.default_rng(3))
-    sds = np.sqrt(np.diag(fit.covariance))
+    fit = fit_draws(data, fit_mode(data, names, [centers]), np.random.default_rng(3), enough=64.0)
+    sds = np.sqrt(np.diag(fit.root @ fit.root.T))
     axes = [np.linspace(m - 6.0 * s, m + 6.0 * s, 41) for m, s in zip(fit.mode, sds, strict=True)]
     widths = [prior.log_normal[n][1] for n in names]
     levels = np.array(
@@ -113,7 +122,7 @@ def test_evidence_of_one_process_is_its_integral_over_the_prior():
     )
     cell = (axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]) / (2.0 * np.pi * widths[0] * widths[1])
     expected = math.log(np.exp(levels - levels.max()).sum() * cell) + levels.max()
-    # 64 draws with weights of a coefficient of variation below 1
+    # 64 effective draws
     assert fit.log_evidence[0] == pytest.approx(expected, abs=4.0 / math.sqrt(64.0))
 
 
@@ -152,12 +161,20 @@ def test_only_the_runs_that_are_asked_are_judged():
     assert not NoiseQuestion("all").asks(linear(np.zeros(50)))
 
 
-@pytest.mark.slow
-def test_catalogue_wide_intervals_cover_and_sets_are_right_above_their_limits():
-    """Sizes and processes drawn from the priors of every class; 120 logs of an hour."""
-    rng = np.random.default_rng(20)
-    inside, found, above, false, right, judged = [], 0, 0, 0, 0, 0
-    for k in range(120):
+def calibration(logs, samples=36_000, seed=20):
+    """Sizes and processes drawn from the priors of every class: what the identification says of each log.
+
+    Returns
+    -------
+    inside : of each size by name, whether its 90 % interval holds the truth, log by log.
+    strong, missed, false : processes above their limits, those of them that were not found, and found ones
+        that are not there.
+    judged, right : logs with all processes above their limits, and those of them with the right set.
+    """
+    rng = np.random.default_rng(seed)
+    inside = {name: [] for name in SIZES}
+    count = dict.fromkeys(("strong", "missed", "false", "judged", "right"), 0)
+    for k in range(logs):
         entry = classes()[k % len(classes())]
         prior = class_prior(entry, INTERVAL)
         known = {n: m * math.exp(w * rng.standard_normal()) for n, (m, w) in prior.log_normal.items()}
@@ -166,23 +183,33 @@ def test_catalogue_wide_intervals_cover_and_sets_are_right_above_their_limits():
             **{n: v for n, v in known.items() if n in (*present, "N", "tau")},
             R=prior.ramp * rng.standard_normal() if "R" in present else 0.0,
         )
-        rows = linear(quiet_log(noise, 36_000, INTERVAL, rng))
+        rows = linear(quiet_log(noise, samples, INTERVAL, rng))
         choice = identify_noise(rows, entry, rng=rng)
+        for size in choice.sizes:
+            there = {"N": True, "tau": "G" in present}.get(size.name, size.name in present)
+            if there and math.isfinite(size.q05):
+                inside[size.name].append(size.q05 <= getattr(noise, size.name) <= size.q95)
         limits = detection_limits(noise_data(noise_rows(rows), prior), noise, OPTIONAL)
-        inside += [
-            size.q05 <= getattr(noise, size.name) <= size.q95
-            for size in choice.sizes
-            if size.name in ("N", *present) and size.q05 == size.q05
-        ]
         strong = {name for name in present if abs(getattr(noise, name)) > limits[name]}
-        above, found = above + len(strong), found + len(strong & set(choice.identified))
-        false += len(set(choice.identified) - set(present))
+        found = set(choice.identified)
+        count["strong"] += len(strong)
+        count["missed"] += len(strong - found)
+        count["false"] += len(found - set(present))
         if strong == set(present):
-            judged, right = judged + 1, right + (set(choice.identified) == strong)
-    assert abs(np.mean(inside) - 0.9) < 4.0 * math.sqrt(0.09 / len(inside))
-    assert found >= 0.95 * above - 4.0 * math.sqrt(0.0475 * above)
-    assert right >= 0.95 * judged - 4.0 * math.sqrt(0.0475 * judged)
-    assert false <= 0.01 * 120 * len(OPTIONAL)
+            count["judged"] += 1
+            count["right"] += found == strong
+    return inside, count
+
+
+@pytest.mark.slow
+def test_catalogue_wide_intervals_cover_and_sets_are_right_above_their_limits():
+    """Intervals of 90 %, 19 of 20 processes found above their limits, and 19 of 20 sets right."""
+    inside, count = calibration(120)
+    for held in inside.values():
+        assert abs(np.mean(held) - 0.9) < 4.0 * math.sqrt(0.09 / len(held))
+    assert count["missed"] <= 0.05 * count["strong"] + 4.0 * math.sqrt(0.0475 * count["strong"])
+    assert count["right"] >= 0.95 * count["judged"] - 4.0 * math.sqrt(0.0475 * count["judged"])
+    assert count["false"] <= 0.01 * 120 * len(OPTIONAL)
 
 
 def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_path, monkeypatch):

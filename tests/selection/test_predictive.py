@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,16 @@ def test_leaving_a_dwell_out_in_closed_form_equals_refitting_without_it(rows, pi
 def test_leaving_a_run_out_in_closed_form_equals_refitting_without_it(rows, pieces, field):
     found = leave_out(by_run(pieces, field, SCALE), Every(3))
     assert found == pytest.approx([_refitted(rows, RUNS, mask) for mask in range(8)], rel=1e-10)
+
+
+@pytest.mark.parametrize("leaving_out", [by_dwell, by_run])
+def test_pieces_that_are_always_there_are_known_when_the_others_are_predicted(
+    rows, pieces, field, leaving_out
+):
+    kept = [pieces[0], replace(pieces[1], kept=True)]
+    found = leave_out(leaving_out(kept, field, SCALE), Every(3))
+    parts = tuple((d,) for d in RUNS[0]) if leaving_out is by_dwell else (RUNS[0],)
+    assert found == pytest.approx([_refitted(rows, parts, mask) for mask in range(8)], rel=1e-10)
 
 
 def test_a_listed_model_scores_what_it_does_among_all(pieces, field):

@@ -32,6 +32,15 @@ def same(a, b):
     return np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
 
 
+@pytest.mark.parametrize(("b", "reached"), [([2.0, 0, 0, 0, 0], 1), ([1.0, 0.0, 2.0, 0.0, 0.0], 2)])
+def test_a_path_that_ends_where_nothing_is_left_keeps_its_largest_support(b, reached):
+    """pysindy's FROLS goes on to nothing once the residual is zero."""
+    A = np.triu(np.random.default_rng(1).normal(size=(5, 5))) + 3.0 * np.eye(5)
+    supports = PATHS["frols"](A, A @ np.array(b), np.arange(6.0))
+    assert supports.sum(axis=1).tolist() == [min(k, reached) for k in range(5)] + [5]
+    assert (supports[reached] == (np.array(b) != 0.0)).all()
+
+
 @pytest.mark.parametrize("scales", [np.ones(8), SCALES], ids=["alike", "badly scaled"])
 @pytest.mark.parametrize("name", ["STLSQ", "SR3", "FROLS"])
 def test_pysindy_gives_on_the_factor_what_it_gives_on_the_rows(name, scales):

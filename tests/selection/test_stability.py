@@ -41,6 +41,18 @@ def test_resampled_factor_is_the_stack_of_the_counted_dwells(pieces):
         assert (np.abs(found - direct) <= 1e-10 * np.outer(size, size)).all()
 
 
+def test_pieces_that_are_always_there_are_in_every_campaign_once(pieces):
+    names = ("c_ij", "b0", "m_k", "b1")
+    dwells = dwelled([pieces[0], replace(pieces[1], kept=True)], names)
+    assert dwells.sizes == (len(pieces[0]),)
+    (counts,) = with_replacement(dwells.sizes, 1, np.random.default_rng(1))
+    once = np.ones(len(pieces[1]), dtype=np.int64)
+    direct = gram(algebra.reorder(stacked(pieces, [counts, once]), names).R)
+    found = gram(resampled(dwells, counts).R)
+    size = np.sqrt(np.diag(direct))
+    assert (np.abs(found - direct) <= 1e-10 * np.outer(size, size)).all()
+
+
 def test_each_run_keeps_its_number_of_dwells():
     draws = list(with_replacement((5, 1, 9), 20, np.random.default_rng(2)))
     assert {tuple(np.add.reduceat(c, [0, 5, 6]).tolist()) for c in draws} == {(5, 1, 9)}

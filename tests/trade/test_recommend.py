@@ -4,7 +4,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.lots.population import frequency
+from imubayes.inference.intervals import frequency
 from imubayes.trade.plan import NAMES
 from imubayes.trade.recommend import allowed, faults, front, recommended
 from imubayes.trade.record import Place
@@ -33,7 +33,7 @@ def test_nothing_on_the_front_is_beaten_and_everything_beside_it_is(places, floo
 
     def beaten(one):
         return any(
-            other.seconds <= one.seconds and max(other.rms, floor) <= max(one.rms, floor)
+            other.seconds <= one.seconds and max(other.largest, floor) <= max(one.largest, floor)
             for other in places
             if other is not one
         )
@@ -42,7 +42,7 @@ def test_nothing_on_the_front_is_beaten_and_everything_beside_it_is(places, floo
     for one in places:
         assert one.rung in kept or beaten(one)
     chosen = [one for one in places if one.rung in kept]
-    errors = [max(one.rms, floor) for one in sorted(chosen, key=lambda one: one.seconds)]
+    errors = [max(one.largest, floor) for one in sorted(chosen, key=lambda one: one.seconds)]
     assert all(later < earlier for earlier, later in pairwise(errors))
 
 

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from imubayes.lots.answers import Share
+from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.pulls import normal_of
 from imubayes.reporting.comparison.result_files import Written, checked, no_result, number
 from imubayes.reporting.rounding import per_unit

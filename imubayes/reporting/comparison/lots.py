@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from imubayes.errors import InputError
-from imubayes.lots.answers import Share
+from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.lot_files import (
     ClassFile,
     LotFile,

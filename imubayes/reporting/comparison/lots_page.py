@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from imubayes.lots.answers import Share
+from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.lot_files import PopulationFile, unit_of_term
 from imubayes.reporting.comparison.lots import (
     ClassComparison,

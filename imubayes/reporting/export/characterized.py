@@ -27,6 +27,12 @@ NEEDED, FULL = "needed", "full"
 ALONE: dict[str, str] = {"accelerometer": "ax", "gyroscope": "gx"}
 """Place in the case of a component whose id names none."""
 
+OWN: dict[str, str] = {"f": "accelerometer", "w": "gyroscope"}
+"""Kind that a quantity is the own input of."""
+
+QUANTITIES = ("f", "w", "dw")
+"""Inputs that have axes: i, j, k of a component, or x, y, z of the case."""
+
 UNLIMITED = 1e30
 """Size of an input on which no term depends: its range needs no test."""
 
@@ -177,7 +183,7 @@ def _part(
         joint=joint is not None,
         noise=noise,
         noise_runs=runs,
-        interval=float(np.median([run["interval"] for run in raw["runs"]])),
+        interval=float(np.median([run.get("sampling", run["interval"]) for run in raw["runs"]])),
     )
 
 
@@ -217,19 +223,30 @@ def _range(parts: Mapping[str, Part], entries: Mapping[str, Mapping[str, Any]]) 
 
 
 def _tested(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
-    """Lowest and highest values over the runs, by channel of the case."""
-    found: dict[str, list[float]] = {}
+    """Lowest and highest values over the runs, by channel of the case.
+
+    How far a force was known is a matter of the accelerometers, and a rate of the gyroscopes: what the others
+    saw counts where these are missing.
+    """
+    found: dict[str, dict[str, list[float]]] = {}
     for place, raw in entries.items():
         for run in raw["runs"]:
             for channel, ends in run["ranges"].items():
                 for name in _case_names(place, channel):
-                    found.setdefault(name, []).extend(float(end) for end in ends if end is not None)
-    return found
+                    of_kind = found.setdefault(name, {}).setdefault(raw["kind"], [])
+                    of_kind += [float(end) for end in ends if end is not None]
+    return {
+        name: of_kind.get(OWN.get(name[:1], ""), [end for ends in of_kind.values() for end in ends])
+        for name, of_kind in found.items()
+    }
 
 
 def _case_names(place: str, channel: str) -> Iterator[str]:
     """Channel of the case that a run's range is of: of a triad's output that of its input, nearly."""
+    quantity, _, axis = channel.rpartition("_")
     if channel in COMPONENTS:
         yield f"{'f' if channel[0] == 'a' else 'w'}_{channel[1]}"
-    elif channel in ("T", "dT") or channel.rpartition("_")[0] in ("f", "w", "dw"):
+    elif channel in ("T", "dT") or (quantity in QUANTITIES and axis in "ijk"):
         yield case_channel(place, channel)
+    elif quantity in QUANTITIES:
+        yield channel

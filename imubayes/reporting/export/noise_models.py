@@ -23,11 +23,12 @@ TYPICAL = 100.0
 def kalibr_files(found: Characterized) -> dict[str, str]:
     """Text of Kalibr's (and ROS tools') ``imu.yaml`` by its file name.
 
-    Kalibr has one figure for a triad: the largest over the axes.
+    Kalibr has one figure for a triad: the largest over the axes. It refuses a random walk of zero: where the
+    result has none, it is that of the process that stands for the bias instability, below its time constant.
 
     Raises
     ------
-    InputError : if the result has no accelerometer or no gyroscope.
+    InputError : if the result has no accelerometer or no gyroscope, or neither K nor B of one of them.
     """
     return {f"{identifier(found)}_imu.yaml": "\n".join(_kalibr(found)) + "\n"}
 
@@ -45,6 +46,20 @@ def floor_process(noise: Noise) -> tuple[float, float]:
     """
     crossing = math.sqrt(3.0) * noise.N / noise.K if noise.N > 0.0 and noise.K > 0.0 else PEAK_AT * TYPICAL
     return math.sqrt(2.0 * math.log(2.0) / math.pi) / PEAK * noise.B, crossing / PEAK_AT
+
+
+def short_walk(noise: Noise) -> float:
+    """Random walk K of the Gauss-Markov process of `floor_process` over times below its time constant.
+
+    ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
+
+    Examples
+    --------
+    >>> f"{short_walk(Noise(1e-3, 1e-4, 0.0)):.3e}"
+    '1.522e-05'
+    """
+    sd, tau = floor_process(noise)
+    return sd * math.sqrt(2.0 / tau)
 
 
 def triads(found: Characterized) -> dict[str, list[Part]]:
@@ -90,10 +105,25 @@ def _kalibr(found: Characterized) -> Iterator[str]:
         yield f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_UNITS[kind]}."
     for kind, parts in kinds.items():
         unit = _UNITS[kind]
+        walk, source = _walk(found, kind, parts)
         yield f"{kind}_noise_density: {max(p.noise.N for p in parts):.9e} # N, {unit}/sqrt(Hz)"
-        yield f"{kind}_random_walk: {max(p.noise.K for p in parts):.9e} # K, of the bias, {unit}/sqrt(s)"
+        yield f"{kind}_random_walk: {walk:.9e} # {source}, {unit}/s/sqrt(Hz) (the same as {unit}/sqrt(s))"
     yield "rostopic: /imu0 # set to yours"
     yield f"update_rate: {1.0 / min(part.interval for part in found.parts.values()):.6g} # Hz, of the runs"
+
+
+def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, str]:
+    """Random walk of a triad's bias, and what it is taken from."""
+    walk = max(part.noise.K for part in parts)
+    if walk > 0.0:
+        return walk, "K of the bias"
+    walk = max(short_walk(part.noise) for part in parts)
+    if walk > 0.0:
+        return walk, "no K was found: that of the process that stands for B"
+    raise InputError(
+        f"{found.source.path}: the {kind}s have neither a random walk K nor a bias instability B, and Kalibr"
+        " takes no random walk of zero: let the study estimate the noise of a run, or choose another format"
+    )
 
 
 _UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}

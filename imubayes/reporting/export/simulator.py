@@ -60,7 +60,9 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
 def _gnss_ins_sim(found: Characterized) -> str:
     rows = [
         *(f"# {line}" for line in heading(found)),
-        "# gnss-ins-sim knows bias, white noise and a Gauss-Markov bias; all terms are in the JSON file.",
+        "# For gnss_ins_sim.sim.imu_model.IMU(accuracy=imu_err, axis=6), which knows bias, white noise and a",
+        "# Gauss-Markov bias of sd b_stability and time constant b_corr; all terms are in the JSON file.",
+        "# Body axes are those of the case; its z often points down: an accelerometer at rest then reads -g.",
         "import numpy as np",
         "",
         "imu_err = {",

@@ -12,7 +12,7 @@ from lots_found import lot_result
 from rich.console import Console
 
 from imubayes.errors import DataError, InputError
-from imubayes.lots.answers import Share
+from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
 from imubayes.reporting.comparison.lot_files import lots_of, unit_of_term
 from imubayes.reporting.comparison.lots import lots_compared

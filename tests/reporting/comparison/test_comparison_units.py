@@ -11,7 +11,7 @@ import pytest
 from lots_found import lot_library, lot_result
 
 from imubayes.errors import InputError
-from imubayes.lots.answers import Share
+from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
 from imubayes.reporting.comparison.lot_files import ClassFile, LotFile, PopulationFile
 from imubayes.reporting.comparison.pulls import LEVEL, QUANTILE

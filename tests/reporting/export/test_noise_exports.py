@@ -81,6 +81,62 @@ def test_gnss_ins_sim_gets_its_own_units(tmp_path):
     assert error["gyro_b"][1] == pytest.approx(math.degrees(bias[0]) * 3600.0)
 
 
+GNSS_INS_SIM = {
+    f"{stem}_{key}"
+    for stem, walk in (("gyro", "arw"), ("accel", "vrw"))
+    for key in ("b", walk, "b_stability", "b_corr")
+}
+"""Keys of a custom IMU in gnss_ins_sim/sim/imu_model.py; all but b_corr are required there."""
+
+
+def test_gnss_ins_sim_finds_every_key_that_it_asks_for_and_no_other(tmp_path):
+    names: dict = {}
+    exec(exported(write_imu(tmp_path), "json")["u_1_gnss_ins_sim.py"], names)
+    assert set(names["imu_err"]) == GNSS_INS_SIM
+    assert all(np.shape(values) == (3,) for values in names["imu_err"].values())
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_the_drift_that_gnss_ins_sim_makes_of_b_stability_has_the_floor_of_b(tmp_path, rate):
+    """Its recursion (pathgen.bias_drift): ``x' = (1 - 1/(fs tau)) x + s sqrt(1 - exp(-2/(fs tau))) n``."""
+    names: dict = {}
+    exec(exported(write_imu(tmp_path), "json")["u_1_gnss_ins_sim.py"], names)
+    error = names["imu_err"]
+    s, tau = math.radians(error["gyro_b_stability"][0]) / 3600.0, error["gyro_b_corr"][0]
+    keeps, adds = 1.0 - 1.0 / (rate * tau), s * math.sqrt(1.0 - math.exp(-2.0 / (rate * tau)))
+    stationary = math.sqrt(adds**2 / (1.0 - keeps**2))
+    peak = stationary * gauss_markov_deviation(PEAK_AT, 1.0)
+    # the recursion is right to first order in the step
+    assert peak == pytest.approx(
+        math.sqrt(2.0 * math.log(2.0) / math.pi) * GYRO.B, rel=2.0 / (rate * tau) + 1e-3
+    )
+
+
+def with_noise(path, **values):
+    document = json.loads(path.read_text())
+    for component in document["sensors"]:
+        for run in component["noise"].values():
+            run.update(values)
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_kalibr_gets_a_random_walk_where_none_was_found(tmp_path):
+    """Kalibr's reader refuses zero: the walk is that of the Gauss-Markov process below its time constant."""
+    (text,) = exported(with_noise(write_imu(tmp_path), K=0.0), "kalibr").values()
+    walk = float(re.search(r"gyroscope_random_walk: (\S+) # no K was found", text).group(1))
+    sd, tau = floor_process(Noise(GYRO.N, GYRO.B, 0.0))
+    short = 1e-3 * tau
+    # the Allan variance of a walk, K^2 t / 3, against that of the process
+    process = sd * gauss_markov_deviation(short, tau)
+    assert walk * math.sqrt(short / 3.0) == pytest.approx(process, rel=2e-3)
+
+
+def test_kalibr_is_refused_where_nothing_wanders(tmp_path):
+    with pytest.raises(InputError, match="takes no random walk of zero"):
+        exported(with_noise(write_imu(tmp_path), K=0.0, B=0.0), "kalibr")
+
+
 def test_process_noise_makes_the_variances_that_the_processes_have(tmp_path):
     record = filter_record(characterized(write_imu(tmp_path)))
     states = {state["name"]: (k, state) for k, state in enumerate(record["states"])}

@@ -1,0 +1,82 @@
+"""Values with their 90 % intervals: shares of a count, and what a mixture of normals holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+TAIL = 0.05
+"""Posterior probability on either side of an interval."""
+
+BISECTIONS = 50
+"""Halvings of a bracket of +-12 sd: to rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A value with its 90 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+UNKNOWN = Share(math.nan, math.nan, math.nan)
+"""In place of a value that the data say nothing of."""
+
+
+def frequency(count: int, n: int) -> Share:
+    """Share of n with its 90 % interval: Jeffreys' beta posterior, open to the end that was met.
+
+    Examples
+    --------
+    >>> frequency(0, 10).low, round(frequency(0, 10).high, 2), frequency(5, 10).value
+    (0.0, 0.17, 0.5)
+    """
+    from scipy.special import betaincinv
+
+    if n == 0:
+        return Share(math.nan, 0.0, 1.0)
+    low, high = betaincinv(count + 0.5, n - count + 0.5, np.array([TAIL, 1.0 - TAIL])).tolist()
+    return Share(count / n, low if count else 0.0, high if count < n else 1.0)
+
+
+def of_mixture(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> Share:
+    """Median and interval of a mixture of normals, by bisection.
+
+    Parameters
+    ----------
+    weight, mean, sd : (m,) of the normals; the weights sum to one.
+    """
+    from scipy.special import ndtr
+
+    goal = np.array([TAIL, 0.5, 1.0 - TAIL])
+    low = np.full(3, (mean - 12.0 * sd).min())
+    high = np.full(3, (mean + 12.0 * sd).max())
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        below = ndtr((middle[:, None] - mean) / sd) @ weight < goal
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    left, half, right = (0.5 * (low + high)).tolist()
+    return Share(half, left, right)
+
+
+def of_cells(value: FloatArray, weight: FloatArray) -> Share:
+    """Median and interval of weighted points, such as the cells of a grid.
+
+    Examples
+    --------
+    >>> found = of_cells(np.arange(101.0), np.full(101, 1 / 101))
+    >>> round(found.low, 2), round(found.value, 2), round(found.high, 2)
+    (4.55, 50.0, 95.45)
+    """
+    order = np.argsort(value, axis=None)
+    points, mass = value.ravel()[order], weight.ravel()[order]
+    reached = np.cumsum(mass) - 0.5 * mass
+    low, half, high = np.interp([TAIL, 0.5, 1.0 - TAIL], reached / mass.sum(), points).tolist()
+    return Share(half, low, high)

@@ -1,0 +1,270 @@
+"""A whole IMU with known inputs: six components that share the motion, and the errors of the bench.
+
+Each component sees the case's inputs along its own axes: x: (xyz), y: (yzx), z: (zxy). An error of the
+bench is one column for all six: turned into their axes, a rotation of the case moves each of them as it
+must. What is a component's own, its offset since it was turned on and the tilt of the axes that its
+coefficients refer to, has a column of its own.
+
+Without errors of the bench the components have nothing in common but the products of inputs in their columns,
+which are then made, and where the noise is the same also whitened, once for a triad (`shared_columns`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.factor import add, posterior
+from imubayes.inference.case import Asked, Case, Component
+from imubayes.inference.layout import widened, widened_factor
+from imubayes.inference.linear import Extra, Linear, residuals
+from imubayes.inference.nuisances import Linearised, Taken, held, settled_rows, tilt_of
+from imubayes.inference.shared_columns import shared_rows
+from imubayes.inference.summary import RunSummary, Summary, summarize
+from imubayes.inference.tangent import tangent
+from imubayes.inference.triad import Triad, triad_of
+from imubayes.rig.inputs import KnownRun, Run, facts_of
+from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of, refuse_idle
+from imubayes.sensors.imu import COMPONENTS, axes_of
+from imubayes.sensors.imu import kind_of as kind_of_component
+from imubayes.sensors.terms import AXES, Kind, Library
+
+FloatArray = NDArray[np.float64]
+
+
+def solve_known_case(
+    runs: Sequence[KnownRun], accelerometer: Asked, gyroscope: Asked, *, blind: bool = False
+) -> Case:
+    """Characterise the six components of an IMU from runs with known inputs.
+
+    Parameters
+    ----------
+    runs : of one IMU.
+    accelerometer, gyroscope : what is asked of the components of each kind; priors are of whole triads
+        (``triad_of(lib, referenced=True)``).
+    blind : linearise where every coefficient and error is zero, without a look at what the IMU said; the
+        noise is then as the rules say.
+
+    Raises
+    ------
+    UnobservableError : if an error of the bench changes nothing in any run, or rows are fewer than terms.
+    DataError : if an error of the bench needs what a run does not tell.
+    ConvergenceError : if the linearisation does not settle.
+    """
+    problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
+    if blind or not problem.extras:
+        summary, rows = problem.linearised(_all_rows)(np.zeros(len(problem.sd)), None, ())
+    else:
+        summary, rows, _ = settled_rows(problem.linearised, problem.sd, problem.parts[0].runs)
+    return _case(problem, summary, rows)
+
+
+def _all_rows(rows: Linear) -> Linear:
+    return rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """One component of the case.
+
+    Attributes
+    ----------
+    name : ``ax`` to ``gz``.
+    runs : with inputs along its own axes.
+    asked : of its kind.
+    errors : of the bench, in its own axes, under the names of their columns.
+    columns : of its terms, then of these errors.
+    """
+
+    name: str
+    runs: tuple[Run, ...]
+    asked: Asked
+    errors: tuple[Error, ...]
+    columns: tuple[str, ...]
+
+    @property
+    def library(self) -> Library:
+        """Candidate terms."""
+        return self.asked.library
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """Six components, the errors of the bench, and all columns: names (p + q,), prior sds.
+
+    `runs` are those of the case.
+    """
+
+    runs: tuple[KnownRun, ...]
+    parts: tuple[_Part, ...]
+    extras: tuple[Extra, ...]
+    names: tuple[str, ...]
+    sd: FloatArray
+
+    def where(self, part: _Part) -> NDArray[np.intp]:
+        """Places of a component's columns among all."""
+        return np.array([self.names.index(name) for name in part.columns])
+
+    def linearised(self, taken: Taken) -> Linearised:
+        """Give summary and rows of all components at a place, of whose rows `taken` says which are taken."""
+        places = [self.where(part) for part in self.parts]
+        whole = None if self.extras else shared_rows(self.runs, {p.name: p.library for p in self.parts})
+
+        def linearised(
+            place: FloatArray, leaning: FloatArray | None, judged: Sequence[RunSummary]
+        ) -> tuple[Summary, tuple[Linear, ...]]:
+            told, every = [], []
+            for k, (part, own) in enumerate(zip(self.parts, places, strict=True)):
+                rows = (
+                    whole[part.name]
+                    if whole
+                    else _rows(part, place[own], None if leaning is None else leaning[own])
+                )
+                rows = [replace(taken(one), names=part.columns) for one in rows]
+                count = len(part.runs)
+                told.append(_summarized(part, rows, judged[k * count : (k + 1) * count]))
+                every += [widened(replace(one, shared=None), self.names) for one in rows]
+            return self._joined(told), tuple(every)
+
+        return linearised
+
+    def _joined(self, told: Sequence[Summary]) -> Summary:
+        """Summary of all components out of one of each."""
+        runs = [
+            _of_component(run, part.name, self.names)
+            for part, summary in zip(self.parts, told, strict=True)
+            for run in summary.runs
+        ]
+        reach = np.max([run.reach for run in runs], axis=0)
+        return Summary(
+            factor=reduce(add, (run.factor for run in runs)),
+            runs=tuple(runs),
+            library=told[0].library,
+            facts=told[0].facts,
+            reach=dict(zip(self.names, reach.tolist(), strict=True)),
+            extras=self.extras,
+        )
+
+
+def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Linear]:
+    """Rows of a component's runs, linearised at its coefficients and errors."""
+    p = len(part.library.terms)
+    lean = None if leaning is None else leaning[:p]
+    return [tangent(run, part.library, part.errors, place[:p], place[p:], leaning=lean) for run in part.runs]
+
+
+def _summarized(part: _Part, rows: Sequence[Linear], judged: Sequence[RunSummary]) -> Summary:
+    """Summary of one component, whose noise is held where it was judged."""
+    asked, rules = part.asked, part.asked.rules
+    if judged:
+        named = [replace(one, name=run.name) for one, run in zip(judged, part.runs, strict=True)]
+        rules = held(named, rules)
+    return summarize(part.runs, part.library, sensor=asked.sensor, rules=rules, rows=rows)
+
+
+def _of_component(run: RunSummary, component: str, names: Sequence[str]) -> RunSummary:
+    """Summary of a component's run, under a name of its own, among all columns."""
+    factor, reach = run.factor, np.zeros(len(names))
+    reach[[names.index(name) for name in factor.names]] = run.reach
+    return replace(
+        run,
+        name=title(run.name, component),
+        noise_run=title(run.noise_run, component),
+        factor=widened_factor(factor, names),
+        reach=reach,
+    )
+
+
+def title(run: str, component: str) -> str:
+    """Name of what a run says of one component."""
+    return f"{run} ({component})"
+
+
+def _problem(runs: Sequence[KnownRun], asked: Mapping[Kind, Asked]) -> _Problem:
+    """Components, errors and columns of an IMU."""
+    shared = _shared(runs, asked)
+    parts, own_extras = [], []
+    for name in COMPONENTS:
+        one = asked[kind_of_component(name)]
+        theirs = tuple(_own(name, runs, one))
+        errors = (*(_turned(error, name) for error, _ in shared), *(error for error, _ in theirs))
+        terms = tuple(f"{name}.{term}" for term in one.library.names)
+        of_component = tuple(run.component(name) for run in runs)
+        parts.append(_Part(name, of_component, one, errors, (*terms, *(error.name for error in errors))))
+        own_extras += [extra for _, extra in theirs]
+    extras = (*(extra for _, extra in shared), *own_extras)
+    p = [len(part.library.terms) for part in parts]
+    terms = [column for part, k in zip(parts, p, strict=True) for column in part.columns[:k]]
+    sd = np.concatenate([*(asked[kind].prior.sd for kind in asked), [extra.sd for extra in extras]])
+    return _Problem(tuple(runs), tuple(parts), extras, (*terms, *(extra.name for extra in extras)), sd)
+
+
+def _shared(runs: Sequence[KnownRun], asked: Mapping[Kind, Asked]) -> list[tuple[Error, Extra]]:
+    """Errors of the bench that are the same for all components, in case axes, and their columns."""
+    sds = {kind: sd for one in asked.values() for kind, sd in one.reference.items()}
+    as_case = [run.component("ax") for run in runs]
+    refuse_idle(as_case, sds)
+    found = []
+    for error in errors_of(as_case, [kind for kind in sds if kind != OFFSET]):
+        kind = kind_of(error.kind)
+        text = error.text.replace(f"about {AXES[error.part]}", f"about {'xyz'[error.part]}", 1)
+        found.append((error, Extra(error.name, kind.name, sds[kind.name], kind.unit, kind.printed, text)))
+    return found
+
+
+def _turned(error: Error, component: str) -> Error:
+    """Error about a case axis as one about an axis of a component."""
+    if len(kind_of(error.kind).parts) == 1:
+        return error
+    return replace(error, part=axes_of(component).index(error.part))
+
+
+def _own(name: str, runs: Sequence[KnownRun], asked: Asked) -> Iterator[tuple[Error, Extra]]:
+    """Errors of one component alone: offsets since it was turned on, and the tilt of its axes."""
+    lib, p = asked.library, len(asked.library.terms)
+    first = COMPONENTS.index(name) % 3 * p
+    sds = {kind: sd for kind, sd in asked.reference.items() if kind == OFFSET}
+    sds |= tilt_of(lib, asked.prior.sd[first : first + p], asked.reference)
+    for error in errors_of([run.component(name) for run in runs], sds):
+        kind = for_sensor(kind_of(error.kind), lib.kind)
+        own = replace(error, name=f"{error.name}.{name}")
+        yield (
+            own,
+            Extra(own.name, kind.name, sds[kind.name], kind.unit, kind.printed, f"{error.text}, {name}"),
+        )
+
+
+def _case(problem: _Problem, summary: Summary, rows: Sequence[Linear]) -> Case:
+    """Components after their runs are summarized, at the coefficients of the full library."""
+    theta, _ = posterior(summary.factor, problem.sd)
+    parts = [(part, run) for part in problem.parts for run in part.runs]
+    named = [
+        replace(one, name=title(run.name, part.name)) for one, (part, run) in zip(rows, parts, strict=True)
+    ]
+    return Case(
+        summary=summary,
+        rows=tuple(named),
+        components=tuple(_components(problem)),
+        triads=_triads(problem, theta),
+        residuals=tuple(residuals(one, theta) for one in named),
+        inputs=tuple(dict(run.inputs.channels) for _, run in parts),
+    )
+
+
+def _components(problem: _Problem) -> Iterator[Component]:
+    """Components in the order of the columns, each with a part of the rows a run."""
+    for k, part in enumerate(problem.parts):
+        count = len(part.runs)
+        facts = facts_of([run.extremes for run in part.runs], part.library.kind)
+        yield Component(part.name, part.library, facts, tuple(range(k * count, (k + 1) * count)))
+
+
+def _triads(problem: _Problem, theta: FloatArray) -> tuple[Triad, Triad]:
+    """Accelerometers and gyroscopes at coefficients theta."""
+    force, rate = (triad_of(problem.parts[k].library, referenced=True) for k in (0, 3))
+    first, second = len(force.theta), len(force.theta) + len(rate.theta)
+    return replace(force, theta=theta[:first]), replace(rate, theta=theta[first:second])

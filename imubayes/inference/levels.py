@@ -1,0 +1,169 @@
+"""Likelihood of what units of a class have in common: sessions of units, with errors that are known.
+
+Unit u in session s has the coefficient ``mu + a_u + c_s + d_us``, and its test gives::
+
+    y_us = mu + a_u + c_s + d_us + L_us z_u + e_us
+
+    a_u ~ N(0, unit^2)      what the unit is
+    c_s ~ N(0, common^2)    what a session does to all units alike, as temperature would
+    d_us ~ N(0, own^2)      what a turn-on does to one unit by itself
+    e_us ~ N(0, noise^2)    what the noise of the test leaves, known
+    z_u ~ N(0, I)           other coefficients of the unit, in units of their priors' sds
+
+The noise and L are known from the posterior: where the test sees a coefficient only beside others, what
+these are is booked to it alike in all sessions of the unit. An error that does not change between sessions
+must not count against a change, nor be taken for the scatter of the units.
+
+mu comes in flat; it is integrated out exactly, as are a, c, d and z: unit by unit, then over the sessions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.sessions import without_prior
+
+FloatArray = NDArray[np.float64]
+
+NOISELESS = 1e-4
+"""Smallest share of an error's variance that is left to the noise, against rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Likelihoods:
+    """One coefficient of several units, session by session, without its own prior.
+
+    Attributes
+    ----------
+    value : (u, s) SI; NaN where a unit lacks a session, or a session cannot tell.
+    noise : (u, s) sd that the noise of the test leaves, SI.
+    alias : (u, s, k) error for one prior sd of each of k other coefficients, SI.
+    """
+
+    value: FloatArray
+    noise: FloatArray
+    alias: FloatArray
+
+    @property
+    def error(self) -> FloatArray:
+        """Sd (u, s) of each session's estimate."""
+        total = np.hypot(self.noise, np.linalg.norm(self.alias, axis=-1))
+        return np.where(np.isfinite(self.value), total, math.nan)
+
+    @property
+    def told(self) -> int:
+        """Units of which a session tells."""
+        return int(np.isfinite(self.value).any(axis=1).sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """Likelihood of the levels of the sessions at each (own, unit): information q and precision M.
+
+    ``log p(y | g) = (log_det - scatter) / 2 + q' g - g' M g / 2`` up to a constant, for the levels g (s,).
+    """
+
+    log_det: FloatArray
+    scatter: FloatArray
+    information: FloatArray
+    precision: FloatArray
+
+
+def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray) -> Likelihoods:
+    """Take a coefficient's own prior out of its posteriors, and split the error that is left.
+
+    Parameters
+    ----------
+    mean, sd, prior_sd : (u, s) posteriors of the full library; NaN where a unit lacks a session.
+    pull : (u, s, k) covariance of the coefficient with each of k others, over their priors' sds.
+
+    Examples
+    --------
+    >>> found = likelihoods(*np.array([[[1.0]], [[0.6]], [[1.0]]]), np.array([[[0.3]]]))
+    >>> found.value.round(4).tolist(), found.alias.round(4).tolist(), found.noise.round(4).tolist()
+    ([[1.5625]], [[[0.4688]]], [[0.5855]])
+    """
+    value, error = without_prior(mean, sd, prior_sd)
+    share = np.where(np.isfinite(value), 1.0 - (sd / prior_sd) ** 2, math.inf)
+    alias = pull / share[..., None]
+    known = np.minimum((alias**2).sum(axis=-1), (1.0 - NOISELESS) * error**2)
+    return Likelihoods(value, np.sqrt(error**2 - known), alias)
+
+
+def log_density(
+    blocks: Sequence[Likelihoods], own: FloatArray, unit: FloatArray, common: FloatArray
+) -> FloatArray:
+    """Restricted log likelihood (own, unit, common) of the three sds, up to a constant, SI.
+
+    Parameters
+    ----------
+    blocks : of one kind of component, or of several, each with its mean and its sessions.
+    own, unit, common : values of the sds.
+    """
+    return sum(
+        (over_sessions(block_of(one, own, unit), common)[0] for one in blocks),
+        np.zeros((len(own), len(unit), len(common))),
+    )
+
+
+def block_of(one: Likelihoods, own: FloatArray, unit: FloatArray) -> Block:
+    """Integrate out what the units are and what their tests book to the coefficient."""
+    sessions = one.value.shape[1]
+    shape = (len(own), len(unit))
+    log_det, scatter = np.zeros(shape), np.zeros(shape)
+    information, precision = np.zeros((*shape, sessions)), np.zeros((*shape, sessions, sessions))
+    for y, noise, alias in zip(one.value, one.noise, one.alias, strict=True):
+        known = np.flatnonzero(np.isfinite(y))
+        if not len(known):
+            continue
+        W, own_log_det = _of_unit(np.diag(noise[known] ** 2) + alias[known] @ alias[known].T, own, unit)
+        Wy = W @ y[known]
+        log_det += own_log_det
+        scatter += Wy @ y[known]
+        information[..., known] += Wy
+        precision[..., known[:, None], known] += W
+    return Block(log_det, scatter, information, precision)
+
+
+def _of_unit(error: FloatArray, own: FloatArray, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Precision (own, unit, r, r) of r sessions of a unit, and its log determinant."""
+    eigenvalues, vectors = np.linalg.eigh(error)
+    rest = 1.0 / (eigenvalues + own[:, None] ** 2)
+    inverse = (vectors * rest[:, None, :]) @ vectors.T
+    ones = inverse.sum(axis=-1)
+    total = ones.sum(axis=-1)[:, None]
+    gain = 1.0 / (unit**-2.0 + total)
+    W = inverse[:, None] - gain[..., None, None] * (ones[:, :, None] * ones[:, None, :])[:, None]
+    return W, np.log(rest).sum(axis=-1)[:, None] - np.log1p(unit**2 * total)
+
+
+def over_sessions(block: Block, common: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log density (own, unit, common) with sessions and mu integrated out, and mean and variance of mu."""
+    eigenvalues, vectors = np.linalg.eigh(block.precision)
+    precision = np.maximum(eigenvalues, 0.0)[..., None, :]
+    of_one = vectors.sum(axis=-2)[..., None, :]
+    of_data = np.einsum("...ij,...i->...j", vectors, block.information)[..., None, :]
+    variance = common[:, None] ** 2
+    growth = 1.0 + variance * precision
+    a = (of_one**2 * precision / growth).sum(axis=-1)
+    b = (of_one * of_data / growth).sum(axis=-1)
+    explained = (variance * of_data**2 / growth).sum(axis=-1) + b**2 / a
+    log = (block.log_det - block.scatter)[..., None] + explained - np.log(a) - np.log(growth).sum(axis=-1)
+    return 0.5 * log, b / a, 1.0 / a
+
+
+def scatter_p(blocks: Sequence[Likelihoods]) -> float:
+    """Chi-square probability of the scatter of the sessions about their units' means."""
+    from scipy.special import gammaincc
+
+    freedom = sum(int(np.isfinite(one.value).sum()) - one.told for one in blocks)
+    if not freedom:
+        return math.nan
+    anywhere, nothing = np.array([math.inf]), np.zeros(1)
+    total = sum(float(block_of(one, nothing, anywhere).scatter[0, 0]) for one in blocks)
+    return float(gammaincc(0.5 * freedom, 0.5 * total))

@@ -1,0 +1,276 @@
+"""What recorded units of a class have in common: their mean, their spread, and what a turn-on changes.
+
+The coefficient of unit u in session s is ``mu + a_u + c_s + d_us`` (see `levels`), with a for the unit, c for
+what a session does to all units, and d for what a turn-on does to one by itself. mu is flat. The sd of a, and
+that of a turn-on (c and d together), have half-Cauchy priors of the class's size (Gelman, Bayesian Analysis
+2006), and the arc tangent of the sd of c over that of d is uniform: few sessions say little of c, and where d
+is nothing, c is hardly much. The sds lie on a grid that closes in on where the posterior is. With one session
+a turn-on is not seen, with units that share no session c is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.inference.intervals import UNKNOWN, Share, of_cells, of_mixture
+from imubayes.inference.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
+
+FloatArray = NDArray[np.float64]
+
+FEWEST = 4
+"""Units from which they say something of their population."""
+
+CELLS = 20
+"""Cells along each sd in a pass over the grid."""
+
+PASSES = 4
+"""Passes over the grid, each within what the one before has left."""
+
+FINER = 8
+"""Points for each cell of the last pass, between which the logarithm of the density is a cubic spline."""
+
+DEEPEST = -40.0
+"""Logarithm of a density, over its peak, that stands for less."""
+
+CUT = 1e-4
+"""Density of a marginal, over its peak, below which the next pass leaves a cell out."""
+
+LIGHT = 1e-5
+"""Weight of a cell, over the heaviest, below which a mixture does without it."""
+
+REACH = 1e3
+"""How far the first pass reaches below the smallest error and above the largest size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spreads:
+    """What a population is like; posterior medians with 90 % intervals, SI.
+
+    Attributes
+    ----------
+    noise, alias : median sd of one session's error, by its noise, and by what it books to the coefficient in
+        place of others.
+    mean : of the population; unknown for several kinds of component together, which have their own means.
+    mean_sd : of its posterior.
+    unit : sd from unit to unit; with one session each it holds what a turn-on does, too.
+    turn_on : sd from session to session of a unit, of which
+    own : is what the unit does by itself, and
+    common : is what all units do together.
+    common_share : of the variance of a turn-on that all units have in common.
+    next_unit : where a further unit is, at a further turn-on.
+    p_value : probability of so large a scatter of the sessions about their units' means, if nothing but the
+        errors of the tests separated them; NaN with one session each.
+    shift, shift_sd : (s,) of all units in each session from the mean of the sessions; empty where `common`
+        is unknown, or several kinds of component are together.
+    """
+
+    noise: float
+    alias: float
+    mean: Share = UNKNOWN
+    mean_sd: float = math.nan
+    unit: Share = UNKNOWN
+    turn_on: Share = UNKNOWN
+    own: Share = UNKNOWN
+    common: Share = UNKNOWN
+    common_share: Share = UNKNOWN
+    next_unit: Share = UNKNOWN
+    p_value: float = math.nan
+    shift: FloatArray = field(default_factory=lambda: np.zeros(0))
+    shift_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Grid:
+    """Posterior of the three sds on a grid (own, unit, common).
+
+    Attributes
+    ----------
+    sizes : values along each.
+    weight : of each cell; sums to one.
+    mean, variance : of mu in each cell, of a single block.
+    blocks : what the data say.
+    """
+
+    sizes: tuple[FloatArray, FloatArray, FloatArray]
+    weight: FloatArray
+    mean: FloatArray
+    variance: FloatArray
+    blocks: tuple[Block, ...]
+
+
+def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
+    """Mean and spreads of a population.
+
+    Parameters
+    ----------
+    blocks : of one kind of component, or of several, each with its mean and its sessions, that have the same
+        spreads.
+    scale : of the priors of the spreads: the size that the coefficient has in its class, SI.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> value = 5.0 + 2.0 * rng.normal(size=(30, 1)) + 0.1 * rng.normal(size=(30, 4))
+    >>> found = spreads([Likelihoods(value, np.full((30, 4), 0.05), np.zeros((30, 4, 0)))], 10.0)
+    >>> round(found.unit.value, 1), round(found.own.value, 2), found.common.high < 0.1
+    (1.7, 0.08, True)
+    """
+    told = [one for one in blocks if one.told]
+    if sum(one.told for one in told) < FEWEST:
+        return Spreads(*_errors(blocks))
+    centres = [float(np.nanmean(one.value)) for one in told]
+    centred = [
+        Likelihoods(one.value - centre, one.noise, one.alias)
+        for one, centre in zip(told, centres, strict=True)
+    ]
+    grid = _explored(centred, scale)
+    found = _of_sizes(grid, scatter_p(told), _errors(told))
+    return found if len(blocks) > 1 else _with_mean(found, grid, told[0], centres[0])
+
+
+def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
+    """Median sd of a session's error by noise and by other coefficients; NaN where no session tells."""
+    known = [np.isfinite(one.value) for one in blocks]
+    noise = np.concatenate([one.noise[k] for one, k in zip(blocks, known, strict=True)])
+    alias = np.concatenate(
+        [np.linalg.norm(one.alias, axis=-1)[k] for one, k in zip(blocks, known, strict=True)]
+    )
+    return (float(np.median(noise)), float(np.median(alias))) if len(noise) else (math.nan, math.nan)
+
+
+def _there(blocks: Sequence[Likelihoods]) -> tuple[bool, bool, bool]:
+    """Whether the sessions tell of what a unit does by itself, of the units, and of what all do together."""
+    known = [np.isfinite(one.value) for one in blocks]
+    own = any(bool(np.any(k.sum(axis=1) > 1)) for k in known)
+    common = any(int(np.sum(k.sum(axis=0) > 1)) > 1 for k in known)
+    return own, True, own and common
+
+
+def _explored(blocks: Sequence[Likelihoods], scale: float) -> _Grid:
+    """Close in on the posterior of the three sds."""
+    there = _there(blocks)
+    noise = min(float(np.nanmin(one.noise)) for one in blocks)
+    size = max(float(np.nanmax(np.abs(one.value))) for one in blocks)
+    ends = (math.log(min(noise, scale) / REACH), math.log(max(noise, scale, size) * REACH))
+    ranges = [ends] * 3
+    grid = _on_grid(blocks, scale, ranges, there)
+    for _ in range(PASSES - 1):
+        ranges = [_closer(grid.weight, k, ends) for k, ends in enumerate(ranges)]
+        grid = _on_grid(blocks, scale, ranges, there)
+    return grid
+
+
+def _closer(weight: FloatArray, axis: int, ends: tuple[float, float]) -> tuple[float, float]:
+    """Range of ln sd in which the marginal is worth a cell, and a cell on either side."""
+    marginal = weight.sum(axis=tuple(k for k in range(3) if k != axis))
+    kept = np.flatnonzero(marginal > CUT * marginal.max())
+    step = (ends[1] - ends[0]) / len(marginal)
+    low, high = ends[0] + step * (kept[0] - 1), ends[0] + step * (kept[-1] + 2)
+    return max(low, ends[0]), min(high, ends[1])
+
+
+def _on_grid(
+    blocks: Sequence[Likelihoods],
+    scale: float,
+    ranges: Sequence[tuple[float, float]],
+    there: tuple[bool, bool, bool],
+) -> _Grid:
+    own, unit, common = (
+        np.exp(low + (high - low) * (np.arange(CELLS) + 0.5) / CELLS) if level else np.zeros(1)
+        for (low, high), level in zip(ranges, there, strict=True)
+    )
+    known = tuple(block_of(one, own, unit) for one in blocks)
+    parts = [over_sessions(one, common) for one in known]
+    log = sum((part[0] for part in parts), np.zeros((len(own), len(unit), len(common))))
+    log += _log_prior(own, unit, common, scale)
+    weight = np.exp(log - log.max())
+    return _Grid((own, unit, common), weight / weight.sum(), *parts[0][1:], known)
+
+
+def _log_prior(own: FloatArray, unit: FloatArray, common: FloatArray, scale: float) -> FloatArray:
+    """Log prior density (own, unit, common) by the logarithms of the sds that are there."""
+    log = (np.log(unit) - np.log1p((unit / scale) ** 2))[:, None]
+    if len(own) == 1:
+        return log
+    turn_on = np.hypot(own[:, None, None], common)
+    log = log - np.log1p((turn_on / scale) ** 2)
+    if len(common) == 1:
+        return log + np.log(turn_on)
+    return log + np.log(own[:, None, None] * common / turn_on)
+
+
+def _of_sizes(grid: _Grid, p_value: float, errors: tuple[float, float]) -> Spreads:
+    """What the grid says of the three sds."""
+    own, unit, common = grid.sizes
+    found = Spreads(*errors, unit=of_cells(_points(unit), _finer(grid.weight.sum(axis=(0, 2)))))
+    if len(own) == 1:
+        return found
+    both = _finer(grid.weight.sum(axis=1))
+    own, common = _points(own)[:, None], _points(common)
+    found = replace(found, p_value=p_value, turn_on=of_cells(np.hypot(own, common), both))
+    if len(common) == 1:
+        return found
+    return replace(
+        found,
+        own=of_cells(own, both.sum(axis=1)),
+        common=of_cells(common, both.sum(axis=0)),
+        common_share=of_cells(common**2 / (own**2 + common**2), both),
+    )
+
+
+def _points(size: FloatArray) -> FloatArray:
+    """Finer steps between the first and the last of the cells along one sd."""
+    return np.geomspace(size[0], size[-1], FINER * len(size)) if len(size) > 1 else size
+
+
+def _finer(weight: FloatArray) -> FloatArray:
+    """Density at the finer steps along each sd that is there."""
+    from scipy.ndimage import zoom
+
+    log = np.log(np.maximum(weight / weight.max(), math.exp(DEEPEST)))
+    finer = np.asarray(zoom(log, [FINER if n > 1 else 1 for n in weight.shape], mode="nearest"))
+    return np.exp(finer)
+
+
+def _with_mean(found: Spreads, grid: _Grid, one: Likelihoods, centre: float) -> Spreads:
+    """Add what a single kind of component has: its mean, its next unit, and its sessions.
+
+    What the tests book to the coefficient in place of others is of one sign in all units if the others are:
+    no number of units averages that out.
+    """
+    known = np.isfinite(one.value)
+    alike = float((one.alias[known].mean(axis=0) ** 2).sum())
+    heavy = grid.weight > LIGHT * grid.weight.max()
+    weight = grid.weight[heavy] / grid.weight[heavy].sum()
+    own, unit, common = (size[place] for size, place in zip(grid.sizes, np.nonzero(heavy), strict=True))
+    mean, variance = grid.mean[heavy] + centre, grid.variance[heavy] + alike
+    middle = float(weight @ mean)
+    shift, shift_sd = _shifts(grid) if len(grid.sizes[2]) > 1 else (found.shift, found.shift_sd)
+    return replace(
+        found,
+        mean=of_mixture(weight, mean, np.sqrt(variance)),
+        mean_sd=math.sqrt(float(weight @ (variance + (mean - middle) ** 2))),
+        next_unit=of_mixture(weight, mean, np.sqrt(variance + own**2 + unit**2 + common**2)),
+        shift=shift,
+        shift_sd=shift_sd,
+    )
+
+
+def _shifts(grid: _Grid) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (s,) of the levels of the sessions about their mean."""
+    (block,) = grid.blocks
+    heavy = np.nonzero(grid.weight > 1e2 * LIGHT * grid.weight.max())
+    weight = grid.weight[heavy] / grid.weight[heavy].sum()
+    s = block.precision.shape[-1]
+    about = np.eye(s) - 1.0 / s
+    precision = block.precision[heavy[:2]] + about / grid.sizes[2][heavy[2]][:, None, None] ** 2
+    cov = about @ np.linalg.inv(precision) @ about
+    level = np.linalg.solve(precision, block.information[heavy[:2]][..., None])[..., 0] @ about
+    mean = weight @ level
+    variance = weight @ (np.diagonal(cov, axis1=1, axis2=2) + (level - mean) ** 2)
+    return mean, np.sqrt(variance)

@@ -1,0 +1,255 @@
+"""What compensation makes of a recording, held against what is known of it without a reference.
+
+A recording of an IMU holds quantities that are known though no table or arm gives them: |f| = g in a still,
+no rotation there (the Earth's, at most 15 deg/h, counts as bias), up carried through a turn is up in the next
+still, and a turn by 360 deg is one. Each is taken from the raw output and from the compensated one, beside
+the sd that the posterior gives it.
+
+With rows X, coefficients of covariance P and noise of covariance C, what the fit leaves of its own rows has
+the covariance ``C - X P X'``; new rows at the same inputs will be off by ``C + X P X'``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.factor import posterior_root
+from imubayes.inference.between_stills import TURNS, closures, directions, lasting
+from imubayes.inference.case import Case
+from imubayes.inference.effective import marginal_variance
+from imubayes.inference.linear import Linear
+from imubayes.inference.stills import Stills, find_stills
+from imubayes.inference.triad import Triad
+from imubayes.inference.whiten import Rows
+from imubayes.rig.inputs import ImuRun, Section, TriadRun
+from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
+
+FloatArray = NDArray[np.float64]
+Times = Sequence[tuple[float, float]]
+"""(start, stop), s."""
+
+SURE = 2.0
+"""Sds within which 95 % of all errors are expected."""
+
+SATURATED = 0.2
+"""Share of the sd of new errors below which that of fitted ones says that there is a coefficient for each."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recovered:
+    """Errors of a known quantity of a run: m stills or turns, and c components or directions of each.
+
+    Attributes
+    ----------
+    run : its name.
+    what : ``gravity`` (length of the specific force minus g, m/s^2), ``rest`` (rate at rest of gx, gy, gz,
+        rad/s), ``closure`` (rad, two directions across up) or ``turn`` (rad, about the axis of a known turn).
+    before, after : (m, c) of the raw output, and compensated under the full library.
+    flown : (m, c) compensated by the terms that are kept.
+    fitted : (m, c) sd of `after`, which the coefficients were fitted to.
+    fresh : (m, c) sd of new stills and turns at the same inputs.
+    """
+
+    run: str
+    what: str
+    before: FloatArray
+    after: FloatArray
+    flown: FloatArray
+    fitted: FloatArray
+    fresh: FloatArray
+
+    @property
+    def saturated(self) -> bool:
+        """Whether the fit has a coefficient for each error, so that their size tells nothing of it."""
+        return bool(np.linalg.norm(self.fitted) < SATURATED * np.linalg.norm(self.fresh))
+
+    @property
+    def expected(self) -> FloatArray:
+        """(m, c) sd of `after`; of new stills and turns where it is saturated."""
+        return self.fresh if self.saturated else self.fitted
+
+    @property
+    def inside(self) -> int:
+        """How many of the m c errors after compensation lie within 2 sd of zero."""
+        return int(np.sum(np.abs(self.after) <= SURE * self.expected))
+
+
+def recover(
+    case: Case, runs: Sequence[TriadRun | ImuRun], sd: FloatArray, kept: FloatArray
+) -> tuple[Recovered, ...]:
+    """Hold the compensated stills and turns of every run against what is known of them.
+
+    Parameters
+    ----------
+    case : of free tumbles, or of runs with known sections; of others nothing is told.
+    runs : that it was made of.
+    sd : prior sd of all columns of its summary, SI.
+    kept : (p,) coefficients of the compensation that is used, in the order of the triads; zero for a term
+        that is not.
+
+    Raises
+    ------
+    ConvergenceError : if the model cannot be inverted: scale or offset of a column are far off.
+    """
+    if not runs:
+        return ()
+    judge = _Judge(case, posterior_root(case.summary.factor, sd)[1])
+    ideal, used = (_at(case.triads, theta) for theta in (np.zeros_like(kept), kept))
+    found: list[Recovered] = []
+    for run in runs:
+        if run.procedure == "free-tumble":
+            found += _of_tumble(run, (ideal, case.triads, used), judge)
+        elif isinstance(run, ImuRun) and run.sections:
+            found += _of_sections(run, (ideal, case.triads, used), judge)
+    return tuple(found)
+
+
+Triads = tuple[Triad, ...]
+Spread = tuple[FloatArray, FloatArray]
+"""Sd of what is left of fitted rows, and of new ones."""
+
+
+def _at(triads: Triads, theta: FloatArray) -> Triads:
+    ends = np.cumsum([len(triad.theta) for triad in triads])[:-1]
+    return tuple(replace(t, theta=part) for t, part in zip(triads, np.split(theta, ends), strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Judge:
+    """A case, and a root (p, p) of its posterior covariance."""
+
+    case: Case
+    root: FloatArray
+
+    def spread(self, part: str, times: Times) -> Spread:
+        """Sds (k,) of the mean of a part's rows over spans of time."""
+        rows, X, taken = self._means(part, times)
+        return self._sds(X, marginal_variance(rows, taken))
+
+    def spread_of_turns(self, part: str, whole: FloatArray) -> Spread:
+        """Sds (m, 2), rad, of the rows of turns that last `whole` (m,), s."""
+        k = self._number(part)
+        rows, noise = self.case.rows[k], self.case.summary.runs[k].noise
+        sds = self._sds(rows.columns(0, len(rows)), marginal_variance(noise, rows.rows))
+        fitted, fresh = (one.reshape(-1, 2) * whole[:, None] for one in sds)
+        return fitted, fresh
+
+    def _means(self, part: str, times: Times):
+        k = self._number(part)
+        rows = self.case.rows[k]
+        inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
+        X, axes = rows.columns(0, len(rows)), rows.axes
+        taken = Rows(
+            np.array([0.5 * (a + b) for a, b in times]),
+            np.array([rows.duration[i].sum() for i in inside]),
+            None if axes is None else _mean(rows, axes, inside),
+        )
+        return self.case.summary.runs[k].noise, _mean(rows, X, inside), taken
+
+    def _number(self, part: str) -> int:
+        return [run.name for run in self.case.summary.runs].index(part)
+
+    def _sds(self, X: FloatArray, own: FloatArray) -> Spread:
+        known = np.sum((X @ self.root) ** 2, axis=1)
+        return np.sqrt(np.maximum(own - known, 0.0)), np.sqrt(own + known)
+
+
+def _mean(rows: Linear, values: FloatArray, inside: Sequence[NDArray[np.intp]]) -> FloatArray:
+    """Means (k, a) over groups of rows, each row with its duration."""
+    return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
+
+
+def _of_tumble(
+    run: TriadRun | ImuRun, triads: tuple[Triads, Triads, Triads], judge: _Judge
+) -> Iterator[Recovered]:
+    """Stills of a free tumble, and the turns between them."""
+    stills = find_stills(run if isinstance(run, TriadRun) else run.accelerometers)
+    times = [(float(run.t[a]), float(run.t[b - 1])) for a, b in stills]
+    values = [_tumbled(run, stills, those) for those in triads]
+    spreads = [_column(judge.spread(run.name, times))]
+    if isinstance(run, ImuRun):
+        at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
+        turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(run, stills))
+        spreads += [_side_by_side(at_rest), turned]
+    return _collected(run.name, ("gravity", "rest", "closure"), values, spreads)
+
+
+def _tumbled(run: TriadRun | ImuRun, stills: Stills, triads: Triads) -> list[FloatArray]:
+    """Errors of gravity (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
+    force = run.output if isinstance(run, TriadRun) else run.force
+    f = triads[0].compensate(np.array([force[a:b].mean(axis=0) for a, b in stills]))
+    found = [_length(f, run.gravity)]
+    if isinstance(run, ImuRun):
+        rate = np.array([run.rate[a:b].mean(axis=0) for a, b in stills])
+        seen = directions(triads[0], run, stills)
+        found += [triads[1].compensate(rate, f), closures(run, stills, seen, triads[1])]
+    return found
+
+
+def _of_sections(run: ImuRun, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
+    """Positions, and turns by known angles."""
+    still = [s for s in run.sections if not s.angle]
+    turned = [s for s in run.sections if s.angle]
+    values = [[*_held(run, still, those), _angles(run, turned, those)] for those in triads]
+    places = [_times(run, part) for part in (still, turned)]
+    of_force = [judge.spread(f"{run.name} ({name})", places[0]) for name in ACCELEROMETERS]
+    at_rest = [judge.spread(f"{run.name} ({name})", places[0]) for name in GYROSCOPES]
+    of_turn = [judge.spread(f"{run.name} ({name})", places[1]) for name in GYROSCOPES]
+    whole = np.array([(s.stop - s.start) * run.interval for s in turned])
+    fitted, fresh = (sd * whole[:, None] for sd in _along(of_turn, turned))
+    spreads = [_along(of_force, still), _side_by_side(at_rest), (fitted, fresh)]
+    return _collected(run.name, ("gravity", "rest", "turn"), values, spreads)
+
+
+def _held(run: ImuRun, still: Sequence[Section], triads: Triads) -> list[FloatArray]:
+    """Errors of gravity (k, 1) and of rest (k, 3)."""
+    force, rate = (np.array([x[s.start : s.stop].mean(axis=0) for s in still]) for x in (run.force, run.rate))
+    f = triads[0].compensate(force)
+    return [_length(f, run.gravity), triads[1].compensate(rate, f)]
+
+
+def _angles(run: ImuRun, turned: Sequence[Section], triads: Triads) -> FloatArray:
+    """Integrated rate about the axis of each turn minus its angle, (m, 1), rad."""
+    found = []
+    for s in turned:
+        inside = slice(s.start, s.stop)
+        w = triads[1].compensate(run.rate[inside], triads[0].compensate(run.force[inside]))
+        found.append(float(run.interval * np.sum(w @ s.direction) - s.angle))
+    return np.array(found)[:, None]
+
+
+def _length(f: FloatArray, gravity: float) -> FloatArray:
+    return np.linalg.norm(f, axis=1, keepdims=True) - gravity
+
+
+def _times(run: ImuRun, sections: Sequence[Section]) -> Times:
+    return [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
+
+
+def _along(spreads: Sequence[Spread], sections: Sequence[Section]) -> Spread:
+    """Sds (k, 1) of the component along the axis of each section."""
+    axes = [int(np.argmax(np.abs(s.direction))) for s in sections]
+    fitted, fresh = (
+        np.array([spreads[c][which][k] for k, c in enumerate(axes)])[:, None] for which in (0, 1)
+    )
+    return fitted, fresh
+
+
+def _column(spread: Spread) -> Spread:
+    return spread[0][:, None], spread[1][:, None]
+
+
+def _side_by_side(spreads: Sequence[Spread]) -> Spread:
+    return np.column_stack([one[0] for one in spreads]), np.column_stack([one[1] for one in spreads])
+
+
+def _collected(
+    run: str, what: Sequence[str], values: Sequence[Sequence[FloatArray]], spreads: Sequence[Spread]
+) -> Iterator[Recovered]:
+    """One `Recovered` a quantity: `values` are before, after and flown."""
+    for name, before, after, flown, (fitted, fresh) in zip(what, *values, spreads, strict=False):
+        yield Recovered(run, name, before, after, flown, fitted, fresh)

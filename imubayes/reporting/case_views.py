@@ -1,0 +1,252 @@
+"""What components share for being in one case: known quantities recovered, and terms that the kind needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from imubayes.reporting.angle_views import AngleTable, angle_table
+from imubayes.reporting.case_figures import recovered_panel
+from imubayes.reporting.case_words import (
+    QUANTITIES,
+    UNITS,
+    case_answer,
+    pooled_sentence,
+    recovered_sentence,
+)
+from imubayes.reporting.rounding import Measured, measured, per_unit
+from imubayes.selection.verdicts import EQUAL, Costs
+
+if TYPE_CHECKING:
+    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.inference.recovered import Recovered
+    from imubayes.reporting.canvas import Panel
+
+BLIND = ("inseparable", "unresolved", "untested")
+"""Verdicts of a test that cannot tell: where all components have one of them, pooling tells no more."""
+
+CANNOT = "cannot tell"
+
+MOST_DRAWN = 3
+"""Cases of a study whose errors are drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveredRow:
+    """Errors of one known quantity as they are printed: root mean squares over stills or turns.
+
+    Attributes
+    ----------
+    kind, what, run : quantity as its key and in words, and the run.
+    count : of stills or turns.
+    before, after, flown : of the raw output, compensated by the full library and by the kept terms.
+    fitted, fresh : what the posterior predicts for `after` (None where there is a coefficient for each), and
+        for new stills and turns.
+    inside, of : how many errors lie within 2 sd of what is predicted, of how many.
+    """
+
+    kind: str
+    what: str
+    run: str
+    count: int
+    before: Measured
+    after: Measured
+    flown: Measured
+    fitted: Measured | None
+    fresh: Measured
+    inside: int
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class PooledRow:
+    """One term of a kind.
+
+    Attributes
+    ----------
+    term : its name.
+    verdicts : of each component; empty where it has no such term.
+    inclusion : in one model for all of them.
+    verdict : ``needed``, ``not needed``, ``undecided``, or ``cannot tell`` where no component's test can.
+    """
+
+    term: str
+    verdicts: tuple[str, ...]
+    inclusion: float
+    verdict: str
+
+    @property
+    def bar(self) -> dict[str, Any]:
+        """What the bar of the inclusion shows."""
+        return {"inclusion": self.inclusion, "inclusion_range": (self.inclusion, self.inclusion)}
+
+
+@dataclass(frozen=True, slots=True)
+class PooledTable:
+    """Terms that a kind of component needs: its components, rows, and the finding in words."""
+
+    kind: str
+    components: tuple[str, ...]
+    rows: tuple[PooledRow, ...]
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class CaseView:
+    """A case of several components.
+
+    Attributes
+    ----------
+    id, anchor : of the sensor, and of its section.
+    answer : first paragraph, by sentence.
+    sentences : of the length of gravity, a run each.
+    rows : the same in numbers.
+    panels : error of each still or turn after compensation, with what is predicted.
+    pooled : a table a kind.
+    angles : how the axes lie; None where directions were not known.
+    """
+
+    id: str
+    anchor: str
+    answer: tuple[str, ...]
+    sentences: tuple[str, ...]
+    rows: tuple[RecoveredRow, ...]
+    panels: tuple[Panel, ...]
+    pooled: tuple[PooledTable, ...]
+    angles: AngleTable | None
+
+
+def case_views(result: StudyResult) -> tuple[CaseView, ...]:
+    """Prepare every case of a study for the template."""
+    cases = _cases(result)
+    drawn = len(cases) <= MOST_DRAWN
+    return tuple(
+        _view(name, f"case{k + 1}", sensors, result.study.costs, drawn=drawn)
+        for k, (name, sensors) in enumerate(cases.items())
+    )
+
+
+def case_records(result: StudyResult) -> list[dict[str, Any]]:
+    """Entries ``cases`` of ``result.json``: errors in SI, verdicts of each kind."""
+    return [
+        {
+            "id": name,
+            "recovered": [recovered_record(one) for one in sensors[0].recovered],
+            "pooled": {
+                kind: {row.term: {"inclusion": row.inclusion, "verdict": row.verdict} for row in rows}
+                for kind, rows in _pooled(sensors, result.study.costs).items()
+            },
+        }
+        for name, sensors in _cases(result).items()
+    ]
+
+
+def _cases(result: StudyResult) -> dict[str, list[SensorResult]]:
+    """Components that were found together, by the id of their sensor."""
+    cases: dict[str, list[SensorResult]] = {}
+    for sensor in result.sensors:
+        if sensor.pooled or sensor.recovered or (sensor.calibration or {}).get("angles"):
+            cases.setdefault(sensor.id.rpartition(".")[0], []).append(sensor)
+    return cases
+
+
+def _view(name: str, anchor: str, sensors: Sequence[SensorResult], costs: Costs, *, drawn: bool) -> CaseView:
+    recovered = sensors[0].recovered
+    rows, tables = tuple(map(_row, recovered)), tuple(_tables(sensors, costs))
+    return CaseView(
+        id=name,
+        anchor=anchor,
+        answer=case_answer(name, rows, tables),
+        sentences=tuple(recovered_sentence(row) for row in rows if row.kind == "gravity"),
+        rows=rows,
+        panels=tuple(recovered_panel(one, f"{anchor}p{k}") for k, one in enumerate(recovered))
+        if drawn
+        else (),
+        pooled=tables,
+        angles=angle_table(sensors),
+    )
+
+
+def _row(one: Recovered) -> RecoveredRow:
+    unit, si = UNITS[one.what]
+    scale = per_unit(unit, si)
+
+    def rms(errors: np.ndarray) -> Measured:
+        return measured(root_mean_square(errors, one.what) / scale, 0.0, unit)
+
+    return RecoveredRow(
+        kind=one.what,
+        what=QUANTITIES[one.what],
+        run=one.run,
+        count=len(one.after),
+        before=rms(one.before),
+        after=rms(one.after),
+        flown=rms(one.flown),
+        fitted=None if one.saturated else rms(one.fitted),
+        fresh=rms(one.fresh),
+        inside=one.inside,
+        of=one.after.size,
+    )
+
+
+def root_mean_square(errors: np.ndarray, what: str) -> float:
+    """Rms of errors (m, c); the two directions of a closure are one angle."""
+    squares = np.asarray(errors) ** 2
+    return float(np.sqrt(squares.sum(axis=1).mean() if what == "closure" else squares.mean()))
+
+
+def recovered_record(one: Recovered) -> dict[str, Any]:
+    """Errors of a known quantity as plain values, SI."""
+    sizes = {
+        key: root_mean_square(getattr(one, key), one.what)
+        for key in ("before", "after", "flown", "fitted", "fresh")
+    }
+    return {
+        "run": one.run,
+        "what": one.what,
+        "unit": UNITS[one.what][1],
+        "count": len(one.after),
+        "rms": sizes,
+        "within_2_sd": one.inside,
+        "of": one.after.size,
+        "saturated": one.saturated,
+        "errors": one.after,
+        "sd": one.expected,
+    }
+
+
+def _tables(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[PooledTable]:
+    for kind, rows in _pooled(sensors, costs).items():
+        names = tuple(sensor.id for sensor in sensors if sensor.kind == kind)
+        yield PooledTable(kind, names, rows, pooled_sentence(kind, names, rows))
+
+
+def _pooled(sensors: Sequence[SensorResult], costs: Costs) -> Mapping[str, tuple[PooledRow, ...]]:
+    """Rows by kind."""
+    kinds = dict.fromkeys(sensor.kind for sensor in sensors if sensor.pooled)
+    return {kind: tuple(_pooled_rows([s for s in sensors if s.kind == kind], costs)) for kind in kinds}
+
+
+def _pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[PooledRow]:
+    found = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in sensors]
+    for name, inclusion in sensors[0].pooled.items():
+        verdicts = tuple(one.get(name, "") for one in found)
+        yield PooledRow(name, verdicts, inclusion, pooled_verdict(inclusion, verdicts, costs))
+
+
+def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQUAL) -> str:
+    """What the kind needs, of one term.
+
+    Examples
+    --------
+    >>> pooled_verdict(0.99, ("undecided", "undecided")), pooled_verdict(0.9, ("untested", "inseparable"))
+    ('needed', 'cannot tell')
+    """
+    if all(verdict in BLIND for verdict in verdicts if verdict):
+        return CANNOT
+    if inclusion >= costs.needed:
+        return "needed"
+    return "not needed" if inclusion <= costs.not_needed else "undecided"

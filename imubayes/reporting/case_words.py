@@ -1,0 +1,94 @@
+"""What compensation recovers, and what a kind of component needs, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from imubayes.reporting.rounding import pretty
+from imubayes.selection.verdicts import listed
+
+if TYPE_CHECKING:
+    from imubayes.reporting.case_views import PooledRow, PooledTable, RecoveredRow
+
+QUANTITIES = {
+    "gravity": "length of the force in a still, from local g",
+    "rest": "rate in a still",
+    "closure": "up carried through a turn, from up in the next still",
+    "turn": "angle of a known turn",
+}
+
+SHORT = {
+    "gravity": "Length of the force in the stills, from local g",
+    "rest": "Rates in the stills",
+    "closure": "Up carried through the turns",
+    "turn": "Angles of the known turns",
+}
+
+UNITS = {
+    "gravity": ("mg", "m/s^2"),
+    "rest": ("deg/s", "rad/s"),
+    "closure": ("deg", "rad"),
+    "turn": ("deg", "rad"),
+}
+"""Printed unit and SI unit of each quantity."""
+
+
+def recovered_sentence(row: RecoveredRow) -> str:
+    """Say what the length of gravity is before and after compensation, beside what the posterior predicts."""
+    after, before, fresh, flown = map(_amount, (row.after, row.before, row.fresh, row.flown))
+    inside = f"{row.inside} of {row.of} lie within 2 sd of that"
+    if row.fitted is None:
+        predicted = "The fit has a coefficient for each;"
+        predicted += f" the posterior predicts {fresh} for new ones: {inside}."
+    else:
+        predicted = f"The posterior predicts {_amount(row.fitted)} for them: {inside};"
+        predicted += f" new ones would be off by {fresh}."
+    kept = "" if after == flown else f" The kept terms alone leave {flown}."
+    return (
+        f"The force in the {row.count} stills of {row.run} is off local gravity by {before} rms raw, and by"
+        f" {after} compensated. {predicted}{kept}"
+    )
+
+
+def case_answer(name: str, rows: Sequence[RecoveredRow], tables: Sequence[PooledTable]) -> tuple[str, ...]:
+    """First paragraph on a case by sentence: what its kinds need, and what compensation recovers."""
+    needs = [
+        f"its {table.kind}s need {listed(needed)}"
+        for table in tables
+        if (needed := [row.term for row in table.rows if row.verdict == "needed"])
+    ]
+    opening = f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."
+    return (opening, *(_change(row) for row in rows))
+
+
+def _change(row: RecoveredRow) -> str:
+    before, after, predicted = (_amount(size) for size in (row.before, row.after, row.fitted or row.fresh))
+    whose = "" if row.fitted else " for new ones"
+    return (
+        f"{SHORT[row.kind]}: {before} rms raw, {after} compensated;"
+        f" the posterior predicts {predicted}{whose}."
+    )
+
+
+def pooled_sentence(kind: str, components: Sequence[str], rows: Sequence[PooledRow]) -> str:
+    """Say which terms a kind needs that not every one of its components shows."""
+    named = {word: [row.term for row in rows if row.verdict == word] for word in _WORDS}
+    parts = [f"{_WORDS[word][len(names) > 1]} {listed(names)}" for word, names in named.items() if names]
+    text = f"In one model for {listed(components)}: {'; '.join(parts)}."
+    alone = [row.term for row in rows if row.verdict == "needed" and set(row.verdicts) != {"needed"}]
+    if alone:
+        text += f" Not every {kind} shows {listed(alone)} by itself."
+    return text
+
+
+_WORDS = {
+    "needed": ("needed is", "needed are"),
+    "not needed": ("not needed is", "not needed are"),
+    "undecided": ("undecided is", "undecided are"),
+    "cannot tell": ("this test cannot tell of", "this test cannot tell of"),
+}
+
+
+def _amount(size: object) -> str:
+    return pretty(str(size)).replace(" °", "°")

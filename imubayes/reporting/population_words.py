@@ -1,0 +1,239 @@
+"""What units of a class have in common, in words; units in ASCII."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from imubayes.inference.sessions import SUSPECT
+from imubayes.reporting.lots_words import NARROW, ranged, shares
+from imubayes.reporting.rounding import below, measured, per_unit
+from imubayes.selection.verdicts import listed
+
+if TYPE_CHECKING:
+    from imubayes.inference.intervals import Share
+    from imubayes.selection.class_needs import ClassInCommon, TermInClass
+
+RESOLVED = 0.25
+"""Low end of a spread's interval over its median from which the spread is there: where the data only say how
+large it may be, that is 0.1."""
+
+COMMON = 0.5
+"""Share of a turn-on's variance that all units have in common from which it is said."""
+
+STANDS_OUT = 2.0
+"""Standard deviations from the mean of the sessions beyond which a session is named."""
+
+MOST_NAMES = 6
+"""Spreads that a sentence names."""
+
+MARKS = {
+    "needed": ("●", "needed"),
+    "some need it": ("◐", "undecided"),
+    "not needed": ("○", "not-needed"),
+    "undecided": ("◐", "undecided"),
+    "cannot tell": ("△", "unresolved"),
+}
+"""Shape, and style of the page, of each answer on a class."""
+
+
+def resolved(found: Share) -> bool:
+    """Whether a spread is there, and not only below something."""
+    return found.low > RESOLVED * found.value
+
+
+def changes(term: TermInClass) -> bool:
+    """Whether a term's sessions scatter by more than their errors allow."""
+    return term.spreads.p_value < SUSPECT
+
+
+def turn_on_text(term: TermInClass) -> str:
+    """Sd between sessions, or what it is below where the sessions agree."""
+    if math.isnan(term.spreads.turn_on.value):
+        return "unknown"
+    return _printed(term.spreads.turn_on, term, there=changes(term))
+
+
+def unit_text(term: TermInClass) -> str:
+    """Sd from unit to unit, or what it is below."""
+    return _printed(term.spreads.unit, term, there=resolved(term.spreads.unit))
+
+
+def short_title(term: TermInClass) -> str:
+    """Both spreads without their intervals, as a finding."""
+    unit = _printed(term.spreads.unit, term, there=resolved(term.spreads.unit), interval=False)
+    text = f"{term.parameter.name}: sd {unit} from unit to unit"
+    if math.isnan(term.spreads.turn_on.value):
+        return text
+    turn_on = _printed(term.spreads.turn_on, term, there=changes(term), interval=False)
+    return f"{text}, {turn_on} between sessions"
+
+
+def _printed(found: Share, term: TermInClass, *, there: bool, interval: bool = True) -> str:
+    if there and not interval:
+        return str(measured(found.value / _unit(term), 0.0, term.parameter.printed))
+    return spread_text(found, term.parameter.printed, _unit(term), there=there)
+
+
+def spread_text(found: Share, printed: str, size: float, *, there: bool) -> str:
+    """A spread with its interval in a printed unit of `size` SI, or what it is below with 95 %.
+
+    Examples
+    --------
+    >>> from imubayes.inference.intervals import Share
+    >>> spread_text(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6, there=True)
+    '41.8 (39.0 to 45.0) ppm'
+    >>> spread_text(Share(1e-5, 1e-6, 4.44e-5), "ppm", 1e-6, there=False)
+    'below 45 ppm'
+    """
+    if there:
+        return f"{ranged(found, size=size).replace('−', '-')} {printed}"
+    return f"below {below(found.high / size, printed)}"
+
+
+def whole(found: ClassInCommon) -> tuple[TermInClass, ...]:
+    """Each term once: for all axes of a triad together where there are several."""
+    names = dict.fromkeys(term.term for term in found.terms)
+    return tuple(next(term for term in found.terms if term.term == name) for name in names)
+
+
+def shown(found: ClassInCommon) -> tuple[TermInClass, ...]:
+    """Terms that have a row: those of which the units' tests tell."""
+    told = {term.term for term in found.terms if term.told and term.need.verdict != "cannot tell"}
+    return tuple(term for term in found.terms if term.term in told and term.told)
+
+
+def class_sentences(found: ClassInCommon) -> tuple[str, ...]:
+    """Findings on the units of a class: needs, what cannot be told, spreads, turn-on, what is common."""
+    return (
+        _opening(found),
+        *_needs(found),
+        *_silent(found),
+        *_spreads(found),
+        *_turn_on(found),
+        *_common(found),
+    )
+
+
+def class_answer(found: ClassInCommon) -> str:
+    """What the top of the page says: what the class needs, and what changes between sessions."""
+    return " ".join((_opening(found), *_needs(found), *_turn_on(found)))
+
+
+def _opening(found: ClassInCommon) -> str:
+    units, sessions = len(found.units), [name for name in found.sessions if name]
+    over = f", in {len(sessions)} sessions" if len(sessions) > 1 else ""
+    return f"{units} {found.kind}s of class {found.class_id}{over}."
+
+
+def _needs(found: ClassInCommon) -> Iterator[str]:
+    """Say what the class needs: a term once where all its axes have one answer."""
+    said: dict[str, list[str]] = {}
+    for first in whole(found):
+        parts = _parts(found, first)
+        answers = {part.need.verdict for part in parts}
+        for part in [first] if len(answers) == 1 else parts:
+            said.setdefault(part.need.verdict, []).append(part.parameter.name)
+    for verdict, words in (
+        ("needed", "The class needs {}."),
+        ("some need it", "Some units need {}, others do not."),
+        ("not needed", "It does not need {}."),
+        ("undecided", "The units leave {} undecided."),
+    ):
+        if names := said.get(verdict):
+            yield words.format(listed(names))
+
+
+def _parts(found: ClassInCommon, first: TermInClass) -> list[TermInClass]:
+    """A term by component, or the term itself where there is but one."""
+    alike = [term for term in found.terms if term.term == first.term]
+    return alike[1:] if len(alike) > 1 else alike
+
+
+def _silent(found: ClassInCommon) -> Iterator[str]:
+    """Say what this test cannot tell, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for term in whole(found):
+        if all(part.need.verdict == "cannot tell" for part in _parts(found, term)):
+            word = max(term.need.answers, key=lambda answer: term.need.answers[answer])
+            reasons.setdefault(word, []).append(term.parameter.name)
+    if reasons:
+        told = "; ".join(f"{listed(names)} ({WHY.get(word, word)})" for word, names in reasons.items())
+        yield f"This test cannot tell of {told}: more units do not change that."
+
+
+WHY = {
+    "inseparable": "seen only in combination",
+    "unresolved": "too small beside the noise",
+    "untested": "not excited",
+}
+"""Why a test cannot tell, in a few words."""
+
+
+def _spreads(found: ClassInCommon) -> Iterator[str]:
+    told = [term for term in whole(found) if term in shown(found) and resolved(term.spreads.unit)]
+    if told:
+        several = ", both what a unit is and what a turn-on does" if _single_session(found) else ""
+        yield f"From unit to unit (sd{several}) {_listed(told, unit_text, ' differs by ')}."
+
+
+def _single_session(found: ClassInCommon) -> bool:
+    return all(math.isnan(term.spreads.turn_on.value) for term in found.terms)
+
+
+def _listed(terms: Sequence[TermInClass], text: Callable[[TermInClass], str], verb: str) -> str:
+    return listed(f"{term.parameter.name}{verb}{text(term)}" for term in terms[:MOST_NAMES])
+
+
+def _unit(term: TermInClass) -> float:
+    return per_unit(term.parameter.printed, term.parameter.unit)
+
+
+def _turn_on(found: ClassInCommon) -> Iterator[str]:
+    """Say what changes from one turn-on to the next, and how little the rest does."""
+    told = [term for term in whole(found) if term in shown(found)]
+    known = [term for term in told if not math.isnan(term.spreads.turn_on.value)]
+    moving = [term for term in known if changes(term)]
+    steady = [term for term in known if not changes(term)]
+    if moving:
+        yield f"From one session to the next {_listed(moving, turn_on_text, ' changes by ')}."
+    if steady:
+        rest = "The rest" if moving else "Everything"
+        sizes = _listed(steady, turn_on_text, " ")
+        yield f"{rest} comes back within the error bars: the sd between sessions is {sizes}."
+    if wide := [term.parameter.name for term in steady if term.spreads.p_value > 1.0 - SUSPECT]:
+        yield f"The sessions of {listed(wide)} agree better than by chance: those error bars are too wide."
+
+
+def _common(found: ClassInCommon) -> Iterator[str]:
+    """Say what of a turn-on all units have in common, and in which sessions."""
+    alike = [
+        f"{_share(term)} of that of {term.parameter.name}{_off(term)}"
+        for term in shown(found)
+        if _alone(found, term) and changes(term) and term.spreads.common_share.value > COMMON
+    ]
+    if alike:
+        yield (
+            f"Of the variance between sessions all units have in common, as temperature would make it:"
+            f" {'; '.join(alike)}."
+        )
+
+
+def _share(term: TermInClass) -> str:
+    return shares(term.spreads.common_share).replace(NARROW, " ")
+
+
+def _alone(found: ClassInCommon, term: TermInClass) -> bool:
+    """Whether a term is that of one component."""
+    return bool(term.component) or len(found.components) == 1
+
+
+def _off(term: TermInClass) -> str:
+    """Name the sessions in which all units are off, and by how much."""
+    off = [
+        f"session {name} by {measured(shift / _unit(term), sd / _unit(term), term.parameter.printed)}"
+        for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
+        if abs(shift) > STANDS_OUT * sd
+    ]
+    return f" ({len(off)} of {len(term.sessions)} sessions off their mean: {', '.join(off)})" if off else ""

@@ -1,0 +1,83 @@
+"""Importance draws against integrals that are known."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm, skewnorm
+
+from imubayes.inference.noise_draws import BATCH, MOST, Hump, drawn_until
+
+UNIT = Hump(np.zeros(2), np.eye(2))
+
+
+def drawn(target, hump=UNIT, enough=200.0):
+    return drawn_until(target, hump, np.ones(2), np.random.default_rng(1), enough=enough)
+
+
+def level(found):
+    """Logarithm of the integral of the target."""
+    logs = found.told[:, 0] - found.log_proposal
+    return float(np.logaddexp.reduce(logs)) - math.log(len(logs))
+
+
+def bent(x):
+    return (-0.5 * (x[0] / 2.0) ** 2 - 0.5 * ((x[1] - x[0] ** 2) / 0.5) ** 2,)
+
+
+def two(x):
+    """Humps of weights 0.3 and 0.7, five sds apart."""
+    apart = np.array([5.0, 0.0])
+    near, far = (-0.5 * float(np.sum((x - at) ** 2)) for at in (0.0, apart))
+    return (float(np.logaddexp(math.log(0.3) + near, math.log(0.7) + far)),)
+
+
+def test_density_of_a_hump_integrates_to_one():
+    hump = Hump(np.array([1.0, -2.0]), np.array([[2.0, 0.0], [-1.0, 0.5]]))
+    axis = np.linspace(-200.0, 200.0, 2001)
+    at = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2) * [1.0, 0.5] + [1.0, -2.0]
+    total = np.exp(hump.log_density(at)).sum() * (axis[1] - axis[0]) ** 2 * 0.5
+    # tails beyond 100 scales hold 1e-5
+    assert total == pytest.approx(1.0, abs=1e-4)
+
+
+def test_integral_of_a_bent_density_is_found():
+    found = drawn(bent)
+    assert found.effective >= 200.0
+    assert level(found) == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
+
+
+def test_moments_of_a_bent_density_are_found():
+    found = drawn(bent)
+    for value, sd, k in ((0.0, 2.0, 0), (4.0, 4.0 * math.sqrt(2.0), 1)):
+        mean = float(found.weights @ found.draws[:, k])
+        assert mean == pytest.approx(value, abs=4.0 * sd / math.sqrt(found.effective))
+
+
+def test_a_second_hump_is_found_from_the_first_and_has_its_share():
+    found = drawn(two)
+    share = float(found.weights[found.draws[:, 0] > 2.5].sum())
+    assert share == pytest.approx(0.7, abs=4.0 * math.sqrt(0.21 / found.effective))
+    assert level(found) == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
+
+
+def test_quantiles_of_a_skew_density_are_those_of_its_distribution():
+    """A long tail to small sizes, as a hidden process has, from a proposal that is too narrow."""
+    skew = skewnorm(-8.0, loc=0.5, scale=2.0)
+    narrow = Hump(np.zeros(2), 0.5 * np.eye(2))
+    found = drawn(lambda x: (skew.logpdf(x[0]) + norm.logpdf(x[1]),), narrow)
+    order = np.argsort(found.draws[:, 0])
+    reached = np.cumsum(found.weights[order])
+    for p in (0.05, 0.5, 0.95):
+        at = skew.cdf(found.draws[order, 0][np.searchsorted(reached, p)])
+        assert at == pytest.approx(p, abs=4.0 * math.sqrt(p * (1.0 - p) / found.effective))
+
+
+def test_more_is_drawn_where_the_density_is_unlike_the_first_hump():
+    assert len(drawn(bent).draws) > len(drawn(lambda x: (-0.5 * float(x @ x),)).draws)
+
+
+def test_draws_end_at_the_most_humps():
+    """A needle that no draw meets: what there is comes back, and says how little it is."""
+    found = drawn(lambda x: (-1e12 * float((x - 0.3) @ (x - 0.3)),), enough=1e9)
+    assert len(found.draws) == BATCH * MOST and found.effective < BATCH * MOST

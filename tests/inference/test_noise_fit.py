@@ -1,0 +1,77 @@
+"""Posterior of a set of processes against a grid, and the modes of a Gauss-Markov process."""
+
+import math
+
+import numpy as np
+import pytest
+
+from imubayes.inference.linear import Linear
+from imubayes.inference.noise_fit import fit_draws, fit_mode, parameters
+from imubayes.inference.noise_models import likelihood, noise_data
+from imubayes.inference.noise_rows import noise_rows
+from imubayes.rig.quiet import quiet_log
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
+
+INTERVAL = 1.0
+PRIOR = class_prior(sensor("mems_consumer", kind="gyroscope"), INTERVAL)
+NAMES = parameters(("G",))
+CENTER = np.log([PRIOR.log_normal[n][0] for n in NAMES])
+WIDTH = np.array([PRIOR.log_normal[n][1] for n in NAMES])
+
+
+def data_of(size, tau, samples=800, seed=1):
+    noise = NoiseProcesses(N=PRIOR.log_normal["N"][0], G=size * PRIOR.log_normal["G"][0], tau=tau)
+    y = quiet_log(noise, samples, INTERVAL, np.random.default_rng(seed))
+    X = np.ones((samples, 1))
+    t = INTERVAL * np.arange(samples)
+    rows = Linear("log", "static", ("c",), t, np.full(samples, INTERVAL), INTERVAL, y, lambda a, b: X[a:b])
+    return noise_data(noise_rows(rows), PRIOR)
+
+
+def fitted(data, seed=2):
+    starts = [CENTER, CENTER - np.array([0.0, 2.0, 0.0])]
+    return fit_draws(data, fit_mode(data, NAMES, starts), np.random.default_rng(seed), enough=200.0)
+
+
+def density(data, points):
+    """Posterior density without a ramp, up to a constant, at logarithms (m, 3)."""
+    made = [NoiseProcesses(**dict(zip(NAMES, np.exp(x).tolist(), strict=True))) for x in points]
+    levels = np.array([likelihood(data, noise).without for noise in made])
+    levels -= 0.5 * np.sum(((points - CENTER) / WIDTH) ** 2, axis=1)
+    return np.exp(levels - levels.max()), levels.max()
+
+
+@pytest.mark.parametrize(
+    ("size", "tau"), [(3.0, 30.0), (0.6, 100.0), (3.0, 1500.0)], ids=["plain", "hidden", "slow"]
+)
+def test_time_constant_has_the_quantiles_of_a_grid(size, tau):
+    """A hidden process has a tail to small sizes; a slow one a ridge, along which only G^2/tau is known."""
+    data = data_of(size, tau)
+    fit = fitted(data)
+    weights = fit.weights[:, 0] / fit.weights[:, 0].sum()
+    effective = 1.0 / float(weights @ weights)
+    middle = weights @ fit.draws
+    spread = np.sqrt(weights @ (fit.draws - middle) ** 2)
+    cells = np.linspace(-5.0, 5.0, 25)
+    axes = [middle[0] + spread[0] * cells[::4], middle[1] + spread[1] * cells, middle[2] + spread[2] * cells]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    heights, peak = density(data, points)
+    along = heights.reshape([len(axis) for axis in axes]).sum(axis=(0, 1))
+    below = np.concatenate(([0.0], np.cumsum(0.5 * (along[1:] + along[:-1]))))
+    order = np.argsort(fit.draws[:, 2])
+    reached = np.cumsum(weights[order])
+    for p in (0.05, 0.5, 0.95):
+        at = fit.draws[order, 2][np.searchsorted(reached, p)]
+        found = np.interp(at, axes[2], below / below[-1])
+        # sampling of the draws, and of the grid, whose cells of 0.4 sd are off by 0.02 at most
+        assert found == pytest.approx(p, abs=4.0 * math.sqrt(p * (1.0 - p) / effective) + 0.02)
+    cell = math.prod(axis[1] - axis[0] for axis in axes)
+    expected = peak + math.log(heights.sum() * cell) - np.log(WIDTH).sum() - 1.5 * math.log(2.0 * math.pi)
+    assert fit.log_evidence[0] == pytest.approx(expected, abs=4.0 / math.sqrt(effective) + 0.05)
+
+
+def test_sizes_are_drawn_alike_at_a_seed():
+    data = data_of(1.0, 30.0, samples=300)
+    one, other = fitted(data), fitted(data)
+    np.testing.assert_array_equal(one.draws, other.draws)

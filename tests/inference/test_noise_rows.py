@@ -1,0 +1,64 @@
+"""Rows that noise is judged by, of a file that is read a part at a time."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet as pq
+
+from imubayes.inference.linear import linear_of
+from imubayes.inference.noise_rows import noise_rows
+from imubayes.rig import stream_files, stream_survey, streams
+from imubayes.rig.quiet import quiet_log
+from imubayes.rig.runs import RunSpec, read_run
+from imubayes.selection.noise_choice import identify_noise
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
+from imubayes.sensors.terms import library
+
+SAMPLES, INTERVAL, STRETCH = 60_000, 0.1, 8192
+LIB = library("gyroscope", powers=1, asymmetry=-1)
+CONSUMER = sensor("mems_consumer", kind="gyroscope")
+KNOWN = class_prior(CONSUMER, INTERVAL).log_normal
+NOISE = NoiseProcesses(N=KNOWN["N"][0], B=2.0 * KNOWN["B"][0])
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A quiet log in memory, and read a part at a time."""
+    path = tmp_path_factory.mktemp("log") / "log.parquet"
+    y = quiet_log(NOISE, SAMPLES, INTERVAL, np.random.default_rng(1))
+    pq.write_table(pa.table({"t [s]": INTERVAL * np.arange(SAMPLES), "output [rad/s]": y}), path)
+    spec = RunSpec("log", "static", file=path)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(streams, "STREAMED", 1000)
+        patch.setattr(stream_files, "ROWS", 7001)
+        patch.setattr(stream_survey, "STRETCH", STRETCH)
+        whole, part = read_run(spec, "gyroscope"), read_run(spec, "gyroscope", LIB)
+    return [linear_of(run, LIB) for run in (whole, part)]
+
+
+def test_pieces_of_a_stream_are_its_stretch_and_the_blocks_beside_it(runs):
+    whole, part = runs
+    rows = noise_rows(part)
+    assert rows.interval == pytest.approx(INTERVAL)
+    assert (np.diff(rows.start) > 0.0).all()
+    # a block that the stretch cuts is left out at either end
+    block = part.stream.counts.max() * INTERVAL
+    assert rows.duration.sum() == pytest.approx(SAMPLES * INTERVAL, abs=2.0 * block)
+    for k in (0, len(rows.y) // 2, len(rows.y) - 1):
+        inside = slice(
+            *np.searchsorted(whole.t + 0.5 * INTERVAL, rows.start[k] + [1e-6, rows.duration[k] + 1e-6])
+        )
+        assert rows.y[k] == pytest.approx(whole.y[inside].mean(), rel=1e-6)
+
+
+def test_processes_of_a_stream_are_those_of_the_same_log_in_memory(runs):
+    found = [
+        identify_noise(rows, CONSUMER, rng=np.random.default_rng(2), candidates=("B", "Q")) for rows in runs
+    ]
+    assert [one.identified for one in found] == [("B",), ("B",)]
+    for name in ("N", "B"):
+        for one in found:
+            size = one.size(name)
+            assert abs(size.mean - getattr(NOISE, name)) < 4.0 * size.sd < 0.4 * getattr(NOISE, name)
+    assert found[1].samples == SAMPLES

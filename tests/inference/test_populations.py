@@ -1,0 +1,265 @@
+"""Populations of recorded units: dense algebra, analysis of variance, mixed models, and truths held."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from imubayes.factor import factor_of, posterior
+from imubayes.inference.correlations import pulls
+from imubayes.inference.levels import Likelihoods, likelihoods, log_density
+from imubayes.inference.populations import FEWEST, spreads
+from imubayes.inference.sessions import between_sd
+
+SIZE = 1.0
+
+
+def drawn(rng, sds, *, units=8, sessions=3, aliases=2, mean=0.3):
+    """A lot of units: (own, unit, common) sds, errors of unlike size, and what their tests book alike."""
+    own, unit, common = sds
+    shape = (units, sessions)
+    noise = rng.uniform(0.02, 0.06, shape)
+    alias = rng.uniform(0.0, 0.05, (*shape, aliases))
+    value = mean + unit * rng.normal(size=(units, 1)) + common * rng.normal(size=sessions)
+    value = value + own * rng.normal(size=shape) + noise * rng.normal(size=shape)
+    booked = np.einsum("usk,uk->us", alias, rng.normal(size=(units, aliases)))
+    return Likelihoods(value + booked, noise, alias)
+
+
+def dense(one, own, unit, common):
+    """Restricted log likelihood from the covariance of all sessions of all units; sds of any one shape."""
+    u, s = np.nonzero(np.isfinite(one.value))
+    own, unit, common = (np.asarray(sd)[..., None, None] for sd in (own, unit, common))
+    y, alias, n = one.value[u, s], one.alias[u, s], len(u)
+    V = np.diag(one.noise[u, s] ** 2) + own**2 * np.eye(n) + common**2 * (s[:, None] == s)
+    V = V + (u[:, None] == u) * (unit**2 + alias @ alias.T)
+    inverse = np.linalg.inv(V)
+    a, b = inverse.sum(axis=(-1, -2)), inverse.sum(axis=-1) @ y
+    return -0.5 * (np.linalg.slogdet(V)[1] + np.log(a) + inverse @ y @ y - b**2 / a)
+
+
+def test_likelihood_of_the_three_spreads_is_that_of_the_dense_covariance():
+    one = drawn(np.random.default_rng(1), (0.1, 0.5, 0.2))
+    one.value[0, 1] = one.value[3, 0] = np.nan
+    sds = np.array([1e-9, 0.03, 0.4])
+    found = log_density([one], sds, sds, sds)
+    expected = dense(one, *np.meshgrid(sds, sds, sds, indexing="ij"))
+    away = found - expected
+    assert np.ptp(away) < 1e-9 * np.ptp(expected)
+
+
+def test_posterior_is_the_integral_over_the_spreads():
+    """Second route: the dense likelihood, summed over cells of what the priors are uniform in."""
+    one = drawn(np.random.default_rng(2), (0.15, 0.6, 0.3), units=4, sessions=3)
+    found = spreads([one], SIZE)
+    edges = np.linspace(0.0, 1.0, 37) ** 2  # finer where the sds are small
+    angles = np.linspace(0.0, 1.0, 31)
+    shares = np.sin(0.5 * math.pi * angles) ** 2
+    of_sd, of_angle = (0.5 * (x[1:] + x[:-1]) for x in (edges, angles))
+    of_share = np.sin(0.5 * math.pi * of_angle) ** 2
+    sds = SIZE * np.tan(0.5 * math.pi * of_sd)
+    turn_on, share, unit = np.meshgrid(sds, of_share, sds, indexing="ij")
+    log = dense(one, turn_on * np.sqrt(1.0 - share), unit, turn_on * np.sqrt(share))
+    weight = np.exp(log - log.max()) * np.diff(edges)
+    weight *= np.diff(edges)[:, None, None]
+    three = found.turn_on, found.common_share, found.unit
+    for axis, (one_of, ends) in enumerate(zip(three, (edges, shares, edges), strict=True)):
+        marginal = weight.sum(axis=tuple(k for k in range(3) if k != axis))
+        reached = np.append(0.0, np.cumsum(marginal)) / marginal.sum()
+        # a cell holds up to a tenth of the posterior; within it the density is taken as flat
+        for point, level in ((one_of.low, 0.05), (one_of.value, 0.5), (one_of.high, 0.95)):
+            place = point if axis == 1 else math.atan(point / SIZE) / (0.5 * math.pi)
+            assert np.interp(place, ends, reached) == pytest.approx(level, abs=0.01), axis
+
+
+def most_likely(blocks, start):
+    """Sds at which the restricted likelihood is largest."""
+
+    def cost(x):
+        return -float(log_density(blocks, *(np.exp(x[k : k + 1]) for k in range(3)))[0, 0, 0])
+
+    options = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000}
+    return np.exp(optimize.minimize(cost, np.log(start), method="Nelder-Mead", options=options).x)
+
+
+def test_balanced_units_have_the_spreads_of_the_analysis_of_variance():
+    rng, units, sessions, noise = np.random.default_rng(3), 12, 6, 0.05
+    value = rng.normal(size=(units, 1)) + 0.4 * rng.normal(size=sessions)
+    value = value + 0.2 * rng.normal(size=(units, sessions))
+    one = Likelihoods(value, np.full(value.shape, noise), np.zeros((*value.shape, 0)))
+    rows, columns = value.mean(axis=1, keepdims=True), value.mean(axis=0)
+    within = ((value - rows - columns + value.mean()) ** 2).sum() / ((units - 1) * (sessions - 1))
+    of_units = sessions * rows.var(ddof=1)
+    of_sessions = units * columns.var(ddof=1)
+    expected = within - noise**2, (of_units - within) / sessions, (of_sessions - within) / units
+    found = most_likely([one], (0.1, 1.0, 0.3))
+    np.testing.assert_allclose(found**2, expected, rtol=1e-5)
+
+
+def test_unbalanced_units_have_the_spreads_of_a_mixed_model():
+    """Another library: crossed random effects, restricted likelihood, a residual that is not known."""
+    pytest.importorskip("statsmodels")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its own dependencies
+        import pandas as pd
+        from statsmodels.regression.mixed_linear_model import MixedLM
+
+        rng = np.random.default_rng(4)
+        value = rng.normal(size=(15, 1)) + 0.5 * rng.normal(size=5) + 0.3 * rng.normal(size=(15, 5))
+        value[rng.random(value.shape) < 0.15] = np.nan
+        u, s = np.nonzero(np.isfinite(value))
+        table = pd.DataFrame({"y": value[u, s], "u": u.astype(str), "s": s.astype(str), "all": 1})
+        model = MixedLM.from_formula(
+            "y ~ 1", table, groups="all", re_formula="0", vc_formula={"u": "0 + C(u)", "s": "0 + C(s)"}
+        )
+        fit = model.fit(reml=True)
+    noise = 1e-3
+    one = Likelihoods(value, np.full(value.shape, noise), np.zeros((*value.shape, 0)))
+    own, unit, common = most_likely([one], (0.3, 1.0, 0.5))
+    variances = dict(zip(model.exog_vc.names, fit.vcomp, strict=True))
+    # its optimiser stops at 1e-4 of the likelihood or so
+    assert own**2 + noise**2 == pytest.approx(fit.scale, rel=1e-2)
+    assert unit**2 == pytest.approx(variances["u"], rel=1e-2)
+    assert common**2 == pytest.approx(variances["s"], rel=1e-2)
+
+
+def test_units_that_share_no_session_have_the_turn_on_of_their_sessions_alone():
+    """Second route: `between_sd`, which takes every unit's mean as unknown."""
+    rng = np.random.default_rng(5)
+    value = 30.0 * rng.normal(size=(6, 1)) + 0.3 * rng.normal(size=(6, 3))
+    noise = rng.uniform(0.05, 0.2, value.shape)
+    apart = np.full((6, 18), np.nan)
+    errors = np.full((6, 18), np.nan)
+    for k in range(6):
+        apart[k, 3 * k : 3 * k + 3], errors[k, 3 * k : 3 * k + 3] = value[k], noise[k]
+    found = spreads([Likelihoods(apart, errors, np.zeros((6, 18, 0)))], SIZE)
+    _, low, high = between_sd(value, noise, SIZE)
+    assert math.isnan(found.common.value)
+    assert (found.turn_on.low, found.turn_on.high) == pytest.approx((low, high), rel=0.02)
+
+
+def test_what_a_test_books_to_a_coefficient_is_no_change_between_sessions():
+    """The split of a session's error: the covariance of repeated noise, from the normal equations."""
+    rng = np.random.default_rng(6)
+    X = rng.normal(size=(9, 4)) @ np.diag([1.0, 1.0, 1e-2, 1.0])
+    X[:, 1] += 0.99 * X[:, 0]
+    prior = np.array([0.5, 0.3, 0.4, 2.0])
+    data = factor_of(X, rng.normal(size=9), tuple("abcd"))
+    scale = 1.0
+    mean, sd = posterior(data, prior, scale)
+    cov = np.linalg.inv(X.T @ X + np.diag(prior**-2.0))
+    pull = np.array([[[cov[0, k] / prior[k] for k in (1, 2, 3)]]])
+    found = likelihoods(mean[:1, None], sd[:1, None], prior[:1, None], pull)
+    share = 1.0 - cov[0, 0] / prior[0] ** 2
+    noise = (cov @ X.T @ X @ cov)[0, 0] / share**2
+    assert found.noise[0, 0] ** 2 == pytest.approx(noise, rel=1e-8)
+    others = cov @ np.diag(prior**-2.0)
+    booked = np.array([others[0, k] * prior[k] / share for k in (1, 2, 3)])
+    np.testing.assert_allclose(found.alias[0, 0], booked, rtol=1e-8)
+
+
+def test_pulls_are_covariances_over_the_priors_sds():
+    rng = np.random.default_rng(7)
+    X, y, prior = rng.normal(size=(40, 3)), rng.normal(size=40), np.array([0.2, 0.5, 3.0])
+    scale2 = np.linalg.lstsq(X, y)[1][0] / 37.0
+    cov = np.linalg.inv(X.T @ X / scale2 + np.diag(prior**-2.0))
+    found = pulls(factor_of(X, y, ("a", "b", "c")), prior, ("c", "a"))
+    for k, name in enumerate("abc"):
+        np.testing.assert_allclose(found[name], cov[[2, 0], k] / prior[k], rtol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1e6, 1e-7])
+def test_unit_of_the_numbers_changes_the_spreads_by_itself(factor):
+    one = drawn(np.random.default_rng(8), (0.1, 0.5, 0.2))
+    other = Likelihoods(factor * one.value, factor * one.noise, factor * one.alias)
+    a, b = spreads([one], SIZE), spreads([other], factor * SIZE)
+    for name in ("mean", "unit", "turn_on", "own", "common", "next_unit"):
+        x, y = getattr(a, name), getattr(b, name)
+        assert (y.value / factor, y.low / factor, y.high / factor) == pytest.approx(
+            (x.value, x.low, x.high), rel=1e-6
+        )
+    assert a.common_share.value == pytest.approx(b.common_share.value, rel=1e-6)
+
+
+def test_constant_added_to_all_units_moves_their_mean_alone():
+    one = drawn(np.random.default_rng(9), (0.1, 0.5, 0.2))
+    a = spreads([one], SIZE)
+    b = spreads([Likelihoods(one.value + 40.0, one.noise, one.alias)], SIZE)
+    assert b.mean.value - 40.0 == pytest.approx(a.mean.value, abs=1e-9)
+    assert b.unit.high == pytest.approx(a.unit.high, rel=1e-9)
+
+
+def test_axes_together_have_the_spreads_that_they_share():
+    """The likelihoods of two axes multiply; a mean of both is not asked for."""
+    rng = np.random.default_rng(10)
+    blocks = [drawn(rng, (0.1, 0.5, 0.2), mean=mean) for mean in (-20.0, 30.0)]
+    found = spreads(blocks, SIZE)
+    assert math.isnan(found.mean.value) and not len(found.shift)
+    alone = [spreads([block], SIZE) for block in blocks]
+    assert found.unit.high / found.unit.low < min(one.unit.high / one.unit.low for one in alone)
+
+
+def test_one_session_leaves_turn_on_in_the_spread_of_the_units():
+    rng = np.random.default_rng(11)
+    one = drawn(rng, (0.3, 0.4, 0.0), units=200, sessions=1)
+    found = spreads([one], SIZE)
+    assert math.isnan(found.turn_on.value) and math.isnan(found.common_share.value)
+    # 200 units: 5 % of the spread is one sd
+    assert found.unit.value == pytest.approx(0.5, rel=0.2)
+
+
+def test_shifts_of_sessions_are_their_distances_from_the_mean_of_all():
+    rng = np.random.default_rng(12)
+    shift = np.array([-0.5, 0.1, 0.4])
+    value = rng.normal(size=(40, 1)) + shift + 0.05 * rng.normal(size=(40, 3))
+    found = spreads([Likelihoods(value, np.full(value.shape, 0.01), np.zeros((40, 3, 0)))], SIZE)
+    assert found.shift.sum() == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(found.shift, shift, atol=4.0 * 0.05 / math.sqrt(40.0))
+    np.testing.assert_allclose(found.shift_sd, 0.05 * math.sqrt(2.0 / 3.0 / 40.0), rtol=0.3)
+    assert found.common_share.low > 0.5
+
+
+def test_three_units_are_no_population():
+    one = drawn(np.random.default_rng(13), (0.1, 0.5, 0.2), units=FEWEST)
+    assert not math.isnan(spreads([one], SIZE).unit.value)
+    one.value[0] = np.nan
+    found = spreads([one], SIZE)
+    assert math.isnan(found.unit.value) and math.isnan(found.mean_sd)
+    assert found.noise == pytest.approx(np.median(one.noise[1:]))
+
+
+def lots_found(rng, sds, lots):
+    """Truths of simulated lots, and of a further unit, beside their intervals: (lots, 6, 3)."""
+    for _ in range(lots):
+        own, unit, common = truth = sds(rng)
+        mean = 0.3 * rng.normal()
+        found = spreads([drawn(rng, truth, mean=mean)], SIZE)
+        further = mean + math.sqrt(own**2 + unit**2 + common**2) * rng.normal()
+        truths = (own, unit, common, math.hypot(own, common), mean, further)
+        shares = (found.own, found.unit, found.common, found.turn_on, found.mean, found.next_unit)
+        yield [(share.low, truth, share.high) for truth, share in zip(truths, shares, strict=True)]
+
+
+def test_intervals_hold_the_truth_of_lots_drawn_from_the_prior():
+    """Exact for the spreads: 90 % of 100 lots, within 3 standard errors."""
+
+    def sds(rng):
+        turn_on, unit = SIZE * np.tan(0.5 * math.pi * rng.random(2))
+        angle = 0.5 * math.pi * rng.random()
+        return turn_on * math.cos(angle), unit, turn_on * math.sin(angle)
+
+    low, truth, high = np.moveaxis([*lots_found(np.random.default_rng(14), sds, 100)], -1, 0)
+    share = ((low < truth) & (truth < high)).mean(axis=0)
+    assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 100)), share
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sds", [(0.02, 0.3, 0.1), (0.1, 0.3, 0.02), (0.05, 0.5, 0.2)])
+def test_intervals_hold_the_truth_of_a_given_population(sds):
+    """At one truth, far below the class's size: 86 % of 200 lots or more, beside two standard errors."""
+    lots = [*lots_found(np.random.default_rng(15), lambda rng: sds, 200)]
+    low, truth, high = np.moveaxis(lots, -1, 0)
+    share = ((low < truth) & (truth < high)).mean(axis=0)
+    assert np.all(share > 0.86 - 2.0 * math.sqrt(0.09 / 200)), share

@@ -1,0 +1,159 @@
+"""Runs of a whole IMU with known inputs: files, and six components that saw the same motion."""
+
+import numpy as np
+import pytest
+
+from imubayes.errors import DataError
+from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
+from imubayes.rig.inputs import KnownRun
+from imubayes.rig.record import write_imu_run
+from imubayes.rig.runs import RunSpec, plan_run
+from imubayes.sensors.catalogue import sensor, typical_noise
+from imubayes.sensors.terms import library
+
+KINDS = ("accelerometer", "gyroscope")
+CLASSES = {kind: sensor("mems_tactical", kind=kind) for kind in KINDS}
+LIBRARIES = {kind: library(kind, powers=1, asymmetry=-1) for kind in KINDS}
+TABLE = RunSpec(
+    "table", "rate-table", simulate={"profile": "rate-table", "rates": (-1.0, 2.0), "dwell": 5.0, "rate": 2.0}
+)
+OUTPUTS = "ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
+
+
+def made(truth=None, bench=None):
+    return Made(CLASSES, LIBRARIES, truth or {"ax.b0": 0.0}, bench or {})
+
+
+def file_of(folder, header, n=30):
+    path = folder / "run.csv"
+    values = np.random.default_rng(1).normal(size=(n, header.count(",")))
+    table = np.column_stack((0.1 * np.arange(n), values))
+    np.savetxt(path, table, delimiter=",", header=header, comments="")
+    return RunSpec("run", "tumble", path, "run.csv"), table
+
+
+def test_a_written_run_is_read_to_the_last_bit(tmp_path):
+    (run,), _ = simulate_imu([TABLE], made(), np.random.default_rng(1))
+    write_imu_run(run, tmp_path / "run.csv")
+    again = read_imu_run(RunSpec("table", "rate-table", tmp_path / "run.csv", "run.csv"))
+    assert isinstance(again, KnownRun)
+    np.testing.assert_array_equal(again.output, run.output)
+    np.testing.assert_array_equal(again.inputs.t, run.inputs.t)
+    np.testing.assert_array_equal(again.inputs.mount, run.inputs.mount)
+    assert again.inputs.channels.keys() == run.inputs.channels.keys()
+    for name, values in run.inputs.channels.items():
+        np.testing.assert_array_equal(again.inputs.channels[name], values)
+
+
+def test_inputs_are_along_the_axes_of_the_case(tmp_path):
+    spec, table = file_of(tmp_path, f"t [s],f_x [m/s^2],f_y [g],w_z [deg/s],{OUTPUTS}")
+    run = read_imu_run(spec)
+    assert isinstance(run, KnownRun)
+    np.testing.assert_allclose(run.component("ay").inputs.channels["f_i"], 9.80665 * table[:, 2])
+    np.testing.assert_allclose(run.component("ay").inputs.channels["f_k"], table[:, 1])
+    np.testing.assert_allclose(run.component("gx").inputs.channels["w_k"], np.deg2rad(table[:, 3]))
+    np.testing.assert_array_equal(run.component("gz").output, table[:, -1])
+    assert run.source.notes[-1].endswith("f_z, w_x, w_y, dw_x, dw_y, dw_z")
+
+
+def test_gyroscopes_may_have_a_file_of_their_own(tmp_path):
+    (tmp_path / "apart").mkdir()
+    spec, table = file_of(tmp_path, f"t [s],f_x [m/s^2],{OUTPUTS[: OUTPUTS.index(',gx')]}")
+    other, rates = file_of(tmp_path / "apart", "t [s],gx [rad/s],gy [rad/s],gz [rad/s]")
+    run = read_imu_run(RunSpec("run", "tumble", spec.file, "run.csv", gyroscope_file=other.file))
+    assert isinstance(run, KnownRun)
+    np.testing.assert_array_equal(run.output, np.column_stack((table[:, 2:], rates[:, 1:])))
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (
+            f"t [s],f_i [m/s^2],{OUTPUTS}",
+            "column 'f_i .*' is along an axis of a component.*rename the column",
+        ),
+        (f"t [s],{OUTPUTS}", "has no column with an input: expected some of f_x f_y f_z"),
+        (f"t [s],f_x [m/s^2],{OUTPUTS.replace('ay [', 'a2 [')}", "run.csv: .*ay"),
+        (f"t [s],f_x,{OUTPUTS}", "column 'f_x' has no unit"),
+        (f"t [s],f_x [deg/s],{OUTPUTS}", "column 'f_x .*', channel f_x"),
+    ],
+)
+def test_a_file_that_does_not_say_what_the_case_saw_is_refused(tmp_path, header, message):
+    with pytest.raises(DataError, match=message):
+        read_imu_run(file_of(tmp_path, header)[0])
+
+
+def test_components_have_independent_noise_of_their_class():
+    (run,), _ = simulate_imu([TABLE], made(), np.random.default_rng(3))
+    inputs = np.column_stack(
+        [run.inputs.channels.get(f"{q}_{axis}", np.zeros(len(run.inputs))) for q in "fw" for axis in "xyz"]
+    )
+    left = run.output - inputs
+    n = len(left)
+    steps = np.diff(left, axis=0)
+    off = np.corrcoef(steps.T) - np.eye(6)
+    # neighbouring differences of white noise: an effective number of two thirds
+    assert np.abs(off).max() < 4.5 / np.sqrt(2.0 * n / 3.0)
+    for kind, part in zip(KINDS, (steps[:, :3], steps[:, 3:]), strict=True):
+        white = typical_noise(CLASSES[kind]).N * np.sqrt(2.0)
+        sd = white / np.sqrt(0.5)
+        assert part.std() == pytest.approx(sd, rel=4.5 / np.sqrt(2.0 * 3.0 * n * 2.0 / 3.0) + 0.02)
+
+
+def test_all_components_see_one_draw_of_the_bench():
+    """The noise is drawn after the bench, so that its difference is what the bench does."""
+    bench = {kind: {"fixture_common": 1e-3, "gravity": 1e-3} for kind in KINDS}
+    (moved,), truth = simulate_imu([TABLE], made(bench=bench), np.random.default_rng(5))
+    f, w = (
+        np.column_stack([moved.inputs.channels.get(f"{q}_{axis}", 0.0 * moved.inputs.t) for axis in "xyz"])
+        for q in "fw"
+    )
+    rho = np.array([truth[f"fixture_common_{axis}"] for axis in "ijk"])
+    up = f / np.linalg.norm(f, axis=1, keepdims=True)
+    force, rate = moved.output[:, :3], moved.output[:, 3:]
+    shifted = -np.cross(rho, f) + truth["gravity"] * up
+    # what is left is noise and the square of the rotation
+    noise = [typical_noise(CLASSES[kind]) for kind in KINDS]
+    for said, known, one in ((force, f + shifted, noise[0]), (rate, w - np.cross(rho, w), noise[1])):
+        square = float(np.sum(rho**2)) * np.abs(known).max()
+        assert np.abs((said - known).mean(axis=0)).max() < square + 5.0 * (
+            one.N / np.sqrt(len(said) / 2.0) + one.B
+        )
+
+
+@pytest.mark.parametrize(
+    ("procedure", "options"),
+    [
+        ("static", {"profile": "static", "duration": 20.0, "rate": 2.0, "latitude": 0.8}),
+        ("tumble", {"profile": "positions", "positions": 6, "dwell": 2.0, "rate": 2.0}),
+        (
+            "oscillation",
+            {"profile": "oscillation", "frequencies": (1.0,), "mounts": 2, "dwell": 2.0, "rate": 10.0},
+        ),
+        (
+            "centrifuge",
+            {"profile": "centrifuge", "levels": (1.0, 5.0), "mounts": 2, "dwell": 2.0, "rate": 2.0},
+        ),
+        ("other", {"profile": "vibration", "levels": (0.0, 2.0), "mounts": 2, "dwell": 1.0, "rate": 400.0}),
+        ("thermal", {"profile": "thermal", "temperatures": (280.0, 320.0), "positions": 2, "rate": 0.1}),
+    ],
+)
+def test_axes_of_a_plan_are_those_of_the_case_in_every_procedure(procedure, options):
+    spec = RunSpec("run", procedure, simulate=options)
+    (run,), _ = simulate_imu([spec], made(), np.random.default_rng(1))
+    plan = plan_run(spec).inputs
+    assert run.component("ax").inputs.channels.keys() == plan.channels.keys()
+    for channel, values in plan.channels.items():
+        np.testing.assert_array_equal(run.component("ax").inputs.channels[channel], values)
+        # y of the case is i of ay, and k of az (z, x, y)
+        if channel.endswith("_j"):
+            quantity = channel.partition("_")[0]
+            np.testing.assert_array_equal(run.component("ay").inputs.channels[f"{quantity}_i"], values)
+            np.testing.assert_array_equal(run.component("gz").inputs.channels[f"{quantity}_k"], values)
+    # accelerometers and gyroscopes without errors say what is along them, but for their noise
+    for k, name in enumerate(("ax", "gx")):
+        own = run.component(name).inputs.channels.get(("f_i", "w_i")[k], 0.0)
+        noise = typical_noise(CLASSES[KINDS[k]])
+        white = noise.N / np.sqrt(run.inputs.interval)
+        wander = 5.0 * (noise.B + noise.K * np.sqrt(run.inputs.t[-1]))
+        assert np.abs(run.component(name).output - own).max() < 6.0 * white + wander
