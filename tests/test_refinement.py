@@ -35,7 +35,8 @@ def _digits(f: algebra.Factor, X: np.ndarray, y: np.ndarray) -> float:
 def _whitened(X: np.ndarray, y: np.ndarray) -> algebra.Factor:
     t = np.arange(1.0, len(y) + 1.0)
     rows = Linear("r", "other", NAMES, t, np.ones(len(y)), 1.0, y, lambda a, b: X[a:b])
-    return whitened_factor(rows, Noise(1.0, 0.0, 0.0), Processes(np.empty(0), np.empty(0)))[0]
+    none = Processes(np.empty(0), np.empty(0))
+    return whitened_factor(rows, Noise(1.0, 0.0, 0.0), none, sharp=True)[0]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -216,7 +216,9 @@ def within_blocks(rows: Linear) -> FloatArray:
     return algebra.triangular(parts(), len(rows.names) + 1)
 
 
-def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) -> tuple[Factor, FloatArray]:
+def whitened_factor(
+    rows: Linear, noise: Noise, parts: Processes | None = None, *, sharp: bool = False
+) -> tuple[Factor, FloatArray]:
     """Factor of all rows, whitened, and the largest size (p,) of each column.
 
     Parameters
@@ -224,6 +226,8 @@ def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) 
     rows : of a run.
     noise : N, B, K, SI.
     parts : the processes that stand for B; by default those that matter beside the white noise.
+    sharp : whether columns that are nearly dependent are factored once more in twice the digits: of use where
+        no prior holds them apart, as that of errors of the bench does. A stream always is.
     """
     from imubayes.inference.whiten import whiten, whitener
 
@@ -243,8 +247,11 @@ def whitened_factor(rows: Linear, noise: Noise, parts: Processes | None = None) 
     reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
     w = whitener(noise, rows.rows, parts)
     whiten(w, table)
-    R, sharp = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
-    return Factor(rows.names, R if sharp is None else sharp.astype(np.float64), n, w.log_det), reach
+    if not sharp:
+        R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
+        return Factor(rows.names, R, n, w.log_det), reach
+    R, better = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
+    return Factor(rows.names, R if better is None else better.astype(np.float64), n, w.log_det), reach
 
 
 def _whole_blocks(edges: NDArray[np.int64], n: int):

@@ -193,7 +193,7 @@ def summarize(
     done: dict[str, RunSummary] = {}
     for run in sorted(runs, key=lambda run: rules.get(run.name, NoiseRule()).like is not None):
         found = _noise(linear[run.name], sensor, rules.get(run.name, NoiseRule()), done)
-        done[run.name] = _summarize_run(run, linear[run.name], found)
+        done[run.name] = _summarize_run(run, linear[run.name], found, sharp=not extras)
     summaries = tuple(done[run.name] for run in runs)
     reach = np.max([s.reach for s in summaries], axis=0)
     return Summary(
@@ -218,8 +218,8 @@ class _Known:
     steering: tuple[tuple[float, float], ...] = ()
 
 
-def _summarize_run(run: Run, rows: Linear, found: _Known) -> RunSummary:
-    made, reach = whitened_factor(rows, found.noise)
+def _summarize_run(run: Run, rows: Linear, found: _Known, *, sharp: bool) -> RunSummary:
+    made, reach = whitened_factor(rows, found.noise, sharp=sharp)
     noise, steering = found.noise, found.steering
     if found.origin == "white":
         made, noise = _to_unit_residuals(made, noise)

@@ -187,10 +187,12 @@ def digits_sentence(sensor: SensorResult) -> str:
     found = sensor.selection.digits
     if found is None or min(found.coefficients, found.sd, found.inclusion) >= FEW_DIGITS:
         return ""
+    left = f"{found.coefficients} digit{'' if found.coefficients == 1 else 's'}"
     return (
-        f"Rounding leaves {found.coefficients} digits of the coefficients, {found.sd} of their sds and"
-        f" {found.inclusion} of the inclusions: digits beyond these say nothing. Terms whose columns are all"
-        " but alike, or noise far below what the output resolves, do that."
+        f"The arithmetic leaves {left} of the coefficients beside the larger of size and sd, {found.sd} of"
+        f" their sds and {found.inclusion} of the inclusions: digits beyond these say nothing. Averages over"
+        " the most probable models alone, columns that are all but alike, or noise far below what the output"
+        " resolves do that."
     )
 
 
