@@ -104,6 +104,7 @@ def test_processes_end_with_a_parent_that_is_killed_in_mid_job(tmp_path):
 
 
 INTERRUPTED = """
+import signal
 import sys
 import time
 from pathlib import Path
@@ -116,6 +117,8 @@ if __name__ == "__mp_main__" and {starting}:
     time.sleep(2.0)
 
 if __name__ == "__main__":
+    # in a shell's background job interrupts are ignored from the start
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
     except KeyboardInterrupt:
