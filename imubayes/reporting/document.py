@@ -11,7 +11,7 @@ from imubayes.reporting.case_views import case_views
 from imubayes.reporting.population_views import class_views
 from imubayes.reporting.posterior import write_posterior, written_draws
 from imubayes.reporting.results import command, result_json, versions
-from imubayes.reporting.rounding import pretty, superscript
+from imubayes.reporting.rounding import duration, pretty, superscript
 from imubayes.reporting.rows import MARKS, shortened
 from imubayes.reporting.session_views import session_view
 from imubayes.reporting.views import MANY, overview, run_groups, sensor_views, sources
@@ -78,7 +78,7 @@ def report_html(result: StudyResult) -> str:
         "minus": lambda text: str(text).replace("-", "−"),
         "chance": probability,
         "short": shortened,
-        "amount": _amount,
+        "amount": duration,
         "numeric": _is_numeric,
         "plain": lambda value: f"{value:.7g}",
     }
@@ -97,19 +97,6 @@ def report_html(result: StudyResult) -> str:
         cases=case_views(result),
         draws=written_draws(result),
     )
-
-
-def _amount(value: float) -> str:
-    """Seconds as people say them.
-
-    Examples
-    --------
-    >>> _amount(0.01), _amount(48.0), _amount(5400.0), _amount(200000.0)
-    ('0.01 s', '48 s', '90 min', '55.6 h')
-    """
-    if value < 600.0:
-        return f"{value:.4g} s"
-    return f"{value / 60.0:.3g} min" if value < 36000.0 else f"{value / 3600.0:.3g} h"
 
 
 def _is_numeric(text: str) -> bool:

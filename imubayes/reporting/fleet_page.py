@@ -13,10 +13,10 @@ import imubayes
 from imubayes.fleet.reduction import VERDICTS
 from imubayes.reporting.fleet_figures import fleet_population_panel, verdict_panel
 from imubayes.reporting.fleet_words import fleet_answer, noise_range, plain, pull_value
-from imubayes.reporting.lots_words import class_name, percent, ranged, shares
+from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.results import versions
-from imubayes.reporting.rounding import measured, per_unit, pretty
+from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, ranged
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -87,7 +87,7 @@ def _population_rows(result: FleetResult) -> Iterator[Row]:
             ranged(one.spread, size=size),
             *truth[1],
             pretty(term.printed),
-            shares(one.needed),
+            percents(one.needed),
             percent(one.open),
         )
         yield Row(one.name, cells)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from imubayes.planning.fidelity import rung_of
 from imubayes.reporting.chain_words import sentence
+from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
     from imubayes.planning.fidelity import Choice
@@ -37,7 +38,7 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
 
 def _why(choice: Choice) -> str:
     """Why this rung was taken, and whether it is what was asked for."""
-    took = seconds(choice.seconds)
+    took = duration(choice.seconds)
     if choice.accuracy is not None:
         missed = f"the last that there is: {choice.asked} was not reached ({took})"
         return f", reached {choice.asked} ({took})" if choice.met else f", {missed}"
@@ -67,21 +68,10 @@ def _next(choice: Choice) -> str:
         return sentence(choice.next_reason[:1].upper() + choice.next_reason[1:])
     coefficients, inclusions = choice.next_change
     return (
-        f"The next rung ({rung_of(choice.next_rung).title}) would take about {seconds(choice.next_seconds)}"
+        f"The next rung ({rung_of(choice.next_rung).title}) would take about {duration(choice.next_seconds)}"
         f" and change coefficients by up to about {coefficients:.1g} posterior sd and inclusions by about"
         f" {inclusions:.1g} (foreseen by {choice.next_reason})."
     )
-
-
-def seconds(value: float) -> str:
-    """Time as people say it.
-
-    Examples
-    --------
-    >>> seconds(0.0123), seconds(12.3), seconds(5000.0)
-    ('0.012 s', '12 s', '83 min')
-    """
-    return f"{value:.2g} s" if value < 600.0 else f"{value / 60.0:.0f} min"
 
 
 def choice_record(choice: Choice | None) -> dict[str, Any] | None:

@@ -30,12 +30,11 @@ from imubayes.reporting.lots_words import (
     MAJORITY,
     class_name,
     of_budget,
-    percent,
     required,
     scene_name,
-    shares,
     slug,
 )
+from imubayes.reporting.rounding import percent, percents
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.catalogue import prior_sd
 
@@ -113,7 +112,9 @@ def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
     if term.open >= MAJORITY:
         drawing += f'<text x="{first + second / 2 - room / 2:.1f}" y="4" text-anchor="middle">?</text>'
     name = class_name(found.sensor_class)
-    title = f"{term.name}, {name}: needed in {shares(term.needed)} of the units, open in {percent(term.open)}"
+    title = (
+        f"{term.name}, {name}: needed in {percents(term.needed)} of the units, open in {percent(term.open)}"
+    )
     return Cell(drawing, title, slug("class", found.sensor_class.id, term.name))
 
 

@@ -29,15 +29,24 @@ from imubayes.reporting.lots_words import (
     class_name,
     counts,
     of_budget,
-    percent,
-    ranged,
     required,
     scene_name,
-    shares,
     slug,
 )
 from imubayes.reporting.results import versions
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    duration,
+    measured,
+    per_unit,
+    percent,
+    percents,
+    pretty,
+    ranged,
+    share,
+    share_range,
+)
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
@@ -124,8 +133,8 @@ def lots_html(result: LotResult) -> str:
         check=check_sentences(result),
         checked=_checked(result),
         basic=basic_sentences(result) if study.basic else (),
-        basic_rows=tuple(_by_scene(result, "basic", lambda scene: ranged_share(scene.basic_share))),
-        minutes=f"{result.seconds / 60.0:.1f}",
+        basic_rows=tuple(_by_scene(result, "basic", lambda scene: share(scene.basic_share))),
+        took=duration(result.seconds),
         unit=pretty(OUTPUT_UNIT[study.kind]),
         versions=versions(),
         command=f"imubayes run {study.path}",
@@ -160,8 +169,7 @@ def _checked(result: LotResult) -> tuple[Row, ...]:
         ("population spread", _counted(check.population_spread), check.population_spread.share),
     ]
     return tuple(
-        Row(slug("check", name), name, "check", (count, "" if math.isnan(found.value) else shares(found)))
-        for name, count, found in rows
+        Row(slug("check", name), name, "check", (count, percents(found))) for name, count, found in rows
     )
 
 
@@ -211,7 +219,7 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
             _plain(one.true_spread / size),
             pretty(term.printed),
             _plain(typical / size),
-            shares(one.needed),
+            percents(one.needed),
             percent(one.open),
         )
         rows.append(Row(slug("class", found.sensor_class.id, one.name), one.name, "needed-terms", cells))
@@ -250,22 +258,11 @@ def _scene_row(term: MissionTerm, scene: str, kind: Kind) -> Row:
     size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     cells = (
         _plain(term.rms / size),
-        ranged(term.share, "%", 0.01),
-        ranged_share(term.true_share),
+        share_range(term.share),
+        share(term.true_share),
         percent(term.required),
     )
     return Row("", term.name, slug("scene", scene), cells)
-
-
-def ranged_share(share: float) -> str:
-    """Share of a budget as a number of percent, two digits.
-
-    Examples
-    --------
-    >>> ranged_share(0.1234)
-    '12 %'
-    """
-    return f"{measured(100.0 * share, 0.0).value} %"
 
 
 def terminal_lots(result: LotResult) -> str:

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING
 
 from imubayes.reporting.lots_words import (
     MAJORITY,
-    NARROW,
     class_name,
     covered,
     of_budget,
-    percent,
     required,
     scene_name,
     slug,
 )
+from imubayes.reporting.rounding import NARROW, percent
 from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.selection.relevance import MATTERS
 from imubayes.selection.verdicts import listed

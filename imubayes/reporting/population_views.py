@@ -7,7 +7,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.lots_words import percent, shares
 from imubayes.reporting.population_figures import units_panel
 from imubayes.reporting.population_words import (
     MARKS,
@@ -19,7 +18,7 @@ from imubayes.reporting.population_words import (
     unit_text,
     whole,
 )
-from imubayes.reporting.rounding import Measured, measured, per_unit, pretty
+from imubayes.reporting.rounding import Measured, measured, per_unit, percent, percents, pretty
 
 if TYPE_CHECKING:
     from imubayes.campaign import StudyResult
@@ -136,7 +135,7 @@ def _row(term: TermInClass, found: ClassInCommon) -> TermInCommonRow:
         unit=_signs(unit_text(term).removesuffix(f" {printed}")),
         turn_on=_signs(turn_on_text(term).removesuffix(f" {printed}")),
         printed=printed,
-        common=shares(spreads.common_share) if changes(term) else "",
+        common=percents(spreads.common_share) if changes(term) else "",
         error=measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed),
     )
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.inference.sessions import SUSPECT
-from imubayes.reporting.lots_words import NARROW, ranged, shares
-from imubayes.reporting.rounding import below, measured, per_unit
+from imubayes.reporting.rounding import NARROW, below, measured, per_unit, percents, ranged
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -221,7 +220,7 @@ def _common(found: ClassInCommon) -> Iterator[str]:
 
 
 def _share(term: TermInClass) -> str:
-    return shares(term.spreads.common_share).replace(NARROW, " ")
+    return percents(term.spreads.common_share).replace(NARROW, " ")
 
 
 def _alone(found: ClassInCommon, term: TermInClass) -> bool:

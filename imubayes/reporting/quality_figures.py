@@ -24,7 +24,8 @@ from imubayes.reporting.canvas import (
     sticks,
 )
 from imubayes.reporting.method_words import called
-from imubayes.reporting.quality_words import bins, percent, rivals
+from imubayes.reporting.quality_words import bins, rivals
+from imubayes.reporting.rounding import percent
 
 if TYPE_CHECKING:
     from imubayes.quality.scores import MethodScore, Scores

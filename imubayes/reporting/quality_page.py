@@ -16,13 +16,12 @@ from imubayes.reporting.method_words import called
 from imubayes.reporting.quality_figures import calibration_panel, cost_panel, drops_panel, ratio_panel
 from imubayes.reporting.quality_words import (
     bins,
-    brief,
     left_open,
-    percent,
     quality_answer,
     wrong_models,
 )
 from imubayes.reporting.results import versions
+from imubayes.reporting.rounding import duration, percent, percents
 
 if TYPE_CHECKING:
     from imubayes.quality.measure import Quality
@@ -87,7 +86,7 @@ def quality_html(quality: Quality) -> str:
         bins=bins(),
         clip=CLIP,
         partial=PARTIAL,
-        minutes=f"{quality.seconds / 60.0:.0f}",
+        took=duration(quality.seconds),
         versions=versions(),
         command=f"imubayes run {quality.study.path}",
     )
@@ -102,9 +101,12 @@ def _section(k: int, told: Scores) -> Section:
         told=told,
         left_open=left_open(told),
         rows=tuple(Row(called(score.method), _cells(score)) for score in told.methods),
-        drops=tuple(Row(called(s.method), tuple(brief(b) for b in s.false_drops)) for s in told.methods),
+        drops=tuple(Row(called(s.method), tuple(percents(b) for b in s.false_drops)) for s in told.methods),
         careful=tuple(
-            Row(f"{one.ratio:g}", (f"{one.threshold:.2f}", brief(one.false_keeps), brief(one.false_drops)))
+            Row(
+                f"{one.ratio:g}",
+                (f"{one.threshold:.2f}", percents(one.false_keeps), percents(one.false_drops)),
+            )
             for one in told.careful
         ),
         panels=panels,
@@ -113,8 +115,8 @@ def _section(k: int, told: Scores) -> Section:
 
 def _cells(score: MethodScore) -> tuple[str, ...]:
     return (
-        brief(score.false_keeps),
-        brief(score.false_drops[-1]),
+        percents(score.false_keeps),
+        percents(score.false_drops[-1]),
         _number(score.cost),
         _number(score.excess) if score.method != "decision" else "",
         "" if score.method == SURE else _number(score.opened),
@@ -130,8 +132,8 @@ def _kind_rows(quality: Quality) -> tuple[Row, ...]:
             f"{told.treatment}, {told.kind or 'both'}",
             (
                 f"{told.sensors}",
-                brief(own.false_keeps),
-                brief(own.false_drops[-1]),
+                percents(own.false_keeps),
+                percents(own.false_drops[-1]),
                 f"{told.groups}",
                 f"{own.group_keeps.events} of {own.group_keeps.of}",
                 f"{own.group_drops.events} of {own.group_drops.of}",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -11,15 +10,13 @@ from imubayes.quality.questions import OPEN
 from imubayes.quality.scores import EDGES
 from imubayes.quality.trials import DECISION, MODELLED, STRONG, SURE
 from imubayes.reporting.method_words import called
+from imubayes.reporting.rounding import NARROW, percent, percents
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
     from imubayes.quality.measure import Quality
     from imubayes.quality.questions import Interval
     from imubayes.quality.scores import MethodScore, Scores
-
-NARROW = "\u00a0"
-"""Space before a percent sign, where no line ends."""
 
 ALLOWED = 0.02
 """Share of false keeps, and of false drops among strong effects, that a good decision stays within."""
@@ -135,34 +132,7 @@ def rate(found: Interval) -> str:
     >>> rate(Interval(0.0123, 0.008, 0.019))
     '1.2\xa0% (95\xa0%: 0.8 to 1.9)'
     """
-    return brief(found).replace("(", f"(95{NARROW}%: ")
-
-
-def brief(found: Interval) -> str:
-    r"""Rate with its interval, in a table; empty where there is none.
-
-    Examples
-    --------
-    >>> from imubayes.quality.questions import Interval
-    >>> brief(Interval(0.0123, 0.008, 0.019))
-    '1.2\xa0% (0.8 to 1.9)'
-    """
-    if math.isnan(found.value):
-        return ""
-    low, high = (percent(end).removesuffix(f"{NARROW}%") for end in (found.low, found.high))
-    return f"{percent(found.value)} ({low} to {high})"
-
-
-def percent(share: float) -> str:
-    """Share in percent, with a decimal where it is small.
-
-    Examples
-    --------
-    >>> [percent(share).replace(NARROW, " ") for share in (0.0123, 0.45, 0.0, 0.9999)]
-    ['1.2 %', '45 %', '0 %', '100 %']
-    """
-    value = 100.0 * share
-    return f"{value:.1f}{NARROW}%" if 0.0 < value < 9.95 else f"{value:.0f}{NARROW}%"
+    return percents(found).replace("(", f"(95{NARROW}%: ")
 
 
 def bins() -> tuple[str, ...]:

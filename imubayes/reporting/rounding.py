@@ -5,12 +5,26 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from imubayes.sensors.terms import Kind
 from imubayes.units import factor
+
+if TYPE_CHECKING:
+    from imubayes.inference.intervals import Share
+    from imubayes.quality.questions import Interval
+    from imubayes.sensors.terms import Kind
 
 FIXED_DIGITS = 5
 """Decimals, and digits of the sd before the point, beyond which a power of ten is written out."""
+
+NARROW = "\u00a0"
+"""Space before a percent sign, where no line ends."""
+
+TIMES = 2.0
+"""Share of a budget from which it is printed as a multiple."""
+
+RARE = 0.001
+"""Share of a budget below which no digits are printed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +112,138 @@ def _needs_power(exponent: int) -> bool:
 def _fixed(value: float, decimals: int) -> str:
     text = f"{round(value, decimals):.{max(decimals, 0)}f}"
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text
+
+
+def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
+    """Value with its interval in a printed unit, rounded to two digits of the interval's half width.
+
+    Parameters
+    ----------
+    found : SI.
+    unit : printed unit.
+    size : SI value of one printed unit.
+
+    Examples
+    --------
+    >>> from imubayes.inference.intervals import Share
+    >>> ranged(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6)
+    '41.8 (39.0 to 45.0) ppm'
+    >>> ranged(Share(4.18e8, 3.9e8, 4.5e8))
+    '4.18e8 (3.90e8 to 4.50e8)'
+    """
+    if math.isnan(found.value):
+        return ""
+    value, low, high = (x / size for x in (found.value, found.low, found.high))
+    rounded = measured(value, 0.5 * (high - low))
+    power = f"e{rounded.exponent}" if rounded.exponent else ""
+    sd = rounded.sd or rounded.value.lstrip("-")
+    middle, *ends = (
+        f"{_as_fine(x * 10.0**-rounded.exponent, sd)}{power}".replace("-", "−", x < 0.0)
+        for x in (value, low, high)
+    )
+    return f"{middle} ({ends[0]} to {ends[1]}) {pretty(unit)}".rstrip()
+
+
+def _as_fine(value: float, sd: str) -> str:
+    """Digits of a value down to the second one of `sd`.
+
+    Examples
+    --------
+    >>> _as_fine(24155.0, "2300"), _as_fine(-1.234, "0.21")
+    ('24200', '-1.23')
+    """
+    return _fixed(value, len(sd.partition(".")[2]) or min(2 - len(sd), 0))
+
+
+def percent(share: float) -> str:
+    r"""Share of a count in percent, with a decimal where it is small.
+
+    Examples
+    --------
+    >>> [percent(share) for share in (0.0123, 0.45, 0.0, 0.9999)]
+    ['1.2\xa0%', '45\xa0%', '0\xa0%', '100\xa0%']
+    """
+    value = 100.0 * share
+    return f"{value:.{1 if 0.0 < value < 9.95 else 0}f}{NARROW}%"
+
+
+def percents(found: Share | Interval) -> str:
+    r"""Share of a count with its interval; nothing where nothing was counted.
+
+    Examples
+    --------
+    >>> from imubayes.inference.intervals import Share
+    >>> percents(Share(0.9, 0.64, 0.98)), percents(Share(0.0123, 0.008, 0.019))
+    ('90\xa0% (64 to 98)', '1.2\xa0% (0.8 to 1.9)')
+    """
+    if math.isnan(found.value):
+        return ""
+    low, high = (percent(end).removesuffix(f"{NARROW}%") for end in (found.low, found.high))
+    return f"{percent(found.value)} ({low} to {high})"
+
+
+def share(value: float) -> str:
+    """Share of a budget, two digits: a percentage, or how many times the budget.
+
+    Examples
+    --------
+    >>> share(0.0004), share(0.034), share(0.62), share(7.3), share(5812.0), share(1.2e8)
+    ('below 0.1 %', '3.4 %', '62 %', '7.3 times', '5,800 times', '1.2e8 times')
+    """
+    if not math.isfinite(value):
+        return str(measured(value, 0.0))
+    if value < RARE:
+        return "below 0.1 %"
+    found = measured(value if value >= TIMES else 100.0 * value, 0.0)
+    number = str(found) if found.exponent or "." in found.value else f"{int(found.value):,}"
+    return f"{number} {'times' if value >= TIMES else '%'}"
+
+
+def share_range(found: Share) -> str:
+    """Share of a budget with its interval; nothing where it was not asked.
+
+    Examples
+    --------
+    >>> from imubayes.inference.intervals import Share
+    >>> share_range(Share(0.079, 0.031, 0.14)), share_range(Share(0.3, 0.0, 14.7))
+    ('7.9 % (3.1 % to 14 %)', '30 % (below 0.1 % to 15 times)')
+    """
+    if math.isnan(found.value):
+        return ""
+    return f"{share(found.value)} ({share(found.low)} to {share(found.high)})"
+
+
+def duration(seconds: float) -> str:
+    """Time in the unit that reads well; nothing where it is not known.
+
+    Examples
+    --------
+    >>> duration(0.00123), duration(9.0), duration(75.0), duration(600.0), duration(7200.0)
+    ('1.23 ms', '9 s', '75 s', '10 min', '2 h')
+    >>> duration(3.6e7), duration(float("nan"))
+    ('10,000 h', '')
+    """
+    if math.isnan(seconds):
+        return ""
+    for limit, size, unit in _DURATIONS:
+        if seconds < limit:
+            return f"{_short(seconds / size)} {unit}"
+    return f"{_short(seconds / 3600.0)} h"
+
+
+_DURATIONS = (
+    (1e-6, 1e-9, "ns"),
+    (1e-3, 1e-6, "µs"),
+    (0.1, 1e-3, "ms"),
+    (120.0, 1.0, "s"),
+    (7200.0, 60.0, "min"),
+)
+"""Units of time, each up to which limit in s it is used, and its size in s; hours beyond."""
+
+
+def _short(value: float) -> str:
+    """Value rounded to three significant digits, without zeros at its end."""
+    return f"{float(f'{value:.3g}'):,.15g}"
 
 
 def per_unit(printed: str, si: str) -> float:

@@ -21,8 +21,8 @@ from imubayes.reporting.canvas import (
     few_ticks,
     log_scale,
 )
-from imubayes.reporting.rounding import pretty
-from imubayes.reporting.scene_words import printed_unit, share
+from imubayes.reporting.rounding import pretty, share
+from imubayes.reporting.scene_words import printed_unit
 from imubayes.selection.relevance import MATTERS, QUADRANTS, THERE
 
 if TYPE_CHECKING:

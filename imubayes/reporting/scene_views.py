@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from imubayes.reporting.canvas import Panel
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit, pretty
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit, pretty, share
 from imubayes.reporting.scene_figures import SIGNS, path, quadrants
-from imubayes.reporting.scene_words import amount, limit, printed_unit, scene_sentences, share
+from imubayes.reporting.scene_words import amount, limit, printed_unit, scene_sentences
 
 if TYPE_CHECKING:
     from imubayes.selection.relevance import Relevance, TermRelevance

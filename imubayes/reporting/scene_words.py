@@ -6,7 +6,16 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, below, measured, per_unit
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    TIMES,
+    below,
+    duration,
+    measured,
+    per_unit,
+    share,
+)
 from imubayes.selection.relevance import QUADRANTS
 from imubayes.selection.verdicts import listed
 
@@ -22,12 +31,6 @@ MOST_CULPRITS = 3
 
 UNITS = {"attitude": "deg", "velocity": "m/s", "position": "m"}
 """Unit in which each budget is printed, but the output's, which the kind decides."""
-
-TIMES = 2.0
-"""Share of a budget from which it is printed as a multiple."""
-
-RARE = 0.001
-"""Share of a budget below which no digits are printed."""
 
 
 def printed_unit(found: Relevance) -> tuple[str, float]:
@@ -61,35 +64,6 @@ def limit(found: Relevance, value: float) -> str:
     return str(below(value / size, unit))
 
 
-def share(value: float) -> str:
-    """Share of a budget: a percentage, or how many times the budget.
-
-    Examples
-    --------
-    >>> share(0.0004), share(0.034), share(0.62), share(7.3)
-    ('below 0.1 %', '3.4 %', '62 %', '7.3 times')
-    """
-    if value < RARE:
-        return "below 0.1 %"
-    return (
-        f"{measured(value, 0.0).value} times" if value >= 2.0 else f"{measured(100.0 * value, 0.0).value} %"
-    )
-
-
-def lasting(seconds: float) -> str:
-    """Duration in the unit that suits it.
-
-    Examples
-    --------
-    >>> lasting(600.0), lasting(7200.0), lasting(9.0)
-    ('10 min', '2 h', '9 s')
-    """
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.3g} s"
-
-
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
     """Say what a scene requires: the model, what is left, what could still matter; units in ASCII."""
     sentences = (_opening(found, sensor), _costs(found), _idle(found), _open(found), _noise(found))
@@ -99,7 +73,7 @@ def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
 def _opening(found: Relevance, sensor: str) -> str:
     what = "rms error of the output" if found.budget.quantity == "output" else found.budget.quantity
     where = (
-        f"{sensor} in {found.scene} ({lasting(found.duration)}, budget {amount(found, found.budget.limit)}"
+        f"{sensor} in {found.scene} ({duration(found.duration)}, budget {amount(found, found.budget.limit)}"
         f" of {what})"
     )
     if found.met:

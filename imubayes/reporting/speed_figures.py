@@ -18,7 +18,8 @@ from imubayes.reporting.canvas import (
     log_scale,
     plain_logs,
 )
-from imubayes.reporting.speed_words import count_text, duration, law_title, wrong
+from imubayes.reporting.rounding import duration
+from imubayes.reporting.speed_words import count_text, law_title, wrong
 
 if TYPE_CHECKING:
     from imubayes.speed.growth import Law

@@ -12,8 +12,9 @@ import numpy as np
 
 import imubayes
 from imubayes.reporting.quality_page import finite
+from imubayes.reporting.rounding import duration
 from imubayes.reporting.speed_figures import contest_panel, law_panel
-from imubayes.reporting.speed_words import duration, exponent_text, law_note, speed_answer, times, wrong
+from imubayes.reporting.speed_words import exponent_text, law_note, speed_answer, times, wrong
 
 if TYPE_CHECKING:
     from imubayes.reporting.canvas import Panel
@@ -65,7 +66,7 @@ def speed_html(speed: Speed) -> str:
         laws=tuple(_law_row(law) for law in speed.laws),
         panels=tuple(law_panel(law, f"l{k}") for k, law in enumerate(speed.laws)),
         machine=speed.machine,
-        minutes=f"{speed.seconds / 60.0:.1f}",
+        took=duration(speed.seconds),
         version=imubayes.__version__,
         command=f"imubayes run {speed.study.path}",
     )

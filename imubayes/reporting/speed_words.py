@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from imubayes.reporting.rounding import duration
+
 if TYPE_CHECKING:
     from imubayes.speed.contests import Subject
     from imubayes.speed.growth import Law
@@ -28,22 +30,6 @@ LEAST_SLOPE = 0.05
 def wrong(found: Found, place: Place) -> bool:
     """Whether an answer is too far off to count as a peer's."""
     return place.error > WRONG.get(found.subject, math.inf)
-
-
-def duration(seconds: float) -> str:
-    """Write seconds in a unit that reads well, two digits.
-
-    Examples
-    --------
-    >>> duration(0.00123), duration(0.5), duration(75.0), duration(float("nan"))
-    ('1.2 ms', '0.5 s', '75 s', '')
-    """
-    if math.isnan(seconds):
-        return ""
-    for limit, factor, unit in ((1e-6, 1e9, "ns"), (1e-3, 1e6, "us"), (0.1, 1e3, "ms")):
-        if seconds < limit:
-            return f"{_two(seconds * factor)} {unit}".replace("us", "µs")
-    return f"{_two(seconds)} s"
 
 
 def _two(value: float) -> str:

@@ -23,7 +23,7 @@ from imubayes.reporting.canvas import (
     log_scale,
     plain_logs,
 )
-from imubayes.reporting.speed_words import duration
+from imubayes.reporting.rounding import duration
 from imubayes.reporting.trade_words import error_text
 from imubayes.trade.plan import DEFAULT
 from imubayes.trade.recommend import SURE, allowed

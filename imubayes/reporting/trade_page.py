@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import imubayes
 from imubayes.planning.fidelity import rung_of
 from imubayes.reporting.quality_page import finite
+from imubayes.reporting.rounding import duration
 from imubayes.reporting.trade_figures import trade_panels
 from imubayes.reporting.trade_words import bytes_text, error_text, rate_text, seconds_of, trade_answer
 from imubayes.trade.plan import DEFAULT, NAMES
@@ -75,7 +76,7 @@ def trade_html(found: Traded) -> str:
         drawn=_drawn(found),
         components=tuple(_component_rows(found)),
         machine=found.machine,
-        minutes=f"{found.seconds / 60.0:.1f}",
+        took=duration(found.seconds),
         version=imubayes.__version__,
         command=command(found),
     )

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from imubayes.planning.fidelity import rung_of
-from imubayes.reporting.speed_words import duration, times
+from imubayes.reporting.rounding import duration
+from imubayes.reporting.speed_words import times
 from imubayes.trade.plan import DEFAULT
 from imubayes.trade.recommend import allowed, faults
 
@@ -142,7 +143,7 @@ def seconds_of(place: Place) -> str:
     >>> seconds_of(SimpleNamespace(seconds=60.0, whole_seconds=130.0)), seconds_of(
     ...     SimpleNamespace(seconds=0.02, whole_seconds=0.02)
     ... )
-    ('about 130 s', '20 ms')
+    ('about 2.17 min', '20 ms')
     """
     text = duration(place.whole_seconds)
     return f"about {text}" if place.whole_seconds > 1.01 * place.seconds else text

@@ -14,7 +14,7 @@ from imubayes.reporting.lots_sentences import (
     lots_answer,
     scene_sentences,
 )
-from imubayes.reporting.lots_words import NARROW
+from imubayes.reporting.rounding import NARROW
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,8 @@
 from lots_found import lot_result
 
 from imubayes.inference.intervals import Share
-from imubayes.reporting.lots_words import NARROW, budget, counts, of_budget, ranged, required
+from imubayes.reporting.lots_words import budget, counts, of_budget, required
+from imubayes.reporting.rounding import NARROW, ranged
 
 
 def test_interval_is_rounded_to_two_digits_of_its_half_width():

@@ -10,7 +10,8 @@ from imubayes.quality.questions import Interval
 from imubayes.quality.scores import EDGES, scores
 from imubayes.quality.trials import DECISION, MODELLED, SURE, WHITE, QualityStudy, Trial
 from imubayes.reporting.quality_page import quality_html, quality_json, terminal_quality, write_quality
-from imubayes.reporting.quality_words import NARROW, claim, quality_answer, wrong_models
+from imubayes.reporting.quality_words import claim, quality_answer, wrong_models
+from imubayes.reporting.rounding import NARROW
 
 METHODS = (DECISION, SURE, "aic", "ebic", "bic", "leave_one_run_out", "stlsq")
 STUDY = QualityStudy(

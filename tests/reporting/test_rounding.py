@@ -1,12 +1,26 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.reporting.rounding import below, measured, per_unit, pretty
+from imubayes.inference.intervals import Share
+from imubayes.reporting.rounding import (
+    below,
+    duration,
+    measured,
+    per_unit,
+    percent,
+    percents,
+    pretty,
+    ranged,
+    share,
+    share_range,
+)
 from imubayes.sensors.terms import library
 
 SIZES = st.floats(1e-12, 1e12)
@@ -64,3 +78,86 @@ def test_every_term_of_the_largest_library_has_a_printed_unit_of_its_si_unit(kin
     for term in library(kind, powers=5, asymmetry=4, set="extended", temperature=3).terms:
         assert per_unit(term.printed, term.unit) > 0.0
         assert not set("^*") & set(pretty(term.printed)) and "deg" not in pretty(term.printed)
+
+
+WRITTEN = re.compile(r"([-−]?)(\d[\d,]*)(\.\d+)?(e-?\d+)?\s*(%|times|ns|µs|ms|s|min|h)?")
+"""A number as a report prints it, its power of ten, and the unit that sizes it."""
+
+SIZE_OF = {"%": 1e-2, "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+
+
+def written(text: str, unit: str = "") -> list[tuple[float, float]]:
+    """Numbers of a text, each with half of its last digit that is not a zero of a whole number."""
+    found = []
+    text = re.sub(r"\((\S+) \+- (\S+)\)(e-?\d+)", r"\1\3 +- \2\3", text)  # a power of ten in common
+    for sign, whole, part, power, own in WRITTEN.findall(text):
+        digits = whole.replace(",", "")
+        zeros = len(digits) - len(digits.rstrip("0")) if not part else 0
+        size = float(f"1{power}") * SIZE_OF.get(own or unit, 1.0)
+        last = 10.0 ** (-len(part[1:]) if part else min(zeros, len(digits) - 1))
+        found.append((float(f"{'-' if sign else ''}{digits}{part}") * size, 0.5 * last * size))
+    return found
+
+
+MAGNITUDES = st.floats(1e-15, 1e15)
+SIGNED = st.one_of(MAGNITUDES, MAGNITUDES.map(lambda x: -x))
+PARTS = st.floats(0.0, 1.0)
+
+
+def _triple(middle: float, below: float, above: float) -> Share:
+    return Share(middle, middle - below * abs(middle), middle + above * abs(middle))
+
+
+WRITERS: dict[str, tuple[Callable[[float, float, float], str], str]] = {
+    "value": (lambda m, a, b: str(measured(m, 0.0)), ""),
+    "value and sd": (lambda m, a, b: str(measured(m, (a + 1e-3) * m)), ""),
+    "range": (lambda m, a, b: ranged(_triple(m, a, b)), ""),
+    "share": (lambda m, a, b: share(m), ""),
+    "share range": (lambda m, a, b: share_range(_triple(m, a, b)), ""),
+    "duration": (lambda m, a, b: duration(m), ""),
+    "percent": (lambda m, a, b: percent(min(m, 1.0)), ""),
+    "percents": (lambda m, a, b: percents(_triple(min(m, 1.0), a, 0.0)), "%"),
+}  # fmt: skip
+
+
+def _meant(writer: str, m: float, a: float, b: float) -> list[float]:
+    """What a writer was given, in the order in which it writes."""
+    if writer == "value and sd":
+        return [m, (a + 1e-3) * m]
+    if writer in ("percent", "percents"):
+        m, b = min(m, 1.0), 0.0
+    triple = _triple(m, a, b)
+    return [m, triple.low, triple.high] if writer in ("range", "share range", "percents") else [m]
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+@given(middle=MAGNITUDES, below=PARTS, above=PARTS)
+def test_what_any_writer_prints_reads_back_as_the_number_within_its_rounding(
+    writer: str, middle: float, below: float, above: float
+) -> None:
+    write, unit = WRITERS[writer]
+    text = write(middle, below, above)
+    for (read, half), meant in zip(written(text, unit), _meant(writer, middle, below, above), strict=True):
+        small = writer.startswith("share") and meant < 1e-3
+        assert (0.0 <= meant <= read) if small else abs(read - meant) <= half * 1.02 + 1e-9 * abs(meant), text
+
+
+@given(middle=SIGNED, below=PARTS, above=PARTS)
+def test_range_holds_its_value_as_it_is_printed(middle: float, below: float, above: float) -> None:
+    (value, _), (low, _), (high, _) = written(ranged(_triple(middle, below, above)))
+    assert low <= value <= high
+
+
+@given(MAGNITUDES)
+def test_share_of_a_budget_is_never_a_percentage_of_four_digits(value: float) -> None:
+    assert ("times" in share(value)) == (value >= 2.0)
+
+
+@pytest.mark.parametrize("empty", [math.nan, math.inf])
+def test_what_is_no_number_is_no_number_in_print(empty: float) -> None:
+    nothing = Share(empty, empty, empty)
+    for text in (share(empty), str(measured(empty, 1.0)), share_range(nothing)):
+        assert not re.search(r"\d", text)
+    assert (
+        duration(math.nan) == ranged(Share(math.nan, 0.0, 1.0)) == percents(Share(math.nan, 0.0, 1.0)) == ""
+    )

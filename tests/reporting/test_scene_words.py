@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scenes_found import a_relevance
 
-from imubayes.reporting.scene_words import lasting, scene_sentences, share
+from imubayes.reporting.rounding import duration, share
+from imubayes.reporting.scene_words import scene_sentences
 from imubayes.selection.kernels import Budget
 
 
@@ -67,7 +68,7 @@ def test_shares_are_percentages_up_to_twice_the_budget() -> None:
     assert [share(v) for v in (0.0, 0.0021, 1.99, 2.0, 250.0)] == [
         "below 0.1 %", "0.21 %", "200 %", "2.0 times", "250 times",
     ]  # fmt: skip
-    assert [lasting(v) for v in (0.5, 119.0, 120.0, 7199.0, 86400.0)] == [
+    assert [duration(v) for v in (0.5, 119.0, 120.0, 7199.0, 86400.0)] == [
         "0.5 s",
         "119 s",
         "2 min",

@@ -55,7 +55,7 @@ def speed() -> Speed:
 def test_answer_names_the_models_a_second_and_the_peers(speed):
     told = speed_answer(speed)
     assert told[0].startswith(
-        "1,048,576 models (2^20) are weighed in 10 ms where the noise is known, 10 ns a"
+        "1,048,576 models (2^20) are weighed in 10.5 ms where the noise is known, 10 ns a"
     )
     assert told[1] == "Least squares of <rows>: 2 ms; right 20 ms (10 times ours); wrong: far off."
 

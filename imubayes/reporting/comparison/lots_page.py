@@ -27,9 +27,8 @@ from imubayes.reporting.comparison.view import (
     largest_first,
     pull_text,
 )
-from imubayes.reporting.lots_words import MAJORITY, percent, scene_name, shares, slug
-from imubayes.reporting.rounding import measured
-from imubayes.reporting.scene_words import share
+from imubayes.reporting.lots_words import MAJORITY, scene_name, slug
+from imubayes.reporting.rounding import measured, percent, percents, share_range
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
@@ -146,7 +145,7 @@ def _lines(term: PopulationComparison, labels: Sequence[str], kind: Kind, whole:
 def _population(value: PopulationFile, name: str, kind: Kind) -> tuple[str, str, str]:
     if not value.tested:
         return "not tested", "", ""
-    return shares(value.share), estimate(value.mean, name, kind), estimate(value.spread, name, kind)
+    return percents(value.share), estimate(value.mean, name, kind), estimate(value.spread, name, kind)
 
 
 def estimate(found: Share, name: str, kind: Kind) -> str:
@@ -176,7 +175,7 @@ def _scene_lines(term: RequiredComparison, labels: Sequence[str]) -> Iterator[Li
     for k, (label, count, taken) in enumerate(zip(labels, term.required, term.shares, strict=True)):
         name, pull = headed(k, term.name, pull_text(term.pull, len(labels)))
         required = f"{percent(count[0] / count[1])}" if count else "not there"
-        of = f"{share(taken.value)} ({share(taken.low)} to {share(taken.high)})" if taken else ""
+        of = share_range(taken) if taken else ""
         yield Line((name, label, required, of, pull), beyond, beyond or _divides(term))
 
 

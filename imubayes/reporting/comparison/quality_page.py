@@ -23,7 +23,7 @@ from imubayes.reporting.comparison.view import (
 )
 from imubayes.reporting.lots_words import slug
 from imubayes.reporting.method_words import called
-from imubayes.reporting.quality_words import brief
+from imubayes.reporting.rounding import percents
 from imubayes.selection.verdicts import listed
 
 QUESTION = "How good is the decision: which scores of which methods differ beyond uncertainty?"
@@ -101,7 +101,7 @@ def _score(what: str, found: Interval) -> str:
     if math.isnan(found.value):
         return ""
     if what in SCORES[:2]:
-        return brief(found)
+        return percents(found)
     return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
 
 

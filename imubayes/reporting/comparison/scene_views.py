@@ -10,8 +10,8 @@ from imubayes.reporting.comparison.records import pull_record
 from imubayes.reporting.comparison.result_files import SceneFile, ShareEstimate
 from imubayes.reporting.comparison.scenes import SceneComparison, ShareComparison
 from imubayes.reporting.comparison.view import Line, Table, headed, pull_text
-from imubayes.reporting.rounding import measured
-from imubayes.reporting.scene_words import budget_unit, lasting, share
+from imubayes.reporting.rounding import duration, measured, share
+from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
@@ -72,7 +72,7 @@ def _conditions(scene: SceneComparison, there: Sequence[tuple[str, SceneFile]], 
     """Say what is not the same of the scenes."""
     if len({(one.limit, one.duration) for _, one in there}) > 1:
         asked = listed(
-            f"{label} {amount(one.limit, one.quantity, kind)} over {lasting(one.duration)}"
+            f"{label} {amount(one.limit, one.quantity, kind)} over {duration(one.duration)}"
             for label, one in there
         )
         yield f"The budgets are not the same: {asked}."

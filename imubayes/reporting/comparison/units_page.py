@@ -12,8 +12,7 @@ from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence
 from imubayes.reporting.comparison.records import head_record, labelled, pull_record
 from imubayes.reporting.comparison.units import NoiseOfUnit, TermOfUnit, UnitInClass, UnitsComparison
 from imubayes.reporting.comparison.view import Line, Page, Section, Table, largest_first, pull_text
-from imubayes.reporting.lots_words import shares
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, measured, per_unit
+from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, measured, per_unit, percents
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
@@ -97,7 +96,7 @@ def _line(term: TermOfUnit, kind: Kind) -> Line:
         mean, spread = (
             estimate(one, term.name, kind) for one in (term.population.mean, term.population.spread)
         )
-        known = (mean, spread, shares(term.population.share))
+        known = (mean, spread, percents(term.population.share))
     told = (unit.verdict, pull_text(term.pull, 2))
     return Line(
         cells=(term.name, value, *known, *told),
