@@ -17,9 +17,6 @@ from imubayes.selection.decision import Selection
 from imubayes.selection.pooled import pooled_by_kind
 from imubayes.sensors.terms import Kind
 
-SILENT = ("untested", "unresolved")
-"""Verdicts on terms of which the data say nothing of their own: a compensation goes without them."""
-
 
 def of_case(
     spec: SensorSpec, case: Case, ready: Prepared, selections: Sequence[Selection]
@@ -35,7 +32,9 @@ def of_case(
     terms = [(one, term) for one in selections for term in one.terms]
     rows = compensation(spec, case, [term.mean for _, term in terms])
     kept = [
-        term.mean if term.name in one.model and term.verdict not in SILENT else 0.0 for one, term in terms
+        # of what is unresolved the data say nothing of their own
+        term.mean if term.name in one.model and term.verdict != "unresolved" else 0.0
+        for one, term in terms
     ]
     runs = [run for run in ready.runs if isinstance(run, TriadRun | ImuRun)]
     try:

@@ -14,7 +14,7 @@ from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models
-from imubayes.selection.verdicts import TENTH, Costs, Evidence, TermVerdict, decide, untested
+from imubayes.selection.verdicts import TENTH, Costs, Evidence, TermVerdict, decide, median_model, untested
 from imubayes.sensors.terms import Library, Term
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +65,7 @@ def decided(basis: Basis, models: Models) -> Selection:
     return Selection(
         terms=terms,
         columns=basis.library.names,
-        model=tuple(term.name for term in terms if term.inclusion >= basis.costs.keep),
+        model=median_model(terms, basis.costs),
         log_evidence=models.log_evidence,
         models=models,
         by_width=tuple((width, by_candidate) for width in WIDTHS),

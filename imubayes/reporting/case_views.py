@@ -238,15 +238,18 @@ def _pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[Pool
 
 
 def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQUAL) -> str:
-    """What the kind needs, of one term.
+    """What the kind needs, of one term: never what each component that tells is against.
 
     Examples
     --------
     >>> pooled_verdict(0.99, ("undecided", "undecided")), pooled_verdict(0.9, ("untested", "inseparable"))
     ('needed', 'cannot tell')
+    >>> pooled_verdict(0.97, ("not needed", "not needed"))  # hints of what is there and small add up
+    'undecided'
     """
-    if all(verdict in BLIND for verdict in verdicts if verdict):
+    told = {verdict for verdict in verdicts if verdict and verdict not in BLIND}
+    if not told:
         return CANNOT
-    if inclusion >= costs.needed:
+    if inclusion >= costs.needed and told != {"not needed"}:
         return "needed"
-    return "not needed" if inclusion <= costs.not_needed else "undecided"
+    return "not needed" if inclusion <= costs.not_needed and "needed" not in told else "undecided"

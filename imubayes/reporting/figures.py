@@ -171,8 +171,7 @@ def posteriors(sensor: SensorResult, key: str) -> list[Panel]:
 
 
 def _is_kept(term: TermVerdict, model: tuple[str, ...]) -> bool:
-    kept = term.verdict == "needed" or (term.name in model and term.verdict not in ("untested", "not needed"))
-    return kept and 0.0 < term.sd < math.inf
+    return term.name in model and 0.0 < term.sd < math.inf
 
 
 def _posterior(sensor: SensorResult, j: int, key: str) -> Panel:

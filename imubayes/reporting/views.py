@@ -86,7 +86,6 @@ class SensorView:
     anchor : id of its section.
     sensor : the component.
     answer : first paragraph, by sentence.
-    likely : excited terms with an inclusion of one half or more.
     groups : rows of the term table by part of the model equation; without figures only of excited terms.
     digits : decimals of the longest value and of the longest sd, which align the columns.
     floor : noise floor beside which effects stand.
@@ -109,7 +108,6 @@ class SensorView:
     anchor: str
     sensor: SensorResult
     answer: tuple[str, ...]
-    likely: tuple[str, ...]
     groups: tuple[tuple[str, tuple[TermRow, ...]], ...]
     digits: tuple[int, int]
     floor: Measured
@@ -183,7 +181,6 @@ def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, dr
         anchor=key,
         sensor=sensor,
         answer=answer(sensor),
-        likely=tuple(t.name for t in selection.terms if t.inclusion >= 0.5 and t.verdict != "untested"),
         groups=tuple((name, tuple(part)) for name, part in groupby(rows, key=lambda row: row.verdict.group)),
         digits=(_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes])),
         floor=noise_floor(sensor),

@@ -114,7 +114,7 @@ def decided(term: TermVerdict, selection: Selection) -> bool | None:
     """Whether the decision keeps a term; None where it says that the test cannot tell."""
     if term.verdict in ("inseparable", "unresolved"):
         return None
-    return term.verdict == "needed" or (term.verdict == "undecided" and term.name in selection.model)
+    return term.name in selection.model
 
 
 def line_of(criterion: Criterion, kept: int, p: int) -> float:
@@ -269,8 +269,6 @@ def _of_weakness(case: Case, others: Sequence[Differing]) -> str:
     if case.ratio > UNRESOLVED:
         left = f"the data leave {100.0 * case.ratio:.0f} % of the prior's sd"
         return f"{left}, and put it {case.pull:.1f} sd from zero"
-    if case.term.verdict == "not needed" and case.term.inclusion >= case.keep:
-        return f"it is there, {case.pull:.1f} sd from zero, and too small to matter: {case.term.reason}"
     return (
         f"it is {case.pull:.1f} sd from zero, a weak effect; the line of aic is at 1.4, {_line_and_why(case)}"
     )
@@ -313,8 +311,7 @@ def _line_and_why(case: Case) -> str:
 
 def _others(selection: Selection, name: str) -> tuple[int, int]:
     """How many other candidates are in the model, and how many there are."""
-    untested = {term.name for term in selection.terms if term.verdict == "untested"}
-    return len({*selection.model} - untested - {name}), len(selection.models.candidates.names) - 1
+    return len({*selection.model} - {name}), len(selection.models.candidates.names) - 1
 
 
 def _line_of_evidence(ratio: float, keep: float, against: float) -> float:

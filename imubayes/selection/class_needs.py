@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from imubayes.inference.intervals import Share, frequency
 from imubayes.inference.populations import Spreads
 from imubayes.inference.sessions import Parameter
-from imubayes.selection.verdicts import NEEDED
+from imubayes.selection.verdicts import LIKELY, NEEDED
 from imubayes.sensors.terms import Kind
 
 FloatArray = NDArray[np.float64]
@@ -160,7 +160,7 @@ def _decided(counts: Mapping[str, int], n: int, pooled: float | None) -> tuple[s
     said += "" if pooled is None else f"; inclusion in one model for all {pooled:.3f}"
     if needed > HALF * n and (pooled is None or pooled >= NEEDED):
         return "needed", said
-    if not_needed > HALF * n and not needed:
+    if not_needed > HALF * n and not needed and (pooled is None or pooled <= LIKELY):
         return "not needed", said
     if needed and not_needed:
         return "some need it", said

@@ -20,7 +20,16 @@ from imubayes.selection.mixture import Components, limit, probability_within, qu
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models, average, components_given, inclusion_given, inclusion_of_any
 from imubayes.selection.trust import digits_of
-from imubayes.selection.verdicts import EQUAL, TENTH, Costs, Evidence, TermVerdict, decide, untested
+from imubayes.selection.verdicts import (
+    EQUAL,
+    TENTH,
+    Costs,
+    Evidence,
+    TermVerdict,
+    decide,
+    median_model,
+    untested,
+)
 from imubayes.sensors.terms import Library, Term
 from imubayes.trust import Digits
 
@@ -52,8 +61,8 @@ class Selection:
     ----------
     terms : a verdict for every term of the library, in the order of the model equation.
     columns : name of each term's column in the summary: its own, or ``<component>.<term>`` for a triad.
-    model : names of the terms that cost less kept than dropped: with inclusion of one half or more (the
-        median probability model) where both errors cost the same.
+    model : names of the excited terms that cost less kept than dropped: with inclusion of one half or more
+        (the median probability model) where both errors cost the same.
     log_evidence : of the data, averaged over all models.
     models : the enumeration at the nominal prior width, over the terms that the test excites.
     by_width : (prior width factor, inclusion of the candidates) for 1/3, 1, 3.
@@ -162,7 +171,7 @@ def select(
     return Selection(
         terms=verdicts,
         columns=tuple(own),
-        model=tuple(v.name for v in verdicts if v.inclusion >= costs.keep),
+        model=median_model(verdicts, costs),
         log_evidence=models.log_evidence,
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),

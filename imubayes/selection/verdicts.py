@@ -7,19 +7,22 @@ thresholds of the costs (see `Costs`), 0.95, 0.05 and 0.5 where the two errors c
 
     needed        inclusion >= needed (for a term with confounded partners at every prior width from 1/3 to 3,
                   by itself and with its partners in the model), and posterior sd <= 0.9 prior sd
-    not needed    posterior sd <= 0.9 prior sd, and either inclusion <= not_needed (with partners at every
-                  width) or below a tenth of the prior's sd with 95 %
+    not needed    posterior sd <= 0.9 prior sd, and either inclusion <= not_needed or, where inclusion is no
+                  more than a half nor than `keep`, below a tenth of the prior's sd with 95 % (with partners
+                  all of this at every width)
     inseparable   it has partners: the test sees only their sum
     unresolved    posterior sd > 0.9 prior sd: the data say next to nothing of it
-    undecided     inclusion is between; it leans towards the term from `keep` on
+    undecided     inclusion is between; it leans towards the term from `keep` on, and may yet say that the
+                  term is below a tenth of the prior's sd
 
-A term whose column was zero throughout is *untested*. What a model is chosen by is `keep` alone.
+A term whose column was zero throughout is *untested*. A model holds what is tested and reaches `keep`: no
+term that is not needed is in it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from imubayes.errors import StudyError
@@ -36,6 +39,9 @@ SURE = 0.95
 
 STRAINED = 6.0
 """Prior sds from zero beyond which the data contradict the prior: look for a wrong sign or unit first."""
+
+LIKELY = 0.5
+"""Inclusion above which a term is there, however small it is."""
 
 UNRESOLVED = 0.9
 """Posterior sd over prior sd above which a test has not resolved a term."""
@@ -181,6 +187,14 @@ def decide(e: Evidence, costs: Costs = EQUAL) -> tuple[str, str]:
     return "undecided", _leaning(e, costs)
 
 
+def median_model(terms: Sequence[TermVerdict], costs: Costs = EQUAL) -> tuple[str, ...]:
+    """Names of the tested terms that cost less kept than dropped.
+
+    Where both errors cost the same, they make the median probability model.
+    """
+    return tuple(t.name for t in terms if t.inclusion >= costs.keep and t.verdict != "untested")
+
+
 def untested(term: Term) -> tuple[str, str]:
     """Verdict and reason for a term whose column was zero throughout."""
     inputs = " ".join(f.channel for f in term.factors)
@@ -190,12 +204,15 @@ def untested(term: Term) -> tuple[str, str]:
 def _small(e: Evidence, high: float, costs: Costs) -> tuple[str, str] | None:
     if high <= costs.not_needed:
         return "not needed", f"inclusion {e.inclusion:.3f}"
-    if e.small >= SURE:
+    if e.small >= SURE and high <= min(LIKELY, costs.keep):  # the model holds none that is not needed
         return "not needed", f"below a tenth of the prior's sd with {100 * e.small:.0f} %"
     return None
 
 
 def _leaning(e: Evidence, costs: Costs) -> str:
+    if e.small >= SURE and e.inclusion > LIKELY:
+        size = f"there, but below a tenth of the class's size with {100 * e.small:.0f} %"
+        return f"{size}, {e.pull:.1f} sd from zero"
     way = "towards it" if e.inclusion >= costs.keep else "against it"
     return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
 

@@ -99,6 +99,12 @@ def test_what_no_component_can_tell_is_not_told_by_all_of_them(inclusion):
     assert pooled_verdict(inclusion, (*BLIND, "undecided"), EQUAL) != CANNOT
 
 
+@pytest.mark.parametrize("inclusion", [0.0, 0.3, 0.9, 1.0])
+def test_no_answer_of_a_kind_is_against_that_of_each_of_its_components(inclusion):
+    assert pooled_verdict(inclusion, (*BLIND, "not needed", "not needed")) != "needed"
+    assert pooled_verdict(inclusion, (*BLIND, "needed", "undecided")) != "not needed"
+
+
 def test_the_page_and_the_file_hold_a_case(cased):
     study = cased(recovered())
     page = report_html(study)

@@ -34,6 +34,7 @@ def test_most_units_that_cannot_tell_leave_the_class_untold_whatever_the_pooled_
         (["needed"] * 2 + ["not needed"] * 6, 1.0, "some need it"),
         (["needed"] * 6 + ["not needed"] * 2, 0.4, "some need it"),
         (["not needed"] * 5 + ["undecided"] * 3, 0.2, "not needed"),
+        (["not needed"] * 5 + ["undecided"] * 3, 0.9, "undecided"),
         (["undecided"] * 6 + ["needed"] * 2, 0.99, "undecided"),
     ],
 )

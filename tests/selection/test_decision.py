@@ -217,7 +217,8 @@ def test_limit_of_what_is_not_needed_is_small_beside_the_class(campaign):
 
 def test_median_probability_model_is_what_is_included_by_half(campaign):
     selection = campaign[-1]
-    assert set(selection.model) == {t.name for t in selection.terms if t.inclusion >= 0.5}
+    tested = [t for t in selection.terms if t.verdict != "untested"]
+    assert set(selection.model) == {t.name for t in tested if t.inclusion >= 0.5}
     assert needed(selection) <= set(selection.model)
 
 
@@ -327,3 +328,33 @@ def test_a_term_of_another_component_is_in_every_model(campaign):
     for name in ("m_j", "m_k", "c_jk"):
         assert part[name].verdict == whole[name].verdict
         assert abs(part[name].full_mean - whole[name].full_mean) < 0.1 * whole[name].full_sd
+
+
+@cache
+def drawn(seed):
+    """Decision on a random problem: terms from none to far above the noise, and one untested."""
+    rng, names = np.random.default_rng(seed), ("b0", "b1", "b2", "b3", "m_j", "m_k", "s_k")
+    X = rng.normal(size=(80, 7)) + rng.choice([0.0, 1.0]) * rng.normal(size=(80, 1))
+    X[:, 6] = 0.0
+    theta = rng.integers(0, 2, size=7) * 10.0 ** rng.uniform(-2.0, 0.5, size=7)
+    lib = ib.library("accelerometer", powers=3, asymmetry=-1)
+    own = replace(lib, terms=tuple(term for term in lib.terms if term.name in names))
+    summary = ib.Summary.from_arrays(X, X @ theta + rng.normal(size=80), own.names)
+    return select(summary, ScalePrior(10.0 ** rng.uniform(0.0, 1.5, size=7)), own)
+
+
+def test_no_verdict_speaks_against_the_model_or_an_inclusion_above_one_half():
+    terms = [(term, selection.model) for selection in map(drawn, range(60)) for term in selection.terms]
+    assert {"needed", "not needed", "undecided", "untested"} == {term.verdict for term, _ in terms}
+    assert any(0.05 < term.inclusion <= 0.5 and term.verdict == "not needed" for term, _ in terms)
+    assert any(term.reason.startswith("there, but below a tenth") for term, _ in terms)
+    for term, model in terms:
+        there = term.inclusion >= 0.5 and term.verdict != "untested"
+        assert (term.name in model) == there
+        assert not (there and term.verdict == "not needed")
+
+
+def test_a_model_has_no_term_that_no_run_excites_however_likely_its_prior_makes_it():
+    likely = [t for s in map(drawn, range(60)) for t in s.terms if t.verdict == "untested"]
+    assert any(term.inclusion > 0.5 for term in likely)
+    assert all("s_k" not in selection.model for selection in map(drawn, range(60)))

@@ -12,6 +12,7 @@ from imubayes.selection.verdicts import Costs, Evidence, decide, untested
 from imubayes.sensors.terms import library
 
 share = st.floats(0.0, 1.0)
+prices = st.floats(0.01, 100.0)
 
 
 beside = st.sampled_from([(), ("b2",), ("b2", "c_jj", "c_kk")])
@@ -71,8 +72,28 @@ def test_a_confounded_term_is_never_left_undecided_or_unresolved(evidence):
 def test_not_needed_is_unlikely_or_small_and_resolved(evidence):
     if told(evidence) == "not needed":
         largest = evidence.range[1] if evidence.partners else evidence.inclusion
-        assert largest <= 0.05 or evidence.small >= 0.95
+        assert largest <= 0.05 or (evidence.small >= 0.95 and largest <= 0.5)
         assert evidence.ratio <= 0.9
+
+
+@given(evidences())
+def test_no_term_that_is_there_is_not_needed_however_small_it_is(evidence):
+    if evidence.inclusion > 0.5:
+        assert told(evidence) != "not needed"
+
+
+@given(evidences(), prices, prices)
+def test_no_term_that_the_model_holds_is_not_needed_at_any_costs(evidence, false_keep, false_drop):
+    costs = Costs(false_keep, false_drop)
+    if evidence.inclusion > costs.keep:
+        assert decide(evidence, costs)[0] != "not needed"
+
+
+@given(st.floats(0.5, 0.95, exclude_min=True, exclude_max=True), st.floats(0.95, 1.0))
+def test_a_term_that_is_there_and_small_says_so(inclusion, small):
+    verdict, reason = decide(Evidence(inclusion, (0.2, 0.99), small, 0.1, 2.3, (), ""))
+    assert verdict == "undecided"
+    assert reason.startswith("there, but below a tenth of the class's size")
 
 
 @given(evidences(), share)
@@ -111,9 +132,6 @@ def test_an_untested_term_names_the_inputs_it_waits_for(kind):
         verdict, reason = untested(term)
         assert verdict == "untested"
         assert all(factor.channel in reason for factor in term.factors)
-
-
-prices = st.floats(0.01, 100.0)
 
 
 @pytest.mark.parametrize(("false_keep", "false_drop"), [(1.0, 1.0), (5.0, 1.0), (1.0, 5.0), (0.2, 3.0)])
