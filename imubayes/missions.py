@@ -62,8 +62,8 @@ def _axis(mission: Mission, spec: SensorSpec, result: SensorResult) -> str:
 def component_library(spec: SensorSpec, result: SensorResult) -> Library:
     """Terms of a component: a triad leaves out those that only turn its case."""
     names = {term.name for term in result.selection.terms}
-    terms = spec.of(result.kind).library.terms
-    return Library(result.kind, tuple(term for term in terms if term.name in names))
+    lib = spec.of(result.kind).library
+    return replace(lib, terms=tuple(term for term in lib.terms if term.name in names))
 
 
 def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Relevance:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from imubayes.campaign import Mission, SensorSpec
@@ -48,7 +49,7 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
         kind=table.kind,
         classes=entries,
         units=table.units,
-        library=campaign.library,
+        library=replace(campaign.library, technology=""),
         runs=campaign.runs,
         reference=campaign.reference,
         missions=_missions(tables, table.kind, header.seed, path),

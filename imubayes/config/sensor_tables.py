@@ -80,7 +80,8 @@ def _of_kind(
         raise there.error(f"expected the id of a class, came {shown(name)}")
     with there.blamed():
         sensor_class = None if name is None else sensor(name, kind=kind, catalogue=catalogue)
-    lib = _candidates(kind, *half(table.library, kind, place.at("library"), imu=imu))
+    technology = sensor_class.technology if sensor_class else ""
+    lib = _candidates(kind, technology, *half(table.library, kind, place.at("library"), imu=imu))
     runs = tuple(_runs(table, kind, folder, place))
     _check_runs(runs, sensor_class, place)
     _check_robust(table, runs, place.at("robust"))
@@ -136,10 +137,10 @@ def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterato
         yield run
 
 
-def _candidates(kind: Kind, raw: object, place: Place) -> Library:
+def _candidates(kind: Kind, technology: str, raw: object, place: Place) -> Library:
     options = shaped(LibraryTable, raw, place)
     with place.blamed():
-        return library(kind, **asdict(options))
+        return library(kind, **asdict(options), technology=technology)
 
 
 def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:

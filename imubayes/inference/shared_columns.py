@@ -141,7 +141,7 @@ def products_of(kind: Kind, libraries: Mapping[str, Library]) -> tuple[Library, 
         name: np.array([places.setdefault(_along_case(name, term), len(places)) for term in lib.terms])
         for name, lib in libraries.items()
     }
-    terms = tuple(Term(str(k), "-", factors, "", "", "") for factors, k in places.items())
+    terms = tuple(Term(str(k), factors, "", "", "") for factors, k in places.items())
     return Library(kind, terms), which
 
 

@@ -9,7 +9,7 @@ Gyroscopes beside them have the whole matrix, for the accelerometers say how the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +151,7 @@ def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
     """
     free = lib.kind == "accelerometer" and not referenced
     dropped = BELOW_DIAGONAL if free else ((), (), ())
-    libraries = tuple(Library(lib.kind, tuple(t for t in lib.terms if t.name not in out)) for out in dropped)
+    libraries = tuple(replace(lib, terms=tuple(t for t in lib.terms if t.name not in out)) for out in dropped)
     x, y, z = libraries
     return Triad((x, y, z), np.zeros(sum(len(part.terms) for part in libraries)))
 

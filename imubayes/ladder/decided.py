@@ -15,6 +15,7 @@ from imubayes.selection.mixture import Components, limit, probability_within, qu
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models
 from imubayes.selection.verdicts import TENTH, Costs, Evidence, TermVerdict, decide, median_model, untested
+from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import Library, Term
 
 FloatArray = NDArray[np.float64]
@@ -135,7 +136,7 @@ def _verdict(
     full_mean, full_sd = basis.full.get(term.name, (0.0, basis.sd[term.name]))
     return TermVerdict(
         name=term.name,
-        symbol=term.symbol,
+        symbol=symbols(basis.library)[term.name],
         unit=term.unit,
         printed=term.printed,
         group=term.group,

@@ -22,7 +22,7 @@ class LotStudy:
     kind : of all its sensors.
     classes : of the catalogue, in the order of the report.
     units : simulated of each class.
-    library : candidate terms.
+    library : candidate terms, of every class.
     runs : the test campaign that each unit goes through, simulated.
     reference : sd in SI of each error of the test bench, by kind: drawn for each unit, and allowed for in its
         analysis.

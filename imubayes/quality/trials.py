@@ -179,7 +179,7 @@ class _Reference:
 def _trial(one: Subject, runs: Sequence[Run], reference: _Reference, treatment: str, resamples: int) -> Trial:
     """Ask every method about one sensor under one treatment."""
     missing = reference.strong(one.truth) if treatment == MISSING else ""
-    lib = Library(one.library.kind, tuple(term for term in one.library.terms if term.name != missing))
+    lib = replace(one.library, terms=tuple(t for t in one.library.terms if t.name != missing))
     taken = runs_of(one, misplaced=True) if treatment == MISPLACED else runs
     selection, panel = _asked(one, taken, lib, treatment == WHITE, resamples)
     terms = panel.votes.terms

@@ -11,8 +11,9 @@ from rich.text import Text
 
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
 from imubayes.reporting.terminal import indented, printable
-from imubayes.sensors.catalogue import prior_sd, reference_errors, terms_of
+from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import origins_of, packaged_tables
+from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.sensor_class import (
     COEFFICIENT_KEYS,
     NOISE_KEYS,
@@ -106,7 +107,14 @@ def _figure_table(entry: SensorClass) -> Table:
         unit = entry.units[key]
         terms = _shortened(terms_of(entry.kind, key)) or meaning.text
         origins = _letters(entry.origins[key])
-        table.add_row(key, meaning.symbol, terms, *_numbers(values, unit), Text(printable(unit)), origins)
+        table.add_row(
+            key,
+            _shortened(figure_symbols(entry, key)),
+            terms,
+            *_numbers(values, unit),
+            Text(printable(unit)),
+            origins,
+        )
     return table
 
 
@@ -121,9 +129,13 @@ def _figures(entry: SensorClass) -> Iterator[tuple[str, Key, Range]]:
 def _prior_table(entry: SensorClass) -> Table:
     """Prior sd of every term of the extended library, and the noise, in the units that people use."""
     table = _plain_table("term", "symbol", "prior sd", "unit", "from", numbers=("prior sd",))
-    for term in library(entry.kind, set="extended", temperature=1).terms:
+    lib = library(entry.kind, set="extended", temperature=1, technology=entry.technology)
+    spelt = symbols(lib)
+    for term in lib.terms:
         sd, origin = prior_sd(entry, term)
-        table.add_row(term.name, term.symbol, _printed(sd, term.printed, term.unit), term.printed, origin)
+        table.add_row(
+            term.name, spelt[term.name], _printed(sd, term.printed, term.unit), term.printed, origin
+        )
     for name, si, unit in zip("NBK", NOISE_SI[entry.kind], NOISE_UNITS[entry.kind], strict=True):
         low, typical, high = (_printed(value, unit, si) for value in entry.noise[name])
         table.add_row(name, "noise", typical, unit, f"typical of {low} to {high}")

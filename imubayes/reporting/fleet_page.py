@@ -17,6 +17,7 @@ from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, ranged
+from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -76,12 +77,12 @@ def fleet_html(result: FleetResult) -> str:
 
 def _population_rows(result: FleetResult) -> Iterator[Row]:
     """Population of each term, with the truth where the units are simulated."""
-    simulated = result.study.simulated
+    simulated, spelt = result.study.simulated, symbols(result.study.spec.library)
     for term, one in zip(result.study.spec.library.terms, result.answer.terms, strict=True):
         size = per_unit(term.printed, term.unit)
         truth = [(_number(value / size),) if simulated else () for value in (one.true_mean, one.true_spread)]
         cells = (
-            term.symbol,
+            spelt[term.name],
             ranged(one.mean, size=size),
             *truth[0],
             ranged(one.spread, size=size),
@@ -156,7 +157,7 @@ def _term_entry(result: FleetResult, j: int) -> dict[str, Any]:
     found = asdict(result.answer.terms[j])
     return {
         **found,
-        "symbol": term.symbol,
+        "symbol": symbols(result.study.spec.library)[term.name],
         "unit": term.unit,
         "verdicts": dict(zip(VERDICTS, counts, strict=True)),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,6 +48,7 @@ from imubayes.reporting.rounding import (
     share_range,
 )
 from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
@@ -207,12 +208,12 @@ def _class_view(result: LotResult, k: int) -> ClassView:
 
 
 def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
-    rows = []
+    rows, spelt = [], symbols(replace(result.study.library, technology=found.sensor_class.technology))
     for term, one in zip(result.study.library.terms, found.terms, strict=True):
         size = per_unit(term.printed, term.unit)
         typical = prior_sd(found.sensor_class, term)[0]
         cells = (
-            term.symbol,
+            spelt[term.name],
             ranged(one.mean, size=size),
             _plain(one.true_mean / size),
             ranged(one.spread, size=size),

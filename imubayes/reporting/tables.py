@@ -28,6 +28,7 @@ from imubayes.reporting.words import (
 )
 from imubayes.rig.runs import ABSENT
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, StudyResult
@@ -177,7 +178,7 @@ def terminal_check(
         table.add_column(title, justify="right")
     table.add_column("confounded with")
     columns = _columns(sensor_id, observability, lib)
-    kinds = {extra.name: bench_label(extra) for extra in extras}
+    kinds, spelt = {extra.name: bench_label(extra) for extra in extras}, symbols(lib)
     for term, (column, j) in zip(lib.terms, columns.items(), strict=True):
         partners = tuple(
             dict.fromkeys(
@@ -186,7 +187,7 @@ def terminal_check(
         )
         table.add_row(
             Text(term.name),
-            Text(term.symbol),
+            Text(spelt[term.name]),
             Text(
                 "yes" if observability.tested[j] else "no",
                 style="" if observability.tested[j] else "bold magenta",

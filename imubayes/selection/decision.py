@@ -30,6 +30,7 @@ from imubayes.selection.verdicts import (
     median_model,
     untested,
 )
+from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import Library, Term
 from imubayes.trust import Digits
 
@@ -155,17 +156,20 @@ def select(
     free, strain = _without_prior(summary, prior)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
+    spelt = symbols(lib)
     excited = _excited(summary, sd, seen, own, hierarchical)
     widths = _at_every_width(excited, noises, log_evidence)
     models = widths.models[NOMINAL]
     full = components_given(models, models.candidates.names)
     verdicts = tuple(
         replace(
-            _tested(_Asked(name, term, summary.reach.get(name, 0.0), costs), widths, seen, full),
+            _tested(
+                _Asked(name, term, spelt[term.name], summary.reach.get(name, 0.0), costs), widths, seen, full
+            ),
             strain=strain[name],
         )
         if name in models.candidates.names
-        else _untested(term, sd[name], models)
+        else _untested(term, spelt[term.name], sd[name], models)
         for name, term in own.items()
     )
     return Selection(
@@ -294,6 +298,7 @@ class _Asked:
 
     name: str
     term: Term
+    symbol: str
     reach: float
     costs: Costs
 
@@ -308,7 +313,9 @@ def _tested(asked: _Asked, widths: _Widths, seen: Observability, full: Component
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
     ends = _first_finite(limit(parts, column), limit(full, column))
-    told = _Told(alone[NOMINAL], (min(alone), max(alone)), _moments(full, column), parts, column, ends)
+    told = _Told(
+        prior_sd, alone[NOMINAL], (min(alone), max(alone)), _moments(full, column), parts, column, ends
+    )
     mean, sd = _moments(parts, column)
     evidence = Evidence(
         inclusion=told.inclusion,
@@ -322,10 +329,10 @@ def _tested(asked: _Asked, widths: _Widths, seen: Observability, full: Component
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
     )
     decided = decide(evidence, asked.costs)
-    return _verdict(asked.term, prior_sd, told, decided, reach=asked.reach, partners=evidence.partners)
+    return _verdict(asked.term, asked.symbol, told, decided, reach=asked.reach, partners=evidence.partners)
 
 
-def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
+def _untested(term: Term, symbol: str, prior_sd: float, models: Models) -> TermVerdict:
     """What the prior says of a term that the test never excited."""
     inclusion = _prior_inclusion(models)
     alone = Components(
@@ -335,14 +342,15 @@ def _untested(term: Term, prior_sd: float, models: Models) -> TermVerdict:
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
-    told = _Told(inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0))
-    return _verdict(term, prior_sd, told, untested(term), reach=0.0, partners=())
+    told = _Told(prior_sd, inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0))
+    return _verdict(term, symbol, told, untested(term), reach=0.0, partners=())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Told:
-    """Posterior of one term: inclusion, its range over prior widths, full-library moments, mixture, limit."""
+    """One term: prior sd, inclusion, its range over prior widths, full-library moments, mixture, limit."""
 
+    prior_sd: float
     inclusion: float
     range: tuple[float, float]
     full: tuple[float, float]
@@ -360,7 +368,7 @@ def _moments(parts: Components, column: int) -> tuple[float, float]:
 
 def _verdict(
     term: Term,
-    prior_sd: float,
+    symbol: str,
     told: _Told,
     decided: tuple[str, str],
     *,
@@ -371,7 +379,7 @@ def _verdict(
     q05, q95 = quantiles(told.parts, told.column, (0.05, 0.95))
     return TermVerdict(
         name=term.name,
-        symbol=term.symbol,
+        symbol=symbol,
         unit=term.unit,
         printed=term.printed,
         group=term.group,
@@ -381,7 +389,7 @@ def _verdict(
         q95=q95,
         full_mean=told.full[0],
         full_sd=told.full[1],
-        prior_sd=prior_sd,
+        prior_sd=told.prior_sd,
         inclusion=told.inclusion,
         inclusion_range=told.range,
         limit95=told.limit95,

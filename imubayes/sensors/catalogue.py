@@ -16,6 +16,7 @@ import numpy as np
 
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue_file import figure_range, packaged_classes, packaged_tables
+from imubayes.sensors.equations.standards import standard, standards_for
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library, Term
@@ -160,6 +161,29 @@ def terms_of(kind: str, key: str) -> tuple[str, ...]:
     """
     heated = _HEATED.get(key)
     return (heated,) if heated else tuple(name for name, keys in _SHARES[kind].items() if key in keys)
+
+
+def figure_symbols(entry: SensorClass, key: str) -> tuple[str, ...]:
+    """What a figure of the catalogue is the size of, in the symbols of the class's standard.
+
+    A figure that only adds to another's (a lever arm beside Kspin) has none.
+
+    Examples
+    --------
+    >>> figure_symbols(sensor("mems_tactical", kind="accelerometer"), "K1p")
+    ("K1'",)
+    >>> figure_symbols(sensor("fog_navigation", kind="gyroscope"), "sasym")
+    ("2 eps_1'",)
+    """
+    own, *_ = standards_for(entry.kind, entry.technology)
+    shares = {_HEATED[key]: {key: 1.0}} if key in _HEATED else _SHARES[entry.kind]
+    rows = standard(own, kind=entry.kind).symbols if own != "basic" else ()
+    return tuple(
+        row.symbol if size == 1.0 else f"{size:g} {row.symbol}"
+        for row in rows
+        if next(iter(shares.get(row.term, ())), "") == key
+        for size in [abs(row.weight) / shares[row.term][key]]
+    )
 
 
 _NORMAL_95 = 1.6448536269514722

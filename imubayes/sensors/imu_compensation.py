@@ -29,7 +29,7 @@ from imubayes.sensors.imu import (
     table_of,
 )
 from imubayes.sensors.imu_range import InputRange, described, rounds
-from imubayes.sensors.terms import Factor, Library, Term, column
+from imubayes.sensors.terms import Factor, Term, column
 
 FloatArray = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def _part(component: Component, *, jumping: bool) -> Component:
     terms = [component.library.terms[k] for k in kept]
     if jumping:
         terms = [replace(term, factors=_unsigned(term.factors)) for term in terms]
-    return Component(Library(component.library.kind, tuple(terms)), component.theta[kept])
+    return Component(replace(component.library, terms=tuple(terms)), component.theta[kept])
 
 
 def _unsigned(factors: tuple[Factor, ...]) -> tuple[Factor, ...]:

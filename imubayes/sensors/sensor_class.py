@@ -70,55 +70,53 @@ class Key:
     ----------
     text : what it is, in words.
     unit : SI unit.
-    symbol : of the IEEE standard (1293, 952, 517); empty where none names it.
     required : whether priors and simulations need it.
     """
 
     text: str
     unit: str
-    symbol: str = ""
     required: bool = True
 
 
 COEFFICIENT_KEYS: Mapping[Kind, Mapping[str, Key]] = {
     "accelerometer": {
-        "K0": Key("bias", "m/s^2", "K0"),
+        "K0": Key("bias", "m/s^2"),
         "Q": Key("velocity quantum (rms) over the sampling interval", "m/s^2", required=False),
-        "s": Key("scale factor", "1", "K1"),
-        "K0p": Key("bias asymmetry (full difference)", "m/s^2", "K0'"),
-        "K1p": Key("scale asymmetry (full difference)", "1", "K1'"),
-        "K2": Key("second order", "(m/s^2)^-1", "K2"),
-        "Koq": Key("odd quadratic", "(m/s^2)^-1", "Koq"),
-        "K3": Key("third order", "(m/s^2)^-2", "K3"),
-        "mis": Key("misalignment about either axis", "rad", "d_o, d_p"),
-        "Kx": Key("cross-coupling", "(m/s^2)^-1", "Kip, Kio, Kpo"),
-        "Kxx": Key("cross-axis squares", "(m/s^2)^-1", "Kpp, Koo"),
+        "s": Key("scale factor", "1"),
+        "K0p": Key("bias asymmetry (full difference)", "m/s^2"),
+        "K1p": Key("scale asymmetry (full difference)", "1"),
+        "K2": Key("second order", "(m/s^2)^-1"),
+        "Koq": Key("odd quadratic", "(m/s^2)^-1"),
+        "K3": Key("third order", "(m/s^2)^-2"),
+        "mis": Key("misalignment about either axis", "rad"),
+        "Kx": Key("cross-coupling", "(m/s^2)^-1"),
+        "Kxx": Key("cross-axis squares", "(m/s^2)^-1"),
         "vre": Key("rectified vibration", "(m/s^2)^-1", required=False),
-        "Kspin": Key("spin correction", "m/s^2/(rad/s)^2", "Kspin"),
-        "Kaa": Key("angular acceleration", "m/s^2/(rad/s^2)", "Kang"),
+        "Kspin": Key("spin correction", "m/s^2/(rad/s)^2"),
+        "Kaa": Key("angular acceleration", "m/s^2/(rad/s^2)"),
         "lever": Key("offset of the sensing point", "m"),
         "T0": Key("bias by temperature", "m/s^2/K"),
         "T1": Key("scale by temperature", "1/K"),
         "Tdot": Key("bias by the rate of temperature", "m/s^2/(K/s)", required=False),
     },
     "gyroscope": {
-        "b0": Key("bias", "rad/s", "D_F"),
+        "b0": Key("bias", "rad/s"),
         "Qang": Key("angle quantum (rms)", "rad", required=False),
-        "s": Key("scale factor", "1", "eps_K"),
+        "s": Key("scale factor", "1"),
         "sasym": Key("scale asymmetry (full difference)", "1"),
         "b0p": Key("bias asymmetry (half of the dead band)", "rad/s"),
         "nl2": Key("nonlinearity, w^2", "(rad/s)^-1"),
         "nl3": Key("nonlinearity, w^3", "(rad/s)^-2"),
-        "mis": Key("misalignment about either axis", "rad", "a_X, a_Y"),
+        "mis": Key("misalignment about either axis", "rad"),
         "crate": Key("cross-rate products", "(rad/s)^-1"),
-        "g1": Key("linear g-sensitivity", "rad/s/(m/s^2)", "D_I, D_S, D_O"),
-        "g2": Key("quadratic g-sensitivity", "rad/s/(m/s^2)^2", "D_IS, ..."),
+        "g1": Key("linear g-sensitivity", "rad/s/(m/s^2)"),
+        "g2": Key("quadratic g-sensitivity", "rad/s/(m/s^2)^2"),
         "vre": Key("rectified vibration", "rad/s/(m/s^2)^2", required=False),
         "aa": Key("angular acceleration", "rad/s/(rad/s^2)"),
-        "T0": Key("bias by temperature", "rad/s/K", "D_T"),
-        "T1": Key("scale by temperature", "1/K", "eps_T"),
-        "Tdot": Key("bias by the rate of temperature", "rad/s/(K/s)", "D_Tdot", required=False),
-        "mag": Key("bias by magnetic field", "rad/s/T", "D_H", required=False),
+        "T0": Key("bias by temperature", "rad/s/K"),
+        "T1": Key("scale by temperature", "1/K"),
+        "Tdot": Key("bias by the rate of temperature", "rad/s/(K/s)", required=False),
+        "mag": Key("bias by magnetic field", "rad/s/T", required=False),
         "lockin": Key("half width of the lock-in band, undithered", "rad/s", required=False),
         "dither_amp": Key("dither amplitude", "rad", required=False),
         "dither": Key("dither frequency", "Hz", required=False),
@@ -129,9 +127,9 @@ _OUTPUT: dict[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 NOISE_KEYS: Mapping[Kind, Mapping[str, Key]] = {
     kind: {
-        "N": Key("white noise", f"{unit}/sqrt(Hz)", "N"),
-        "B": Key("bias instability", unit, "B"),
-        "K": Key("random walk", f"{unit}/sqrt(s)", "K"),
+        "N": Key("white noise", f"{unit}/sqrt(Hz)"),
+        "B": Key("bias instability", unit),
+        "K": Key("random walk", f"{unit}/sqrt(s)"),
     }
     for kind, unit in _OUTPUT.items()
 }

@@ -10,7 +10,7 @@ spin, output), right-handed. Coefficients are *errors*: ``b1`` is the scale-fact
 ``cos(alpha)`` of the direction vector is part of it (only their sum is estimable).
 
 Source: Olson, Bingham, Walker, "A Generalized IMU Modeling Framework for Varying Inertial Sensing
-Technologies and Performance Grades", JNC 2023; symbols of IEEE Std 1293, 952, 517 and 647.
+Technologies and Performance Grades", JNC 2023.
 """
 
 from __future__ import annotations
@@ -55,7 +55,6 @@ class Term:
     Attributes
     ----------
     name : as in the slides, in ASCII (``b2p``, ``c_ij``, ``S_jk``, ``b0*T``).
-    symbol : the IEEE symbol, ``-`` where no standard names the term.
     factors : the regressor as a product; empty for the bias.
     unit : SI unit of the coefficient.
     printed : the unit that people use.
@@ -63,7 +62,6 @@ class Term:
     """
 
     name: str
-    symbol: str
     factors: tuple[Factor, ...]
     unit: str
     printed: str
@@ -72,10 +70,19 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """The candidate terms of one component, in the order of the model equation."""
+    """The candidate terms of one component.
+
+    Attributes
+    ----------
+    kind : accelerometer or gyroscope.
+    terms : in the order of the model equation.
+    technology : of the sensor, in words; it decides the standard whose symbols the terms are shown with (see
+        `imubayes.sensors.equations.standards.symbols`).
+    """
 
     kind: Kind
     terms: tuple[Term, ...]
+    technology: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,6 +104,7 @@ def library(
     temperature: int = 0,
     temperature_of: tuple[str, ...] = ("b0", "b1"),
     rate_of: tuple[str, ...] = ("b0",),
+    technology: str = "",
 ) -> Library:
     """Candidate terms of an accelerometer or a gyroscope.
 
@@ -111,6 +119,7 @@ def library(
         temperature at all.
     temperature_of : names of the terms that are expanded in temperature.
     rate_of : names of the terms that also come times dT/dt (``b0*dT``), where `temperature` is 1 or more.
+    technology : of the sensor's class, in words.
 
     Raises
     ------
@@ -127,9 +136,9 @@ def library(
     if temperature:
         _check_expanded(by_name, {"temperature_of": temperature_of, "rate_of": rate_of})
         orders = range(1, temperature + 1)
-        terms += [_heated(kind, by_name[name], q) for name in temperature_of for q in orders]
-        terms += [_drifting(kind, by_name[name]) for name in rate_of]
-    return Library(kind, tuple(terms))
+        terms += [_heated(by_name[name], q) for name in temperature_of for q in orders]
+        terms += [_drifting(by_name[name]) for name in rate_of]
+    return Library(kind, tuple(terms), technology)
 
 
 def columns(
@@ -223,7 +232,7 @@ def _power(values: FloatArray, factor: Factor) -> FloatArray:
 
 
 def _check_orders(kind: str, powers: int, asymmetry: int, temperature: int, set: str) -> None:
-    if kind not in _SYMBOLS:
+    if kind not in _OPPOSITE_UNITS:
         raise TermError(f"kind '{kind}' is not known: expected accelerometer or gyroscope")
     if set not in ("slide", "extended"):
         raise TermError(f"set '{set}' is not known: expected slide or extended")
@@ -263,7 +272,7 @@ def _cross(kind: Kind) -> Iterator[Term]:
     own = _own(kind)
     for axis in "jk":
         factors = (Factor(f"{own}_{axis}", 1),)
-        yield Term(f"m_{axis}", _symbol(kind, f"m_{axis}"), factors, "rad", "urad", "misalignment")
+        yield Term(f"m_{axis}", factors, "rad", "urad", "misalignment")
     for pair in ("ij", "ik", "jj", "jk", "kk"):
         yield _own_term(kind, f"c_{pair}", _product(own, pair), 2, "cross terms")
 
@@ -289,26 +298,26 @@ def _product(quantity: str, pair: str) -> tuple[Factor, ...]:
 
 def _own_term(kind: Kind, name: str, factors: tuple[Factor, ...], n: int, group: str) -> Term:
     unit, printed = _own_units(kind, n)
-    return Term(name, _symbol(kind, name), factors, unit, printed, group)
+    return Term(name, factors, unit, printed, group)
 
 
 def _opposite_term(kind: Kind, name: str, factors: tuple[Factor, ...], family: str) -> Term:
     unit, printed = _OPPOSITE_UNITS[kind][family]
-    return Term(name, _symbol(kind, name), factors, unit, printed, "opposite phenomenon")
+    return Term(name, factors, unit, printed, "opposite phenomenon")
 
 
-def _heated(kind: Kind, term: Term, q: int) -> Term:
+def _heated(term: Term, q: int) -> Term:
     power = "" if q == 1 else str(q)
     name = f"{term.name}*T{power}"
     unit = _per(term.unit, f"K^{q}" if power else "K")
     printed = _per(term.printed, f"degC^{q}" if power else "degC")
-    return Term(name, _symbol(kind, name), (*term.factors, Factor("T", q)), unit, printed, "temperature")
+    return Term(name, (*term.factors, Factor("T", q)), unit, printed, "temperature")
 
 
-def _drifting(kind: Kind, term: Term) -> Term:
+def _drifting(term: Term) -> Term:
     name, factors = f"{term.name}*dT", (*term.factors, Factor("dT", 1))
     unit, printed = _per(term.unit, "(K/s)"), _per(term.printed, "(degC/min)")
-    return Term(name, _symbol(kind, name), factors, unit, printed, "temperature")
+    return Term(name, factors, unit, printed, "temperature")
 
 
 def _per(unit: str, divisor: str) -> str:
@@ -337,26 +346,3 @@ _OPPOSITE_UNITS = {
         "s": ("rad/s/(rad/s^2)", "deg/h/(deg/s^2)"),
     },
 }
-
-_SYMBOLS: dict[str, dict[str, str]] = {
-    # IEEE 1293: K0' and K1' are full differences, so the half is written out; m_j = d_o, m_k = -d_p
-    "accelerometer": {
-        "b0": "K0", "b1": "K1", "b0p": "K0'/2", "b1p": "K1'/2", "b2p": "Koq", "m_j": "d_o", "m_k": "-d_p",
-        "c_ij": "Kip", "c_ik": "Kio", "c_jk": "Kpo", "c_jj": "Kpp", "c_kk": "Koo",
-        "S_ij": "Kspin", "s_k": "Kang",
-    },
-    # IEEE 952 with the scale-factor ppm in the denominator (minus signs); drift terms of IEEE 517
-    "gyroscope": {
-        "b0": "D_F", "b1": "-eps_K", "b2": "-eps_1", "b3": "-eps_2", "b1p": "-eps_1'",
-        "m_j": "a_Y", "m_k": "-a_X",
-        "g_i": "D_I", "g_j": "D_S", "g_k": "D_O", "S_ij": "D_IS", "S_ik": "D_IO", "S_jk": "D_OS",
-        "S_ii": "D_II", "S_jj": "D_SS", "S_kk": "D_OO", "b0*T": "D_T", "b0*dT": "D_Tdot", "b1*T": "-eps_T",
-    },
-}  # fmt: skip
-
-
-def _symbol(kind: str, name: str) -> str:
-    known = _SYMBOLS[kind].get(name)
-    if known is None and kind == "accelerometer" and name[0] == "b" and name[1:].isdigit():
-        return f"K{name[1:]}"
-    return known or "-"

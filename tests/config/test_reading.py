@@ -137,8 +137,15 @@ def test_wrap_of_a_clock_is_exact_in_the_unit_of_the_file(table, wraps, tmp_path
 def test_library_keys_are_the_arguments_of_library(tmp_path):
     options = 'powers = 4\nasymmetry = -1\nset = "extended"\ntemperature = 2\ntemperature_of = ["m_j"]\n'
     sensor = _sensor(tmp_path, HEAD + "[sensor.library]\n" + options + RUN)
+    technology = sensor.sensor_class.technology if sensor.sensor_class else ""
     assert sensor.library == library(
-        "accelerometer", powers=4, asymmetry=-1, set="extended", temperature=2, temperature_of=("m_j",)
+        "accelerometer",
+        powers=4,
+        asymmetry=-1,
+        set="extended",
+        temperature=2,
+        temperature_of=("m_j",),
+        technology=technology,
     )
 
 

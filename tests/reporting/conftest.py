@@ -33,6 +33,7 @@ from imubayes.selection.decision import Selection
 from imubayes.selection.models import Models
 from imubayes.selection.spaces import Every
 from imubayes.selection.verdicts import EQUAL, TermVerdict
+from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import Library, Term, library
 
@@ -65,7 +66,7 @@ def _partly(kind, **known):
     return kind(**{field.name: known.get(field.name) for field in fields(kind)})
 
 
-def _verdict(term: Term, row: tuple[float, float, float, float, str]) -> TermVerdict:
+def _verdict(term: Term, symbol: str, row: tuple[float, float, float, float, str]) -> TermVerdict:
     from imubayes.reporting.rounding import per_unit
 
     unit = per_unit(term.printed, term.unit)
@@ -73,7 +74,7 @@ def _verdict(term: Term, row: tuple[float, float, float, float, str]) -> TermVer
     mean, sd, prior_sd = mean * unit, sd * unit, prior_sd * unit
     partners = {"c_jj": ("c_kk",), "c_kk": ("c_jj",)}.get(term.name, ()) if verdict == "inseparable" else ()
     return TermVerdict(
-        term.name, term.symbol, term.unit, term.printed, term.group,
+        term.name, symbol, term.unit, term.printed, term.group,
         mean, sd, mean - 1.645 * sd, mean + 1.645 * sd, mean, sd, prior_sd,
         inclusion, (max(inclusion - 0.1, 0.0), min(inclusion + 0.05, 1.0)), abs(mean) + 2.0 * sd,
         abs(mean) / unit * (UG if term.unit != "rad/s" else DEG / 3600.0), verdict,
@@ -83,7 +84,7 @@ def _verdict(term: Term, row: tuple[float, float, float, float, str]) -> TermVer
 
 def _selection(lib: Library, rows: dict[str, tuple[float, float, float, float, str]]) -> Selection:
     default = (0.0, 20.0, 20.0, 0.2, "untested")
-    terms = tuple(_verdict(term, rows.get(term.name, default)) for term in lib.terms)
+    terms = tuple(_verdict(term, symbols(lib)[term.name], rows.get(term.name, default)) for term in lib.terms)
     excited = [term for term in terms if term.verdict != "untested"]
     p = len(excited)
     model = tuple(term.name for term in terms if term.inclusion >= 0.5)

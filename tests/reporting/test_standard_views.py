@@ -59,7 +59,7 @@ def test_value_of_a_symbol_is_its_term_over_the_gain_and_the_convention(study_of
     mean = {term.name: term.full_mean for term in result.sensors[0].selection.terms}
     found = {row["symbol"]: row for row in _values(result)["ieee1293"]["values"]}
     gain = 1.0 + mean["b1"]
-    for symbol, term, weight in (("K0", "b0", 1.0), ("K2", "b2", 1.0), ("delta_p", "m_k", -1.0)):
+    for symbol, term, weight in (("K0", "b0", 1.0), ("K2", "b2", 1.0), ("d_p", "m_k", -1.0)):
         assert found[symbol]["value"] == pytest.approx(mean[term] / (gain * weight), rel=1e-12)
         assert found[symbol]["term"] == term
 
@@ -82,7 +82,7 @@ def test_sd_carries_the_correlations_as_draws_do(study_of):
     view = standard_views(result.study, one)[0]
     fields = {row.symbol: row.field for row in standard("ieee1293", kind="accelerometer").symbols}
     tested = {row.found.symbol: row.found.sd for row in view.rows}
-    for symbol in ("K0", "K2", "delta_p"):
+    for symbol in ("K0", "K2", "d_p"):
         # what the linearisation leaves out is of the order of the gain's variance, 1e-4
         assert tested[symbol] == pytest.approx(float(np.std(getattr(p, fields[symbol]))), rel=0.015)
 
@@ -115,7 +115,7 @@ def test_every_symbol_of_the_standard_is_somewhere(study_of):
         one, selection=replace(one.selection, terms=terms), correlation=one.correlation[np.ix_(kept, kept)]
     )
     found = standards_record(replace(result.study, sensors=(spec,)), one)["ieee1293"]
-    assert "delta_p" in found["absent"]
+    assert "d_p" in found["absent"]
     told = [row["symbol"] for row in found["values"]] + found["untested"] + found["absent"]
     symbols = [row.symbol for row in standard("ieee1293", kind="accelerometer").symbols if row.term]
     assert sorted(told) == sorted(symbols)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.errors import TermError
+from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import CHANNEL_UNITS, Library, angles, column, columns, gains, library
 from imubayes.units import factor
 
@@ -207,8 +208,8 @@ def test_small_misalignment_has_the_signs_of_ieee_1293():
     expected = np.array([1.0, 0.0, 0.0]) + np.cross([0.0, d_p, d_o], [1.0, 0.0, 0.0])
     # what is left out is second order
     np.testing.assert_allclose(gains(0.0, d_p, d_o), expected, rtol=0.0, atol=(d_p + d_o) ** 2)
-    symbols = {term.name: term.symbol for term in library("accelerometer").terms}
-    assert (symbols["m_j"], symbols["m_k"]) == ("d_o", "-d_p")
+    shown = symbols(library("accelerometer"))
+    assert (shown["m_j"], shown["m_k"]) == ("d_o", "-d_p")
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,7 @@ class Part:
     ----------
     id, kind, class_id : of its entry in the result; the class is empty where there was none.
     component : the model's terms and their posterior means.
+    symbols : of these terms, in the standard of the sensor's technology.
     covariance : (p, p) of the coefficients.
     joint : whether the covariance is of the posterior's draws; else it has the variances alone.
     noise : largest N, B and K over the runs that `noise_runs` names.
@@ -58,6 +59,7 @@ class Part:
     kind: Kind
     class_id: str
     component: Component
+    symbols: tuple[str, ...]
     covariance: FloatArray
     joint: bool
     noise: Noise
@@ -179,6 +181,7 @@ def _part(
         kind=raw["kind"],
         class_id=str(raw.get("class") or ""),
         component=Component(lib, theta),
+        symbols=tuple(str(by_name[name].get("symbol", "-")) for name in lib.names),
         covariance=np.diag(spread**2) if joint is None else joint,
         joint=joint is not None,
         noise=noise,

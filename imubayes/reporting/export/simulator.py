@@ -36,7 +36,7 @@ def model_record(found: Characterized) -> dict[str, Any]:
 
 def _part_record(place: str, part: Part) -> dict[str, Any]:
     sd = np.sqrt(np.diag(part.covariance))
-    terms = zip(part.component.library.terms, part.component.theta, sd, strict=True)
+    terms = zip(part.component.library.terms, part.symbols, part.component.theta, sd, strict=True)
     floor, tau = floor_process(part.noise)
     return {
         "id": part.id,
@@ -44,10 +44,10 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
         "class": part.class_id or None,
         "terms": [
             {
-                "name": term.name, "symbol": term.symbol, "unit": term.unit, "value": float(value),
+                "name": term.name, "symbol": symbol, "unit": term.unit, "value": float(value),
                 "regressor": regressor(place, term), "sd": float(spread),
             }
-            for term, value, spread in terms
+            for term, symbol, value, spread in terms
         ],
         "covariance": part.covariance.tolist(),
         "covariance_of": "draws of the posterior" if part.joint else "variances alone",

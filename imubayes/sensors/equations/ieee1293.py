@@ -3,7 +3,7 @@
 ::
 
     E = K1 { K0 + (K0'/2) sgn a_i + [1 + (K1'/2) sgn a_i] a_i + Koq a_i|a_i| + K2 a_i^2 + K3 a_i^3 + ...
-           + delta_o a_p - delta_p a_o + Kip a_i a_p + Kio a_i a_o + Kpo a_p a_o + Kpp a_p^2 + Koo a_o^2
+           + d_o a_p - d_p a_o + Kip a_i a_p + Kio a_i a_o + Kpo a_p a_o + Kpp a_p^2 + Koo a_o^2
            + Kspin w_i w_p + Kang dw_o/dt }
 
 Axes (i, p, o) are (i, j, k). K0' and K1' are full differences between plus and minus. The equation is as
@@ -122,7 +122,7 @@ _SQUARE = ("(m/s^2)^-1", "ug/g^2")
 _FULL = "full difference of plus and minus"
 
 SYMBOLS = (
-    Symbol("s", "K1/K1nom - 1", "b1", "1", "ppm", note="K1 = K1nom (1 + this)"),
+    Symbol("s", "K1", "b1", "1", "ppm", note="K1/K1nom - 1"),
     Symbol("K0", "K0", "b0", "m/s^2", "ug"),
     Symbol("K0p", "K0'", "b0p", "m/s^2", "ug", 0.5, _FULL),
     Symbol("K1p", "K1'", "b1p", "1", "ppm", 0.5, _FULL),
@@ -131,14 +131,14 @@ SYMBOLS = (
         Symbol(f"K{m}", f"K{m}", f"b{m}", f"(m/s^2)^{1 - m}", f"ug/g^{m}")
         for m in range(2, HIGHEST_POWER + 1)
     ),
-    Symbol("d_o", "delta_o", "m_j", "rad", "urad", note="about the output axis"),
-    Symbol("d_p", "delta_p", "m_k", "rad", "urad", -1.0, "about the pendulous axis: -m_k"),
+    Symbol("d_o", "d_o", "m_j", "rad", "urad", note="about the output axis"),
+    Symbol("d_p", "d_p", "m_k", "rad", "urad", -1.0, "about the pendulous axis: -m_k"),
     *(
         Symbol(f"K{ieee}", f"K{ieee}", f"c_{pair}", *_SQUARE)
         for ieee, pair in (("ip", "ij"), ("io", "ik"), ("po", "jk"), ("pp", "jj"), ("oo", "kk"))
     ),
     Symbol("Kspin", "Kspin", "S_ij", "m/s^2/(rad/s)^2", "ug/(rad/s)^2", note="with a lever arm along j"),
-    Symbol("Kang", "Kang.accel", "s_k", "m/s^2/(rad/s^2)", "ug/(rad/s^2)", note="with a lever arm along j"),
+    Symbol("Kang", "Kang", "s_k", "m/s^2/(rad/s^2)", "ug/(rad/s^2)", note="with a lever arm along j"),
 )
 """Parameters of the equation; the nominal scale factor is given, not estimated."""
 

@@ -3,7 +3,7 @@
 ::
 
     output = (I + D_F + D_a . a + D_T dT) (1 + 1e-6 [eps_K + eps_T dT])
-    I = w_i + alpha_Y w_j - alpha_X w_k
+    I = w_i + a_Y w_j - a_X w_k
 
 after the adaptation of IEEE 1431 in NXP's public TSIM model, where the scale-factor error multiplies (in IEEE
 952 and 647 it divides: the signs are opposite). Every eps is a pure number here. The ramp R t, the random
@@ -79,8 +79,8 @@ def indicated(p: VibratoryGyro, channels: Mapping[str, FloatArray], n: int) -> F
 _LINEAR = (
     Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
     Symbol("eps_K", "eps_K", "b1", "1", "ppm", note="in the numerator"),
-    Symbol("a_X", "alpha_X", "m_k", "rad", "urad", -1.0, "about X: the response to Y is its negative"),
-    Symbol("a_Y", "alpha_Y", "m_j", "rad", "urad", note="about Y"),
+    Symbol("a_X", "a_X", "m_k", "rad", "urad", -1.0, "about X: the response to Y is its negative"),
+    Symbol("a_Y", "a_Y", "m_j", "rad", "urad", note="about Y"),
     *(Symbol(f"D_{axis}", f"D_a,{axis}", f"g_{axis}", "rad/s/(m/s^2)", "deg/h/g") for axis in "ijk"),
 )
 _DRIFT = Symbol("D_T", "D_T", "b0*T", "rad/s/K", "deg/h/degC")

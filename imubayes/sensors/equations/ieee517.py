@@ -2,7 +2,7 @@
 
 ::
 
-    output = (1 + 1e-6 eps_K) { w_I + alpha_O w_S - alpha_S w_O + D
+    output = (1 + 1e-6 eps_K) { w_I + a_O w_S - a_S w_O + D
                                 + (I_O/H) dw_O/dt + theta_I w_I w_S }
     D = D_F + D_I a_I + D_S a_S + D_O a_O + D_II a_I^2 + D_SS a_S^2 + D_OO a_O^2
         + D_IS a_I a_S + D_IO a_I a_O + D_OS a_O a_S
@@ -97,8 +97,8 @@ _G2 = ("rad/s/(m/s^2)^2", "deg/h/g^2")
 SYMBOLS = (
     Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
     Symbol("eps_K", "eps_K", "b1", "1", "ppm", note="in the numerator"),
-    Symbol("a_O", "alpha_O", "m_j", "rad", "urad", note="about the output axis"),
-    Symbol("a_S", "alpha_S", "m_k", "rad", "urad", -1.0, "about the spin axis: -m_k"),
+    Symbol("a_O", "a_O", "m_j", "rad", "urad", note="about the output axis"),
+    Symbol("a_S", "a_S", "m_k", "rad", "urad", -1.0, "about the spin axis: -m_k"),
     Symbol("D_I", "D_I", "g_i", *_G, note="mass unbalance along the spin axis"),
     Symbol("D_S", "D_S", "g_j", *_G, note="mass unbalance along the input axis"),
     Symbol("D_O", "D_O", "g_k", *_G),

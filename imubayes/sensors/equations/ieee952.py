@@ -109,15 +109,15 @@ _GRADIENT = ("rad/s/(K/m/s)", "deg/h/(degC/m/min)")
 
 SYMBOLS = (
     Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
-    Symbol("eps_K", "eps_K", "b1", "1", "ppm", note="in the denominator: the output falls as it grows"),
-    Symbol("a_X", "alpha_X", "m_k", "rad", "urad", note="about XRA: the response to YRA is its negative"),
-    Symbol("a_Y", "alpha_Y", "m_j", "rad", "urad", note="about YRA"),
-    Symbol("eps_1", "eps_1", "b2", "(rad/s)^-1", "ppm/(deg/s)", note="in the denominator"),
-    Symbol("eps_2", "eps_2", "b3", "(rad/s)^-2", "ppm/(deg/s)^2", note="in the denominator"),
-    Symbol("eps_1p", "eps_1'", "b1p", "1", "ppm", note="half difference, in the denominator"),
+    Symbol("eps_K", "eps_K", "b1", "1", "ppm", -1.0, "in the denominator: the output falls as it grows"),
+    Symbol("a_X", "a_X", "m_k", "rad", "urad", -1.0, "about XRA: the response to YRA is its negative"),
+    Symbol("a_Y", "a_Y", "m_j", "rad", "urad", note="about YRA"),
+    Symbol("eps_1", "eps_1", "b2", "(rad/s)^-1", "ppm/(deg/s)", -1.0, "in the denominator"),
+    Symbol("eps_2", "eps_2", "b3", "(rad/s)^-2", "ppm/(deg/s)^2", -1.0, "in the denominator"),
+    Symbol("eps_1p", "eps_1'", "b1p", "1", "ppm", -1.0, "half difference, in the denominator"),
     Symbol("D_T", "D_T", "b0*T", "rad/s/K", "deg/h/degC"),
     Symbol("D_Tdot", "D_Tdot", "b0*dT", "rad/s/(K/s)", "deg/h/(degC/min)"),
-    Symbol("eps_T", "eps_T", "b1*T", "1/K", "ppm/degC", note="in the denominator"),
+    Symbol("eps_T", "eps_T", "b1*T", "1/K", "ppm/degC", -1.0, "in the denominator"),
     *(Symbol(f"D_grad_{axis}", f"D_gradTdot,{axis}", "", *_GRADIENT) for axis in "ijk"),
 )
 

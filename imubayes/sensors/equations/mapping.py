@@ -5,7 +5,8 @@ A standard's parameter is tied to one generalized term. Where every parameter si
 
     b1 = q - 1,   theta[term] = q * weight * value
 
-The weight carries the conventions: 1/2 for the full differences K0' and K1', -1 for the angle about j.
+The weight carries the conventions: 1/2 for the full differences K0' and K1', -1 for the angle about j, and -1
+for a scale-factor error in the denominator, where it holds to first order.
 Numbers may be floats, complex steps or arrays of either: everything here is arithmetic on them.
 """
 
@@ -48,6 +49,18 @@ class Symbol:
     printed: str
     weight: float = 1.0
     note: str = ""
+
+    @property
+    def of_term(self) -> str:
+        """The term's coefficient in this symbol, to first order: ``K0'/2``, ``-d_p``.
+
+        Examples
+        --------
+        >>> Symbol("d_p", "d_p", "m_k", "rad", "urad", -1.0).of_term
+        '-d_p'
+        """
+        sign, size = ("-" if self.weight < 0.0 else ""), 1.0 / abs(self.weight)
+        return f"{sign}{self.symbol}" + (f"/{size:g}" if size != 1.0 else "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,8 @@
-"""Fitted coefficients in a standard's own symbols, and which standard speaks of which technology."""
+"""Which standard speaks of which technology, and coefficients in its symbols.
+
+A sensor's technology decides its standard (`standards_for`), and the standard the symbols that its terms are
+shown with (`symbols`): nothing else spells them.
+"""
 
 from __future__ import annotations
 
@@ -109,6 +113,25 @@ def standards_for(kind: str, technology: str) -> tuple[str, ...]:
     phrase = technology.lower()
     matches = (ids for known, part, ids in APPLIES if known == kind and part in phrase)
     return (*next(matches, ()), "basic")
+
+
+def symbols(lib: Library) -> dict[str, str]:
+    """Symbol of each term of a library in the standard of its technology, ``-`` where it has none.
+
+    A gyroscope of no known technology has none: an ``eps_K`` is a gain in one standard, a divisor in another.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> laser = symbols(library("gyroscope", technology="small ring laser"))
+    >>> mems = symbols(library("gyroscope", technology="CVG tuning-fork MEMS"))
+    >>> laser["b1"], mems["b1"], mems["m_k"], mems["b3"]
+    ('-eps_K', 'eps_K', '-a_X', '-')
+    """
+    own, *_ = standards_for(lib.kind, lib.technology)
+    rows = standard(own, kind=lib.kind).symbols if own != "basic" else ()
+    spelt = {row.term: row.of_term for row in rows if row.term}
+    return {name: spelt.get(name, "-") for name in lib.names}
 
 
 def in_standard(id: str, lib: Library, mean: FloatArray, cov: FloatArray) -> tuple[StandardValue, ...]:

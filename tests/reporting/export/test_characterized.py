@@ -124,3 +124,12 @@ def test_a_result_of_another_kind_of_study_is_refused():
 def test_every_id_gives_an_identifier(tmp_path, id, name):
     found = identifier(characterized(write_imu(tmp_path, id=id)))
     assert found == name and found.isidentifier()
+
+
+def test_a_simulator_gets_the_symbols_of_the_result(tmp_path):
+    def spell(document):
+        for term in document["sensors"][0]["terms"]:
+            term["symbol"] = f"<{term['name']}>"
+
+    part = characterized(edited(write_imu(tmp_path), spell)).parts["ax"]
+    assert part.symbols == tuple(f"<{name}>" for name in part.component.library.names)

@@ -53,7 +53,7 @@ def test_trap_every_coefficient_sits_inside_the_gain():
 
 
 def test_tumble_in_the_plane_of_input_and_pendulous_axis_has_the_published_harmonics():
-    """K0 + (K2 + Kpp)/2, K1 + 3 K3/4, (K2 - Kpp)/2, K3/4, delta_o and Kip/2, at 1 unit of gravity."""
+    """K0 + (K2 + Kpp)/2, K1 + 3 K3/4, (K2 - Kpp)/2, K3/4, d_o and Kip/2, at 1 unit of gravity."""
     p = Accelerometer(K0=1e-2, K2=3e-3, K3=2e-3, Kpp=5e-4, d_o=4e-3, Kip=7e-4)
     n = 64
     angle = 2.0 * np.pi * np.arange(n) / n

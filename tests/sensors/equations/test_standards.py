@@ -1,10 +1,13 @@
 """Results in a standard's symbols: units, uncertainty, and which standard applies."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from imubayes.errors import TermError
-from imubayes.sensors.catalogue import classes
+from imubayes.sensors.catalogue import classes, figure_symbols, prior_sd, sensor
 from imubayes.sensors.equations.standards import (
     APPLIES,
     STANDARDS,
@@ -12,6 +15,7 @@ from imubayes.sensors.equations.standards import (
     linearised,
     standard,
     standards_for,
+    symbols,
 )
 from imubayes.sensors.terms import Library, library
 from imubayes.units import factor
@@ -141,10 +145,80 @@ def test_symbols_and_fields_are_unique(known):
     assert len({row.field for row in known.symbols}) == len(known.symbols)
 
 
+@BY_ID
+def test_a_displayed_symbol_has_the_sign_and_the_scale_of_the_exact_mapping(known):
+    """``-X/2`` says that the coefficient is minus half of X: so it is, of each parameter alone, exactly.
+
+    At 2^-40 of a parameter the mapping's curvature is below rounding, and the slope is a power of two.
+    """
+    step, none = 2.0**-40, known.from_general({})
+    for row in known.symbols:
+        if not row.term:
+            continue
+        sign, symbol, divisor = re.fullmatch(r"(-?)([^-/]+(?:/H)?)(?:/(\d))?", row.of_term).groups()
+        assert symbol == row.symbol
+        moved = known.to_general(replace(none, **{row.field: step}))
+        said = (-1.0 if sign else 1.0) / float(divisor or 1.0)
+        assert moved[row.term] / step == pytest.approx(said, abs=1e-9), row.of_term
+
+
+@pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
+def test_symbols_of_a_class_are_those_of_its_standard_and_no_other(entry):
+    lib = library(entry.kind, set="extended", temperature=1, technology=entry.technology)
+    own = standards_for(entry.kind, entry.technology)[0]
+    known = {} if own == "basic" else {r.term: r for r in standard(own, kind=entry.kind).symbols}
+    for name, shown in symbols(lib).items():
+        assert shown == (known[name].of_term if name in known else "-")
+
+
+@pytest.mark.parametrize(
+    ("id", "scale", "unbalance"),
+    [
+        ("mems_consumer", "eps_K", "D_a,i"),
+        ("hrg_navigation", "eps_K", "D_a,i"),
+        ("fog_tactical", "-eps_K", "-"),
+        ("rlg_navigation", "-eps_K", "-"),
+        ("mech_sdf_rig", "eps_K", "D_I"),
+        ("mech_dtg", "eps_x", "D_xx"),
+        ("mech_rate_spring", "-", "-"),
+    ],
+)
+def test_the_class_decides_the_symbols_of_a_gyroscope(id, scale, unbalance):
+    entry = sensor(id, kind="gyroscope")
+    shown = symbols(library("gyroscope", set="extended", technology=entry.technology))
+    assert (shown["b1"], shown["g_i"]) == (scale, unbalance)
+
+
+def test_a_gyroscope_of_no_known_technology_has_no_symbols():
+    assert set(symbols(library("gyroscope")).values()) == {"-"}
+    assert symbols(library("accelerometer"))["b1p"] == "K1'/2"
+
+
+@pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
+def test_a_figure_of_the_catalogue_is_the_size_that_its_symbol_says(entry):
+    """The figure, as that many times the parameter, gives the term the prior sd that it has."""
+    rows = {r.symbol: r for id in standards_for(entry.kind, entry.technology)[:1]
+            for r in standard(id, kind=entry.kind).symbols}  # fmt: skip
+    lib = library(entry.kind, set="extended", temperature=1)
+    terms = {term.name: term for term in lib.terms}
+    for key in entry.coefficients:
+        for shown in figure_symbols(entry, key):
+            times, _, symbol = shown.rpartition(" ")
+            row = rows[symbol]
+            figure = 1.0 / float(times or 1.0) * abs(row.weight)
+            size = prior_sd(replace(entry, coefficients=_alone(entry, key)), terms[row.term])[0]
+            assert size == pytest.approx(figure), shown
+
+
+def _alone(entry, key):
+    """The class's figures with one of size 1 and nothing else."""
+    return {name: (1.0, 1.0, 1.0) if name == key else (0.0, 0.0, 0.0) for name in entry.coefficients}
+
+
 def test_parameters_without_a_term_in_the_library_are_left_out():
     lib = library("gyroscope", powers=1, asymmetry=-1)
     values = in_standard("ieee952", lib, np.zeros(len(lib.terms)), np.eye(len(lib.terms)))
-    assert [value.symbol for value in values] == ["D_F", "eps_K", "alpha_X", "alpha_Y"]
+    assert [value.symbol for value in values] == ["D_F", "eps_K", "a_X", "a_Y"]
 
 
 def test_every_class_of_the_catalogue_has_its_standard_or_is_known_to_have_none():
