@@ -178,12 +178,16 @@ class Study:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorCheck:
-    """What the runs of a component can tell of its terms and extras, before anything is fitted."""
+    """What the runs of a component can tell of its terms and extras, before anything is fitted.
+
+    Of the runs, `notes` says what is left out as saturated.
+    """
 
     id: str
     library: Library
     observability: Observability
     extras: tuple[Extra, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

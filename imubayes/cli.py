@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from imubayes.console import complete, fail, progress_line, show, usable, written
+from imubayes.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import ConvergenceError, InputError, TermError
 from imubayes.options import check_resumable, climbing, duration, overruled
 
@@ -134,7 +134,9 @@ def _run(
                 "--method, --resume, --time-limit, --ess, --budget and --accuracy choose how a sensor's"
                 " posterior is computed, which this study leaves no choice of: leave them out"
             )
-        _report(measured(other, progress_line()), folder)
+        with waiting() as told:
+            done = measured(other, told)
+        _report(done, folder)
         return
     read = read_study(study)
     asked = None if method is None else method.value
@@ -143,7 +145,8 @@ def _run(
     if resume:
         check_resumable(sampling.method, folder / CHAINS)
     sampling = replace(sampling, checkpoints=folder / CHAINS, resume=resume)
-    result = run(replace(read, sampling=sampling), progress=progress_line())
+    with waiting() as told:
+        result = run(replace(read, sampling=sampling), progress=told, quicker=told.quicker)
     files = write_results(result, folder)
     show(terminal_summary(result))
     written(folder, files)
@@ -165,8 +168,8 @@ def _run_fleet(study: FleetStudy, folder: Path, scheduler: str, *, resume: bool)
     from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
 
     try:
-        with engine(scheduler, study.processes) as workers:
-            result = measure(study, folder, workers, resume=resume, progress=progress_line())
+        with engine(scheduler, study.processes) as workers, waiting() as told:
+            result = measure(study, folder, workers, resume=resume, progress=told)
     except KeyboardInterrupt:
         fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)
     with complete(folder) as part:
@@ -183,7 +186,7 @@ def _check(study: StudyFile) -> None:
     from imubayes.study import check
 
     for sensor in check(read_study(study)):
-        show(terminal_check(sensor.id, sensor.observability, sensor.library, sensor.extras))
+        show(terminal_check(sensor))
 
 
 @app.command("simulate")
@@ -221,9 +224,8 @@ def _trade(
     folder = usable(out or Path("reports") / f"{study.stem}-trade")
     asked = [] if rungs is None else rungs.split(",")
     names = [] if only is None else [name.strip() for name in only.split(",")]
-    done = traded(
-        study, asked, names, repeats=repeats, limit=duration(limit, "--limit"), progress=progress_line()
-    )
+    with waiting() as told:
+        done = traded(study, asked, names, repeats=repeats, limit=duration(limit, "--limit"), progress=told)
     _report(done, folder)
 
 
@@ -241,7 +243,8 @@ def _plan(
     from imubayes.reporting.plan_page import terminal_plan, write_plan
 
     folder = usable(out or Path("reports") / study.stem)
-    found = propose(read_plan(study), progress=progress_line())
+    with waiting() as told:
+        found = propose(read_plan(study), progress=told)
     with complete(folder) as part:
         files = (*write_plan(found, part), write_planned(found, part))
     show(terminal_plan(found))

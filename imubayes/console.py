@@ -5,14 +5,19 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from threading import Event, Thread
 from typing import NoReturn
 
 import typer
 
 from imubayes.errors import InputError
+
+MINUTE = 60.0
+"""s after which a command that still computes says what, and again each time that the time has doubled."""
 
 
 def fail(message: str, code: int) -> NoReturn:
@@ -22,16 +27,55 @@ def fail(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
-def progress_line() -> Callable[[str], None]:
-    """Say what goes on, on one line of stderr, if somebody watches."""
-    if not sys.stderr.isatty():
-        return lambda message: None
-    width = shutil.get_terminal_size().columns - 1
-    return lambda message: typer.echo(f"\r\x1b[2K{message[:width]}", nl=False, err=True)
+@dataclass(slots=True)
+class Waiting:
+    """What somebody who waits is told: on one line of stderr if it is a terminal.
+
+    Attributes
+    ----------
+    doing : what goes on.
+    instead : what would take less time; empty where nothing is known.
+    """
+
+    doing: str = ""
+    instead: str = ""
+
+    def __call__(self, message: str) -> None:
+        """Say what goes on."""
+        self.doing = message
+        if sys.stderr.isatty():
+            width = shutil.get_terminal_size().columns - 1
+            typer.echo(f"\r\x1b[2K{message[:width]}", nl=False, err=True)
+
+    def quicker(self, text: str) -> None:
+        """Keep what would take less time, for the time when it is long."""
+        self.instead = text
+
+
+@contextmanager
+def waiting(first: float = MINUTE) -> Iterator[Waiting]:
+    """Tell what goes on, and after a minute, two, four ... on a line of its own, whatever stderr is."""
+    told, over = Waiting(), Event()
+    reminder = Thread(target=_remind, args=(told, over, first), daemon=True)
+    reminder.start()
+    try:
+        yield told
+    finally:
+        over.set()
+        reminder.join()
+
+
+def _remind(told: Waiting, over: Event, first: float) -> None:
+    elapsed, wait = first, first
+    while not over.wait(wait):
+        clear_progress()
+        parts = [f"after {elapsed / MINUTE:g} min: {told.doing or 'starting'}", told.instead]
+        typer.echo(f"imubayes: {'; '.join(part for part in parts if part)}", err=True)
+        wait, elapsed = elapsed, 2.0 * elapsed
 
 
 def clear_progress() -> None:
-    """Clear the line that `progress_line` writes."""
+    """Clear the line that `Waiting` writes."""
     if sys.stderr.isatty():
         typer.echo("\r\x1b[2K", nl=False, err=True)
 

@@ -7,6 +7,7 @@ test whether what is left is noise.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -38,8 +39,8 @@ from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.noise_at_rest import rows_at_rest
 from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
 from imubayes.ladder.climb import by_accuracy, by_budget
-from imubayes.ladder.costs import calibrate
-from imubayes.ladder.problem import plainly_prepared, problem_of
+from imubayes.ladder.costs import calibrate, foreseen, known_law, within
+from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
 from imubayes.missions import required
 from imubayes.planning.observability import Observability, observe
 from imubayes.preparation import (
@@ -51,22 +52,32 @@ from imubayes.preparation import (
     runs_of,
 )
 from imubayes.rig.inputs import CaseRun, Run
+from imubayes.rig.saturation import saturated
 from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
 from imubayes.selection.noise_found import processes_of
 from imubayes.selection.panel import Panel, panel_of
 
+SHORT = 30.0
+"""s: a budget for somebody who does not want to wait."""
+
 DRAWS = 2000
 """Posterior and prior draws that a result carries."""
 
 
-def run(study: Study, *, progress: Callable[[str], None] = lambda message: None) -> StudyResult:
+Tell = Callable[[str], None]
+
+
+def run(
+    study: Study, *, progress: Tell = lambda message: None, quicker: Tell = lambda message: None
+) -> StudyResult:
     """Characterise every sensor of a study.
 
     Parameters
     ----------
     study : as `config.read_study` gives it.
     progress : is told what goes on.
+    quicker : is told of each sensor what would take less time, before it is characterised.
 
     Raises
     ------
@@ -80,6 +91,7 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
         runs = runs_of(spec, study.seed, k, job.tell)
         with _named(spec):
             case = _of_case(runs)
+            quicker(_quicker(job, case, runs))
             if study.sampling.climbs:
                 found = [_on_ladder(job, runs)]
             else:
@@ -88,6 +100,16 @@ def run(study: Study, *, progress: Callable[[str], None] = lambda message: None)
     if study.scenes:
         progress(f"what {len(study.scenes)} scenes require")
     return of_study(study, results, required(study.scenes, results))
+
+
+def _quicker(job: _Job, case: Sequence[CaseRun], runs: Sequence[AnyRun]) -> str:
+    """Say what a budget would give; empty where there is no choice of methods."""
+    if case or job.study.sampling.climbs:
+        return ""
+    size, law = size_of(problem_of(job.spec, runs)), known_law()
+    rung = within(SHORT, size, law)
+    seconds = foreseen(rung, size, law).seconds
+    return f'--budget "{SHORT:g} s" would answer by the method {rung}, in about {math.ceil(seconds)} s'
 
 
 def check(study: Study) -> tuple[SensorCheck, ...]:
@@ -107,7 +129,13 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
 
 def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
     ready = before_fit(spec, runs)
-    return SensorCheck(spec.id, spec.library, _observed(ready), ready.summary.extras)
+    return SensorCheck(
+        spec.id,
+        spec.library,
+        _observed(ready),
+        ready.summary.extras,
+        saturated({run.name: run.source for run in runs}),
+    )
 
 
 def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
@@ -118,6 +146,7 @@ def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
             one.library,
             _observed(replace(ready, summary=replace(ready.summary, facts=one.facts))),
             ready.summary.extras,
+            saturated({run.name: run.source for run in runs}),
         )
         for one in case.components
     ]
@@ -274,7 +303,9 @@ def _sampled(job: _Job, ready: Prepared) -> _Posterior:
         )
     except ConvergenceError as unfinished:
         if not isinstance(unfinished.estimate, Sampled):
-            raise
+            return _Posterior(
+                "exact", f"the noise, held at its estimate, cannot be sampled: {unfinished}", None
+            )
         sampled = unfinished.estimate
     return _Posterior(method, reason, sampled)
 

@@ -11,7 +11,11 @@ from imubayes import preparation
 from imubayes import study as method
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
+from imubayes.inference.mcmc import whitenings
+from imubayes.preparation import simulate_sensor
+from imubayes.reporting.words import answer
 from imubayes.rig.inputs import TriadRun
+from imubayes.rig.record import write_run
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -304,3 +308,30 @@ def test_shipped_xsens_study_gives_the_published_calibration(recordings, monkeyp
     entries = [value for row in rows for value in row["nonorthogonality"].values()]
     np.testing.assert_allclose(entries, [-0.0033593, -0.00890639, -0.0213341], atol=5e-4)
     assert len(sensors[0].runs[0].stills) == 38
+
+
+def test_noise_whose_density_cannot_be_followed_is_held_at_its_estimate(monkeypatch):
+    """Walkers would go where nothing but the interpolation is likely."""
+    monkeypatch.setattr(whitenings, "ORDERS", (7,))
+    monkeypatch.setattr(whitenings, "_misleads", lambda *given: True)
+    (sensor,) = method.run(small(method="collapsed")).sensors
+    assert sensor.method == "exact" and sensor.chains is None
+    assert "cannot be sampled: the likelihood of the noise of run tumble" in sensor.method_reason
+    (chosen,) = method.run(small(method="auto", budget=60.0)).sensors
+    assert chosen.choice.rung == "averaged"
+
+
+def test_clipped_centrifuge_gives_the_true_coefficients_of_what_is_left(tmp_path):
+    arm = {"profile": "centrifuge", "levels": [1.0, 5.0, 20.0], "dwell": 5.0, "rate": 10.0}
+    runs = (RunSpec("arm", "centrifuge", simulate=arm),)
+    one = spec(runs=runs, truth={"b0": 0.02, "b1": 3e-4})
+    (run,), _ = simulate_sensor(one, 1, 0)
+    write_run(replace(run, output=np.clip(run.output, -177.0, 177.0)), tmp_path / "arm.csv", kind=one.kind)
+    recorded = replace(one, truth={}, runs=(RunSpec("arm", "centrifuge", tmp_path / "arm.csv", "arm.csv"),))
+    (sensor,) = method.run(small(recorded, method="auto")).sensors
+    assert sensor.samples < run.samples and all(check.fits for check in sensor.checks)
+    for term in sensor.selection.terms:
+        assert abs(term.full_mean - one.truth.get(term.name, 0.0)) < 4.0 * term.full_sd, term.name
+    assert any("arm: output is saturated at" in text for text in answer(sensor))
+    (checked,) = method.check(small(recorded))
+    assert "samples are left out" in checked.notes[0]

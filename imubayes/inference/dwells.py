@@ -159,13 +159,8 @@ def rows_kept(rows: Linear, kept: NDArray[np.bool_]) -> Linear:
 
 def run_kept(run: Run, kept: NDArray[np.bool_]) -> Run:
     """The samples of a run that are `kept` (n,); its notes say how many are not."""
-    inputs = replace(
-        run.inputs,
-        t=run.inputs.t[kept],
-        channels={name: values[kept] for name, values in run.inputs.channels.items()},
-        mount=None if run.inputs.mount is None else run.inputs.mount[kept],
-    )
-    return replace(run, inputs=inputs, output=run.output[kept], source=_noted(run.source, kept))
+    source = _noted(run.source, kept)
+    return replace(run, inputs=run.inputs.kept(kept), output=run.output[kept], source=source)
 
 
 def _noted(source: Source, kept: NDArray[np.bool_]) -> Source:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from imubayes.errors import ConvergenceError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.answer import Answer, change
 from imubayes.ladder.costs import foreseen, within
@@ -52,7 +53,10 @@ def by_budget(
     start, size = time.perf_counter(), size_of(problem)
     rung = within(budget, size, law)
     ground = ground_of(problem, rng, tell, _ending(limits, budget, foreseen(rung, size, law).seconds))
-    found = stand(rung, ground)
+    try:
+        found = stand(rung, ground)
+    except ConvergenceError:  # where chains cannot be run, the best rung without
+        found = stand("averaged", ground)
     choice = _choice(ground, found, law, f"a budget of {budget:g} s", start)
     return found, replace(choice, budget=budget)
 
@@ -80,7 +84,10 @@ def by_accuracy(
     found = stand(NAMES[0], ground)
     steps: list[tuple[RungName, float, float]] = [(found.rung, 0.0, 0.0)]
     for name in rungs_for(size_of(problem))[1:]:
-        below, found = found, stand(name, ground)
+        try:
+            below, found = found, stand(name, ground)
+        except ConvergenceError:  # and so it is with the rungs above
+            break
         steps.append((name, *change(below, found)))
         if steps[-1][1] <= accuracy:
             break

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.reporting.evidence import exact_evidence
 from imubayes.reporting.rows import plug_in_inclusion
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
@@ -52,7 +53,9 @@ def unconverged_sentence(sensor: SensorResult) -> str:
 
 
 def _remedy(sensor: SensorResult) -> str:
-    """What gives the chains more steps; those of a rung that was chosen are not kept."""
+    """What gives the chains more steps, where these help; those of a rung that was chosen are not kept."""
+    if sensor.chains and STILL in sensor.chains.diagnostics.text:
+        return "hold the noise at its estimate by --method exact"
     if sensor.choice is None:
         return "continue with --resume, or give more time"
     return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"

@@ -27,11 +27,12 @@ from imubayes.reporting.words import (
     weighed_text,
 )
 from imubayes.rig.runs import ABSENT
+from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.campaign import SensorCheck, SensorResult, StudyResult
     from imubayes.inference.linear import Extra
     from imubayes.planning.observability import Observability
     from imubayes.sensors.terms import Library
@@ -96,6 +97,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
         yield indented(distrusted)
+    yield from map(indented, saturated({run.name: run.source for run in sensor.runs}))
     for run in sensor.runs[:MOST_RUNS]:
         row = noise_row(run, sensor.kind, sensor.chains)
         yield indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
@@ -158,18 +160,12 @@ def _group_numbers(sensor: SensorResult, name: str) -> str:
     return f" [{','.join([*numbers[:MOST_GROUPS], *more])}]" if numbers else ""
 
 
-def terminal_check(
-    sensor_id: str, observability: Observability, lib: Library, extras: Sequence[Extra] = ()
-) -> Group:
+def terminal_check(check: SensorCheck) -> Group:
     """Say what the test can tell of each term before anything is fitted, for a rich console.
 
-    Parameters
-    ----------
-    sensor_id : its last part names the component where `observability` is a triad's (``ax.b0``, ...).
-    observability : of the terms of `lib`, or of all terms of a triad.
-    lib : the component's library.
-    extras : columns of `observability` that are no terms.
+    The last part of the id names the component where the observability is a triad's (``ax.b0``, ...).
     """
+    sensor_id, observability, lib, extras = check.id, check.observability, check.library, check.extras
     table = _table()
     table.add_column("term")
     table.add_column("symbol")
@@ -204,6 +200,7 @@ def terminal_check(
         ),
         table,
         *(indented(sentence) for sentence in _check_words(observability, columns, lib, extras)),
+        *map(indented, check.notes),
         Text(),
     )
 

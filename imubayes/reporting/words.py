@@ -16,6 +16,7 @@ from imubayes.reporting.chain_words import (
 from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.method_words import missing_sentence
 from imubayes.reporting.rows import fit_scale, label, own_groups
+from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import STRAINED, listed
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_rest(sensor),
         *_cannot_tell(sensor),
         distrust_sentence(sensor),
+        *map(sentence, saturated({run.name: run.source for run in sensor.runs})),
         fit_sentence(sensor),
         digits_sentence(sensor),
         *choice_sentences(sensor.choice),

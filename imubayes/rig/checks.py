@@ -15,12 +15,6 @@ FloatArray = NDArray[np.float64]
 LARGEST = 1e100
 """In the file's own unit: beyond it a number is a placeholder, and its square leaves double precision."""
 
-RAIL = 3
-"""Samples in a row at the smallest or largest value that count as saturation."""
-
-LEVELS = 32
-"""With fewer distinct values than this the output is coarse, and rests at its extremes when all is well."""
-
 JUMP = 0.2
 """Relative change of the sampling interval, over a block of `BLOCK` steps, that is worth a note."""
 BLOCK = 64
@@ -117,29 +111,3 @@ def jump_note(interval: float, at: float, usual: float) -> str:
         f"the sampling interval is {interval:.4g} s around t = {at:.6g} s "
         f"where it is {usual:.4g} s over most of the run"
     )
-
-
-def saturation(name: str, output: FloatArray) -> str:
-    """Say which share of an output sits at its smallest or largest value; empty if it does not.
-
-    Examples
-    --------
-    >>> saturation("output", np.minimum(np.arange(100.0), 90.0))
-    'output rests at its smallest or largest value (3 samples or more) 10 % of the time: it may be saturated'
-    """
-    share = (railed(output, output.max()) + railed(output, output.min())) / len(output)
-    return "" if share == 0.0 or len(np.unique(output)) < LEVELS else rest_note(name, share)
-
-
-def rest_note(name: str, share: float) -> str:
-    """Say that an output rests at its extremes for a share of the time; empty if it does not."""
-    where = f"{name} rests at its smallest or largest value ({RAIL} samples or more)"
-    return f"{where} {100.0 * share:.2g} % of the time: it may be saturated" if share else ""
-
-
-def railed(output: FloatArray, rail: float) -> int:
-    """Count samples in runs of `RAIL` or more at one value."""
-    at = np.concatenate(([False], output == rail, [False])).astype(np.int8)
-    edges = np.diff(at)
-    lengths = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    return int(lengths[lengths >= RAIL].sum())

@@ -72,6 +72,10 @@ class Column:
         """Return the column in SI, a fresh array."""
         return (self.raw.astype(np.float64) - self.offset) * self.scale + self.zero
 
+    def in_file(self, value: float) -> float:
+        """Return the file's number for a value in SI."""
+        return (value - self.zero) / self.scale + self.offset
+
 
 def unwrapped(table: Table, column: Column) -> tuple[Column, int]:
     """Let a clock that wraps around count on: each step is taken modulo the wrap.

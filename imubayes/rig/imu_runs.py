@@ -18,10 +18,12 @@ from imubayes.rig.inputs import (
     ImuRun,
     KnownRun,
     Run,
+    Section,
     Source,
     case_inputs,
     own_inputs,
     sampling_interval,
+    taken,
 )
 from imubayes.rig.plans import Plan
 from imubayes.rig.reference import OFFSET
@@ -32,7 +34,6 @@ from imubayes.rig.runs import (
     RunSpec,
     assumed,
     existing,
-    frozen,
     inputs_of,
     notes_of,
     outputs_of,
@@ -42,6 +43,7 @@ from imubayes.rig.runs import (
     time_of,
     values_of,
 )
+from imubayes.rig.saturation import SATURATED, within_range
 from imubayes.rig.simulate import drawn_errors, simulate
 from imubayes.rig.stream_files import rows_in
 from imubayes.rig.streams import MOST_WHOLE
@@ -50,6 +52,7 @@ from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYRO
 from imubayes.sensors.terms import Kind, Library
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 SAME_TIME = 0.01
 """Share of the interval by which time stamps of two files of one run may differ."""
@@ -75,8 +78,9 @@ def read_imu_run(spec: RunSpec) -> ImuRun | KnownRun:
 def _partly_known(spec: RunSpec, file: Path) -> ImuRun:
     if spec.gravity is None:
         raise DataError(f"run '{spec.name}': a {spec.procedure} run needs gravity = \"9.81 m/s^2\"")
-    t, force, source = outputs_of(spec, file, ACCELEROMETERS)
-    rate, other = _rates(spec, spec.gyroscope_file or file, t, source)
+    t, force, within, source = outputs_of(spec, file, ACCELEROMETERS)
+    rate, within_too, other = _rates(spec, spec.gyroscope_file or file, t, source)
+    kept = within & within_too
     for section in spec.sections:
         if not 0 <= section.start < section.stop <= len(t):
             raise DataError(
@@ -84,18 +88,32 @@ def _partly_known(spec: RunSpec, file: Path) -> ImuRun:
                 f" {len(t)} rows: expected first and last of them, counted from 0"
             )
     whole, interval = _both(source, other, spec), sampling_interval(t)
-    return ImuRun(spec.name, spec.procedure, t, force, rate, spec.gravity, interval, whole, spec.sections)
+    sections = tuple(_among(section, kept, spec.name, whole) for section in spec.sections)
+    within = (taken(t, kept), taken(force, kept), taken(rate, kept))
+    return ImuRun(spec.name, spec.procedure, *within, spec.gravity, interval, whole, sections)
 
 
-def _rates(spec: RunSpec, file: Path, t: FloatArray, source: Source) -> tuple[FloatArray, Source]:
-    """Outputs (n, 3) of the gyroscopes, taken at the times t (n,) of the accelerometers, and their source."""
-    t_too, rate, other = outputs_of(spec, file, GYROSCOPES)
+def _among(section: Section, kept: BoolArray, run: str, source: Source) -> Section:
+    """Section of a run of which the rows `kept` (n,) remain; each of its own must."""
+    if not kept[section.start : section.stop].all():
+        lost = "; ".join(note for note in source.notes if SATURATED in note)
+        raise DataError(
+            f"run '{run}': section rows {section.start} to {section.stop} hold saturated samples ({lost}),"
+            " and a turn needs them all: turn more slowly, or leave the section out"
+        )
+    before = int(np.count_nonzero(~kept[: section.start]))
+    return replace(section, start=section.start - before, stop=section.stop - before)
+
+
+def _rates(spec: RunSpec, file: Path, t: FloatArray, source: Source) -> tuple[FloatArray, BoolArray, Source]:
+    """Outputs (n, 3) of the gyroscopes, taken at times t (n,), which rows are within range, source."""
+    t_too, rate, kept, other = outputs_of(spec, file, GYROSCOPES)
     if len(t) != len(t_too) or np.max(np.abs(t - t_too)) > SAME_TIME * sampling_interval(t):
         raise DataError(
             f"{source.file} and {other.file}: expected the same time stamps in both, for accelerometers and"
             f" gyroscopes of one run; came {len(t)} and {len(t_too)} rows"
         )
-    return rate, other
+    return rate, kept, other
 
 
 def _both(source: Source, other: Source, spec: RunSpec) -> Source:
@@ -125,12 +143,14 @@ def _known(spec: RunSpec, file: Path) -> KnownRun:
     references = {name: column for name, column in columns.items() if name not in here}
     _check_references(table, references)
     inputs, derived = inputs_of(table, references, t)
-    notes = (*epoch, *notes_of(t, outputs), *assumed("accelerometer", columns, "xyz"), *derived)
+    kept, lost = within_range(table.file, outputs, columns)
+    notes = (*epoch, *notes_of(t), *lost, *assumed("accelerometer", columns, "xyz"), *derived)
     source, said = source_of(table.file, sha256_of(path), columns, notes), list(outputs.values())
     if spec.gyroscope_file is not None:
-        rate, other = _rates(spec, spec.gyroscope_file, t, source)
-        source, said = _both(source, other, spec), [*said, *rate.T]
-    return KnownRun(spec.name, spec.procedure, inputs, frozen(np.column_stack(said)), source)
+        rate, within, other = _rates(spec, spec.gyroscope_file, t, source)
+        source, said, kept = _both(source, other, spec), [*said, *rate.T], kept & within
+    output = taken(np.column_stack(said), kept)
+    return KnownRun(spec.name, spec.procedure, inputs.kept(kept), output, source)
 
 
 def _refuse_long(path: Path, shown: str) -> None:

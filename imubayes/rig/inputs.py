@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from imubayes.rig.streams import Stream
 
 FloatArray = NDArray[np.float64]
+Number = TypeVar("Number", bound=np.generic)
 
 GAP = 1.5
 """A step of more than so many sampling intervals is a gap."""
@@ -50,6 +51,12 @@ class Inputs:
     def __len__(self) -> int:
         return len(self.t)
 
+    def kept(self, rows: NDArray[np.bool_]) -> Inputs:
+        """Inputs of some of the rows (n,)."""
+        channels = {name: taken(values, rows) for name, values in self.channels.items()}
+        mount = None if self.mount is None else taken(self.mount, rows)
+        return replace(self, t=taken(self.t, rows), channels=channels, mount=mount)
+
 
 @dataclass(frozen=True, slots=True)
 class Source:
@@ -60,7 +67,7 @@ class Source:
     file : path as the study gives it, or ``simulated``.
     sha256 : of the file's bytes; empty when simulated.
     columns : (column of the file, channel, unit) of each column that was used.
-    notes : what the checks found that does not stop the run (gaps, saturation, assumed zeros).
+    notes : what the checks found that does not stop the run (gaps, saturated samples, assumed zeros).
     """
 
     file: str = "simulated"
@@ -235,6 +242,13 @@ def case_inputs(inputs: Inputs) -> Inputs:
     """Inputs along (i, j, k) as those of a case whose axes x, y, z these are: the inverse for ``ax``."""
     told = {case_channel("ax", channel): values for channel, values in inputs.channels.items()}
     return replace(inputs, channels=told)
+
+
+def taken(values: NDArray[Number], rows: NDArray[np.bool_]) -> NDArray[Number]:
+    """Some of the rows of an array, read-only."""
+    chosen = values[rows]
+    chosen.setflags(write=False)
+    return chosen
 
 
 def between_gaps(t: FloatArray, interval: float) -> tuple[tuple[int, int], ...]:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError, InputError, StudyError
-from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump, saturation
+from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import Inputs, Run, Section, Source, TriadRun, sampling_interval
+from imubayes.rig.inputs import Inputs, Run, Section, Source, TriadRun, sampling_interval, taken
 from imubayes.rig.profiles import (
     Plan,
     centrifuge,
@@ -27,6 +27,7 @@ from imubayes.rig.profiles import (
     tumble,
     vibration,
 )
+from imubayes.rig.saturation import within_range
 from imubayes.rig.sequences import planned
 from imubayes.rig.simulate import drawn_errors, simulate_on_bench
 from imubayes.rig.thermal import temperature_rate, thermal
@@ -248,9 +249,10 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     output = values_of(table, columns["output"], len(t))
     check_output(table, columns["output"])
     inputs, derived = inputs_of(table, {name: columns[name] for name in columns if name != "output"}, t)
-    notes = (*epoch, *notes_of(t, {"output": output}), *assumed(kind, columns), *derived)
+    kept, lost = within_range(table.file, {"output": output}, columns)
+    notes = (*epoch, *notes_of(t), *lost, *assumed(kind, columns), *derived)
     source = source_of(table.file, sha256, columns, notes)
-    return Run(spec.name, spec.procedure, inputs, frozen(output), source)
+    return Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)
 
 
 def inputs_of(table: Table, columns: Mapping[str, Column], t: FloatArray) -> tuple[Inputs, tuple[str, ...]]:
@@ -277,14 +279,15 @@ def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
         raise DataError(
             f"run '{spec.name}': a free tumble needs gravity, for example gravity = \"9.81 m/s^2\""
         )
-    t, output, source = outputs_of(spec, file, TRIAD)
-    return TriadRun(spec.name, spec.procedure, t, output, spec.gravity, sampling_interval(t), source)
+    t, output, kept, source = outputs_of(spec, file, TRIAD)
+    within, interval = (taken(t, kept), taken(output, kept)), sampling_interval(t)
+    return TriadRun(spec.name, spec.procedure, *within, spec.gravity, interval, source)
 
 
 def outputs_of(
     spec: RunSpec, file: Path, components: tuple[str, ...]
-) -> tuple[FloatArray, FloatArray, Source]:
-    """Time (n,), outputs (n, 3) and source of three components in a file."""
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], Source]:
+    """Time (n,), outputs (n, 3), which of them are within range (n,), and source of components in a file."""
     shown = (spec.shown if file == spec.file else spec.gyroscope_shown) or str(file)
     table = read_table(existing(file, shown, spec.origin), shown)
     columns = resolve(table, spec.columns, required=("t", *components), optional=(), output_unit="")
@@ -292,8 +295,9 @@ def outputs_of(
     outputs = {name: values_of(table, columns[name], len(t)) for name in components}
     for name in components:
         check_output(table, columns[name])
-    source = source_of(table.file, sha256_of(file), columns, (*epoch, *notes_of(t, outputs)))
-    return t, frozen(np.column_stack([outputs[name] for name in components])), source
+    kept, lost = within_range(table.file, outputs, columns)
+    source = source_of(table.file, sha256_of(file), columns, (*epoch, *notes_of(t), *lost))
+    return t, frozen(np.column_stack([outputs[name] for name in components])), kept, source
 
 
 def time_of(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
@@ -341,10 +345,9 @@ def _whole(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64
     return numbers
 
 
-def notes_of(t: FloatArray, outputs: Mapping[str, FloatArray]) -> tuple[str, ...]:
-    """What the checks found of time and outputs (n,) that does not stop a run."""
-    found = [gaps(t), interval_jump(t), *(saturation(name, output) for name, output in outputs.items())]
-    return tuple(note for note in found if note)
+def notes_of(t: FloatArray) -> tuple[str, ...]:
+    """What the checks found of the time (n,) that does not stop a run."""
+    return tuple(note for note in (gaps(t), interval_jump(t)) if note)
 
 
 def assumed(kind: Kind, channels: Collection[str], axes: str = "ijk") -> tuple[str, ...]:

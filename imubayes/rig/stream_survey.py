@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.rig.checks import JUMP, LEVELS, check_output, gap_note, jump_note, railed, rest_note
+from imubayes.rig.checks import JUMP, check_output, gap_note, jump_note
 from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps
 from imubayes.rig.runs import RunSpec, assumed, frozen, source_of
-from imubayes.rig.streams import Part, Reader, RunFile, Stream, Tell, first_interval, opened
+from imubayes.rig.saturation import Levels, Stretches, check_left, saturation_note
+from imubayes.rig.streams import Part, Reader, Stream, Tell, first_interval, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
 
@@ -54,30 +55,40 @@ def read_long_run(spec: RunSpec, path: Path, kind: Kind, lib: Library, *, sha256
     """
     file = opened(spec, path, kind, tell)
     interval = first_interval(file)
-    found = _surveyed(file, lib, interval)
+    found = _surveyed(Reader(file, interval), lib)
     usual, rate = float(np.median([seen.interval for seen in found.seen])), None
+    if len(found.levels.distinct) == 1:
+        table = next(file.tables())
+        check_output(table, file.found(table, "output"))
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
     if rate is not None or abs(usual - interval) > STEADY * interval:
         interval = usual
-        found = _surveyed(file, lib, interval, rate)
-    if np.ptp(found.extremes[:, -1]) == 0.0:
-        table = next(file.tables())
-        check_output(table, file.found(table, "output"))
-    return _run(spec, kind, file, found, sha256)
+        found = _surveyed(Reader(file, interval, rate), lib)
+    if rails := found.levels.rails():
+        found = _without(Reader(file, interval, rate, rails), found)
+    return _run(spec, kind, found, sha256)
+
+
+def _without(reader: Reader, found: _Survey) -> _Survey:
+    """Pass over a run again, without the samples at the ends of the output's range."""
+    column, of, lost = reader.file.columns["output"], found.levels.samples, []
+    again = _surveyed(reader, found.lib, lost)
+    note = saturation_note(column, reader.rails, np.concatenate(lost), of)
+    check_left(reader.file.shown, of - again.levels.samples, of, [note])
+    again.seen, again.saturated = found.seen, note
+    return again
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What a part was like: median step, gaps, the longest step and when, in s; samples at its extremes."""
+    """What a part was like: median step, gaps, the longest step and when, in s."""
 
     t: float
     interval: float
     gaps: int
     longest: float
     at: float
-    low: tuple[float, int]
-    high: tuple[float, int]
 
 
 @dataclass(slots=True, eq=False)
@@ -86,8 +97,7 @@ class _Survey:
 
     lib: Library
     names: tuple[str, ...]
-    interval: float
-    rate: tuple[FloatArray, FloatArray] | None
+    reader: Reader
     longest: int
     sums: list[FloatArray] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
@@ -96,6 +106,8 @@ class _Survey:
     kept: list[Part] = field(default_factory=list)
     reach: FloatArray = field(default_factory=lambda: np.zeros(0))
     swing: float = 0.0
+    levels: Levels = field(default_factory=Levels)
+    saturated: str = ""
 
     def mean(self, name: str) -> FloatArray:
         """Averages (m,) of a quantity over the blocks; the duration of the blocks is a sum."""
@@ -107,21 +119,20 @@ class _Survey:
         return np.concatenate(self.outermost)
 
 
-def _surveyed(
-    file: RunFile, lib: Library, interval: float, rate: tuple[FloatArray, FloatArray] | None = None
-) -> _Survey:
-    """Pass over a run."""
+def _surveyed(reader: Reader, lib: Library, lost: list[Stretches] | None = None) -> _Survey:
+    """Pass over a run; `lost` gets the rows that the reader leaves out."""
     found: _Survey | None = None
-    for part in Reader(file, interval, rate)("reading"):
+    for part in reader("reading", lost):
         names = ("t", "duration", *part.channels, "output", *lib.names)
         if found is None:
-            longest = max(1, math.ceil(file.rows / BLOCKS))
-            found = _Survey(lib, names, interval, rate, longest, reach=np.zeros(len(lib.names)))
+            longest = max(1, math.ceil(reader.file.rows / BLOCKS))
+            found = _Survey(lib, names, reader, longest, reach=np.zeros(len(lib.names)))
         if sum(len(one) for one in found.kept) < STRETCH:
             found.kept.append(part)
         _average(found, part)
         found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), tuple(part.channels))]
-        found.seen.append(_look(part, interval))
+        found.seen.append(_look(part, reader.interval))
+        found.levels.add(part.output)
         own = part.channels.get(lib.own, 0.0)
         found.swing = max(found.swing, float(np.max(np.abs(part.output - own))))
     if found is None:
@@ -132,7 +143,7 @@ def _surveyed(
 def _average(found: _Survey, part: Part) -> None:
     """Add the rows of a part to the averages over the blocks."""
     count = found.counts[-1] if found.counts else 0
-    starts = block_starts(part, count, found.longest, found.interval)
+    starts = block_starts(part, count, found.longest, found.reader.interval)
     table = _quantities(part, found.lib)
     found.reach = np.maximum(found.reach, np.abs(table[:, -len(found.reach) :]).max(axis=0))
     opening = bool(starts) and starts[0] == 0
@@ -195,35 +206,30 @@ def _look(part: Part, interval: float) -> _Seen:
     steps = np.diff(part.t, prepend=part.before)
     steps = steps[np.isfinite(steps)]
     worst = int(np.argmax(steps))
-    low, high = float(part.output.min()), float(part.output.max())
     return _Seen(
         t=float(part.t[0]),
         interval=float(np.median(steps)),
         gaps=int(np.count_nonzero(steps > GAP * interval)),
         longest=float(steps[worst]),
         at=float(part.t[worst - len(steps)] - steps[worst]),
-        low=(low, railed(part.output, low)),
-        high=(high, railed(part.output, high)),
     )
 
 
 def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
     """What the checks found that does not stop the run."""
-    seen, usual = found.seen, found.interval
+    seen, usual = found.seen, found.reader.interval
     worst = max(seen, key=lambda one: one.longest)
     away = [one for one in seen if abs(one.interval - usual) > JUMP * usual]
-    low, high = min(one.low[0] for one in seen), max(one.high[0] for one in seen)
-    resting = sum(one.low[1] for one in seen if one.low[0] == low)
-    resting += sum(one.high[1] for one in seen if one.high[0] == high)
-    fine = len(np.unique(stretch.output)) >= LEVELS
     notes = (
         gap_note(sum(one.gaps for one in seen), worst.longest, worst.at),
         jump_note(away[0].interval, away[0].t, usual) if away else "",
-        rest_note("output", resting / samples if fine else 0.0),
+        found.saturated,
         f"{samples:,} rows are read a part at a time: every row counts in the coefficients, while figures"
         f" and tests have averages over {len(found.counts):,} blocks, and {len(stretch.output):,} rows at"
         f" full rate from t = {stretch.inputs.t[0]:.6g} s on",
-        "dT/dt is the smoothed derivative of the recorded temperature" if found.rate is not None else "",
+        "dT/dt is the smoothed derivative of the recorded temperature"
+        if found.reader.rate is not None
+        else "",
     )
     return tuple(note for note in notes if note)
 
@@ -231,25 +237,25 @@ def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
 def _stretch(spec: RunSpec, found: _Survey) -> tuple[Run, int]:
     """Longest part of the first rows that no gap interrupts, and the number of its first row."""
     t = np.concatenate([part.t for part in found.kept])
-    a, b = max(between_gaps(t, found.interval), key=lambda part: part[1] - part[0])
+    a, b = max(between_gaps(t, found.reader.interval), key=lambda part: part[1] - part[0])
     channels = {
         name: np.concatenate([part.channels[name] for part in found.kept])[a:b]
         for name in found.kept[0].channels
     }
     output = np.concatenate([part.output for part in found.kept])[a:b]
-    return Run(spec.name, spec.procedure, Inputs(t[a:b], channels, found.interval), output), a
+    return Run(spec.name, spec.procedure, Inputs(t[a:b], channels, found.reader.interval), output), a
 
 
-def _run(spec: RunSpec, kind: Kind, file: RunFile, found: _Survey, sha256: str) -> Run:
+def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
     names = found.names[2 : found.names.index("output")]
     counts, (stretch, stretch_first) = np.array(found.counts), _stretch(spec, found)
     samples = int(counts.sum())
     duration = np.array([row[1] for row in found.sums])
     extremes = dict(zip((*names, "output"), found.extremes.T, strict=True))
     stream = Stream(
-        parts=Reader(file, found.interval, found.rate),
+        parts=found.reader,
         samples=samples,
-        interval=found.interval,
+        interval=found.reader.interval,
         library=found.lib,
         counts=counts,
         duration=duration,
@@ -263,5 +269,5 @@ def _run(spec: RunSpec, kind: Kind, file: RunFile, found: _Survey, sha256: str) 
     channels = {name: frozen(found.mean(name)) for name in names}
     inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)))
     notes = (*_notes(found, samples, stretch), *assumed(kind, channels))
-    source = source_of(file.shown, sha256, file.columns, notes)
+    source = source_of(found.reader.file.shown, sha256, found.reader.file.columns, notes)
     return Run(spec.name, spec.procedure, inputs, frozen(found.mean("output")), source, stream)

@@ -20,6 +20,7 @@ from imubayes.rig.columns import Column, resolve, unwrapped
 from imubayes.rig.formats import Table
 from imubayes.rig.inputs import Run, durations, sampling_interval
 from imubayes.rig.runs import INPUTS, LATE_EPOCH, OUTPUT_UNIT, RunSpec, values_of
+from imubayes.rig.saturation import NEAR, Stretches, beyond, stretches_of
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.sensors.terms import Kind, Library
 
@@ -43,7 +44,7 @@ class Part:
 
     Attributes
     ----------
-    first : number of the first of its k rows in the file, counted from 0.
+    first : number of the first of its k rows among those of the run, counted from 0.
     before : time of the row before, s; NaN for the first part.
     t, duration : (k,) time and averaging time, s.
     channels : (k,) inputs by name.
@@ -176,19 +177,23 @@ class Reader:
     interval : averaging time of one sample, s.
     rate : times in s and rates of temperature in K/s, between which ``dT`` is interpolated; None leaves it
         out where the file has none.
+    rails : ends of the output's range, SI, at which samples are left out.
     """
 
     file: RunFile
     interval: float
     rate: tuple[FloatArray, FloatArray] | None = None
+    rails: tuple[float, ...] = ()
 
-    def __call__(self, purpose: str) -> Iterator[Part]:
-        """Read the rows from the first on; `purpose` is told with the progress."""
-        return _told(self.file, purpose, _prefetched(_parts(self.file, self.interval, self.rate)))
+    def __call__(self, purpose: str, lost: list[Stretches] | None = None) -> Iterator[Part]:
+        """Read the rows from the first on; `purpose` is told with the progress, `lost` what is left out."""
+        parts = _parts(self.file, self.interval, self.rate)
+        within = _within(parts, self.rails, [] if lost is None else lost) if self.rails else parts
+        return _told(self.file, purpose, _prefetched(within))
 
     def __reduce__(self) -> tuple[type[Reader], tuple[object, ...]]:
         """Another process reads the same rows; whoever is told of progress stays in this one."""
-        return Reader, (replace(self.file, tell=_silent), self.interval, self.rate)
+        return Reader, (replace(self.file, tell=_silent), self.interval, self.rate, self.rails)
 
 
 def _silent(message: str) -> None:
@@ -204,6 +209,23 @@ def _parts(file: RunFile, interval: float, rate: tuple[FloatArray, FloatArray] |
         held = table, t, before
     if held is not None:
         yield _part(file, held, np.nan, interval, rate)
+
+
+def _within(parts: Iterator[Part], rails: tuple[float, ...], lost: list[Stretches]) -> Iterator[Part]:
+    """Parts without the samples at the ends of the range; a few rows on both sides tell which these are."""
+    ahead = next(parts, None)
+    held, first, before = np.zeros(0), 0, np.nan
+    while (part := ahead) is not None:
+        ahead = next(parts, None)
+        after = np.zeros(0) if ahead is None else ahead.output[:NEAR]
+        around = np.concatenate((held, part.output, after))
+        kept = ~beyond(around, rails)[len(held) : len(held) + len(part)]
+        held = part.output[-NEAR:]
+        lost.append(part.first + stretches_of(~kept))
+        if kept.any():
+            channels = {name: values[kept] for name, values in part.channels.items()}
+            yield Part(first, before, part.t[kept], part.duration[kept], channels, part.output[kept])
+            first, before = first + int(kept.sum()), float(part.t[kept][-1])
 
 
 def _part(

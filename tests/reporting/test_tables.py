@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from imubayes.campaign import SensorCheck
 from imubayes.reporting.rows import MARKS
 from imubayes.reporting.tables import terminal_check, terminal_summary
 from imubayes.sensors.terms import library
@@ -65,7 +66,7 @@ def test_runs_that_do_not_fit_are_named(make_sensor, make_study) -> None:
 
 def test_check_says_for_every_term_whether_it_is_excited_and_names_each_group(make_sensor) -> None:
     lib = library("accelerometer", powers=3, asymmetry=2)
-    text = printed(terminal_check("ACC-07", make_sensor().selection.observability, lib))
+    text = printed(terminal_check(SensorCheck("ACC-07", lib, make_sensor().selection.observability)))
     lines = {line.split()[0]: line.split() for line in reversed(text.splitlines()) if line.split()}
     assert lines["b0"][2] == "yes" and lines["S_ij"][2] == "no" and lines["c_jj"][-1] == "c_kk"
     assert "third axis" in text and "No run excites b1p" in text
@@ -78,7 +79,7 @@ def test_variance_inflation_of_any_size_is_printed(make_sensor, vif: float, show
     observability = replace(make_sensor().selection.observability, vif=np.full(len(lib.terms), vif))
     line = next(
         line
-        for line in printed(terminal_check("A", observability, lib)).splitlines()
+        for line in printed(terminal_check(SensorCheck("A", lib, observability))).splitlines()
         if line.startswith("b0 ")
     )
     assert line.split()[-1] == shown
@@ -98,7 +99,7 @@ def test_check_of_a_triad_component_reads_its_own_columns(make_sensor) -> None:
         vif=np.tile(alone.vif, 2),
         groups=(group,),
     )
-    text = printed(terminal_check("IMU.ay", both, lib))
+    text = printed(terminal_check(SensorCheck("IMU.ay", lib, both)))
     lines = {line.split()[0]: line.split() for line in reversed(text.splitlines()) if line.split()}
     assert lines["b0"][2] == "yes" and lines["S_ij"][2] == "no" and lines["c_jj"][-1] == "ax.b2"
     assert "c_jj and ax.b2 appear" in text and "ay." not in text.replace("IMU.ay", "")
@@ -133,8 +134,8 @@ def test_check_says_errors_of_the_test_bench_in_words(make_sampled) -> None:
         vif=np.append(seen.vif, 1.0),
         groups=(group,),
     )
-    extras = [entry.extra for entry in sensor.extras]
-    text = " ".join(printed(terminal_check("ACC-07", wide, lib, extras)).split())
+    extras = tuple(entry.extra for entry in sensor.extras)
+    text = " ".join(printed(terminal_check(SensorCheck("ACC-07", lib, wide, extras))).split())
     assert "b1 and the error of local gravity appear only in one combination" in text
 
 

@@ -1,9 +1,8 @@
 """What the checks of a recorded run find."""
 
 import numpy as np
-import pytest
 
-from imubayes.rig.checks import GAP, LEVELS, RAIL, gaps, interval_jump, saturation
+from imubayes.rig.checks import GAP, gaps, interval_jump
 
 NOISE = np.random.default_rng(1).standard_normal(500)
 
@@ -31,23 +30,3 @@ def test_change_of_the_sampling_interval_is_placed():
     assert interval_jump(t) == (
         "the sampling interval is 0.02 s around t = 4.48 s where it is 0.01 s over most of the run"
     )
-
-
-def test_clipping_is_told_with_its_share():
-    clipped = np.clip(np.repeat(NOISE, 4), -1.0, 1.0)
-    share = np.mean(np.abs(clipped) == 1.0)
-    assert f"{100.0 * share:.2g} % of the time" in saturation("output", clipped)
-
-
-@pytest.mark.parametrize(
-    "healthy",
-    [NOISE, np.round(NOISE * 3.0), np.repeat([5.0, *NOISE, 6.0], RAIL - 1)],
-    ids=["noise", "few levels", "shorter than a rail"],
-)
-def test_healthy_output_is_not_called_saturated(healthy):
-    assert saturation("output", healthy) == ""
-
-
-def test_coarse_output_of_enough_levels_at_a_rail_is_called_saturated():
-    ramp = np.minimum(np.arange(2 * LEVELS), LEVELS)
-    assert saturation("ax", ramp.astype(float)).startswith("ax rests at")

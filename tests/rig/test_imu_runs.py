@@ -1,11 +1,13 @@
 """Runs of a whole IMU with known inputs: files, and six components that saw the same motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from imubayes.errors import DataError
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
-from imubayes.rig.inputs import KnownRun
+from imubayes.rig.inputs import KnownRun, Section
 from imubayes.rig.record import write_imu_run
 from imubayes.rig.runs import RunSpec, plan_run
 from imubayes.sensors.catalogue import sensor, typical_noise
@@ -157,3 +159,28 @@ def test_axes_of_a_plan_are_those_of_the_case_in_every_procedure(procedure, opti
         white = noise.N / np.sqrt(run.inputs.interval)
         wander = 5.0 * (noise.B + noise.K * np.sqrt(run.inputs.t[-1]))
         assert np.abs(run.component(name).output - own).max() < 6.0 * white + wander
+
+
+def test_rows_in_which_one_of_six_is_saturated_are_left_out(tmp_path):
+    header = f"t [s],f_x [m/s^2],{OUTPUTS}"
+    spec, table = file_of(tmp_path, header, n=300)
+    table[:, 6] = np.clip(table[:, 6], -0.8, 5.0)
+    np.savetxt(spec.file, table, delimiter=",", header=header, comments="")
+    run = read_imu_run(spec)
+    assert len(run.inputs) == len(run.output) < 300
+    assert run.output[:, 4].min() > -0.8
+    assert "gy is saturated at -0.8 rad/s" in " ".join(run.source.notes)
+
+
+def test_sections_count_the_rows_that_remain_and_hold_no_saturated_sample(tmp_path):
+    header = f"t [s],{OUTPUTS}"
+    spec, table = file_of(tmp_path, header, n=300)
+    table[100:140, 1] = table[:, 1].max() + 1.0
+    np.savetxt(spec.file, table, delimiter=",", header=header, comments="")
+    sections = (Section(0, 90, "x"), Section(150, 300, "y", 6.0))
+    spec = replace(spec, procedure="ferraris", gravity=9.81, sections=sections)
+    run = read_imu_run(spec)
+    assert [(one.start, one.stop) for one in run.sections] == [(0, 90), (110, 260)]
+    np.testing.assert_array_equal(run.force[110:260], table[150:300, 1:4])
+    with pytest.raises(DataError, match=r"rows 120 to 300 hold saturated samples \(ax is"):
+        read_imu_run(replace(spec, sections=(Section(120, 300, "y", 6.0),)))

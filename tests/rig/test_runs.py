@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from imubayes.rig.inputs import Run, TriadRun
 from imubayes.rig.profiles import centrifuge, rate_table, static, tumble
 from imubayes.rig.record import write_run
 from imubayes.rig.runs import PROFILES, RunSpec, plan_run, read_run, simulate_runs
+from imubayes.rig.saturation import SATURATED
 from imubayes.rig.simulate import simulate
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.catalogue import sensor
@@ -240,3 +242,53 @@ def test_recorded_run_has_no_plan_and_simulated_run_no_file():
         plan_run(RunSpec("a", "tumble", Path("run.csv")))
     with pytest.raises(DataError, match="'a' is simulated"):
         read_run(RunSpec("a", "tumble", simulate={"profile": "tumble"}), "accelerometer")
+
+
+def clipped(folder: Path, at: float, *, step: float = 0.0) -> tuple[RunSpec, Run, Run]:
+    """A centrifuge to 20 g as it was simulated and as it is read, clipped at so many g."""
+    plan = centrifuge([1, 5, 20], mounts=4, dwell=10.0)
+    (run,) = simulate(sensor("mems_tactical", kind="accelerometer"), [plan], seed=3)
+    output = np.round(run.output / step) * step if step else run.output
+    write_run(replace(run, output=np.clip(output, -at * G, at * G)), folder / "run.csv", kind="accelerometer")
+    spec = RunSpec("arm", "centrifuge", folder / "run.csv", "run.csv")
+    return spec, run, read_run(spec, "accelerometer")
+
+
+def test_saturated_samples_are_left_out_with_their_rows_and_number(tmp_path):
+    _, run, read = clipped(tmp_path, 18.0)
+    kept = np.abs(run.output) < 18.0 * G
+    np.testing.assert_array_equal(read.output, run.output[kept])
+    np.testing.assert_array_equal(read.inputs.channels["f_i"], run.inputs.channels["f_i"][kept])
+    np.testing.assert_array_equal(read.inputs.mount, run.inputs.mount[kept])
+    (note,) = [note for note in read.source.notes if SATURATED in note]
+    first, lost = int(np.argmin(kept)), int(np.sum(~kept))
+    assert note.startswith(f"output is saturated at -176.52 m/s^2 and 176.52 m/s^2: {lost} of {len(kept):,} ")
+    assert f"rows {first} to " in note
+    assert not read.output.flags.writeable and not read.inputs.t.flags.writeable
+
+
+def test_run_within_its_range_is_read_whole(tmp_path):
+    for step in (0.0, 0.01, 1.0):
+        _, run, read = clipped(tmp_path, 50.0, step=step)
+        assert len(read.output) == len(run.output)
+        assert not any(SATURATED in note for note in read.source.notes)
+
+
+def test_run_that_is_saturated_nearly_everywhere_is_refused(tmp_path):
+    output = np.minimum(np.arange(2000.0), 150.0)
+    path = _csv(tmp_path, "t [s],output [g],f_i [g]", np.column_stack((np.arange(2000.0), output, output)))
+    with pytest.raises(DataError, match=r"saturated at 150 g: 1,850 of 2,000 .* a tenth of the samples"):
+        read_run(RunSpec("a", "other", path, "run.csv"), "accelerometer")
+
+
+def test_triad_leaves_out_the_rows_in_which_one_component_is_saturated(tmp_path):
+    rows = np.random.default_rng(2).standard_normal((500, 4))
+    rows[:, 0] = 0.1 * np.arange(500)
+    rows[:, 2] = np.minimum(rows[:, 2], 0.5)
+    path = _csv(tmp_path, "t [s],ax [g],ay [g],az [g]", rows)
+    spec = RunSpec("hand", "free-tumble", path, gravity=G)
+    read = read_run(spec, "accelerometer")
+    assert isinstance(read, TriadRun)
+    assert len(read.t) == len(read.output) < np.sum(rows[:, 2] < 0.5)
+    assert read.output[:, 1].max() < 0.5 * G
+    assert "ay is saturated at 0.5 g" in " ".join(read.source.notes)

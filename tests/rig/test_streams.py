@@ -16,6 +16,7 @@ from imubayes.rig import stream_files, streams
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import durations
 from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.saturation import SATURATED
 from imubayes.sensors.terms import columns, library
 
 N, INTERVAL, TABLE = 20_000, 0.01, 700
@@ -245,3 +246,21 @@ def test_another_process_reads_the_same_rows(tmp_path):
     for part, other in zip(run.stream.parts("reading"), sent.stream.parts("reading"), strict=True):
         np.testing.assert_array_equal(part.t, other.t)
         np.testing.assert_array_equal(part.output, other.output)
+
+
+@pytest.mark.parametrize("written", [parquet, text, hdf5])
+def test_saturated_samples_of_a_long_file_are_those_of_the_whole(written, tmp_path, monkeypatch):
+    table = recording()
+    table["output [m/s^2]"] = np.minimum(table["output [m/s^2]"], 7.0)
+    spec = RunSpec("log", "other", written(table, tmp_path))
+    part = read_run(spec, "accelerometer", LIB)
+    monkeypatch.setattr(streams, "STREAMED", 10**9)
+    whole = read_run(spec, "accelerometer", LIB)
+    assert whole.stream is None and part.samples == whole.samples < N
+    rows = list(part.stream.parts("rows"))
+    np.testing.assert_array_equal(np.concatenate([one.output for one in rows]), whole.output)
+    np.testing.assert_array_equal(np.concatenate([one.t for one in rows]), whole.inputs.t)
+    assert [one.first for one in rows] == [0, *np.cumsum([len(one) for one in rows])[:-1]]
+    of = [[note for note in run.source.notes if SATURATED in note or "gaps" in note] for run in (part, whole)]
+    assert len(of[0]) == 2 and of[0][0] == of[1][0]
+    assert of[0][1].split(", rows")[0] == of[1][1].split(", rows")[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,16 @@ RHAT = 1.01
 
 DROPPED = 0.1
 """Share of the chain that is dropped at its start: the walkers start from the fitted proposal."""
+
+STUCK, TRIED = 0.01, 500
+"""Share of proposals accepted below which, after so many steps, the moves do not suit the density."""
+
+STILL = "stopped, because the walkers stand still"
+"""How the reason begins."""
+
+LOOKED, SHORT = 0.25, 0.0625
+"""Share of the time limit after which chains are given up that have a sixteenth of what is asked: they would
+need four times the limit."""
 
 BAR = 10
 """Characters of the progress bar."""
@@ -107,7 +117,9 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
     while True:
         elapsed = time.perf_counter() - started
         done = _judged(target, samplers, before + elapsed, limits)
-        ended = done.converged or (elapsed > limits.time_limit and len(done.chains[0]) > 1)
+        if why := _hopeless(done, samplers[0].iteration, elapsed, limits):
+            done = replace(done, text=f"{done.text}; {why}")
+        ended = done.converged or bool(why) or (elapsed > limits.time_limit and len(done.chains[0]) > 1)
         if limits.checkpoint and samplers[0].iteration and (ended or elapsed > due):
             save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
             # writing takes a tenth of the time at most
@@ -179,12 +191,29 @@ def verdict(missing: Sequence[str]) -> str:
     return f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
 
 
+def _hopeless(done: History, steps: int, elapsed: float, limits: Limits) -> str:
+    """Say why chains will not get there in time; empty as long as they may."""
+    if done.converged:
+        return ""
+    if steps >= TRIED and done.acceptance < STUCK:
+        return f"{STILL}: {done.acceptance:.1%} of the proposals are accepted"
+    if steps and LOOKED * limits.time_limit < elapsed < limits.time_limit and _share(done, limits) < SHORT:
+        return f"stopped, because they would need more than four times the limit of {limits.time_limit:g} s"
+    return ""
+
+
+def _share(done: History, limits: Limits) -> float:
+    """What part of the steps that are asked for is done, by the autocorrelation so far."""
+    steps = len(done.chains[0])
+    return min(1.0, float(done.ess.min()) / limits.ess, steps / (LONG * float(done.tau.max())))
+
+
 def _message(done: History, limits: Limits, elapsed: float) -> str:
     """One line for somebody who waits."""
     steps = len(done.chains[0])
     if steps == 0:
         return "starting the walkers"
-    share = min(1.0, float(done.ess.min()) / limits.ess, steps / (LONG * float(done.tau.max())))
+    share = _share(done, limits)
     left = min(elapsed * (1.0 / max(share, 1e-3) - 1.0), limits.time_limit - elapsed)
     bar = "#" * round(BAR * share)
     return (

@@ -94,7 +94,8 @@ def sample(
 
     Raises
     ------
-    ConvergenceError : at the time limit; `estimate` has what the chains are until then.
+    ConvergenceError : at the time limit, or before, where the chains do not get there; `estimate` has what
+        they are until then. Without an estimate: if the density cannot be sampled at all.
     InputError : if the checkpoint cannot be used.
 
     Examples
@@ -129,6 +130,7 @@ def _sampled(
     rng = np.random.default_rng([limits.seed, 1])
     progress("whitening the runs over a range of noises")
     density = density_of(summary, rows, sd, rng)
+    _check_followed(density, summary)
     q = _fitted(density, summary, rng)
     limits = replace(limits, fingerprint=_fingerprint(summary, rows, sd, method, limits.seed))
     if method == "collapsed" and density.d == 0:
@@ -145,6 +147,17 @@ def _sampled(
     if not history.converged:
         raise ConvergenceError(f"the {method} sampler has {history.text}", sampled)
     return sampled
+
+
+def _check_followed(density: Density, summary: Summary) -> None:
+    """Refuse a density that is made up between its whitenings: walkers would go astray in it."""
+    runs = zip(summary.runs, density.runs, strict=True)
+    astray = [run.name for run, whitened in runs if whitened.misleads]
+    if astray:
+        raise ConvergenceError(
+            f"the likelihood of the noise of run{'s' if len(astray) > 1 else ''} {', '.join(astray)} is too"
+            " steep to be followed, as where residuals are no noise"
+        )
 
 
 def _target(density: Density, q: Student, method: Method) -> Target:

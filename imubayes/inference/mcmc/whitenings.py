@@ -79,6 +79,7 @@ class Whitenings:
     table : (order[0] * order[1], e) coefficients of the Gram's lower triangle and the log determinant.
     error : largest error of the log density that the probes found, nats.
     top : (3,) ln N, ln B, ln K at the maximum of the run's own posterior; (1,) ln N where that is all.
+    misleads : whether the polynomials make a noise likely that is not, however many they are.
     """
 
     n: int
@@ -89,6 +90,7 @@ class Whitenings:
     table: FloatArray
     error: float
     top: FloatArray
+    misleads: bool = False
 
 
 def fixed_whitening(run: RunSummary, c: Coordinates) -> Whitenings:
@@ -134,8 +136,9 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
     while True:
         order = (first, second)
         made = replace(bare, order=order, table=_chebyshev(split, bare.low, bare.high, order))
-        if not _misleads(split, made, anywhere) or order == (ORDERS[-1], ORDERS[-1]):
-            return replace(made, error=_error(split, made, probes))
+        misleads = _misleads(split, made, anywhere)
+        if not misleads or order == (ORDERS[-1], ORDERS[-1]):
+            return replace(made, error=_error(split, made, probes), misleads=misleads)
         first, second = _more(first), _more(second)
 
 

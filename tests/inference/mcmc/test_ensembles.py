@@ -165,3 +165,18 @@ def test_killed_again_and_again_the_chain_is_the_one_that_was_not(tmp_path, want
         steps = len(whole.chains[0])
         for k in range(4):
             np.testing.assert_array_equal(readable[f"ensemble_{k}/chain"][-steps:], whole.chains[k])
+
+
+def test_walkers_that_stand_still_are_stopped_with_the_reason():
+    def astray(coords, random):
+        return 100.0 + random.standard_normal(coords.shape), np.zeros(len(coords))
+
+    done = run_ensembles(target_of(("independent", astray, 1.0)), Limits(seed=1, time_limit=600.0))
+    assert not done.converged and done.seconds < 60.0
+    assert "the walkers stand still: 0.0% of the proposals are accepted" in done.text
+
+
+def test_chains_far_too_slow_for_their_time_are_stopped_with_the_reason():
+    done = run_ensembles(target_of(), Limits(seed=1, ess=1e9, time_limit=4.0))
+    assert not done.converged and 1.0 < done.seconds < 3.0
+    assert "more than four times the limit of 4 s" in done.text

@@ -1,0 +1,97 @@
+"""Saturated samples are found, and nothing else is called saturated."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.rig.saturation import NEAR, beyond, rails_of
+
+RNG = np.random.default_rng(1)
+NOISE = RNG.standard_normal(20_000)
+SINE = np.sin(2.0 * np.pi * np.arange(20_000) / 1000.0)
+DWELLS = np.repeat(np.linspace(-20.0, 20.0, 40), 500)
+
+
+def quantised(values, step):
+    return np.round(values / step) * step
+
+
+@pytest.mark.parametrize(
+    "healthy",
+    [
+        NOISE,
+        quantised(NOISE, 0.05),
+        quantised(NOISE, 1.0),
+        quantised(1e-3 * NOISE + 0.4, 1.0),
+        quantised(np.cumsum(NOISE), 1.0),
+        quantised(DWELLS + 0.01 * NOISE, 0.1),
+        quantised(DWELLS + 0.01 * NOISE, 0.03),
+        DWELLS,
+        SINE,
+        quantised(SINE, 1.0 / 163.0),
+        quantised(SINE, 1e-3),
+        np.repeat(NOISE[:2000], 10),
+        np.append(NOISE, [50.0] * 5),
+        np.arange(500.0),
+    ],
+    ids=[
+        "noise",
+        "quantised noise",
+        "few levels",
+        "one level in nearly all rows",
+        "quantised walk",
+        "coarse dwells",
+        "quantised dwells",
+        "dwells without noise",
+        "sine",
+        "quantised sine",
+        "finely quantised sine",
+        "samples held",
+        "a few equal spikes",
+        "ramp",
+    ],
+)
+def test_healthy_output_has_no_end_of_its_range(healthy):
+    assert rails_of([healthy]) == ()
+
+
+@pytest.mark.parametrize("step", [0.0, 0.002], ids=["continuous", "quantised"])
+@pytest.mark.parametrize("moved", [DWELLS, 20.0 * SINE, np.zeros(20_000)], ids=["dwells", "sine", "rest"])
+def test_clipped_output_shows_the_ends_of_its_range(moved, step):
+    output = moved + 0.05 * NOISE
+    output = quantised(output, step) if step else output
+    low, high = np.quantile(output, [0.05, 0.9])
+    assert rails_of([np.clip(output, low, high)]) == (low, high)
+    assert rails_of([np.minimum(output, high)]) == (high,)
+    assert rails_of([np.maximum(output, low)]) == (low,)
+
+
+def test_output_of_known_rows_at_the_end_of_its_range_keeps_the_others():
+    output = np.where(np.arange(2000) < 1500, NOISE[:2000], 9.0)
+    out = beyond(output, rails_of([output]))
+    np.testing.assert_array_equal(np.flatnonzero(out), np.arange(1500, 2000))
+
+
+def test_what_noise_brings_back_from_beyond_goes_with_the_saturated_samples():
+    straddling = np.minimum(10.0 + 0.1 * NOISE[:5000], 10.0)
+    output = np.concatenate((NOISE[:5000], straddling))
+    out = beyond(output, rails_of([output]))
+    assert not out[:5000].any() and np.mean(out[5000:]) > 0.98
+
+
+@given(cuts=st.lists(st.integers(1, 2999), max_size=5))
+def test_parts_of_an_output_have_the_ends_of_the_whole(cuts):
+    output = np.clip(NOISE[:3000], -1.0, 1.5)
+    assert rails_of(np.split(output, sorted(cuts))) == (-1.0, 1.5)
+
+
+@given(st.lists(st.integers(0, 60), min_size=2, unique=True))
+def test_samples_closer_than_so_many_at_the_end_of_the_range_go(at):
+    output = np.zeros(61)
+    output[at] = 1.0
+    at, out = sorted(at), beyond(output, (1.0,))
+    for a, b in pairwise(at):
+        assert out[a : b + 1].all() if b - a <= NEAR else not out[a + 1 : b].any()

@@ -1,0 +1,21 @@
+"""Who waits is told what goes on."""
+
+import time
+
+from imubayes.console import waiting
+
+
+def test_long_work_says_what_it_does_and_what_would_be_quicker_where_stderr_is_a_file(capfd):
+    with waiting(first=0.05) as told:
+        told("ACC-07: noise")
+        told.quicker('--budget "30 s" would answer')
+        time.sleep(0.3)
+    lines = capfd.readouterr().err.splitlines()
+    assert lines[0].endswith('min: ACC-07: noise; --budget "30 s" would answer')
+    assert 2 <= len(lines) <= 4
+
+
+def test_short_work_says_nothing_where_stderr_is_a_file(capfd):
+    with waiting() as told:
+        told("ACC-07: noise")
+    assert capfd.readouterr().err == ""
