@@ -18,6 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.selection.model_prior import Needs
+from imubayes.selection.passes import ones
 from imubayes.selection.threads import pieces
 
 FloatArray = NDArray[np.float64]
@@ -134,17 +135,17 @@ def _ones(bits: int) -> IntArray:
 def _weigh(R, width, piece, kernel, factor, table, links, weight):
     """Add the weights of one piece; return the largest that was added."""
     piece_bits, leaf, p = kernel
-    state = _started(R, width, piece, kernel, factor)
+    state = started(R, width, piece, kernel, factor)
     widths = width[LANE_BITS + piece_bits :]
     end = len(widths) - leaf
     rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
     bits = np.empty((1 << leaf, 1 << LANE_BITS), np.int64)
     least, highest = R[p, p] * R[p, p], 0.0
     for outer in range((1 << end) - 1, -1, -1):
-        _go_on(state, widths, outer, end)
+        decide(state, widths, outer, 0, end)
         _leaves(state, widths, end, rss, product)
         high = (piece << end) | outer
-        _exponentials(rss, product, table[_count(high) :], least, bits, bits.view(np.float64))
+        _exponentials(rss, product, table[ones(high) :], least, bits, bits.view(np.float64))
         if len(links) > 0:
             _forbid(product, links, high, leaf, p)
         highest = max(highest, _add(product, weight, high << leaf, p))
@@ -155,12 +156,12 @@ def _weigh(R, width, piece, kernel, factor, table, links, weight):
 def _keep(R, piece, kernel, out):
     """Write the residual sums of squares of one piece."""
     piece_bits, leaf, p = kernel
-    state = _started(R, np.ones(p), piece, kernel, 1.0)
+    state = started(R, np.ones(p), piece, kernel, 1.0)
     widths = np.ones(p - LANE_BITS - piece_bits)
     end = len(widths) - leaf
     rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
     for outer in range((1 << end) - 1, -1, -1):
-        _go_on(state, widths, outer, end)
+        decide(state, widths, outer, 0, end)
         _leaves(state, widths, end, rss, product)
         base = ((piece << end) | outer) << leaf
         for lane in range(1 << LANE_BITS):
@@ -170,7 +171,7 @@ def _keep(R, piece, kernel, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _started(R, width, piece, kernel, factor):
+def started(R, width, piece, kernel, factor):
     """State after the columns of lanes and piece: trailing factors, their inverse pivots, and what was left.
 
     ``state[0][block[d]]`` and ``state[1][block[d]]`` are the factors that depth d looks at and their inverse
@@ -182,7 +183,7 @@ def _started(R, width, piece, kernel, factor):
     blocks, inverse = np.empty((m + 1, m + 1, m + 1, lanes)), np.empty((m + 1, m + 1, lanes))
     left, product = np.empty((m + 1, lanes)), np.empty((m + 1, lanes))
     for lane in range(lanes):
-        A, rest, logs = _prefix(R, width, (lane << piece_bits) | piece, top)
+        A, rest, logs = prefix(R, width, (lane << piece_bits) | piece, top)
         left[0, lane], product[0, lane] = R[p, p] ** 2 + rest, factor * math.exp(logs)
         for d in range(m + 1):
             inverse[0, d, lane] = 1.0 / A[top + d, top + d]
@@ -193,7 +194,7 @@ def _started(R, width, piece, kernel, factor):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _prefix(R, width, mask, top):
+def prefix(R, width, mask, top):
     """Decide the first `top` columns by a mask.
 
     Returns the factor with positive pivots, the square that joins the residual, and the logarithm of the
@@ -221,12 +222,6 @@ def _prefix(R, width, mask, top):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _go_on(state, width, mask, end):
-    """Go on to the next mask of the outer columns, those before `end`."""
-    _decide(state, width, mask, 0, end)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _leaves(state, width, end, rss, product):
     """Every model of the columns from `end` on: residuals and products (2^q, lanes).
 
@@ -235,7 +230,7 @@ def _leaves(state, width, end, rss, product):
     blocks, inverse, block, left, so_far = state[:5]
     p, lanes = len(width), rss.shape[1]
     for mask in range((1 << (p - 2 - end)) - 1, -1, -1):
-        _decide(state, width, mask, end, p - 2)
+        decide(state, width, mask, end, p - 2)
         at, i = block[p - 2], 4 * mask
         for lane in range(lanes):
             both, z, last = (
@@ -259,7 +254,7 @@ def _leaves(state, width, end, rss, product):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _decide(state, width, mask, top, end):
+def decide(state, width, mask, top, end):
     """Go on to the next mask of the columns `top` to `end`; masks come from all-included down.
 
     Only what lies below the deepest bit that changed is done again: that column is excluded, those after it
@@ -316,7 +311,7 @@ def _exponentials(rss, product, table, least, bits, power):
     """
     lanes = rss.shape[1]
     for i in range(rss.shape[0]):
-        size = _count(i)
+        size = ones(i)
         for lane in range(lanes):
             x = max(-0.5 * (rss[i, lane] - least), -708.0)
             k = np.floor(x * 1.4426950408889634 + 0.5)
@@ -352,13 +347,3 @@ def _add(product, weight, base, p):
             weight[start + i] += product[i, lane]
             highest = max(highest, product[i, lane])
     return highest
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _count(number):
-    """Ones of a number."""
-    ones = 0
-    while number:
-        number &= number - 1
-        ones += 1
-    return ones

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,31 @@ FLAT = 1e-12
 """Of g u: below, u no longer changes the Bayes factor."""
 
 
+class Curves(NamedTuple):
+    """What the integrals over g make of a model, by its size k and its share u of unexplained squares.
+
+    Attributes
+    ----------
+    at : least ln u, and step of the cubics in ``t = ln(1 - dof ln u)``; ``(g, log weight)`` of a single g.
+    factor : (p + 1, points - 1, 4) cubics of the log Bayes factor plus ``dof/2 ln u``; none of a single g.
+    shrinkage : (p + 1, points - 1, 4, 4) of the mean of s, its variance over u^2, and the means of ``s r``
+        and r over u, which stay near one (see `moments.g_integrals`).
+    off : largest error of a log Bayes factor.
+    """
+
+    at: tuple[float, float]
+    factor: FloatArray
+    shrinkage: FloatArray
+    off: float = 0.0
+
+
+def fewest(nodes: tuple[FloatArray, FloatArray]) -> int:
+    """Candidates from which on models are not looked at one by one, of nodes of g."""
+    from imubayes.selection import abreast
+
+    return CURVES if len(nodes[0]) > 1 else abreast.FEWEST
+
+
 def rss_of_all(c: Candidates) -> FloatArray:
     """Residual sum of squares of every model, by mask."""
     from imubayes.selection import abreast
@@ -52,38 +78,44 @@ def rss_of_all(c: Candidates) -> FloatArray:
 
 
 def log_bayes_factors(
-    rss: FloatArray, c: Candidates, nodes: tuple[FloatArray, FloatArray], by_size: FloatArray, needs: Needs
-) -> tuple[float, float]:
+    rss: FloatArray, c: Candidates, curves: Curves, by_size: FloatArray, needs: Needs
+) -> float:
     """Put the log joint probability of every model, up to the null's evidence, in the place of its rss.
 
     Parameters
     ----------
     rss : (2^p,) by mask; overwritten.
     c : the candidates.
-    nodes : (q,) of g, and the logarithms of their weights.
+    curves : of the log Bayes factor.
     by_size : (p + 1,) log prior probability of one model of each size.
     needs : (child, parent): models with a child without its parent get -inf.
 
     Returns
     -------
-    the largest, and a bound on what curves add to the error of each.
+    the largest.
     """
     from imubayes.selection.passes import log_factors
 
     p, total, dof = len(c.names), float(rss[0]), float(c.dof)
     bits, links = min(BLOCK_BITS, p), np.array(needs, dtype=np.int64).reshape(-1, 2)
-    if p < CURVES and len(nodes[0]) > 1:
-        return _one_by_one(rss, c, nodes, by_size, links), 0.0
-    off = 0.0
-    if len(nodes[0]) == 1:
-        at, table = (float(nodes[0][0]), float(nodes[1][0])), np.empty((p + 1, 0, 4))
-    else:
-        at, table, off = _curves(float(rss[-1]) / total, p, dof, nodes)
-    ones = sizes(bits)
-    highest = max(
-        pieces(lambda k: log_factors(rss, k, ones, total, dof, at, table, links, by_size), 1 << (p - bits))
+    count = sizes(bits)
+    return max(
+        pieces(
+            lambda k: log_factors(rss, k, count, total, dof, curves.at, curves.factor, links, by_size),
+            1 << (p - bits),
+        )
     )
-    return highest, off
+
+
+def log_bayes_factors_of_few(
+    rss: FloatArray, c: Candidates, integrals: FloatArray, by_size: FloatArray, needs: Needs
+) -> float:
+    """Do as `log_bayes_factors`, with each model's own integrals (2^p, 5) over g."""
+    count, mask = sizes(len(c.names)), np.arange(len(rss))
+    rss[:] = np.where(count > 0, integrals[:, 0], 0.0) + by_size[count]
+    for child, parent in needs:
+        rss[(mask >> child & 1) > (mask >> parent & 1)] = -math.inf
+    return float(rss.max())
 
 
 def integration_error(
@@ -120,42 +152,38 @@ def weights_of(logs: FloatArray, p: int, peak: float) -> FloatArray:
     return logs
 
 
-def _one_by_one(
-    rss: FloatArray, c: Candidates, nodes: tuple[FloatArray, FloatArray], by_size: FloatArray, links: NDArray
-) -> float:
-    """Integrate over g for each model."""
-    from imubayes.selection.moments import g_integrals
+def g_curves(least: float, p: int, dof: float, nodes: tuple[FloatArray, FloatArray]) -> Curves:
+    """Follow the integrals over g of all models.
 
-    count = sizes(len(c.names))
-    u = np.clip(rss / rss[0], 0.0, 1.0)
-    found = g_integrals(u, count, float(c.dof), *nodes)[:, 0]
-    rss[:] = np.where(count > 0, found, 0.0) + by_size[count]
-    mask = np.arange(len(rss))
-    for child, parent in links:
-        rss[(mask >> child & 1) > (mask >> parent & 1)] = -math.inf
-    return float(rss.max())
-
-
-def _curves(
-    least: float, p: int, dof: float, nodes: tuple[FloatArray, FloatArray]
-) -> tuple[tuple[float, float], FloatArray, float]:
-    """Cubics of the log Bayes factor plus ``dof/2 ln u`` by size, the least ln u and their step, their error.
-
-    The variable is ``t = ln(1 - dof ln u)``.
+    Parameters
+    ----------
+    least : smallest share of unexplained squares, that of all candidates.
+    p, dof : candidates, and rows minus forced columns.
+    nodes : (q,) of g, and the logarithms of their weights.
     """
     from scipy.interpolate import CubicSpline
 
-    from imubayes.selection.moments import g_integrals
-
-    def curve(t: FloatArray, size: int) -> FloatArray:
-        log_u = -np.expm1(t) / dof
-        found = g_integrals(np.exp(log_u), np.full(len(t), size), dof, *nodes)[:, 0] if size else 0.0
-        return found + 0.5 * dof * log_u
-
+    if len(nodes[0]) == 1:
+        none = np.empty((p + 1, 0, 4, 4))
+        return Curves((float(nodes[0][0]), float(nodes[1][0])), none[:, :, 0], none)
     start = math.log(max(least, FLAT / float(nodes[0].max())) * (1.0 - 1e-9))
     t, step = np.linspace(0.0, math.log1p(-dof * start), POINTS, retstep=True)
-    spline = CubicSpline(t, np.array([curve(t, size) for size in range(p + 1)]), axis=1)
+    spline = CubicSpline(t, np.array([_curve(t, size, dof, nodes) for size in range(p + 1)]), axis=1)
     between = t[:: POINTS // BETWEEN][:-1] + 0.5 * step
-    off = max(float(np.abs(spline(between)[size] - curve(between, size)).max()) for size in (0, 1, p))
-    cubics = spline.c * (step ** np.arange(3, -1, -1))[:, None, None]
-    return (start, float(step)), np.ascontiguousarray(np.moveaxis(cubics, (0, 2), (2, 0))), off
+    found = spline(between)
+    off = max(float(np.abs(found[k] - _curve(between, k, dof, nodes))[:, 0].max()) for k in (0, 1, p))
+    cubics = np.moveaxis(spline.c * (step ** np.arange(3, -1, -1))[:, None, None, None], (0, 2), (3, 0))
+    factor, shrinkage = np.ascontiguousarray(cubics[:, :, 0]), np.ascontiguousarray(cubics[:, :, 1:])
+    return Curves((start, float(step)), factor, shrinkage, off)
+
+
+def _curve(t: FloatArray, size: int, dof: float, nodes: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """What is interpolated (t, 5) of the integrals of the models of one size."""
+    from imubayes.selection.moments import g_integrals
+
+    log_u = -np.expm1(t) / dof
+    u = np.exp(log_u)
+    found = g_integrals(u, np.full(len(t), size), dof, *nodes)
+    found[:, 0] = (found[:, 0] if size else 0.0) + 0.5 * dof * log_u
+    found[:, 2:] /= np.column_stack((u**2, u, u))
+    return found

@@ -17,8 +17,18 @@ from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.factor import vanished
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary, check_names
-from imubayes.selection.bayes_factors import integration_error, log_bayes_factors, rss_of_all, weights_of
+from imubayes.selection.bayes_factors import (
+    Curves,
+    fewest,
+    g_curves,
+    integration_error,
+    log_bayes_factors,
+    log_bayes_factors_of_few,
+    rss_of_all,
+    weights_of,
+)
 from imubayes.selection.beyond import search_models
+from imubayes.selection.masks import sizes
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
 from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
@@ -37,7 +47,7 @@ STORED = 2**15
 """Models, about, that stand for all: each heavier than a STORED-th of all, and a sample of the others."""
 
 STANDING = 900
-"""The same for the moments of the coefficients under a prior of the g-family."""
+"""The same for the mixture under a prior of the g-family; means and sds are those of all models."""
 
 NEGLIGIBLE = 28.0
 """Log of the share below which a noise scale no longer counts: exp(-28) = 7e-13."""
@@ -325,34 +335,59 @@ def _first_scale(c: Candidates) -> tuple[float, float, float]:
 def _over_g(
     names: tuple[str, ...], c: Candidates, prior: GFamily, by_size: FloatArray, needs: Needs
 ) -> Models:
-    """The g-family: noise scale integrated analytically, one walk for all models."""
-    from imubayes.selection.moments import g_integrals, solutions
-
+    """The g-family: noise scale integrated analytically, one walk down for all models and one up."""
     _check_independent(c)
     a, p = len(c.always), len(c.names)
     rss, nodes = rss_of_all(c), g_nodes(prior, c.dof + a)
-    total = float(rss[0])
+    total, least = float(rss[0]), float(rss[-1])
     if total == 0.0:
         raise UnobservableError(
             "the forced columns alone fit the response exactly, which leaves nothing to tell the others by;"
             " force fewer, or add rows",
             c.always,
         )
-    error = integration_error(prior, nodes, float(rss[-1]) / total, p, float(c.dof))
-    peak, off = log_bayes_factors(rss, c, nodes, by_size, needs)
     counted = math.lgamma(c.dof / 2), c.dof / 2 * math.log(math.pi * total)
     null = counted[0] - counted[1] - math.log(2.0) - 0.5 * c.log_det
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))
-    error += off + 2.0 * HALF_UNIT * (abs(counted[0]) + abs(counted[1]))
-    w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
-    told = totals(w)
-    w = thinned(w, STORED) if p > STORED_BITS else w
+    error = integration_error(prior, nodes, least / total, p, float(c.dof))
+    error += 2.0 * HALF_UNIT * (abs(counted[0]) + abs(counted[1]))
+    if p < fewest(nodes):
+        integrals = _g_integrals(c, rss / total, sizes(p), nodes)
+        peak = log_bayes_factors_of_few(rss, c, integrals, by_size, needs)
+        w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
+        every = w.space.members(np.arange(len(w.space)))
+        return posterior_of(names, w, g_components(c, every, total, integrals, w.weight))
+    curves = g_curves(least / total, p, float(c.dof), nodes)
+    peak = log_bayes_factors(rss, c, curves, by_size, needs)
+    w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
+    return _of_many(names, w, curves, nodes, total)
+
+
+def _of_many(
+    names: tuple[str, ...], w: Weighed, curves: Curves, nodes: tuple[FloatArray, FloatArray], total: float
+) -> Models:
+    """Posterior with moments over all models, and models that stand for them in the mixture."""
+    from imubayes.selection.moments import solutions
+    from imubayes.selection.total_moments import total_moments
+
+    c = w.candidates
+    told, moments = totals(w), total_moments(c, curves, w.weight)
+    w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
     few = thinned(w, STANDING)
     inside = few.space.members(np.arange(len(few.space)))
     _, _, left, _ = solutions(c.whole, with_always(c, inside))
-    integrals = g_integrals(np.clip(left / total, 0.0, 1.0), inside.sum(axis=1), float(c.dof), *nodes)
-    parts = g_components(c, few.space, total, integrals, few.weight)
-    return posterior_of(names, w, parts, told)
+    integrals = _g_integrals(c, left / total, inside.sum(axis=1), nodes)
+    return posterior_of(
+        names, w, g_components(c, inside, total, integrals, few.weight), told, moments=moments
+    )
+
+
+def _g_integrals(
+    c: Candidates, u: FloatArray, size: NDArray[np.int64], nodes: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    from imubayes.selection.moments import g_integrals
+
+    return g_integrals(np.clip(u, 0.0, 1.0), size, float(c.dof), *nodes)
 
 
 def _check_independent(c: Candidates) -> None:

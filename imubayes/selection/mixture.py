@@ -206,7 +206,7 @@ def _at_scale(
 
 
 def g_components(
-    c: Candidates, space: Space, total: float, integrals: FloatArray, weight: FloatArray
+    c: Candidates, inside: BoolArray, total: float, integrals: FloatArray, weight: FloatArray
 ) -> Components:
     """Components under the g-family: least squares shrunk towards the fit of the forced columns alone.
 
@@ -216,22 +216,23 @@ def g_components(
     Parameters
     ----------
     c : the candidates.
-    space : models over them.
+    inside : (m, p) which of them are in each model.
     total : residual sum of squares of the forced columns alone.
-    integrals : (2^p, 5) of `moments.g_integrals`.
-    weight : (2^p,) posterior probability of each model, up to a factor.
+    integrals : (m, 5) of `moments.g_integrals`.
+    weight : (m,) posterior probability of each model, up to a factor.
     """
     from imubayes.selection.moments import solutions
 
-    chosen, share = _chosen(weight)
-    inside = space.members(chosen)
+    there = weight > 0.0
+    inside, integrals, weight = inside[there], integrals[there], weight[there]
     b, v, _, _ = solutions(c.whole, with_always(c, inside))
     b0, v0, _, _ = solutions(c.whole, with_always(c, np.zeros((1, len(c.names)), dtype=bool)))
-    shrink, wide, spread, unshrunk = integrals[chosen, 1:].T[:, :, None]
+    shrink, wide, spread, unshrunk = integrals[:, 1:].T[:, :, None]
     unit = total / (c.dof - 2)
     variance = unit * (unshrunk * v0 + spread * (v - v0)) + wide * (b - b0) ** 2
     scale = np.ldexp(np.sqrt(unit * unshrunk[:, 0]), c.response_unit)
-    return Components(share, inside, scale, c.given(b0 + shrink * (b - b0)), c.given(np.sqrt(variance)))
+    mean, share = c.given(b0 + shrink * (b - b0)), weight / weight.sum()
+    return Components(share, inside, scale, mean, c.given(np.sqrt(variance)))
 
 
 def with_always(c: Candidates, inside: BoolArray) -> BoolArray:

@@ -38,7 +38,7 @@ class Models:
     space : the models behind `weight`.
     scales : (q,) nodes of the noise scale; one NaN with the g-family, which integrates it.
     weight : (n_models,) posterior probability of each model of `space`.
-    components : the mixture behind `mean` and `sd`.
+    components : the mixture behind `mean` and `sd`; where models are many, of some that stand for all.
     parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
     missing : bound on the probability of all models that are not in `space`; NaN where there is none.
     error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were;
@@ -206,7 +206,14 @@ def thinned(w: Weighed, count: int) -> Weighed:
     return replace(w, space=space, weight=weight)
 
 
-def posterior_of(names: tuple[str, ...], w: Weighed, parts: Components, told: Totals | None = None) -> Models:
+def posterior_of(
+    names: tuple[str, ...],
+    w: Weighed,
+    parts: Components,
+    told: Totals | None = None,
+    *,
+    moments: tuple[FloatArray, FloatArray] | None = None,
+) -> Models:
     """Posterior over weighed models, and model-averaged coefficients of the columns `names`.
 
     Parameters
@@ -215,12 +222,13 @@ def posterior_of(names: tuple[str, ...], w: Weighed, parts: Components, told: To
     w : the models; where they only stand for all, `told` holds the sums over all.
     parts : the mixture of their coefficients.
     told : `totals` of `w`, or of the models that it stands for.
+    moments : mean and sd of every column over all models, where `parts` only stand for them.
     """
     c = w.candidates
     every = told is not None or isinstance(w.space, Every)
     sums, total, share = told or totals(w)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
-    mean, sd = _moments(c, parts) if np.isfinite(w.scales).all() else parts.moments()
+    mean, sd = moments or (_moments(c, parts) if np.isfinite(w.scales).all() else parts.moments())
     order = [c.columns.index(name) for name in names]
     with np.errstate(divide="ignore"):
         by_size = w.peak + np.log(share)

@@ -94,21 +94,23 @@ def g_integrals(unexplained, size, dof, g, log_weight):
     ``r = (1 + g u)/(1 + g)``.
     """
     out = np.zeros((len(size), 5))
-    log_g1, terms = np.log1p(g), np.zeros(len(g))
+    log_g1, share = np.log1p(g), np.zeros(len(g))
     for m in range(len(size)):
         u = unexplained[m]
         for q in range(len(g)):
-            terms[q] = 0.5 * (dof - size[m]) * log_g1[q] - 0.5 * dof * np.log1p(g[q] * u) + log_weight[q]
-        peak = terms.max()
-        total = 0.0
+            share[q] = 0.5 * (dof - size[m]) * log_g1[q] - 0.5 * dof * np.log1p(g[q] * u) + log_weight[q]
+        peak = share.max()
+        total = rest = 0.0
         for q in range(len(g)):
-            w, s, r = np.exp(terms[q] - peak), g[q] / (1.0 + g[q]), (1.0 + g[q] * u) / (1.0 + g[q])
-            total += w
-            out[m, 1] += w * s
-            out[m, 3] += w * s * r
-            out[m, 4] += w * r
+            share[q] = np.exp(share[q] - peak)
+            s, r = g[q] / (1.0 + g[q]), (1.0 + g[q] * u) / (1.0 + g[q])
+            total += share[q]
+            rest += share[q] / (1.0 + g[q])
+            out[m, 1] += share[q] * s
+            out[m, 3] += share[q] * s * r
+            out[m, 4] += share[q] * r
         out[m, 0] = peak + np.log(total)
         out[m, 1:] /= total
-        for q in range(len(g)):  # about the mean, which under strong signals is 1 to 12 digits
-            out[m, 2] += np.exp(terms[q] - peak) / total * (g[q] / (1.0 + g[q]) - out[m, 1]) ** 2
+        for q in range(len(g)):  # of 1 - s about its mean: under strong signals s is 1 to all digits
+            out[m, 2] += share[q] / total * (1.0 / (1.0 + g[q]) - rest / total) ** 2
     return out

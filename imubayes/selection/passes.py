@@ -19,13 +19,13 @@ def block_sums(weight, number, bits):
     block = weight[number << bits : (number + 1) << bits].copy()
     wide = np.zeros((bits - row + 1, 1 << row))
     for i in range(1 << (bits - row)):
-        size = _ones(i)
+        size = ones(i)
         for k in range(1 << row):
             wide[size, k] += block[(i << row) + k]
     by_size = np.zeros(bits + 1)
     for size in range(wide.shape[0]):
         for k in range(1 << row):
-            by_size[size + _ones(k)] += wide[size, k]
+            by_size[size + ones(k)] += wide[size, k]
     having = np.zeros(bits)
     for j in range(bits - 1, -1, -1):
         half, total = 1 << j, 0.0
@@ -80,7 +80,7 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     -------
     the largest.
     """
-    highest, single, start, above = -np.inf, table.shape[1] == 0, number * len(sizes), _ones(number)
+    highest, single, start, above = -np.inf, table.shape[1] == 0, number * len(sizes), ones(number)
     log_g = np.log1p(nodes[0])
     for i in range(len(sizes)):
         mask, k = start + i, sizes[i] + above
@@ -89,7 +89,7 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
             value = 0.5 * (dof - k) * log_g - 0.5 * dof * np.log1p(nodes[0] * u) + nodes[1]
         else:
             log_u = max(np.log(u), nodes[0])
-            value = _cubic(table[k], np.log1p(-dof * log_u) / nodes[1]) - 0.5 * dof * log_u
+            value = cubic(table[k], np.log1p(-dof * log_u) / nodes[1]) - 0.5 * dof * log_u
         for n in range(len(links)):
             if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
                 value = -np.inf
@@ -99,7 +99,7 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _cubic(pieces, x):
+def cubic(pieces, x):
     """Value at x >= 0 of a piecewise cubic with nodes 0, 1, ...."""
     i = min(int(x), len(pieces) - 1)
     r = x - i
@@ -114,7 +114,7 @@ def exponentials(logs, number, bits, peak):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _ones(number):
+def ones(number):
     """Ones of a number."""
     ones = 0
     while number:
