@@ -33,6 +33,7 @@ from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
+from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ def _summary(
         factor=reduce(add, (run.factor for run in runs)),
         runs=runs,
         library=lib,
-        facts=Facts(lib.kind, constant_force=True, one_sided=False),
+        facts=Facts(lib.kind, one_sided=False, force=STANDARD_GRAVITY),
         reach=dict(zip(rows[0].names, reach.tolist(), strict=True)),
         extras=extras,
     )

@@ -32,6 +32,7 @@ from imubayes.rig.inputs import Facts, TriadRun, durations
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
+from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -211,7 +212,7 @@ def _outcome(
         factor=reduce(add, (s.factor for s in summaries)),
         runs=summaries,
         library=triad.libraries[0],
-        facts=Facts("accelerometer", constant_force=True, one_sided=False, reference_free=True),
+        facts=Facts("accelerometer", one_sided=False, force=STANDARD_GRAVITY, reference_free=True),
         reach=dict(zip(rows[0].names, reach.tolist(), strict=True)),
         extras=extras,
     )

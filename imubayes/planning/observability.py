@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from imubayes.factor import Factor, invert_triangular
 from imubayes.rig.inputs import Facts
+from imubayes.rig.plans import EARTH_RATE
 from imubayes.rig.reference import HEADS, KINDS, kind_of
 from imubayes.sensors.imu import COMPONENTS
+from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -38,6 +40,9 @@ PIVOT = 0.05
 TAKES_PART = 0.03
 """Smallest share of the largest contribution that makes a term part of an exact cancellation: a misalignment
 of 30 mrad drags others in at less."""
+
+LOCAL = 0.01
+"""Share by which gravity, or a rate told in few decimals, may differ from the standard value and be it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +131,7 @@ def observe(
     Examples
     --------
     >>> R = np.array([[9.0, 9.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    >>> seen = observe(Factor(("b0", "b0p"), R, 10), np.ones(2), Facts("gyroscope", False, True))
+    >>> seen = observe(Factor(("b0", "b0p"), R, 10), np.ones(2), Facts("gyroscope", one_sided=True))
     >>> seen.partners("b0"), seen.groups[0].reason
     (('b0p',), 'w_i never changes sign')
     """
@@ -293,9 +298,31 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     for applies, reason, remedy in _REASONS:
         if applies(terms, facts):
             own = "f_i" if facts.kind == "accelerometer" else "w_i"
-            return reason.format(own=own), remedy[facts.kind]
+            force, rate = _lengths(facts)
+            sizes = (force, rate) if facts.kind == "accelerometer" else (rate, force)
+            return reason.format(*sizes, own=own), remedy[facts.kind]
     driven = sorted(terms - {"b0"} - HEADS.keys())[:2]
     return "", f"a run in which the input of {' or '.join(driven)} changes by itself would separate them"
+
+
+def _own(facts: Facts) -> float:
+    """Length of the own input where it is the same in every row."""
+    return facts.force if facts.kind == "accelerometer" else facts.rate
+
+
+def _other(facts: Facts) -> float:
+    """Length of the other input where it is the same in every row."""
+    return facts.rate if facts.kind == "accelerometer" else facts.force
+
+
+def _lengths(facts: Facts) -> tuple[str, str]:
+    """Words for what |f| and |w| are in every row."""
+    at_rest = abs(facts.force / STANDARD_GRAVITY - 1.0) < LOCAL
+    earth = abs(facts.rate / EARTH_RATE - 1.0) < LOCAL
+    return (
+        "|f| = g" if at_rest else "|f| is the same",
+        "|w| = the Earth's rate" if earth else "|w| is the same",
+    )
 
 
 def _bench_words(kinds: list[str], terms: list[str]) -> tuple[str, str]:
@@ -336,8 +363,12 @@ _MORE_LEVELS = {
     "accelerometer": "a centrifuge run at several levels with the input axis both ways would separate them",
     "gyroscope": "rate steps over more of the range in both directions would separate them",
 }
-_FORCE = {
+_OWN_SIZE = {
     "accelerometer": "a centrifuge run would separate them",
+    "gyroscope": "rate steps on a table in several mounts would separate them",
+}
+_OTHER_SIZE = {
+    "accelerometer": "runs at several rates would separate them",
     "gyroscope": "a run at more than 1 g (centrifuge) would separate them",
 }
 _BOTH_WAYS = {
@@ -346,16 +377,19 @@ _BOTH_WAYS = {
 }
 _ODD, _EVEN = frozenset({"b1", "b3", "b0p", "b2p", "b4p"}), frozenset({"b0", "b2", "b4", "b1p", "b3p"})
 
+_SQUARES, _TRACE = frozenset({"b2", "c_jj", "c_kk"}), frozenset({"S_ii", "S_jj", "S_kk"})
+"""Terms whose sum is the square of the length of the own input, and of the other one."""
+
 _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
     (
-        lambda terms, facts: facts.constant_force and {"b0", "b2", "c_jj", "c_kk"} <= terms,
-        "|f| = g in every row",
-        _FORCE,
+        lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms,
+        "{0} in every row",
+        _OWN_SIZE,
     ),
     (
-        lambda terms, facts: facts.constant_force and {"b0", "S_ii", "S_jj", "S_kk"} <= terms,
-        "|f| = g in every row",
-        _FORCE,
+        lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms,
+        "{1} in every row",
+        _OTHER_SIZE,
     ),
     (
         lambda terms, facts: facts.one_sided and any(f"{name}p" in terms for name in terms),
@@ -373,9 +407,9 @@ _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, st
         _MORE_LEVELS,
     ),
     (
-        lambda terms, facts: facts.constant_force and facts.kind == "accelerometer" and "b0" in terms,
-        "|f| = g in every row",
-        _FORCE,
+        lambda terms, facts: facts.kind == "accelerometer" and facts.force > 0.0 and "b0" in terms,
+        "{0} in every row",
+        _OWN_SIZE,
     ),
 )
 """(when, reason, remedy by kind) of the cancellations that have a name; the first that applies is told."""

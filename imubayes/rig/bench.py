@@ -122,7 +122,7 @@ def _turning(run: Run | Plan, wanted: set[str]) -> bool:
 
 def _one_length(run: Run | Plan) -> bool:
     """Tell whether |f| is the same in every row: then all of f is gravity, in whatever position."""
-    return facts_of([run.inputs.channels], "gyroscope").constant_force
+    return facts_of([run.inputs.channels], "gyroscope").force > 0.0
 
 
 def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:

@@ -8,12 +8,16 @@ from numpy.typing import NDArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
 from imubayes.rig.formats import Table
-from imubayes.rig.inputs import GAP
+from imubayes.rig.inputs import GAP, Inputs
+from imubayes.rig.plans import EARTH_RATE
 
 FloatArray = NDArray[np.float64]
 
 LARGEST = 1e100
 """In the file's own unit: beyond it a number is a placeholder, and its square leaves double precision."""
+
+NOTICED = 0.05
+"""Share of the Earth's rate across the axis of a table that is more than rounding: it is 1 at the equator."""
 
 JUMP = 0.2
 """Relative change of the sampling interval, over a block of `BLOCK` steps, that is worth a note."""
@@ -111,3 +115,29 @@ def jump_note(interval: float, at: float, usual: float) -> str:
         f"the sampling interval is {interval:.4g} s around t = {at:.6g} s "
         f"where it is {usual:.4g} s over most of the run"
     )
+
+
+def earth_left_out(procedure: str, inputs: Inputs, axes: str = "ijk") -> tuple[str, ...]:
+    """Say that the rates of a recorded rate table lack the Earth's across its axis; empty if they have it.
+
+    With it, w is along more than one line in the case while a mount turns. The Earth's vertical part is not
+    asked for: it may be in the table's rate.
+
+    Examples
+    --------
+    >>> earth_left_out("rate-table", Inputs(np.zeros(2), {"w_i": np.array([1.0, -2.0])}, 1.0))
+    ("the Earth's rate across the table's axis (15 deg/h x cos latitude) is not in w",)
+    """
+    if procedure != "rate-table":
+        return ()
+    n = len(inputs)
+    w = np.stack([inputs.channels.get(f"w_{axis}", np.zeros(n)) for axis in axes], axis=1)
+    mount = np.zeros(n, dtype=np.int64) if inputs.mount is None else inputs.mount
+    for number in np.unique(mount):
+        here = w[mount == number]
+        fastest = here[np.argmax(np.linalg.norm(here, axis=1))]
+        across = np.linalg.norm(np.cross(here, fastest), axis=1).max()
+        if across > NOTICED * EARTH_RATE * np.linalg.norm(fastest):
+            return ()
+    note = "the Earth's rate across the table's axis (15 deg/h x cos latitude) is not in w"
+    return (note,) if w.any() else ()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imubayes.errors import DataError
 from imubayes.rig.bench import true_inputs
-from imubayes.rig.checks import check_output
+from imubayes.rig.checks import check_output, earth_left_out
 from imubayes.rig.columns import resolve
 from imubayes.rig.formats import Table, bare, read_table
 from imubayes.rig.inputs import (
@@ -144,6 +144,7 @@ def _known(spec: RunSpec, file: Path) -> KnownRun:
     _check_references(table, references)
     inputs, derived = inputs_of(table, references, t)
     kept, lost = within_range(table.file, outputs, columns)
+    lost = (*lost, *earth_left_out(spec.procedure, inputs, "xyz"))
     notes = (*epoch, *notes_of(t), *lost, *assumed("accelerometer", columns, "xyz"), *derived)
     source, said = source_of(table.file, sha256_of(path), columns, notes), list(outputs.values())
     if spec.gyroscope_file is not None:

@@ -290,18 +290,22 @@ class Facts:
     Attributes
     ----------
     kind : accelerometer or gyroscope.
-    constant_force : |f| is the same in every row (a test at 1 g).
     one_sided : the own input never changes sign.
+    force : |f| where it is the same in every row (a test at 1 g), m/s^2; 0 where it is not.
+    rate : |w| where it is the same in every row (the Earth's, in a test at rest), rad/s; 0 where it is not.
+    still : f and w are the same in every row (a log at rest).
     reference_free : only |f| = g is known, and no direction.
     """
 
     kind: str
-    constant_force: bool
     one_sided: bool
+    force: float = 0.0
+    rate: float = 0.0
+    still: bool = False
     reference_free: bool = False
 
 
-UNKNOWN = Facts("accelerometer", constant_force=False, one_sided=False)
+UNKNOWN = Facts("accelerometer", one_sided=False)
 """Of inputs that nothing is known of."""
 
 
@@ -311,6 +315,23 @@ def facts_of(channels: Sequence[Mapping[str, FloatArray]], kind: str) -> Facts:
     inputs = [c[own] for c in channels if own in c]
     sides = {side for values in inputs for side in (values.min(), values.max()) if side != 0.0}
     one_sided = bool(sides) and (all(s > 0.0 for s in sides) or all(s < 0.0 for s in sides))
-    force = [np.sqrt(sum(c[f"f_{axis}"] ** 2 for axis in "ijk" if f"f_{axis}" in c)) for c in channels]
-    low, high = min(float(np.min(f)) for f in force), max(float(np.max(f)) for f in force)
-    return Facts(kind, low > 0.0 and high - low <= CONSTANT * high, one_sided)
+    force, rate = (_constant_length(channels, quantity) for quantity in "fw")
+    still = all(_constant(channels, quantity) for quantity in "fw")
+    return Facts(kind, one_sided, force, rate, still)
+
+
+def _constant_length(channels: Sequence[Mapping[str, FloatArray]], quantity: str) -> float:
+    """Length of a vector where it is the same in every row; else zero."""
+    names = [f"{quantity}_{axis}" for axis in "ijk"]
+    size = [np.sqrt(sum(c[name] ** 2 for name in names if name in c)) for c in channels]
+    low, high = min(float(np.min(v)) for v in size), max(float(np.max(v)) for v in size)
+    return high if high - low <= CONSTANT * high else 0.0
+
+
+def _constant(channels: Sequence[Mapping[str, FloatArray]], quantity: str) -> bool:
+    """Whether a vector is the same in every row."""
+    names = [f"{quantity}_{axis}" for axis in "ijk"]
+    ends = [
+        [fold(c[name]) if name in c else 0.0 for name in names] for c in channels for fold in (np.min, np.max)
+    ]
+    return bool(np.ptp(ends, axis=0).max() <= CONSTANT * np.abs(ends).max())

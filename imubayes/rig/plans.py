@@ -36,6 +36,24 @@ _MOST_SAMPLES = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """How a table turns on the Earth, about the vertical, in n rows.
+
+    Attributes
+    ----------
+    up : (n, 3) the vertical in case axes.
+    rate : (n,) of the table itself, rad/s, counter-clockwise seen from above.
+    angle : (n,) rad since the first row of a mount, where north is along `north_across` the vertical.
+    latitude : rad, north positive; None leaves the Earth's rate out.
+    """
+
+    up: FloatArray
+    rate: FloatArray
+    angle: FloatArray
+    latitude: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Plan:
     """A test procedure that is ready to run.
 
@@ -44,11 +62,13 @@ class Plan:
     name : of the run that it gives.
     procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
     inputs : what the rig applies, SI.
+    turn : of a table that turns about the vertical; None of another rig.
     """
 
     name: str
     procedure: str
     inputs: Inputs
+    turn: Turn | None = None
 
 
 def minus(axis: Direction) -> Direction:
@@ -72,6 +92,53 @@ def earth_rate(up: FloatArray, north: FloatArray, latitude: float) -> FloatArray
         raise InputError(f"latitude = {latitude} rad is nowhere on Earth: expected -pi/2 to pi/2")
     cos, sin = snapped(np.array([math.cos(latitude), math.sin(latitude)]))
     return EARTH_RATE * (cos * north + sin * up)
+
+
+def turning_rate(turn: Turn, interval: float) -> FloatArray:
+    """Inertial rate (n, 3) of a table along the case axes, rad/s, the mean over samples of `interval` s.
+
+    The Earth's rate across the vertical stays in the horizontal plane and turns the other way in the case.
+    """
+    if turn.latitude is None:
+        return turn.rate[:, None] * turn.up
+    north = north_across(turn.up)
+    cos, sin = np.cos(turn.angle)[:, None], np.sin(turn.angle)[:, None]
+    left = np.sinc(turn.rate * interval / (2.0 * math.pi))[:, None]
+    heading = snapped(left * (cos * north - sin * np.cross(turn.up, north)))
+    return turn.rate[:, None] * turn.up + earth_rate(turn.up, heading, turn.latitude)
+
+
+def angles_turned(t: FloatArray, rate: FloatArray, mount: NDArray[np.int64]) -> FloatArray:
+    """Angle (n,) since the first row of each mount, rad; between dwells the rate changes evenly.
+
+    Examples
+    --------
+    >>> one = np.zeros(3, dtype=int)
+    >>> angles_turned(np.array([0.0, 1.0, 5.0]), np.array([0.5, 0.5, 1.0]), one).tolist()
+    [0.0, 0.5, 3.5]
+    """
+    turned = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(t) * (rate[1:] + rate[:-1]))))
+    _, first, place = np.unique(mount, return_index=True, return_inverse=True)
+    return turned - turned[first][place]
+
+
+def north_across(up: FloatArray) -> FloatArray:
+    """Horizontal part (n, 3), as a unit vector, of the first case axis that is most across each vertical."""
+    return level(np.eye(3)[np.argmin(np.abs(up), axis=1)], up)
+
+
+def level(north: FloatArray, up: FloatArray) -> FloatArray:
+    """Unit vectors (n, 3) along the horizontal part of directions.
+
+    Raises
+    ------
+    InputError : if one has none.
+    """
+    finite = np.where(np.isfinite(north), north, 0.0)
+    flat = snapped(finite - np.sum(finite * up, axis=1, keepdims=True) * up)
+    if not (flat.any(axis=1).all() and np.isfinite(north).all()):
+        raise InputError(f"north = {tuple(north[0])} has no horizontal part: expected a direction across up")
+    return unit(flat)
 
 
 def at_rest(vectors: dict[str, FloatArray], t: FloatArray, interval: float) -> Inputs:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from imubayes.rig.plans import (
     FloatArray,
     Mount,
     Plan,
+    Turn,
+    angles_turned,
     channels_of,
     check_steps,
     dwells,
@@ -30,6 +32,7 @@ from imubayes.rig.plans import (
     numbers,
     samples,
     snapped,
+    turning_rate,
     unit,
 )
 from imubayes.units import STANDARD_GRAVITY
@@ -45,13 +48,14 @@ def rate_table(
     dwell: float = 30.0,
     rate: float = 10.0,
     settle: float = 5.0,
-    latitude: float = math.pi / 4.0,
+    latitude: float | None = math.pi / 4.0,
     radius: float = 0.0,
 ) -> Plan:
     """Rate steps about a vertical axis, in one mount after the other (IEEE 952's rate test, 12.9).
 
-    The rate is ``w = (table + W sin(latitude))`` along the vertical and the specific force
-    ``f = g up - radius w^2 out``: the horizontal part of the Earth's rate averages out over whole turns.
+    The rate is ``w = (table + W sin(latitude)) up + W cos(latitude) north``, where north turns in the case as
+    the table turns, the other way; the specific force is ``f = g up - radius w^2 out`` with the vertical part
+    of w. Between steps the rate of the table changes evenly.
 
     A gyroscope with the input axis up (1 mount) sees ``b1 b2 b3`` and, at four speeds or more both ways, the
     asymmetries; its bias is confounded with ``g_i`` and ``S_ii``. Six mounts add ``m_j m_k`` and
@@ -64,7 +68,8 @@ def rate_table(
     rates : table rates, rad/s, counter-clockwise seen from above positive.
     mounts : the first of 9 orientations: i, -i, j, -j, k, -k up, then halfway between i-j, i-k and j-k.
     dwell, rate, settle : as in `imubayes.rig.tumbles.tumble`.
-    latitude : rad, north positive.
+    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer. At the first
+        sample of each mount, north is along the first case axis that is most across the vertical.
     radius : distance of the sensing point from the axis, m.
 
     Raises
@@ -73,15 +78,17 @@ def rate_table(
 
     Examples
     --------
-    >>> run = rate_table([-1.0, 1.0], mounts=1, dwell=1.0, rate=1.0, latitude=0.0).inputs
+    >>> run = rate_table([-1.0, 1.0], mounts=1, dwell=1.0, rate=1.0, latitude=None).inputs
     >>> run.channels["w_i"].tolist(), "w_j" in run.channels
     ([-1.0, 1.0], False)
+    >>> still = rate_table([0.0], mounts=1, dwell=1.0, rate=1.0, latitude=0.0).inputs
+    >>> {name: round(math.degrees(w[0]) * 3600.0, 2) for name, w in still.channels.items() if "w" in name}
+    {'w_j': 15.04}
     """
     check_steps("rate table", rates, mounts, _TABLE_MOUNTS)
-    speeds = np.asarray(rates, dtype=float) + EARTH_RATE * math.sin(latitude)
-    spin = _stepped(speeds, dwell, rate, settle)
-    inputs = _turning(spin, _TABLE_MOUNTS[:mounts], radius=radius, settle=settle, interval=1.0 / rate)
-    return Plan("rate-table", "rate-table", inputs)
+    spin = _stepped(np.asarray(rates, dtype=float), dwell, rate, settle)
+    inputs, turn = _on_earth(spin, _TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
+    return Plan("rate-table", "rate-table", inputs, turn)
 
 
 def oscillation(
@@ -92,14 +99,14 @@ def oscillation(
     dwell: float = 10.0,
     rate: float = 100.0,
     settle: float = 5.0,
-    latitude: float = math.pi / 4.0,
+    latitude: float | None = math.pi / 4.0,
     radius: float = 0.0,
 ) -> Plan:
     """Angular oscillation ``A sin(2 pi f t)`` about a vertical axis, in one mount after the other.
 
     The rate ``2 pi f A cos`` and its derivative ``-(2 pi f)^2 A sin`` are in quadrature, so that what they do
-    can be told apart, and the square of the rate has a mean. The force is as in `rate_table`, and
-    ``radius dw/dt`` along the motion.
+    can be told apart, and the square of the rate has a mean. The Earth's rate and the force are as in
+    `rate_table`, and ``radius dw/dt`` along the motion.
 
     An accelerometer sees ``m_j m_k``, ``s_i s_j s_k`` (Kang) and all of S (Kspin) in nine mounts; a lever arm
     from the point that f is told for drives the same columns. On the axis |f| = g, as in a tumble, and ``b1``
@@ -124,7 +131,7 @@ def oscillation(
 
     Examples
     --------
-    >>> run = oscillation([1.0], amplitude=0.1, mounts=1, dwell=1.0, rate=8.0, latitude=0.0).inputs
+    >>> run = oscillation([1.0], amplitude=0.1, mounts=1, dwell=1.0, rate=8.0, latitude=None).inputs
     >>> (run.channels["w_i"] / (2.0 * np.pi * 0.1)).round(3).tolist()
     [1.0, 0.707, 0.0, -0.707, -1.0, -0.707, 0.0, 0.707]
     >>> run.channels["dw_i"].round(3).tolist()[:3]
@@ -137,9 +144,8 @@ def oscillation(
             f" samples a second: expected more than 0 of each, {SAMPLES_A_PERIOD:g} samples a period or more"
         )
     spin = _swinging(np.asarray(frequencies, dtype=float), amplitude, dwell, rate, settle)
-    spin.w[:] += EARTH_RATE * math.sin(latitude)
-    inputs = _turning(spin, _TABLE_MOUNTS[:mounts], radius=radius, settle=settle, interval=1.0 / rate)
-    return Plan("oscillation", "oscillation", inputs)
+    inputs, turn = _on_earth(spin, _TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
+    return Plan("oscillation", "oscillation", inputs, turn)
 
 
 def centrifuge(
@@ -228,18 +234,23 @@ _TABLE_MOUNTS: tuple[Mount, ...] = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Spin:
-    """What the axis does in one mount: time, rate and its derivative of each sample; total time; SI."""
+    """What the axis does in one mount: time, rate, its derivative and the angle of each sample; SI.
+
+    `total` is the time that it takes.
+    """
 
     t: FloatArray
     w: FloatArray
     dw: FloatArray
+    angle: FloatArray
     total: float
 
 
 def _stepped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:
     t = dwells(len(speeds), dwell, rate, settle)
     w = np.repeat(speeds, len(t) // len(speeds))
-    return _Spin(t, w, np.zeros_like(w), len(speeds) * (dwell + settle) - settle)
+    angle = angles_turned(t, w, np.zeros(len(t), dtype=np.int64))
+    return _Spin(t, w, np.zeros_like(w), angle, len(speeds) * (dwell + settle) - settle)
 
 
 def _swinging(frequencies: FloatArray, amplitude: float, dwell: float, rate: float, settle: float) -> _Spin:
@@ -249,7 +260,8 @@ def _swinging(frequencies: FloatArray, amplitude: float, dwell: float, rate: flo
     w = amplitude * pulse * snapped(np.cos(phase))
     dw = amplitude * pulse**2 * snapped(np.sin(-phase))
     total = len(frequencies) * (dwell + settle) - settle
-    return _Spin(dwells(len(frequencies), dwell, rate, settle), w.ravel(), dw.ravel(), total)
+    t, angle = dwells(len(frequencies), dwell, rate, settle), amplitude * np.sin(phase)
+    return _Spin(t, w.ravel(), dw.ravel(), angle.ravel(), total)
 
 
 def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:
@@ -266,7 +278,28 @@ def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Sp
     )
     w = (start[:, None] + slope[:, None] * np.minimum(within, settle)).ravel()
     end = -len(steady)  # back at rest there is nothing to record
-    return _Spin(t[:end], w[:end], dw[:end], len(start) * (settle + dwell) - dwell)
+    angle = angles_turned(t, w, np.zeros(len(t), dtype=np.int64))
+    return _Spin(t[:end], w[:end], dw[:end], angle[:end], len(start) * (settle + dwell) - dwell)
+
+
+def _on_earth(
+    spin: _Spin,
+    mounts: tuple[Mount, ...],
+    latitude: float | None,
+    *,
+    radius: float,
+    settle: float,
+    rate: float,
+) -> tuple[Inputs, Turn]:
+    """Apply the same spin of a table in every mount, with the Earth's rate."""
+    vertical = 0.0 if latitude is None else EARTH_RATE * math.sin(latitude)
+    total = replace(spin, w=spin.w + vertical)
+    inputs = _turning(total, mounts, radius=radius, settle=settle, interval=1.0 / rate)
+    up = np.repeat(unit(np.array([mount[1] for mount in mounts])), len(spin.t), axis=0)
+    turn = Turn(up, np.tile(spin.w, len(mounts)), np.tile(spin.angle, len(mounts)), latitude)
+    kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
+    w = channels_of({"w": turning_rate(turn, inputs.interval)})
+    return replace(inputs, channels={**kept, **w}), turn
 
 
 def _turning(

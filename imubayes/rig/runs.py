@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError, InputError, StudyError
-from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump
+from imubayes.rig.checks import check_output, check_time, check_values, earth_left_out, gaps, interval_jump
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import Inputs, Run, Section, Source, TriadRun, sampling_interval, taken
@@ -250,6 +250,7 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     check_output(table, columns["output"])
     inputs, derived = inputs_of(table, {name: columns[name] for name in columns if name != "output"}, t)
     kept, lost = within_range(table.file, {"output": output}, columns)
+    lost = (*lost, *(earth_left_out(spec.procedure, inputs) if kind == "gyroscope" else ()))
     notes = (*epoch, *notes_of(t), *lost, *assumed(kind, columns), *derived)
     source = source_of(table.file, sha256, columns, notes)
     return Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)

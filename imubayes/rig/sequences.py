@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.plans import Plan, samples
+from imubayes.rig.plans import Plan, Turn, angles_turned, channels_of, samples, turning_rate
 
 USUAL_RATE = 10.0
 """Samples per second where none are given, as in the procedures."""
@@ -105,16 +106,24 @@ def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
     mounts = np.zeros(len(menu.inputs), dtype=np.int64) if menu.inputs.mount is None else menu.inputs.mount
     visits = np.concatenate(([0], np.cumsum(np.diff(mounts[where]) != 0)))
     rows = np.repeat(where, counts)
-    return Plan(
-        menu.name,
-        menu.procedure,
-        Inputs(
-            t=np.concatenate([start + t for start, t in zip(begin.tolist(), within, strict=True)]),
-            channels={name: values[rows] for name, values in menu.inputs.channels.items()},
-            interval=1.0 / rate,
-            mount=np.repeat(visits, counts),
-        ),
+    inputs = Inputs(
+        t=np.concatenate([start + t for start, t in zip(begin.tolist(), within, strict=True)]),
+        channels={name: values[rows] for name, values in menu.inputs.channels.items()},
+        interval=1.0 / rate,
+        mount=np.repeat(visits, counts),
     )
+    plan = Plan(menu.name, menu.procedure, inputs)
+    return plan if menu.turn is None else _turned(plan, menu.turn, rows)
+
+
+def _turned(plan: Plan, turn: Turn, rows: NDArray[np.intp]) -> Plan:
+    """A table that goes through rows of a menu: where its case heads depends on the order and the times."""
+    inputs, pace = plan.inputs, turn.rate[rows]
+    mount = np.zeros(len(pace), dtype=np.int64) if inputs.mount is None else inputs.mount
+    done = replace(turn, up=turn.up[rows], rate=pace, angle=angles_turned(inputs.t, pace, mount))
+    kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
+    channels = {**kept, **channels_of({"w": turning_rate(done, inputs.interval)})}
+    return replace(plan, inputs=replace(inputs, channels=channels), turn=done)
 
 
 def _check(menu: Plan, steps: Sequence[Dwell]) -> None:

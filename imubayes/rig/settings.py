@@ -57,16 +57,14 @@ def settings_of(menu: Plan, options: Mapping[str, Any]) -> tuple[Setting, ...]:
     """
     inputs, profile = menu.inputs, options["profile"]
     zero = np.zeros((len(inputs), 3))
-    m = motion_of(inputs.channels, zero, zero, turning=profile in ("rate-table", "centrifuge"))
+    m = motion_of(inputs.channels, zero, zero, turning=profile == "centrifuge")
     if profile == "tumble":
         angles = options.get("angles", 24)
         turns = [divmod(k, angles) for k in range(len(inputs))]
         return tuple(Setting(f"plane {PLANES[p]}", f"{360.0 * k / angles:g} deg") for p, k in turns)
-    if profile == "rate-table":
-        rates = np.degrees(np.sum(m.w * m.up, axis=1))
-        return tuple(
-            Setting(f"{direction(up)} up", f"{w:+.4g} deg/s") for up, w in zip(m.up, rates, strict=True)
-        )
+    if menu.turn is not None:
+        ways = zip(menu.turn.up, np.degrees(menu.turn.rate), strict=True)
+        return tuple(Setting(f"{direction(up)} up", f"{w:+.4g} deg/s") for up, w in ways)
     if profile == "centrifuge":
         levels = np.linalg.norm(m.across, axis=1) / STANDARD_GRAVITY
         ways = zip(-m.across, m.up, levels, strict=True)

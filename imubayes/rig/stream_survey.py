@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.rig.checks import JUMP, check_output, gap_note, jump_note
+from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, jump_note
 from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps
 from imubayes.rig.runs import RunSpec, assumed, frozen, source_of
 from imubayes.rig.saturation import Levels, Stretches, check_left, saturation_note
@@ -268,6 +268,7 @@ def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
     )
     channels = {name: frozen(found.mean(name)) for name in names}
     inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)))
-    notes = (*_notes(found, samples, stretch), *assumed(kind, channels))
+    left_out = earth_left_out(spec.procedure, inputs) if kind == "gyroscope" else ()
+    notes = (*_notes(found, samples, stretch), *left_out, *assumed(kind, channels))
     source = source_of(found.reader.file.shown, sha256, found.reader.file.columns, notes)
     return Run(spec.name, spec.procedure, inputs, frozen(found.mean("output")), source, stream)

@@ -16,6 +16,8 @@ from imubayes.rig.plans import (
     at_rest,
     dwells,
     earth_rate,
+    level,
+    north_across,
     numbers,
     snapped,
     unit,
@@ -62,7 +64,7 @@ def static(
     t, upward = dwells(1, duration, rate, 0.0), unit(vertical)[None, :]
     vectors = {"f": gravity * upward}
     if latitude is not None:
-        heading = _north(upward) if north is None else _level(np.array([north], dtype=float), upward)
+        heading = north_across(upward) if north is None else level(np.array([north], dtype=float), upward)
         vectors["w"] = earth_rate(upward, heading, latitude)
     return Plan("static", "static", at_rest(vectors, t, 1.0 / rate))
 
@@ -192,25 +194,6 @@ def _normal(first: int, second: int) -> FloatArray:
     return np.cross(axes[first], axes[second])
 
 
-def _north(up: FloatArray) -> FloatArray:
-    """Horizontal part (n, 3), as a unit vector, of the first case axis that is most across each vertical."""
-    return _level(np.eye(3)[np.argmin(np.abs(up), axis=1)], up)
-
-
-def _level(north: FloatArray, up: FloatArray) -> FloatArray:
-    """Unit vectors (n, 3) along the horizontal part of directions.
-
-    Raises
-    ------
-    InputError : if one has none.
-    """
-    finite = np.where(np.isfinite(north), north, 0.0)
-    level = snapped(finite - np.sum(finite * up, axis=1, keepdims=True) * up)
-    if not (level.any(axis=1).all() and np.isfinite(north).all()):
-        raise InputError(f"north = {tuple(north[0])} has no horizontal part: expected a direction across up")
-    return unit(level)
-
-
 def _sets() -> dict[int, tuple[FloatArray, FloatArray]]:
     """Vertical and north (n, 3) in case axes of each standard set of n positions."""
     axes, k = np.eye(3), np.array([0.0, 0.0, 1.0])
@@ -222,10 +205,10 @@ def _sets() -> dict[int, tuple[FloatArray, FloatArray]]:
     upward, northward = (np.array(side) for side in zip(*cube, strict=True))
     return {
         4: (_circle(4, 0, 1), np.tile(k, (4, 1))),
-        6: (faces, _north(faces)),
+        6: (faces, north_across(faces)),
         12: (_circle(12, 0, 1), np.tile(k, (12, 1))),
         24: (upward, northward),
-        26: (ways, _north(ways)),
+        26: (ways, north_across(ways)),
     }
 
 

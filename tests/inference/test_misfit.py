@@ -96,7 +96,7 @@ def rate_steps(truth, seed):
     """Steps of a rate table, input axis up, in white noise that is known: a classical lack-of-fit test."""
     gyro = ib.sensor("mems_tactical", kind="gyroscope")
     levels = [-3.0, -1.0, -0.3, 0.4, 1.0, 3.0]
-    plan = ib.rate_table(levels, mounts=1, dwell=10.0, rate=1.0, settle=2.0, latitude=0.0)
+    plan = ib.rate_table(levels, mounts=1, dwell=10.0, rate=1.0, settle=2.0, latitude=None)
     noise = Noise(1e-4, 0.0, 0.0)
     (run,) = ib.simulate(gyro, [plan], seed=seed, truth=truth, noise=noise)
     lib = ib.library("gyroscope", powers=1, asymmetry=-1)

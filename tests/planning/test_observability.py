@@ -48,7 +48,7 @@ def test_three_plane_tumble_hides_one_combination(class_id):
     )
     assert untested(seen) == {"S_ij", "S_ik", "S_jk", "s_i", "s_j", "s_k"}
     assert all(seen.partners(name) == tuple(t for t in SPHERE if t != name) for name in SPHERE)
-    assert summary.facts.constant_force
+    assert summary.facts.force == pytest.approx(9.80665)
 
 
 @pytest.mark.parametrize("class_id", ["mems_tactical", "fog_navigation", "mech_sdf_rig"])
@@ -60,8 +60,25 @@ def test_rate_table_at_one_g_hides_the_diagonal_of_g_squared_terms_in_the_bias(c
     assert "more than 1 g" in group.remedy
 
 
+@pytest.mark.parametrize("number", [24, 26])
+def test_squares_of_a_gyroscope_at_rest_are_hidden_by_the_length_of_the_earths_rate(number):
+    seen, _ = observed("gyroscope", "fog_navigation", [ib.positions(number, rate=0.1, latitude=0.6)])
+    groups = [group for group in seen.groups if group.exact and set(SPHERE) <= set(group.terms)]
+    assert [group.reason for group in groups] == ["|w| = the Earth's rate in every row"]
+    assert groups[0].remedy == "rate steps on a table in several mounts would separate them"
+
+
+def test_a_force_that_is_constant_and_not_gravity_is_not_called_gravity():
+    seen, summary = observed("accelerometer", "mems_tactical", [ib.centrifuge([5.0], rate=1.0)])
+    assert summary.facts.force == pytest.approx(9.80665 * np.sqrt(26.0))
+    reasons = {group.reason for group in seen.groups if set(SPHERE) <= set(group.terms)}
+    assert reasons == {"|f| is the same in every row"}
+
+
 def test_rotation_in_one_direction_cannot_tell_a_power_from_its_asymmetry():
-    seen, summary = observed("gyroscope", "mems_tactical", [ib.rate_table(RATES[1:5], mounts=1, rate=1.0)])
+    seen, summary = observed(
+        "gyroscope", "mems_tactical", [ib.rate_table(RATES[1:5], mounts=1, rate=1.0, latitude=None)]
+    )
     pairs = {group.terms: group for group in seen.groups if group.exact}
     assert summary.facts.one_sided
     for n in range(3):

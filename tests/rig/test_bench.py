@@ -18,7 +18,7 @@ from imubayes.rig.reference import KINDS, errors_of
 seeds = st.integers(0, 2**32 - 1)
 SHORT = {"dwell": 2.0, "rate": 2.0}
 RAMPED = centrifuge([1, 5, 20], ramp=True, settle=4.0, **SHORT)
-TABLE = rate_table([-2.0, 0.0, 3.0], mounts=9, radius=0.2, latitude=0.0, **SHORT)
+TABLE = rate_table([-2.0, 0.0, 3.0], mounts=9, radius=0.2, latitude=None, **SHORT)
 SHAKER = vibration([0.0, 2.0, 20.0], dwell=0.5)
 PLANS = {
     "tumble": tumble(angles=24, **SHORT),
@@ -111,7 +111,7 @@ def test_an_error_of_one_mount_leaves_the_others_alone(plan):
         (
             TABLE,
             {"rate_scale.rate-table": 0.1},
-            rate_table(np.array([-2.2, 0.0, 3.3]), mounts=9, radius=0.2, latitude=0.0, **SHORT),
+            rate_table(np.array([-2.2, 0.0, 3.3]), mounts=9, radius=0.2, latitude=None, **SHORT),
         ),
     ],
     ids=["gravity-tumble", "gravity-static", "radius", "rate-centrifuge", "rate-table"],

@@ -1,12 +1,15 @@
 """What the inputs of runs have in common."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.rig.inputs import Inputs, facts_of, sampling_interval
-from imubayes.rig.profiles import centrifuge, rate_table, static, tumble
+from imubayes.rig.plans import EARTH_RATE
+from imubayes.rig.profiles import centrifuge, positions, rate_table, static, tumble
 
 RATES = [-1.0, -0.3, 0.3, 1.0]
 
@@ -27,12 +30,12 @@ def facts(kind, *plans):
         ("accelerometer", [static(60.0, 1.0), static(60.0, 1.0, gravity=9.7803)], False, True),
         ("gyroscope", [rate_table(RATES, rate=1.0)], True, False),
         ("gyroscope", [rate_table(RATES[2:], mounts=1, rate=1.0)], True, True),
-        ("gyroscope", [rate_table([0.0], rate=1.0, latitude=0.0)], True, False),
+        ("gyroscope", [rate_table([0.0], rate=1.0, latitude=None)], True, False),
     ],
 )
 def test_facts_are_those_of_the_procedure(kind, plans, constant, one_sided):
     found = facts(kind, *plans)
-    assert (found.constant_force, found.one_sided) == (constant, one_sided)
+    assert (found.force > 0.0, found.one_sided) == (constant, one_sided)
     assert found.kind == kind and not found.reference_free
 
 
@@ -54,12 +57,20 @@ def test_order_of_runs_and_rotation_about_the_input_axis_change_no_fact(seed):
             }
         )
     plain = facts("accelerometer", *chosen)
+    plain = replace(plain, force=pytest.approx(plain.force, rel=1e-14))
     assert facts("accelerometer", *reversed(chosen)) == plain
     assert facts_of(turned, "accelerometer") == plain
 
 
+def test_a_case_at_rest_has_the_earths_rate_in_every_position_and_a_log_the_same_inputs_in_every_row():
+    found = facts("gyroscope", positions(24, rate=0.1, latitude=0.4))
+    assert found.rate == pytest.approx(EARTH_RATE, rel=1e-12) and not found.still
+    assert facts("gyroscope", static(60.0, 1.0, latitude=0.4)).still
+    assert facts("gyroscope", rate_table(RATES, rate=1.0)).rate == 0.0
+
+
 def test_runs_without_any_force_have_no_constant_one():
-    assert not facts_of([{"w_i": np.array([1.0, 2.0])}], "gyroscope").constant_force
+    assert facts_of([{"w_i": np.array([1.0, 2.0])}], "gyroscope").force == 0.0
     assert facts_of([{"w_i": np.array([1.0, 2.0])}], "gyroscope").one_sided
 
 

@@ -100,7 +100,7 @@ def test_a_tumble_numbers_its_planes_and_a_log_is_one_mounting():
 
 
 @pytest.mark.parametrize(
-    "plan", [rate_table([-1.0, 2.0], mounts=9), centrifuge([1, 20], mounts=12, ramp=True)]
+    "plan", [rate_table([-1.0, 2.0], mounts=9, latitude=None), centrifuge([1, 20], mounts=12, ramp=True)]
 )
 def test_in_one_mount_the_axis_stands_still_in_the_case_and_no_two_mounts_are_alike(plan):
     w, mount = _vectors(plan, "w"), plan.inputs.mount

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from imubayes.errors import InputError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.motion import vectors
-from imubayes.rig.plans import EARTH_RATE
+from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.rotations import oscillation, rate_table
+from imubayes.rig.sequences import planned
 
 G = 9.80665
 FREQUENCIES, AMPLITUDE, LATITUDE = (0.5, 2.0, 5.0), 0.03, 0.6
@@ -43,7 +46,7 @@ def test_rate_and_angular_acceleration_are_in_quadrature():
 
 def test_force_off_the_axis_is_gravity_and_the_acceleration_of_a_point_of_a_rigid_body():
     radius = 0.07
-    plan = oscillation(FREQUENCIES, amplitude=1.0, dwell=4.0, rate=200.0, radius=radius)
+    plan = oscillation(FREQUENCIES, amplitude=1.0, dwell=4.0, rate=200.0, radius=radius, latitude=None)
     f, w, dw = (vectors(plan.inputs.channels, name, len(plan.inputs)) for name in ("f", "w", "dw"))
     for mount in range(9):
         here = np.flatnonzero(plan.inputs.mount == mount)
@@ -55,6 +58,70 @@ def test_force_off_the_axis_is_gravity_and_the_acceleration_of_a_point_of_a_rigi
         np.testing.assert_allclose(f[here], expected, atol=1e-12 * np.abs(f).max())
 
 
+def earth_in(plan: Plan, mount: int) -> np.ndarray:
+    """What is left of w (n, 3) in a mount without the table's own rate."""
+    turn, here = plan.turn, plan.inputs.mount == mount
+    assert turn is not None
+    w = vectors(plan.inputs.channels, "w", len(plan.inputs))
+    return (w - turn.rate[:, None] * turn.up)[here]
+
+
+def rotated_earth(plan: Plan, mount: int, rate_of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Earth's rate (n, 3) in the case of a mount, averaged over each sample, by a rotation in small steps."""
+    here = np.flatnonzero(plan.inputs.mount == mount)
+    t, dt, fine = plan.inputs.t[here], plan.inputs.interval, 400
+    clock = np.arange(round((t[-1] - t[0]) / dt * fine) + fine + 1) * dt / fine - dt / 2.0
+    rate = rate_of(clock)
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt / fine)])
+    angle -= np.interp(0.0, clock, angle)
+    turn = plan.turn
+    assert turn is not None and turn.latitude is not None
+    up = turn.up[here[0]]
+    north = np.eye(3)[np.argmin(np.abs(up))]
+    north = north - (north @ up) * up
+    level = math.cos(turn.latitude) * north / np.linalg.norm(north)
+    earth = EARTH_RATE * (math.sin(turn.latitude) * up + level)
+    seen = Rotation.from_rotvec(-angle[:, None] * up).apply(earth)
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (seen[1:] + seen[:-1]), axis=0)]) / fine
+    at = np.rint((t - t[0]) / dt * fine).astype(int)
+    return sums[at + fine] - sums[at]
+
+
+@pytest.mark.parametrize("latitude", [-0.9, 0.0, 0.6])
+@pytest.mark.parametrize("mount", [0, 3, 7])
+def test_the_earths_rate_turns_in_a_case_on_a_table_as_a_vector_does_along_its_angle(latitude, mount):
+    rates, dwell, settle = np.radians([0.0, 10.0, -200.0]), 4.0, 2.0
+    plan = rate_table(rates.tolist(), mounts=9, dwell=dwell, settle=settle, rate=5.0, latitude=latitude)
+    # constant in a dwell, whose first sample is centred on its start, and even in between
+    corners = np.add.outer((dwell + settle) * np.arange(3), [-0.1, dwell - 0.1]).ravel()
+    expected = rotated_earth(plan, mount, lambda t: np.interp(t, corners, np.repeat(rates, 2)))
+    np.testing.assert_allclose(earth_in(plan, mount), expected, atol=2e-5 * EARTH_RATE)
+
+
+def test_the_earths_rate_turns_to_and_fro_in_a_case_that_swings():
+    plan = oscillation([0.5], amplitude=1.0, mounts=5, dwell=4.0, rate=100.0, latitude=0.6)
+    pulse = math.pi
+    expected = rotated_earth(plan, 4, lambda t: pulse * np.cos(pulse * t))
+    np.testing.assert_allclose(earth_in(plan, 4), expected, atol=1e-3 * EARTH_RATE)
+
+
+def test_a_table_at_rest_with_the_input_axis_level_feels_the_published_part_of_the_earths_rate():
+    plan = rate_table([0.0], mounts=3, dwell=1.0, rate=1.0, latitude=math.radians(45.0))
+    level = math.degrees(plan.inputs.channels["w_i"][2]) * 3600.0
+    assert level == pytest.approx(15.041 / math.sqrt(2.0), rel=1e-5)  # deg/h
+
+
+def test_a_table_whose_steps_come_in_another_order_is_turned_by_what_came_before():
+    steps = [{"at": 1, "dwell": 4.0}, {"at": 0, "dwell": 2.0, "pause": 3.0}]
+    options = {"rates": (0.0, 0.3), "mounts": 3, "rate": 2.0, "latitude": 0.6}
+    plan = planned(rate_table, {**options, "steps": steps})
+    rest = vectors(plan.inputs.channels, "w", len(plan.inputs))[-4:]
+    angle = 0.3 * 3.5 + 0.15 * 3.5  # to the middle of the last sample, and evenly down to rest
+    north = Rotation.from_rotvec([-angle, 0.0, 0.0]).apply([0.0, 1.0, 0.0])
+    expected = EARTH_RATE * (math.sin(0.6) * np.array([1.0, 0.0, 0.0]) + math.cos(0.6) * north)
+    np.testing.assert_allclose(rest, np.tile(expected, (4, 1)), atol=1e-12)
+
+
 def test_centripetal_force_of_an_oscillation_does_not_average_out():
     radius, rate = 0.01, 2.0 * math.pi * 2.0
     plan = oscillation([2.0], amplitude=1.0, mounts=1, dwell=4.0, radius=radius, latitude=0.0)
@@ -62,13 +129,13 @@ def test_centripetal_force_of_an_oscillation_does_not_average_out():
 
 
 def test_centripetal_force_of_a_turn_looks_like_a_quadratic_rate_error_of_a_sensitivity_to_force():
-    plan = rate_table([-5.0, -2.0, 2.0, 5.0], mounts=1, radius=0.02, latitude=0.0, dwell=1.0, rate=1.0)
+    plan = rate_table([-5.0, -2.0, 2.0, 5.0], mounts=1, radius=0.02, latitude=None, dwell=1.0, rate=1.0)
     w, f = plan.inputs.channels["w_i"], plan.inputs.channels["f_j"]
     np.testing.assert_allclose(f, -0.02 * w**2, rtol=1e-14)
 
 
 def test_rate_off_by_a_share_is_an_oscillation_of_that_much_more_amplitude():
-    options = {"dwell": 2.0, "radius": 0.05, "latitude": 0.0, "mounts": 9}
+    options = {"dwell": 2.0, "radius": 0.05, "latitude": None, "mounts": 9}
     said = oscillation([1.0, 4.0], amplitude=0.1, **options)
     done = oscillation([1.0, 4.0], amplitude=0.1 * 1.002, **options)
     true = true_inputs(said, {"rate_scale.oscillation": 0.002}).channels

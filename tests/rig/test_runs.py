@@ -57,6 +57,7 @@ def test_written_run_reads_back_to_the_last_bit(kind, plan, tmp_path):
     for name, values in run.inputs.channels.items():
         np.testing.assert_array_equal(back.inputs.channels[name], values)
     np.testing.assert_array_equal(back.inputs.mount, run.inputs.mount)
+    assert not any("Earth's rate" in note for note in back.source.notes)
     # the median of differences of times of some 100 s
     assert back.inputs.interval == pytest.approx(run.inputs.interval, rel=1e-11)
 
@@ -292,3 +293,14 @@ def test_triad_leaves_out_the_rows_in_which_one_component_is_saturated(tmp_path)
     assert len(read.t) == len(read.output) < np.sum(rows[:, 2] < 0.5)
     assert read.output[:, 1].max() < 0.5 * G
     assert "ay is saturated at 0.5 g" in " ".join(read.source.notes)
+
+
+@pytest.mark.parametrize(("latitude", "told"), [(0.7, 0), (None, 1)])
+def test_a_recorded_rate_table_says_that_the_earths_rate_across_its_axis_is_not_in_the_inputs(
+    latitude, told, tmp_path
+):
+    plan = rate_table([-1.0, 0.0, 0.3], mounts=9, dwell=1.0, latitude=latitude)
+    (run,) = simulate(sensor("mems_tactical", kind="gyroscope"), [plan], seed=3)
+    write_run(run, tmp_path / "run.csv", kind="gyroscope")
+    back = read_run(RunSpec(run.name, run.procedure, tmp_path / "run.csv"), "gyroscope")
+    assert sum("Earth's rate across" in note for note in back.source.notes) == told
