@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.factor import Factor
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.misfit import Misfit
@@ -231,6 +232,7 @@ class SensorResult:
     panel : what every other method says.
     misfit : what the residuals say that the library does not contain; None where they were not asked.
     correlation : (p, p) of the coefficients under the full library; None where it was not asked.
+    drive : factor of the library's columns over the samples of the test; None where it was not asked.
     choice : which rung of the ladder was taken, and what the next would change; None where none was asked.
     processes : noise processes of the runs that were asked for them.
     pooled : inclusion of each term in one model for all components of its kind in the case, by name; empty
@@ -259,6 +261,7 @@ class SensorResult:
     panel: Panel | None = None
     misfit: Misfit | None = None
     correlation: FloatArray | None = None
+    drive: Factor | None = None
     choice: Choice | None = None
     processes: tuple[NoiseFound, ...] = ()
     pooled: Mapping[str, float] = field(default_factory=dict)

@@ -31,6 +31,7 @@ from imubayes.classes import of_study
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Case
 from imubayes.inference.correlations import correlation, pulls
+from imubayes.inference.linear import drive
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
@@ -383,6 +384,7 @@ def _result(
         panel=told.panel,
         misfit=told.misfit,
         correlation=correlation(ready.summary.factor, ready.prior.sd, selection.columns),
+        drive=drive(ready.rows, selection.columns, [term.name for term in selection.terms]),
         pulls=pulls(ready.summary.factor, ready.prior.sd, selection.columns),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,10 @@ BLOCKS = 1500
 
 CHUNK = 200_000
 """Rows whose columns are held at a time while blocks are averaged or residuals taken."""
+
+
+FAINT = 1e-6
+"""Share of a component in a row below which the row says nothing of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,6 +256,31 @@ def whitened_factor(
         return Factor(rows.names, R, n, w.log_det), reach
     R, better = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
     return Factor(rows.names, R if better is None else better.astype(np.float64), n, w.log_det), reach
+
+
+def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) -> Factor:
+    """Factor of a component's columns over the samples of its runs: what the test's inputs were to it.
+
+    Every sample counts alike, whatever its noise, and the response is zero. Where a row has a share of each
+    component of a case (a free tumble), the share is that of the constant column, and is taken out.
+
+    Parameters
+    ----------
+    rows : of each run.
+    columns : of the component, as the rows name them.
+    names : of its terms, in the same order; ``b0`` is among them.
+    """
+    R, n = np.zeros((len(names) + 1,) * 2), 0
+    for part in rows:
+        own = [part.names.index(name) for name in columns]
+        for a in range(0, len(part), CHUNK):
+            X = part.columns(a, min(a + CHUNK, len(part)))[:, own]
+            share, counts = X[:, list(names).index("b0")], part.counts[a : a + CHUNK]
+            here = np.abs(share) > FAINT
+            X = X[here] * (np.sqrt(counts[here]) / share[here])[:, None]
+            R = algebra.triangular((R, np.pad(X, ((0, 0), (0, 1)))), len(names) + 1)
+            n += int(counts[here].sum())
+    return Factor(tuple(names), R, n)
 
 
 def _whole_blocks(edges: NDArray[np.int64], n: int):

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from imubayes.errors import TermError
+from imubayes.factor import reorder
 from imubayes.missions import component_library
-from imubayes.reporting.rounding import Measured, measured, per_unit
+from imubayes.reporting.rounding import CHANNEL_UNIT, OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit
+from imubayes.sensors.equations.mapping import absorbing
 from imubayes.sensors.equations.standards import StandardValue, in_standard, standard, standards_for
 
 if TYPE_CHECKING:
@@ -38,6 +40,25 @@ class StandardRow:
 
 
 @dataclass(frozen=True, slots=True)
+class Absorbed:
+    """What terms without a symbol do over a test, and what a standard's own parameters cannot take over.
+
+    Attributes
+    ----------
+    terms : that the test excites and the standard has no symbol for.
+    inputs : what it is over, in words.
+    rms, left : of what they do, before and after, SI; over every sample of the test.
+    said : both, in the unit that people use.
+    """
+
+    terms: tuple[str, ...]
+    inputs: str
+    rms: float
+    left: float
+    said: tuple[Measured, Measured]
+
+
+@dataclass(frozen=True, slots=True)
 class StandardView:
     """A component in the symbols of one standard.
 
@@ -51,6 +72,7 @@ class StandardView:
     standard_only : what the standard has and the library cannot say.
     general_only : terms that the standard has no symbol for, and which of them are needed.
     needed_only : those of `general_only` that are needed.
+    absorbed : what the parameters take over of what `general_only` do in the test; None if there is nothing.
     trouble : why there are no rows; empty where there are.
     """
 
@@ -63,6 +85,7 @@ class StandardView:
     standard_only: tuple[str, ...]
     general_only: tuple[str, ...]
     needed_only: tuple[str, ...]
+    absorbed: Absorbed | None = None
     trouble: str = ""
 
 
@@ -70,7 +93,8 @@ def standard_views(study: Study, sensor: SensorResult) -> tuple[StandardView, ..
     """Component in every standard of its class's technology, the basic triad last; none without correlations.
 
     The values are those of the full library, all terms at once: a standard has its parameters whether a term
-    is needed or not. Their sds are carried through the mapping with the correlations of the posterior.
+    is needed or not. What terms without a symbol there do over the test's inputs, the parameters take over as
+    well as they can. Their sds are carried through projection and mapping with the posterior's correlations.
     """
     if sensor.correlation is None:
         return ()
@@ -91,9 +115,22 @@ def standards_record(study: Study, sensor: SensorResult) -> dict[str, Any]:
             "exact": view.exact,
             "standard_only": list(view.standard_only),
             "general_only": list(view.general_only),
+            "absorbed": _absorbed_record(view.absorbed),
             "trouble": view.trouble,
         }
         for view in standard_views(study, sensor)
+    }
+
+
+def _absorbed_record(absorbed: Absorbed | None) -> dict[str, Any] | None:
+    if absorbed is None:
+        return None
+    return {
+        "terms": list(absorbed.terms),
+        "inputs": absorbed.inputs,
+        "rms": absorbed.rms,
+        "left": absorbed.left,
+        "printed_unit": absorbed.said[0].unit,
     }
 
 
@@ -119,13 +156,13 @@ def _spec_of(study: Study, sensor: SensorResult) -> SensorSpec:
 def _view(name: str, lib: Library, sensor: SensorResult) -> StandardView:
     known, verdicts = standard(name, kind=lib.kind), {term.name: term for term in sensor.selection.terms}
     terms = [row.term for row in known.symbols if row.term in lib.names]
-    trouble, rows = "", []
+    others, (mean, cov) = known.general_only(lib), _moments(lib, sensor)
+    trouble, rows, (move, absorbed) = "", [], _projected(lib, terms, others, mean, sensor)
     try:
-        found = in_standard(name, lib, *_moments(lib, sensor))
+        found = in_standard(name, lib, move @ mean, move @ cov @ move.T)
         rows = list(_rows(found, terms, verdicts))
     except TermError as error:
         trouble = str(error)
-    others = known.general_only(lib)
     return StandardView(
         id=name,
         title=known.title,
@@ -136,8 +173,48 @@ def _view(name: str, lib: Library, sensor: SensorResult) -> StandardView:
         standard_only=known.standard_only,
         general_only=others,
         needed_only=tuple(other for other in others if verdicts[other].verdict == "needed"),
+        absorbed=absorbed if rows else None,
         trouble=trouble,
     )
+
+
+def _projected(
+    lib: Library, kept: list[str], others: tuple[str, ...], mean: np.ndarray, sensor: SensorResult
+) -> tuple[np.ndarray, Absorbed | None]:
+    """Matrix (p, p) that lets kept coefficients take over what others do in the test, and what it leaves."""
+    move = np.eye(len(mean))
+    if sensor.drive is None:
+        return move, None
+    f = reorder(sensor.drive, lib.names)
+    X, driven = f.R[:-1, :-1], f.column_norms > 0.0
+    inside, outside = ([lib.names.index(name) for name in names] for names in (kept, others))
+    move[np.ix_(inside, outside)] = absorbing(X, inside, outside)
+    move[outside, outside] = 0.0
+    excited = [k for k in outside if driven[k]]
+    if not excited:
+        return move, None
+    sizes = [float(np.linalg.norm(X @ v) / np.sqrt(f.n)) for v in (_only(mean, outside), mean - move @ mean)]
+    unit = OUTPUT_UNIT[lib.kind]
+    said = [measured(size / per_unit(unit, OUTPUT_SI[lib.kind]), 0.0, unit) for size in sizes]
+    terms = tuple(lib.names[k] for k in excited)
+    return move, Absorbed(terms, _over(sensor, lib, f.n), sizes[0], sizes[1], (said[0], said[1]))
+
+
+def _only(values: np.ndarray, where: list[int]) -> np.ndarray:
+    return np.where(np.isin(np.arange(len(values)), where), values, 0.0)
+
+
+def _over(sensor: SensorResult, lib: Library, samples: int) -> str:
+    """The inputs of the test in words: samples, runs, and the range of the own input where runs tell it."""
+    ends = [run.ranges[lib.own] for run in sensor.runs if lib.own in run.ranges]
+    names = ", ".join(run.name for run in sensor.runs)
+    text = f"the {samples:,} samples of {names}"
+    if not ends:
+        return text
+    unit = CHANNEL_UNIT[lib.own[0]]
+    size = per_unit(unit, OUTPUT_SI[lib.kind])
+    low, high = (end / size for end in (min(e[0] for e in ends), max(e[1] for e in ends)))
+    return f"{text}, {lib.own} from {low:.3g} to {high:.3g} {unit}"
 
 
 def _moments(lib: Library, sensor: SensorResult) -> tuple[np.ndarray, np.ndarray]:

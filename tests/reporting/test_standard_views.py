@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imubayes.factor import factor_of
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_dict
 from imubayes.reporting.standard_views import standard_views, standards_record
+from imubayes.rig.profiles import centrifuge, tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.equations.standards import standard
-from imubayes.sensors.terms import library
+from imubayes.sensors.terms import columns, library
 from imubayes.units import factor
 
 
@@ -129,6 +131,47 @@ def test_gain_that_is_not_positive_is_said_in_place_of_values(study_of):
     found = standards_record(result.study, one)["ieee1293"]
     assert found["values"] == [] and "gain" in found["trouble"]
     assert "gain" in report_html(replace(result, sensors=(one,)))
+
+
+@pytest.mark.parametrize("name", ["basic", "ieee1293"])
+def test_values_take_over_what_dropped_terms_do_in_the_test_as_least_squares_on_its_rows_says(name, study_of):
+    result = study_of("accelerometer", "mems_tactical")
+    one, lib = result.sensors[0], library("accelerometer")
+    plans = tumble(angles=8, dwell=2.0, rate=1.0), centrifuge([1, 5, 20], dwell=3.0, rate=1.0)
+    X = np.vstack([columns(lib, plan.inputs.channels, len(plan.inputs)) for plan in plans])
+    one = replace(one, drive=factor_of(X, np.zeros(len(X)), lib.names))
+    view = {view.id: view for view in standard_views(result.study, one)}[name]
+
+    mean = np.array([{t.name: t.full_mean for t in one.selection.terms}[n] for n in lib.names])
+    inside = [n in {row.term for row in standard(name, kind="accelerometer").symbols} for n in lib.names]
+    outside = ~np.array(inside)
+    lost = X[:, outside] @ mean[outside]
+    added, *_ = np.linalg.lstsq(X[:, inside], lost, rcond=None)
+    theta = dict(zip(np.array(lib.names)[inside].tolist(), mean[inside] + added, strict=True))
+    expected = standard(name, kind="accelerometer").from_general(theta)
+    fields = {row.symbol: row.field for row in standard(name, kind="accelerometer").symbols}
+    for row in view.rows:
+        assert row.found.value == pytest.approx(
+            getattr(expected, fields[row.found.symbol]), rel=1e-7, abs=1e-15
+        )
+    left = lost - X[:, inside] @ added
+    assert view.absorbed is not None
+    assert view.absorbed.rms == pytest.approx(np.sqrt(np.mean(lost**2)), rel=1e-9)
+    assert view.absorbed.left == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
+    assert f"{len(X):,} samples" in view.absorbed.inputs
+
+
+def test_leaving_terms_out_costs_more_than_letting_the_triad_take_them_over(study_of):
+    result = study_of("accelerometer", "mems_tactical")
+    one, lib = result.sensors[0], library("accelerometer")
+    inputs = centrifuge([1, 5, 20], dwell=3.0, rate=1.0).inputs
+    X = columns(lib, inputs.channels, len(inputs))
+    one = replace(one, drive=factor_of(X, np.zeros(len(X)), lib.names))
+    basic = {view.id: view for view in standard_views(result.study, one)}["basic"]
+    assert basic.absorbed is not None
+    # 42 ug/g^2 over +-20 g
+    assert basic.absorbed.left < 0.9 * basic.absorbed.rms
+    assert "are left" in report_html(replace(result, sensors=(one,)))
 
 
 def test_component_without_correlations_has_no_standards(result):

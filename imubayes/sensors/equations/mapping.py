@@ -265,6 +265,33 @@ def place(coefficients: Mapping[str, float], lib: Library) -> Placed:
     return Placed(theta, absent)
 
 
+def absorbing(X: FloatArray, kept: Sequence[int], dropped: Sequence[int]) -> FloatArray:
+    """What dropped coefficients add to kept ones, (kept, dropped), by least squares over the inputs.
+
+    A kept term that the inputs do not excite takes nothing over; of kept terms that they cannot tell apart,
+    each takes over as little as will do, in the size of its column.
+
+    Parameters
+    ----------
+    X : (m, p) regressors over the inputs, or their triangular factor.
+    kept, dropped : numbers of columns.
+
+    Examples
+    --------
+    >>> X = np.array([[1.0, 0.0, 1.0], [1.0, 1.0, 3.0], [1.0, 2.0, 5.0]])
+    >>> absorbing(X, [0, 1], [2]).round(3).tolist()
+    [[1.0], [2.0]]
+    """
+    size = np.linalg.norm(X[:, kept], axis=0)
+    scale = np.where(size > 0.0, size, 1.0)
+    found = np.linalg.lstsq(X[:, kept] / scale, X[:, dropped], rcond=_ALIKE)[0]
+    return np.asarray(found / scale[:, None], dtype=np.float64)
+
+
+_ALIKE = 1e-9
+"""Singular value, over the largest, below which inputs cannot tell kept terms apart."""
+
+
 def project(X: FloatArray, y: FloatArray, names: Sequence[str], n: int) -> Projection:
     """Least squares of an error on terms; a term that the inputs do not excite is left at zero.
 
