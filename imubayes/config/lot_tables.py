@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.config.scene_tables import scenes_of
 from imubayes.config.sensor_tables import own_classes, sensor_spec
-from imubayes.config.shapes import HeaderTable, LotsTable, Place, StudyFile, shaped, unique
-from imubayes.lots.plan import LotStudy
+from imubayes.config.shapes import (
+    AgainstTable,
+    HeaderTable,
+    LotsTable,
+    Place,
+    StudyFile,
+    hint,
+    shaped,
+    unique,
+)
+from imubayes.lots.plan import Against, LotStudy
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind
@@ -43,6 +53,7 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
     own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
     entries = _classes(table, own, here.at("classes"))
     campaign = _campaign(table, own, path.parent, here)
+    missions = _missions(tables, table.kind, header.seed, path)
     return LotStudy(
         title=header.title or path.stem,
         seed=header.seed,
@@ -52,11 +63,12 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
         library=replace(campaign.library, technology=""),
         runs=campaign.runs,
         reference=campaign.reference,
-        missions=_missions(tables, table.kind, header.seed, path),
+        missions=missions,
         basic=table.basic,
         processes=table.processes,
         path=path,
         text=text,
+        asks=_asks(table, bool(missions), here.at("asks")),
     )
 
 
@@ -70,6 +82,42 @@ def _classes(table: LotsTable, own: Sequence[SensorClass], place: Place) -> tupl
         with place.at(k).blamed():
             found.append(sensor(name, kind=table.kind, catalogue=own))
     return tuple(found)
+
+
+def _asks(table: LotsTable, scenes: bool, place: Place) -> Literal["classes", "scenes", "triad"] | Against:
+    """What the report answers first, which the study must give an answer to."""
+    if isinstance(table.asks, dict):
+        return _against(table.classes, shaped(AgainstTable, table.asks, place), place)
+    if table.asks == "classes":
+        return "classes"
+    if table.asks == "scenes":
+        if not scenes:
+            raise place.error("'scenes' asks what each scene requires: expected at least one [[scene]]")
+        return "scenes"
+    if table.asks == "triad":
+        if not (scenes and table.basic):
+            raise place.error(
+                "'triad' asks where the basic triad is enough: expected basic = true, and at least one"
+                " [[scene]]"
+            )
+        return "triad"
+    raise place.error(
+        "expected 'classes', 'scenes', 'triad' or { needed_by = [...], not_by = [...] }, came"
+        f" {table.asks!r}"
+    )
+
+
+def _against(classes: Sequence[str], table: AgainstTable, place: Place) -> Against:
+    for key, names in (("needed_by", table.needed_by), ("not_by", table.not_by)):
+        if not names:
+            raise place.at(key).error("expected at least one of the study's classes")
+        for k, name in enumerate(names):
+            if name not in classes:
+                raise place.at(key).at(k).error(f"'{name}' is not among the classes: {hint(name, classes)}")
+    both = sorted(set(table.needed_by) & set(table.not_by))
+    if both:
+        raise place.error(f"'{both[0]}' is in needed_by and in not_by: expected it in one of them")
+    return Against(table.needed_by, table.not_by)
 
 
 def _campaign(table: LotsTable, own: Sequence[SensorClass], folder: Path, place: Place) -> SensorSpec:

@@ -138,10 +138,19 @@ class LotsTable:
     classes: Annotated[tuple[Text, ...], Several]
     units: Annotated[int, Field(ge=2)] = 8
     basic: bool = False
+    asks: Any = "classes"
     processes: Count = 2
     library: Table = Field(default_factory=dict)
     reference: Table = Field(default_factory=dict)
     run: list[Table] = Field(default_factory=list)
+
+
+@shape(config=STRICT, frozen=True)
+class AgainstTable:
+    """``[lots.asks]``."""
+
+    needed_by: Annotated[tuple[Text, ...], Several]
+    not_by: Annotated[tuple[Text, ...], Several]
 
 
 @shape(config=STRICT, frozen=True)

@@ -15,7 +15,8 @@ from imubayes.fleet.reduction import VERDICTS, Tally
 from imubayes.fleet.units import Broken
 from imubayes.inference.intervals import Share, frequency
 from imubayes.lots.answers import PopulationTerm
-from imubayes.lots.population import OPEN, lot_sizes, spread
+from imubayes.lots.needs import OPEN
+from imubayes.lots.population import lot_sizes, spread
 from imubayes.sensors.lots import Lot
 
 FloatArray = NDArray[np.float64]

@@ -75,7 +75,7 @@ class MissionTerm:
     name : of the term.
     rms : median over units of its rms effect on the output, SI.
     share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
-    required : share of the units whose smallest model for the scene has it.
+    required : share of the units whose smallest model for the scene has it, shown by the test or not.
     true_share : median over units of the share of the budget of the simulated truth.
     """
 
@@ -94,7 +94,7 @@ class MissionFound:
     ----------
     mission : name of the scene.
     terms : every term of the library.
-    order : number of terms that the smallest model has: median and 90 % range over units.
+    order : number of terms that a unit's own smallest model has: median and 90 % range over units.
     within : share of the units for which a model within the budget was found.
     noise_share : noise's share of the budget, median over units.
     basic_share : median share of the budget that a triad of twelve parameters leaves; NaN where not asked.
@@ -152,7 +152,7 @@ class Check:
     precision, recall : of "required in this scene by this class", over all terms, classes and scenes.
     cells : how many of these the tests tell, and how many of them are truly required.
     population_mean, population_spread : what the 90 % intervals hold of the lots' means and spreads.
-    untold : cells beside these, of terms that the tests of most units of the class cannot tell.
+    untold : cells beside these, which the tests cannot tell.
     """
 
     precision: Share

@@ -6,21 +6,16 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from imubayes.inference.intervals import Share, frequency
 from imubayes.lots.answers import Check, ClassFound, Coverage, LotResult, UnitFound
 from imubayes.lots.missions import exposures, missions, over_units
+from imubayes.lots.needs import UNTOLD, WOULD_MATTER, in_scene
 from imubayes.lots.plan import LotStudy
 from imubayes.lots.population import population
 from imubayes.lots.units import lot_of, unit_of
 from imubayes.processes import Progress, shared
-from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.lots import Lot
-
-HALF = 0.5
-"""Share of the units by which a class has no answer, if it is exceeded."""
 
 
 def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> LotResult:
@@ -62,16 +57,16 @@ def check(classes: Sequence[ClassFound]) -> Check:
 
     A cell is a term of a class in a scene. It is *required* where its median share of the budget over the
     units is `relevance.MATTERS` or more: of the estimates for what the study says, of the simulated
-    coefficients for the truth. A term that the tests of more than half of the units cannot tell
-    (`population.CANNOT_TELL`) has no answer, and its cells are counted apart. The coverage of means and of
-    spreads is that of the terms that the test excites: of the others the interval is the prior's.
+    coefficients for the truth. Cells that the tests cannot tell (`needs.in_scene`) are counted apart. The
+    coverage of means and of spreads is that of the terms that the test excites: of the others the interval is
+    the prior's.
     """
     cells = [
         (term.share.value >= MATTERS, term.true_share >= MATTERS)
         for one in classes
         for scene in one.missions
-        for term, told in zip(scene.terms, _told(one), strict=True)
-        if told
+        for known, term in zip(one.terms, scene.terms, strict=True)
+        if in_scene(known, term) not in (UNTOLD, WOULD_MATTER)
     ]
     both = sum(said and true for said, true in cells)
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
@@ -95,9 +90,3 @@ def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:
     """Count the truths that lie within their intervals."""
     held = sum(found.low <= truth <= found.high for found, truth in pairs)
     return Coverage(held, len(pairs), frequency(held, len(pairs)))
-
-
-def _told(one: ClassFound) -> list[bool]:
-    """Whether the tests of half of the units or more tell each term."""
-    blind = np.array([[verdict in CANNOT_TELL for verdict in unit.verdicts] for unit in one.units])
-    return (blind.mean(axis=0) <= HALF).tolist()

@@ -5,11 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from imubayes.campaign import Mission
 from imubayes.rig.runs import RunSpec
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library
+
+
+@dataclass(frozen=True, slots=True)
+class Against:
+    """The question which terms some classes need that others do not.
+
+    Attributes
+    ----------
+    needed_by, not_by : ids of the classes.
+    """
+
+    needed_by: tuple[str, ...]
+    not_by: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +42,8 @@ class LotStudy:
         analysis.
     missions : scenes that the terms are held against.
     basic : whether the report asks what the twelve-parameter triad would cost.
+    asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
+        triad is enough, or what some classes need and others do not.
     processes : that share the work.
     path, text : of the file.
     """
@@ -45,3 +61,4 @@ class LotStudy:
     processes: int
     path: Path
     text: str
+    asks: Literal["classes", "scenes", "triad"] | Against = "classes"

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from imubayes.inference.intervals import TAIL, Share, frequency, of_mixture
 from imubayes.lots.answers import PopulationTerm, UnitFound
-from imubayes.selection.class_needs import CANNOT_TELL
+from imubayes.lots.needs import OPEN
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
@@ -32,9 +32,6 @@ FloatArray = NDArray[np.float64]
 
 CELLS = 400
 """Cells of the grid of ln tau: a class's range is a factor of 100 or so, a cell 1 %."""
-
-OPEN = CANNOT_TELL | {"undecided"}
-"""Verdicts that leave a term open."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from imubayes.fleet.reduction import VERDICTS
 from imubayes.lots.answers import ClassFound
+from imubayes.lots.needs import NEEDED, of_class
 from imubayes.reporting.canvas import (
     ACCENT,
     PALE,
@@ -20,7 +21,6 @@ from imubayes.reporting.canvas import (
     few_ticks,
 )
 from imubayes.reporting.lots_figures import LETTER, LINE, population_panel
-from imubayes.reporting.lots_words import MAJORITY
 
 if TYPE_CHECKING:
     from imubayes.fleet.measure import FleetResult
@@ -41,7 +41,7 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
     """Share of the units with each verdict, a bar for each term."""
     answer, names = result.answer, result.study.spec.library.names
     counts: dict[str, np.ndarray] = dict(zip(VERDICTS, answer.counts, strict=True))
-    mostly = sum(term.needed.value >= MAJORITY for term in answer.terms)
+    mostly = sum(of_class(term) == NEEDED for term in answer.terms)
 
     def paint(axes: Axes) -> None:
         left = np.zeros(len(names))

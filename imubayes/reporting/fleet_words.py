@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.lots_words import MAJORITY, class_name
+from imubayes.lots.needs import NEEDED, UNTOLD, of_class
+from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, Measured, measured, per_unit, pretty
 
 if TYPE_CHECKING:
@@ -22,8 +23,8 @@ NAMED = 5
 def fleet_answer(result: FleetResult) -> tuple[str, ...]:
     """The answer in sentences: how large a unit's model is, what stands out, what could not be read."""
     answer, spec = result.answer, result.study.spec
-    mostly = [term.name for term in answer.terms if term.needed.value >= MAJORITY]
-    untold = [term.name for term in answer.terms if term.open >= MAJORITY]
+    mostly = [term.name for term in answer.terms if of_class(term) == NEEDED]
+    untold = [term.name for term in answer.terms if of_class(term) == UNTOLD]
     kind = f"{spec.kind}s" if answer.units != 1 else spec.kind
     sentences = [
         f"{answer.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imubayes.lots.needs import NEEDED, UNTOLD, WOULD_MATTER, in_scene, of_class, terms_in, terms_of
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -26,14 +27,7 @@ from imubayes.reporting.canvas import (
     draw,
     few_ticks,
 )
-from imubayes.reporting.lots_words import (
-    MAJORITY,
-    class_name,
-    of_budget,
-    required,
-    scene_name,
-    slug,
-)
+from imubayes.reporting.lots_words import amid, class_name, of_budget, scene_name, slug
 from imubayes.reporting.rounding import percent, percents
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.catalogue import prior_sd
@@ -85,17 +79,14 @@ def needed_matrix(result: LotResult, key: str) -> Panel:
     names, columns = result.study.library.names, [class_name(one.sensor_class) for one in result.classes]
     wide = _column(len(columns))
     cells = [[_needed_cell(one, one.terms[row], wide) for one in result.classes] for row in range(len(names))]
-    all_of = [name for row, name in enumerate(names) if _least(result, row) >= MAJORITY]
-    title = f"{len(all_of)} of {len(names)} terms are needed by most units of every class"
-    alt = "Terms needed in half of the units or more: " + "; ".join(
-        f"{column}: {' '.join(t.name for t in one.terms if t.needed.value >= MAJORITY) or 'none'}"
-        for column, one in zip(columns, result.classes, strict=True)
+    needed = [terms_of(one, NEEDED) for one in result.classes]
+    all_of = [name for name in names if all(name in own for own in needed)]
+    title = f"{len(all_of)} of {len(names)} terms are needed by every class"
+    alt = "Terms needed, and count of those that the tests cannot tell: " + "; ".join(
+        f"{column}: {' '.join(own) or 'none'}, cannot tell {len(terms_of(one, UNTOLD))}"
+        for column, own, one in zip(columns, needed, result.classes, strict=True)
     )
     return Panel(title, _matrix(key, names, columns, cells, alt))
-
-
-def _least(result: LotResult, row: int) -> float:
-    return min(one.terms[row].needed.value for one in result.classes)
 
 
 def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
@@ -109,7 +100,7 @@ def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
         for x, w, c in boxes
         if w > 0.0
     )
-    if term.open >= MAJORITY:
+    if of_class(term) == UNTOLD:
         drawing += f'<text x="{first + second / 2 - room / 2:.1f}" y="4" text-anchor="middle">?</text>'
     name = class_name(found.sensor_class)
     title = (
@@ -122,7 +113,7 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
     """Share of the budget of the k-th scene that each term takes in each class."""
     columns = [class_name(one.sensor_class) for one in result.classes]
     found = [one.missions[k] for one in result.classes]
-    needs = sum(bool(required(one)) for one in found)
+    needs = sum(bool(terms_in(one, one.missions[k], NEEDED)) for one in result.classes)
     title = f"{needs} of {len(found)} classes need a model in the scene {scene_name(found[0].mission)}"
     return Panel(title, _share_matrix(key, found, columns, result.classes))
 
@@ -130,8 +121,9 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
 def class_matrix(one: ClassFound, key: str) -> Panel:
     """Share of each scene's budget that each term takes in a class."""
     columns = [scene_name(found.mission) for found in one.missions]
-    needs = sum(bool(required(found)) for found in one.missions)
-    title = f"{needs} of {len(columns)} scenes require a model of {class_name(one.sensor_class)}"
+    needs = sum(bool(terms_in(one, found, NEEDED)) for found in one.missions)
+    title = f"{class_name(one.sensor_class)} needs a model in {needs} of {len(columns)} scenes"
+    title = f"{title[:1].upper()}{title[1:]}"
     return Panel(title, _share_matrix(key, one.missions, columns, [one] * len(columns)))
 
 
@@ -148,8 +140,8 @@ def _share_matrix(
     cells = [
         [
             Cell(
-                _share_drawing(one.terms[j], owner.terms[j].open, min(wide, ROW) - 4.0),
-                _share_title(one.terms[j], column, owner.terms[j].open),
+                _share_drawing(one.terms[j], in_scene(owner.terms[j], one.terms[j]), min(wide, ROW) - 4.0),
+                _share_title(one.terms[j], column, in_scene(owner.terms[j], one.terms[j])),
                 slug("class", owner.sensor_class.id, one.mission),
             )
             for one, column, owner in zip(found, columns, owners, strict=True)
@@ -157,36 +149,44 @@ def _share_matrix(
         for j in rows
     ]
     names = [found[0].terms[j].name for j in rows]
-    alt = "Terms that take a tenth of the budget or more in the median unit: " + "; ".join(
-        f"{column}: {' '.join(t.name for t in one.terms if t.share.value >= MATTERS) or 'none'}"
-        for one, column in zip(found, columns, strict=True)
+    alt = "Terms needed, and by the catalogue alone: " + "; ".join(
+        f"{column}: {' '.join(terms_in(owner, one, NEEDED)) or 'none'},"
+        f" {' '.join(terms_in(owner, one, WOULD_MATTER)) or 'none'}"
+        for one, column, owner in zip(found, columns, owners, strict=True)
     )
     return _matrix(key, names, columns, cells, alt)
 
 
-def _share_title(term: MissionTerm, column: str, unknown: float) -> str:
-    """Share and need in words, where they are worth it."""
+def _share_title(term: MissionTerm, column: str, answer: str) -> str:
+    """Answer, share and need in words, where they are worth it."""
     share = term.share.value
-    if term.required == 0.0 and (share < LEAST or (unknown >= MAJORITY and share < MATTERS)):
+    if term.required == 0.0 and (share < LEAST or answer == UNTOLD):
         return ""
-    return f"{term.name}, {column}: {of_budget(share)}, required by {percent(term.required)}"
+    modelled = f"in the smallest model of {percent(term.required)}"
+    return f"{term.name}, {column}: {answer}, {of_budget(share)}, {modelled}"
 
 
-def _share_drawing(term: MissionTerm, unknown: float, largest: float) -> str:
-    """Square whose side is a logarithm of the share, framed where half of the units require the term.
+def _share_drawing(term: MissionTerm, answer: str, largest: float) -> str:
+    """Square whose side is a logarithm of the share, framed where the term is needed.
 
-    A question mark takes its place where the share is little and the tests of half of the units cannot tell.
+    What the tests cannot tell is a question mark, or hatched where it would matter by the catalogue.
     """
     share = term.share.value
-    if unknown >= MAJORITY and share < MATTERS:
-        drawing = '<text class="open">?</text>'
-    else:
-        reach = math.log10(max(share, LEAST) / LEAST) / 2.0
-        colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
-        drawing = _square(max(2.0, largest * min(reach, 1.0)), f'fill="{colour}"')
-    if term.required >= MAJORITY:
-        drawing += _square(largest + 3.0, 'class="frame"')
-    return drawing
+    if answer == UNTOLD:
+        return '<text class="open">?</text>'
+    side = max(2.0, largest * min(math.log10(max(share, LEAST) / LEAST) / 2.0, 1.0))
+    if answer == WOULD_MATTER:
+        return _hatched(max(side, 0.5 * largest))
+    colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
+    drawing = _square(side, f'fill="{colour}"')
+    return drawing + _square(largest + 3.0, 'class="frame"') if answer == NEEDED else drawing
+
+
+def _hatched(side: float) -> str:
+    """Outline of a square about the origin, with three lines across it."""
+    h, s = f"{side / 2:.3g}", f"{side:.3g}"
+    lines = f"M-{h} 0L0-{h}M-{h} {h}L{h}-{h}M0 {h}L{h} 0"
+    return f'<path d="M-{h}-{h}h{s}v{s}h-{s}z{lines}" class="hatch"/>'
 
 
 def _square(side: float, style: str) -> str:
@@ -248,7 +248,7 @@ def order_panel(result: LotResult, key: str) -> Panel:
     orders = [one.order for one in result.classes]
     most, least = max(orders, key=lambda o: o.value), min(orders, key=lambda o: o.value)
     biggest, smallest = names[orders.index(most)], names[orders.index(least)]
-    title = f"{biggest[:1].upper()}{biggest[1:]} needs {most.value:.0f} terms, {smallest} {least.value:.0f}"
+    title = f"The median unit needs {most.value:.3g} terms of {biggest}, {least.value:.3g} of {smallest}"
 
     def paint(axes: Axes) -> None:
         _lines(axes, names, [(o.low, o.value, o.high) for o in orders])
@@ -257,7 +257,7 @@ def order_panel(result: LotResult, key: str) -> Panel:
         axes.set_yticks(range(len(names)), names)
 
     alt = "Terms needed, median and 90 % of the units: " + "; ".join(
-        f"{name} {o.value:.0f} ({o.low:.0f} to {o.high:.0f})" for name, o in zip(names, orders, strict=True)
+        f"{name} {amid(o)}" for name, o in zip(names, orders, strict=True)
     )
     return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=_margins(names))
 
@@ -267,9 +267,7 @@ def population_panel(found: ClassFound, lib: Library, key: str) -> Panel:
     scales = [prior_sd(found.sensor_class, term)[0] for term in lib.terms]
     names = list(lib.names)
     shared = [
-        term.name
-        for term in found.terms
-        if term.needed.value >= MAJORITY and term.mean.low * term.mean.high > 0.0
+        term.name for term in found.terms if of_class(term) == NEEDED and term.mean.low * term.mean.high > 0.0
     ]
     title = f"{len(shared)} of {len(names)} terms are needed, and have a mean that all units share"
 

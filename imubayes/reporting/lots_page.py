@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from imubayes.lots.needs import (
+    NEEDED,
+    NOT_NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    answers_in,
+    of_class,
+    terms_in,
+    terms_of,
+)
 from imubayes.reporting.lots_figures import (
     class_matrix,
     needed_matrix,
@@ -15,6 +24,7 @@ from imubayes.reporting.lots_figures import (
     population_panel,
     scene_matrix,
 )
+from imubayes.reporting.lots_headline import headline, simulated, status
 from imubayes.reporting.lots_results import lots_json
 from imubayes.reporting.lots_sentences import (
     SIMULATED,
@@ -22,14 +32,14 @@ from imubayes.reporting.lots_sentences import (
     check_sentences,
     class_sentences,
     lots_answer,
+    own_scene_sentences,
     scene_sentences,
 )
 from imubayes.reporting.lots_words import (
+    amid,
     budget,
     class_name,
     counts,
-    of_budget,
-    required,
     scene_name,
     slug,
 )
@@ -51,7 +61,6 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
-    from imubayes.inference.intervals import Share
     from imubayes.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
@@ -124,7 +133,9 @@ def lots_html(result: LotResult) -> str:
     return page.render(
         study=study,
         answer=lots_answer(result),
-        simulated=SIMULATED,
+        status=status(result),
+        simulated=simulated(result),
+        caution=SIMULATED,
         names=tuple(class_name(one.sensor_class) for one in result.classes),
         orders=_orders(result),
         matrix=needed_matrix(result, "needed-matrix"),
@@ -144,8 +155,8 @@ def lots_html(result: LotResult) -> str:
 
 def _orders(result: LotResult) -> tuple[Row, ...]:
     """Sizes of the models, a class a column: what the test shows, and what each scene requires."""
-    shown = Row("order-shown", "needed", "needed-terms", tuple(_range(one.order) for one in result.classes))
-    return (shown, *_by_scene(result, "order", lambda scene: _range(scene.order)))
+    shown = Row("order-shown", "needed", "needed-terms", tuple(amid(one.order) for one in result.classes))
+    return (shown, *_by_scene(result, "order", lambda scene: amid(scene.order)))
 
 
 def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str]) -> Iterator[Row]:
@@ -153,10 +164,6 @@ def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str])
     for k, mission in enumerate(result.study.missions):
         cells = tuple(told(one.missions[k]) for one in result.classes)
         yield Row(slug(what, mission.name), scene_name(mission.name), slug("scene", mission.name), cells)
-
-
-def _range(found: Share) -> str:
-    return f"{found.value:.0f} ({found.low:.0f} to {found.high:.0f})"
 
 
 def _checked(result: LotResult) -> tuple[Row, ...]:
@@ -222,6 +229,7 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
             _plain(typical / size),
             percents(one.needed),
             percent(one.open),
+            of_class(one),
         )
         rows.append(Row(slug("class", found.sensor_class.id, one.name), one.name, "needed-terms", cells))
     return rows
@@ -235,43 +243,43 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> SceneView:
     """One scene on the page of a class."""
     mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
     anchor = slug("class", found.sensor_class.id, scene.mission)
-    noise = (
-        f"Noise comes to {of_budget(scene.noise_share)}; {percent(scene.within)} of the units have a model"
-    )
-    said = [
-        f"The smallest model that stays within the budget has {scene.order.value:.0f} terms"
-        f" (90 % of the units: {scene.order.low:.0f} to {scene.order.high:.0f}).",
-        f"{noise} that stays within the budget with 95 %.",
-    ]
-    if not math.isnan(scene.basic_share):
-        said.append(f"The basic triad leaves {of_budget(scene.basic_share)}.")
     return SceneView(
         anchor=anchor,
         title=scene_name(scene.mission),
         terms=budget(mission, kind),
-        said=tuple(said),
+        said=own_scene_sentences(found, scene),
         panel=None,
-        rows=tuple(_scene_row(term, mission.name, kind) for term in scene.terms if counts(term)),
+        rows=tuple(
+            _scene_row(term, answer, mission.name, kind)
+            for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
+            if counts(term) or answer == WOULD_MATTER
+        ),
     )
 
 
-def _scene_row(term: MissionTerm, scene: str, kind: Kind) -> Row:
+def _scene_row(term: MissionTerm, answer: str, scene: str, kind: Kind) -> Row:
     size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     cells = (
         _plain(term.rms / size),
         share_range(term.share),
         share(term.true_share),
         percent(term.required),
+        answer,
     )
     return Row("", term.name, slug("scene", scene), cells)
 
 
 def terminal_lots(result: LotResult) -> str:
-    """Lines for a terminal: the answer, the size of each class's models, and how well truths are met."""
-    lines = [f"{'class':24} {'terms needed':>16} {'scenes that require a model':>32}"]
+    """Lines for a terminal: the answer, how many terms each class needs, and how well truths are met."""
+    lines = [f"{'class':24} {'needed':>7} {'not needed':>11} {'cannot tell':>12} {'scenes with a need':>20}"]
     for one in result.classes:
-        needs = f"{sum(bool(required(scene)) for scene in one.missions)} of {len(one.missions)}"
-        lines.append(f"{class_name(one.sensor_class):24} {_range(one.order):>16} {needs:>32}")
+        needs = sum(bool(terms_in(one, scene, NEEDED)) for scene in one.missions)
+        counted = [len(terms_of(one, answer)) for answer in (NEEDED, NOT_NEEDED, UNTOLD)]
+        lines.append(
+            f"{class_name(one.sensor_class):24} {counted[0]:>7} {counted[1]:>11} {counted[2]:>12}"
+            f" {f'{needs} of {len(one.missions)}':>20}"
+        )
     lines += ["", "against the simulated truth"]
     lines += [f"{row.name:24} {row.cells[0]:>16} {row.cells[1]:>32}" for row in _checked(result)]
-    return "\n".join((*(one.text for one in lots_answer(result)), "", *lines))
+    said = (headline(result).text, status(result), simulated(result))
+    return "\n".join((*said, "", *(one.text for one in lots_answer(result)[2:]), "", *lines))

@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
+from imubayes.lots.needs import (
+    NEEDED,
+    NOT_NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    in_scene,
+    of_class,
+    terms_in,
+    terms_of,
+)
+from imubayes.reporting.lots_headline import simulated, status
 from imubayes.reporting.lots_sentences import lots_answer
-from imubayes.reporting.lots_words import required
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.results import versions
 
@@ -27,6 +37,8 @@ def lots_json(result: LotResult) -> str:
         "study": study.title,
         "seed": study.seed,
         "answer": [one.text for one in lots_answer(result)],
+        "status": status(result),
+        "simulated": simulated(result),
         "scenes": [_scene_entry(one, scene) for one in result.classes for scene in one.missions],
         "lots": {
             "kind": study.kind,
@@ -46,11 +58,13 @@ def lots_json(result: LotResult) -> str:
 
 
 def _scene_entry(found: ClassFound, scene: MissionFound) -> dict[str, Any]:
-    """A scene with the keys of ordinary studies; `sensor` is the class."""
+    """A scene with the keys of ordinary studies; `sensor` is the class, `model` what it needs."""
     return {
         "name": scene.mission,
         "sensor": found.sensor_class.id,
-        "model": required(scene),
+        "model": terms_in(found, scene, NEEDED),
+        "would_matter": terms_in(found, scene, WOULD_MATTER),
+        "cannot_tell": terms_in(found, scene, UNTOLD),
         "terms": [
             {
                 "name": term.name,
@@ -59,8 +73,9 @@ def _scene_entry(found: ClassFound, scene: MissionFound) -> dict[str, Any]:
                 "share_range": (term.share.low, term.share.high),
                 "required": term.required,
                 "true_share_of_budget": term.true_share,
+                "answer": in_scene(known, term),
             }
-            for term in scene.terms
+            for known, term in zip(found.terms, scene.terms, strict=True)
         ],
         "order": _entry(scene.order),
         "within": scene.within,
@@ -73,7 +88,10 @@ def _class_entry(found: ClassFound) -> dict[str, Any]:
     return {
         "id": found.sensor_class.id,
         "order": _entry(found.order),
-        "terms": [asdict(term) for term in found.terms],
+        "needed": terms_of(found, NEEDED),
+        "not_needed": terms_of(found, NOT_NEEDED),
+        "cannot_tell": terms_of(found, UNTOLD),
+        "terms": [asdict(term) | {"answer": of_class(term)} for term in found.terms],
         "units": [_unit_entry(unit) for unit in found.units],
     }
 

@@ -8,17 +8,20 @@ from dataclasses import dataclass
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.lots_words import (
-    MAJORITY,
-    class_name,
-    covered,
-    of_budget,
-    required,
-    scene_name,
-    slug,
+from imubayes.lots.needs import (
+    HALF,
+    NEEDED,
+    NOT_NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    answers_in,
+    in_scene,
+    terms_in,
+    terms_of,
 )
+from imubayes.reporting.lots_headline import Said, counts_by_class, headline
+from imubayes.reporting.lots_words import amid, class_name, covered, of_budget, scene_name, slug
 from imubayes.reporting.rounding import NARROW, percent
-from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.selection.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
@@ -47,14 +50,6 @@ SIMULATED = (
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
-    """A sentence, and the anchor of the numbers behind it."""
-
-    text: str
-    anchor: str
-
-
-@dataclass(frozen=True, slots=True)
 class Contrast:
     """Terms that the same classes need in a scene.
 
@@ -65,7 +60,7 @@ class Contrast:
     needing : names of the classes.
     without : names of those to which each term is little: below `MATTERS` of the budget in 95 % of the units,
         whose tests tell it in most units.
-    untold : names of those whose tests leave one of the terms open in half of the units or more.
+    untold : names of those whose tests cannot tell one of the terms.
     between : names of the rest.
     least : smallest share of the budget among those that need them, median over units.
     most : largest share of the budget among those without, 95 % of the units below it.
@@ -82,8 +77,8 @@ class Contrast:
 
 
 def lots_answer(result: LotResult) -> tuple[Said, ...]:
-    """First paragraph of the report, by sentence."""
-    said = [_orders(result), _open(result)]
+    """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
+    said = [headline(result), counts_by_class(result)]
     divided = _divided(result)
     # that a bias or a scale counts surprises nobody
     telling = [one for one in divided if not set(one.terms) & set(TERMS)] or divided
@@ -95,24 +90,6 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
     return (*said, *basic_answer(result), *checked)
 
 
-def _orders(result: LotResult) -> Said:
-    count = len(result.study.library.terms)
-    each = listed(f"{class_name(one.sensor_class)} {one.order.value:.0f}" for one in result.classes)
-    return Said(f"Of {count} terms the test shows that the median unit needs: {each}.", "order")
-
-
-def _open(result: LotResult) -> Said:
-    """How much the test cannot tell, by class."""
-    each = listed(f"{class_name(one.sensor_class)} {_untold(one)}" for one in result.classes)
-    return Said(f"It cannot tell, in half of the units or more, of: {each}.", "needed-terms")
-
-
-def _untold(found: ClassFound) -> int:
-    """Terms of which the test cannot tell in half of the units or more."""
-    hidden = [[verdict in CANNOT_TELL for verdict in unit.verdicts] for unit in found.units]
-    return sum(sum(column) >= MAJORITY * len(hidden) for column in zip(*hidden, strict=True))
-
-
 def _divided(result: LotResult) -> list[Contrast]:
     """Contrasts of all scenes that divide the classes."""
     every = (one for k in range(len(result.study.missions)) for one in contrasts(result, k))
@@ -122,9 +99,13 @@ def _divided(result: LotResult) -> list[Contrast]:
 def contrasts(result: LotResult, k: int) -> tuple[Contrast, ...]:
     """Terms of the k-th scene by the classes that need them, most classes first; none that no class needs."""
     found = [one.missions[k] for one in result.classes]
+    told = [
+        [answer for _, answer in answers_in(one, scene)]
+        for one, scene in zip(result.classes, found, strict=True)
+    ]
     patterns: dict[tuple[bool, ...], list[int]] = {}
     for j in range(len(found[0].terms)):
-        pattern = tuple(scene.terms[j].required >= MAJORITY for scene in found)
+        pattern = tuple(answers[j] == NEEDED for answers in told)
         if any(pattern):
             patterns.setdefault(pattern, []).append(j)
     ordered = sorted(patterns.items(), key=lambda item: -sum(item[0]))
@@ -138,7 +119,10 @@ def _contrast(
     terms: Sequence[int],
 ) -> Contrast:
     names = [class_name(one.sensor_class) for one in classes]
-    hidden = [any(one.terms[j].open >= MAJORITY for j in terms) for one in classes]
+    hidden = [
+        any(in_scene(one.terms[j], scene.terms[j]) in (UNTOLD, WOULD_MATTER) for j in terms)
+        for one, scene in zip(classes, found, strict=True)
+    ]
     largest = [max(one.terms[j].share.high for j in terms) for one in found]
     untold = [not needs and unseen for needs, unseen in zip(pattern, hidden, strict=True)]
     told = [not needs and not unseen for needs, unseen in zip(pattern, hidden, strict=True)]
@@ -178,8 +162,9 @@ def contrast_sentence(one: Contrast) -> str:
 def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     """Say what a scene requires of the classes."""
     said = [text[:1].upper() + text[1:] for text in map(contrast_sentence, contrasts(result, k))]
-    said = said or ["No class needs any term."]
-    open_classes = [one for one in result.classes if one.missions[k].within < MAJORITY]
+    said = said or ["No class is shown to need any term."]
+    said += _catalogued(result, k)
+    open_classes = [one for one in result.classes if one.missions[k].within < HALF]
     if open_classes:
         names = listed(class_name(one.sensor_class) for one in open_classes)
         said.append(
@@ -194,29 +179,69 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     return tuple(said)
 
 
-def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
-    """Say what a class needs, shows and leaves open, and what its scenes require."""
-    of = found.terms
-    always = [term.name for term in of if term.needed.value >= ASKED]
-    never = [term.name for term in of if term.needed.value == 0.0 and term.open < MAJORITY]
-    hidden = [term.name for term in of if term.open >= MAJORITY]
-    said = [
-        f"The median unit needs {found.order.value:.0f} of {count} terms (90{NARROW}% of the units:"
-        f" {found.order.low:.0f} to {found.order.high:.0f})."
+def _catalogued(result: LotResult, k: int) -> list[str]:
+    """Say what only the catalogue says of a scene."""
+    each = [
+        f"{class_name(one.sensor_class)} {listed(terms)}"
+        for one in result.classes
+        if (terms := terms_in(one, one.missions[k], WOULD_MATTER))
     ]
+    return (
+        [f"The tests cannot tell, and by the catalogue it would matter: {'; '.join(each)}."] if each else []
+    )
+
+
+def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
+    """Say what a class needs, what its tests cannot tell, and what its scenes require."""
+    needed, idle, hidden = (terms_of(found, answer) for answer in (NEEDED, NOT_NEEDED, UNTOLD))
+    always = [term.name for term in found.terms if term.needed.value >= ASKED]
+    said = [f"The class needs {listed(needed) if needed else 'no term'}, {len(needed)} of {count} terms."]
     if always:
         said.append(f"Needed in {percent(ASKED)} of the units or more: {listed(always)}.")
-    if never:
-        said.append(f"Needed in none: {listed(never)}.")
+    if idle:
+        said.append(f"Not needed: {listed(idle)}.")
     if hidden:
-        said.append(f"In half of the units or more the test leaves open {listed(hidden)}.")
-    return (*said, *(_required(one) for one in found.missions))
+        said.append(f"Of {len(hidden)} the tests cannot tell: {listed(hidden)}.")
+    said.append(
+        f"A single unit needs {amid(found.order)} (median, and 90{NARROW}% of the units): units differ in"
+        " what they need, and in what their tests tell."
+    )
+    return (*said, *(_required(found, scene) for scene in found.missions))
 
 
-def _required(found: MissionFound) -> str:
-    needed = required(found)
-    what = f"requires {listed(needed)}" if needed else "requires no term"
-    return f"The scene {scene_name(found.mission)} {what}."
+def _required(found: ClassFound, scene: MissionFound) -> str:
+    needed, would = (terms_in(found, scene, answer) for answer in (NEEDED, WOULD_MATTER))
+    where = f"In the scene {scene_name(scene.mission)} it needs {listed(needed) if needed else 'no term'}"
+    return f"{where}; by the catalogue {listed(would)} would matter." if would else f"{where}."
+
+
+def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ...]:
+    """Say what a scene requires of a class, how its units differ, and what they leave of the budget."""
+    needed, would = (terms_in(found, scene, answer) for answer in (NEEDED, WOULD_MATTER))
+    said = [
+        f"The class needs {listed(needed)} here ({len(needed)}): its tests show them, and the smallest model"
+        " of half of the units or more has them."
+        if needed
+        else "The class is not shown to need any term here."
+    ]
+    if would:
+        said.append(f"The tests cannot tell, and by the catalogue it would matter: {listed(would)}.")
+    said.append(
+        f"Counted unit by unit, the smallest model has {amid(scene.order)} terms (median, and 90{NARROW}% of"
+        " the units), shown or not."
+    )
+    said.append(f"Noise comes to {of_budget(scene.noise_share)}; {_staying(scene.within)}.")
+    if not math.isnan(scene.basic_share):
+        said.append(f"The basic triad leaves {of_budget(scene.basic_share)}.")
+    return tuple(said)
+
+
+def _staying(within: float) -> str:
+    """How many units have a model within the budget, and what the smallest model of the others is."""
+    text = f"{percent(within)} of the units have a model that stays within the budget with 95{NARROW}%"
+    if within == 1.0:
+        return text
+    return f"{text}; of the others the calibration alone exceeds it, and the smallest model leaves out less"
 
 
 def basic_answer(result: LotResult) -> tuple[Said, ...]:
@@ -225,7 +250,7 @@ def basic_answer(result: LotResult) -> tuple[Said, ...]:
     if not result.study.basic or not pairs:
         return ()
     fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
-    general = sum(scene.within >= MAJORITY for _, scene in pairs)
+    general = sum(scene.within >= HALF for _, scene in pairs)
     worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
     text = (
         f"The basic triad of 12 parameters leaves less than the budget in {fine} of {len(pairs)} pairs of"

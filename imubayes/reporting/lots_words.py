@@ -11,7 +11,8 @@ from imubayes.selection.relevance import MATTERS
 
 if TYPE_CHECKING:
     from imubayes.campaign import Mission
-    from imubayes.lots.answers import Coverage, MissionFound, MissionTerm
+    from imubayes.inference.intervals import Share
+    from imubayes.lots.answers import Coverage, MissionTerm
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind
 
@@ -20,9 +21,6 @@ GRADES = ("consumer", "industrial", "tactical", "navigation", "strategic")
 
 SPELLED = frozenset({"mems", "fog", "ifog", "rlg", "hrg", "vba", "piga", "sdf", "rig", "dtg", "cvg"})
 """Words of a class's id that are spelled in capitals."""
-
-MAJORITY = 0.5
-"""Share of a lot's units from which its class is said to need a term."""
 
 
 def class_name(entry: SensorClass) -> str:
@@ -89,9 +87,16 @@ def budget(mission: Mission, kind: Kind) -> str:
     return f"{duration(mission.scene.duration)}, budget {limit / size:.4g} {pretty(unit)} of {what}"
 
 
-def required(found: MissionFound) -> tuple[str, ...]:
-    """Terms that the smallest model has in at least half of the units."""
-    return tuple(term.name for term in found.terms if term.required >= MAJORITY)
+def amid(found: Share) -> str:
+    """Median count of terms, with the range of 90 % of the units.
+
+    Examples
+    --------
+    >>> from imubayes.inference.intervals import Share
+    >>> amid(Share(12.5, 9.0, 14.0))
+    '12.5 (9 to 14)'
+    """
+    return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
 
 
 def counts(term: MissionTerm) -> bool:

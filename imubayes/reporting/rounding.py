@@ -20,8 +20,8 @@ FIXED_DIGITS = 5
 NARROW = "\u00a0"
 """Space before a percent sign, where no line ends."""
 
-TIMES = 2.0
-"""Share of a budget from which it is printed as a multiple."""
+TIMES = 1.995
+"""Share of a budget from which it is printed as a multiple: what rounds to twice."""
 
 RARE = 0.001
 """Share of a budget below which no digits are printed."""

@@ -8,6 +8,7 @@ import pytest
 from imubayes.config import read_lots, read_quality, read_study
 from imubayes.errors import StudyError
 from imubayes.lots.measure import measure
+from imubayes.lots.plan import Against
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
 from imubayes.rig.scene_ranges import catalogue_scenes
@@ -71,12 +72,34 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     html = lots_html(result)
     for anchor in ("scene-helicopter", "scene-helicopter-position"):
         assert html.count(f'id="{anchor}"') == 1 and f'href="#{anchor}"' in html
-    assert "The scene helicopter, position requires" in html
+    assert "In the scene helicopter, position it needs" in html
 
 
 def test_study_without_the_table_is_no_class_level_study():
     assert read_lots(STUDIES / "quickstart.toml") is None
     assert read_lots(STUDIES / "decision_quality.toml") is None
+
+
+@pytest.mark.parametrize(
+    ("written", "asks"),
+    [
+        ("", "classes"),
+        ('asks = "scenes"', "scenes"),
+        ('basic = true\nasks = "triad"', "triad"),
+        (
+            'asks = { needed_by = ["fog_navigation"], not_by = ["mems_tactical"] }',
+            Against(("fog_navigation",), ("mems_tactical",)),
+        ),
+    ],
+)
+def test_study_asks_what_its_file_says(tmp_path, written, asks):
+    assert _read(tmp_path, SMALL.replace("units = 3", f"units = 3\n{written}")).asks == asks
+
+
+def test_study_without_scenes_cannot_ask_what_they_require(tmp_path):
+    text = SMALL.partition("[[scene]]")[0].replace("units = 3", 'asks = "scenes"')
+    with pytest.raises(StudyError, match=r"lots.asks: 'scenes' asks .* at least one \[\[scene\]\]"):
+        _read(tmp_path, text)
 
 
 def test_class_level_study_is_no_other_study(tmp_path):
@@ -103,6 +126,27 @@ def test_class_level_study_is_no_other_study(tmp_path):
         ("seed = 4", 'method = "full"', "study.method", "is exact"),
         ('name = "helicopter"', 'name = "helicoptre"', "scene[0].name", "did you mean helicopter"),
         ("attitude", "atitude", "scene[0].budget.atitude", "did you mean 'attitude'?"),
+        ("units = 3", 'asks = "triads"', "lots.asks", "expected 'classes', 'scenes', 'triad'"),
+        ("units = 3", 'asks = "triad"', "lots.asks", "expected basic = true"),
+        ("units = 3", 'asks = { needed_by = ["mems_tactical"] }', "lots.asks.not_by", "the key is missing"),
+        (
+            "units = 3",
+            'asks = { needed_by = ["mems_tactical"], not_by = [] }',
+            "lots.asks.not_by",
+            "at least one of the study's classes",
+        ),
+        (
+            "units = 3",
+            'asks = { needed_by = ["mems_tactica"], not_by = ["fog_navigation"] }',
+            "lots.asks.needed_by[0]",
+            "did you mean 'mems_tactical'?",
+        ),
+        (
+            "units = 3",
+            'asks = { needed_by = ["fog_navigation"], not_by = ["fog_navigation"] }',
+            "lots.asks",
+            "is in needed_by and in not_by",
+        ),
         (
             "[[scene]]",
             '[[scene]]\nname = "helicopter"\nbudget = { velocity = "1 m/s" }\n[[scene]]',

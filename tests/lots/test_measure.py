@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from lot_studies import small
 
+from imubayes.inference.intervals import Share
 from imubayes.lots.measure import check, measure
 from imubayes.lots.missions import exposures, missions
 from imubayes.lots.population import population
@@ -50,25 +51,20 @@ def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
     terms = tuple(
         replace(term, share=replace(term.share, value=said), true_share=true) for said, true in said_true
     )
-    telling = tuple(replace(unit, verdicts=("undecided",) * len(terms)) for unit in one.units)
-    told = check([replace(one, units=telling, terms=one.terms[:6], missions=(replace(scene, terms=terms),))])
+    shown = tuple(replace(known, needed=Share(1.0, 0.8, 1.0), open=0.0) for known in one.terms[:6])
+    told = check([replace(one, terms=shown, missions=(replace(scene, terms=terms),))])
     assert told.cells == (6, 3)
     assert told.precision.value == pytest.approx(2 / 3)
     assert told.recall.value == pytest.approx(2 / 3)
 
 
-def test_cells_of_terms_that_most_units_cannot_tell_are_counted_apart(found):
+@pytest.mark.parametrize(("hidden", "untold"), [(0.0, 0), (0.49, 0), (0.5, 1), (1.0, 1)])
+def test_cells_of_terms_that_half_of_the_units_leave_open_are_counted_apart(found, hidden, untold):
     one = found[0].classes[0]
-    blind, half = (
-        tuple(
-            replace(unit, verdicts=(verdict, *("needed",) * (len(one.terms) - 1)))
-            for unit, verdict in zip(one.units, verdicts, strict=True)
-        )
-        for verdicts in (("untested", "unresolved"), ("inseparable", "undecided"))
-    )
-    told, still = (check([replace(one, units=units)]) for units in (blind, half))
-    assert (told.cells[0], told.untold) == (len(one.terms) - 1, 1)
-    assert (still.cells[0], still.untold) == (len(one.terms), 0)
+    shown = tuple(replace(term, needed=Share(1.0, 0.8, 1.0), open=0.0) for term in one.terms)
+    first = replace(shown[0], needed=Share(1.0 - hidden, 0.0, 1.0), open=hidden)
+    told = check([replace(one, terms=(first, *shown[1:]))])
+    assert (told.cells[0], told.untold) == (len(shown) - untold, untold)
 
 
 def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):

@@ -32,6 +32,9 @@ SIZES = {"mems_consumer": 1.0, "mems_tactical": 0.3, "fog_navigation": 0.001}
 SHAKEN = ("g_i", "g_k")
 """Terms that the first scene requires of MEMS."""
 
+UNSEEN = "S_kk"
+"""Term of which the tests of no class can tell, and that by the catalogue would matter to consumer MEMS."""
+
 
 def lot_library() -> Library:
     """Candidates of the made-up study."""
@@ -72,6 +75,8 @@ def _population(entry: SensorClass, lib: Library, k: int, size: float) -> Popula
     typical = prior_sd(entry, lib.terms[k])[0]
     mean = (0.4 - 0.1 * k) * typical
     needed = max(0.0, 1.0 - 0.08 * k) if size > 0.1 else 0.25 * (k < 3)
+    if size > 0.1 and lib.terms[k].name in SHAKEN:
+        needed = 1.0
     return PopulationTerm(
         lib.terms[k].name,
         Share(needed, 0.8 * needed, min(1.0, needed + 0.2)),
@@ -92,7 +97,7 @@ def _mission(lib: Library, name: str, size: float, basic: bool) -> MissionFound:
 
 
 def _in_scene(name: str, size: float) -> MissionTerm:
-    share = size * (1.0 if name in SHAKEN else 0.05)
+    share = size * (1.0 if name in SHAKEN else 0.2 if name == UNSEEN else 0.05)
     return MissionTerm(
         name, 1e-5 * share, Share(share, 0.3 * share, 3.0 * share), float(share > 0.1), 1.1 * share
     )

@@ -4,6 +4,7 @@ from xml.etree import ElementTree
 import pytest
 from lots_found import lot_result
 
+from imubayes.lots.needs import NEEDED, UNTOLD, WOULD_MATTER, answers_in, terms_of
 from imubayes.reporting.lots_figures import (
     ACCENT,
     EMPTY,
@@ -14,6 +15,7 @@ from imubayes.reporting.lots_figures import (
     population_panel,
     scene_matrix,
 )
+from imubayes.reporting.lots_words import class_name
 
 
 @pytest.fixture(scope="module")
@@ -56,22 +58,24 @@ def test_question_mark_stands_where_the_test_cannot_tell_of_half_of_the_units(re
     assert marks == sum(term.open >= 0.5 for one in result.classes for term in one.terms) > 0
 
 
-def test_frame_stands_where_half_of_the_units_require_the_term(result):
-    frames = scene_matrix(result, 0, "b").svg.count('class="frame"')
-    assert frames == sum(t.required >= 0.5 for one in result.classes for t in one.missions[0].terms) == 4
-
-
-def test_little_share_that_the_tests_cannot_tell_is_a_question_mark(result):
-    marks = scene_matrix(result, 0, "b").svg.count(">?</text>")
-    told = (
-        (one.terms[j].open, t.share.value)
-        for one in result.classes
-        for j, t in enumerate(one.missions[0].terms)
-    )
-    assert marks == sum(unknown >= 0.5 and share < 0.1 for unknown, share in told) > 0
+@pytest.mark.parametrize(
+    ("answer", "mark"),
+    [(NEEDED, 'class="frame"'), (UNTOLD, ">?</text>"), (WOULD_MATTER, 'class="hatch"')],
+)
+def test_each_answer_in_a_scene_has_a_mark_of_its_own(result, answer, mark):
+    given = (told for one in result.classes for _, told in answers_in(one, one.missions[0]))
+    assert scene_matrix(result, 0, "b").svg.count(mark) == sum(told == answer for told in given) > 0
 
 
 def test_term_that_takes_nothing_anywhere_has_no_row(result):
     assert ">b0</text>" in scene_matrix(result, 0, "b").svg
     rows = re.findall(r'text-anchor="end">(\w+)</text>', scene_matrix(result, 1, "b").svg)
-    assert rows == ["g_i", "g_k"]
+    assert rows == ["g_i", "g_k", "S_kk"]
+
+
+def test_figure_counts_what_the_tests_cannot_tell_as_the_rest_of_the_report_does(result):
+    svg = needed_matrix(result, "a").svg
+    for one in result.classes:
+        assert f"{class_name(one.sensor_class)}: " in svg
+        counted = re.search(rf"{class_name(one.sensor_class)}: [^;]*cannot tell (\d+)", svg)
+        assert counted and int(counted[1]) == len(terms_of(one, UNTOLD))

@@ -12,6 +12,7 @@ from imubayes.reporting.lots_sentences import (
     contrast_sentence,
     contrasts,
     lots_answer,
+    own_scene_sentences,
     scene_sentences,
 )
 from imubayes.reporting.rounding import NARROW
@@ -37,7 +38,7 @@ def test_classes_that_need_the_same_terms_are_told_from_those_that_do_not(result
 
 def test_answer_says_who_needs_what_and_how_little_it_is_to_the_others(result):
     text = _plain(said.text for said in lots_answer(result))
-    assert "consumer MEMS 12, tactical MEMS 9 and navigation FOG 3" in text
+    assert "Of 23 terms: consumer MEMS needs 9, cannot tell 3; tactical MEMS needs 9, cannot tell 3;" in text
     assert (
         "In the scene helicopter consumer MEMS and tactical MEMS need g_i and g_k; navigation FOG does not:"
         " in 95 % of the units each takes less than 0.30 % of the budget." in text
@@ -46,7 +47,7 @@ def test_answer_says_who_needs_what_and_how_little_it_is_to_the_others(result):
 
 def test_every_sentence_of_the_answer_has_its_numbers(result):
     anchors = [said.anchor for said in lots_answer(result)]
-    assert anchors == ["order", "needed-terms", "scene-helicopter", "basic", "check"]
+    assert anchors == ["needed-terms", "needed-terms", "scene-helicopter", "basic", "check"]
     assert len(lots_answer(lot_result(basic=False))) == 4
 
 
@@ -63,7 +64,7 @@ def test_class_in_which_some_units_come_near_the_budget_is_in_between(result):
 
 
 def test_scene_that_requires_nothing_says_so(result):
-    assert scene_sentences(result, 1) == ("No class needs any term.",)
+    assert scene_sentences(result, 1) == ("No class is shown to need any term.",)
 
 
 def test_scene_in_which_noise_is_more_than_the_budget_says_so(result):
@@ -77,10 +78,10 @@ def test_scene_in_which_noise_is_more_than_the_budget_says_so(result):
 def test_class_is_told_by_what_it_always_needs_never_needs_and_hides(result):
     found = result.classes[0]
     text = _plain(class_sentences(found, 23))
-    hidden = [term.name for term in found.terms if term.open >= 0.5]
-    assert text.startswith("The median unit needs 12 of 23 terms (90 % of the units: 3 to 14).")
-    assert "Needed in 95 % of the units or more: b0." in text
-    assert f"the test leaves open {', '.join(hidden[:-1])} and {hidden[-1]}." in text
+    assert text.startswith("The class needs b0, b1, b2, b0p, m_j, m_k, c_ij, g_i and g_k, 9 of 23 terms.")
+    assert "Needed in 95 % of the units or more: b0, g_i and g_k." in text
+    assert "Of 3 the tests cannot tell: c_jk, S_ij and S_kk." in text
+    assert "A single unit needs 12 (3 to 14) (median, and 90 % of the units)" in text
 
 
 def test_triad_is_short_where_it_leaves_more_than_the_budget(result):
@@ -117,3 +118,34 @@ def test_class_whose_tests_leave_a_term_open_is_not_said_to_do_without_it(result
     (one,) = contrasts(replace(result, classes=(*result.classes[:2], hidden)), 0)
     assert (one.without, one.untold, one.between) == ((), ("navigation FOG",), ())
     assert contrast_sentence(one).endswith("; of navigation FOG the test cannot tell.")
+
+
+def test_term_that_no_unit_is_shown_to_need_is_not_needed_however_many_models_have_it(result):
+    every = tuple(
+        replace(
+            one,
+            terms=tuple(replace(t, needed=Share(0.0, 0.0, 0.2), open=1.0) for t in one.terms),
+            missions=tuple(
+                replace(m, terms=tuple(replace(t, required=1.0) for t in m.terms)) for m in one.missions
+            ),
+        )
+        for one in result.classes
+    )
+    dark = replace(result, classes=every)
+    assert contrasts(dark, 0) == ()
+    first, second, *_ = scene_sentences(dark, 0)
+    assert first == "No class is shown to need any term."
+    assert second.startswith(
+        "The tests cannot tell, and by the catalogue it would matter: consumer MEMS b0, b1"
+    )
+    assert "needs no term; by the catalogue b0" in " ".join(class_sentences(every[0], 23))
+
+
+def test_terms_of_the_class_and_size_of_a_unit_s_model_are_told_apart(result):
+    found = result.classes[0]
+    scene = replace(found.missions[0], within=0.5, order=Share(1.5, 0.0, 4.0))
+    text = _plain(own_scene_sentences(found, scene))
+    assert text.startswith("The class needs g_i and g_k here (2): its tests show them,")
+    assert "by the catalogue it would matter: S_kk." in text
+    assert "Counted unit by unit, the smallest model has 1.5 (0 to 4) terms" in text
+    assert "50 % of the units have a model that stays within the budget with 95 %; of the others" in text

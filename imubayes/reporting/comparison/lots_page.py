@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from imubayes.inference.intervals import Share
+from imubayes.lots.needs import HALF
 from imubayes.reporting.comparison.lot_files import PopulationFile, unit_of_term
 from imubayes.reporting.comparison.lots import (
     ClassComparison,
@@ -27,7 +28,7 @@ from imubayes.reporting.comparison.view import (
     largest_first,
     pull_text,
 )
-from imubayes.reporting.lots_words import MAJORITY, scene_name, slug
+from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.rounding import measured, percent, percents, share_range
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -100,13 +101,14 @@ def _sentences(one: ClassComparison, found: LotComparison) -> Iterator[str]:
     far = [f"{what}, {pull.size:.1f} sd" for what, pull in _differing(one)]
     yield f"Beyond uncertainty: {'; '.join(far)}." if far else "Nothing differs beyond uncertainty."
     orders = [(label, m.order) for label, m in zip(found.labels, one.members, strict=True) if m]
-    told = listed(f"{label} {order.value:.0f}" for label, order in orders)
+    told = listed(f"{label} {order.value:.3g}" for label, order in orders)
     apart = "; the ranges of the units do not overlap" if one.apart else ""
     yield f"The median unit needs {told} terms{apart}."
     for scene in one.scenes:
         other = [term.name for term in scene.terms if _divides(term)]
         if other:
-            yield f"The scene {scene_name(scene.name)} requires {listed(other)} in one result and not in all."
+            where = f"In the scene {scene_name(scene.name)} the smallest models of most units have"
+            yield f"{where} {listed(other)} in one result and not in all."
     partly = [term.name for term in one.terms if any(v is None for v in term.values)]
     if partly:
         yield f"Not in every library, which the other estimates depend on: {listed(partly)}."
@@ -114,7 +116,7 @@ def _sentences(one: ClassComparison, found: LotComparison) -> Iterator[str]:
 
 def _divides(term: RequiredComparison) -> bool:
     """Whether most units require a term in one result and not in another."""
-    return len({count >= MAJORITY * of for count, of in filter(None, term.required)}) > 1
+    return len({count >= HALF * of for count, of in filter(None, term.required)}) > 1
 
 
 def _order_lines(one: ClassComparison, labels: Sequence[str]) -> tuple[Line, ...]:
@@ -129,7 +131,7 @@ def _order_lines(one: ClassComparison, labels: Sequence[str]) -> tuple[Line, ...
 
 
 def _range(order: Share | None) -> str:
-    return f"{order.value:.0f} ({order.low:.0f} to {order.high:.0f})" if order else "not there"
+    return amid(order) if order else "not there"
 
 
 def _lines(term: PopulationComparison, labels: Sequence[str], kind: Kind, whole: bool) -> Iterator[Line]:

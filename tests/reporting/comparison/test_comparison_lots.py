@@ -152,7 +152,7 @@ def test_page_terminal_and_numbers_say_what_differs(write):
     assert all(len(line) <= 80 for line in printed.splitlines())
     for text in (" ".join(printed.split()), " ".join(html.split())):
         assert "1 value differs beyond uncertainty, most b0 (mean) of mems_consumer" in text
-        assert "The scene helicopter requires g_i and g_k in one result and not in all." in text
+        assert "the smallest models of most units have g_i, g_k and S_kk in one result and" in text
     assert "<b>or" not in html and "?%" not in printed and "http" not in html
     record = json.loads(comparison_json(shown.record))
     differing = [

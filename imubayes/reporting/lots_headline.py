@@ -1,0 +1,225 @@
+"""The first screen of a class-level report: the question of its title answered, and how far that goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from imubayes.lots.needs import NEEDED, NOT_NEEDED, UNTOLD, could_change, terms_in, terms_of
+from imubayes.lots.plan import Against
+from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
+from imubayes.selection.verdicts import listed
+from imubayes.sensors.equations.basic import TERMS
+
+if TYPE_CHECKING:
+    from imubayes.lots.answers import ClassFound, LotResult
+
+MOST_WORDS = 60
+"""Words of an answer."""
+
+FEW_WORDS = 15
+"""Words of its last sentence, which says what is not needed, before it names classes only."""
+
+MOST_NAMES = 3
+"""Classes, or scenes, that a sentence names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A sentence, and the anchor of the numbers behind it."""
+
+    text: str
+    anchor: str
+
+
+def headline(result: LotResult) -> Said:
+    """Answer what the study asks (`LotStudy.asks`) by naming terms, in at most `MOST_WORDS` words."""
+    asks = result.study.asks
+    if isinstance(asks, Against):
+        return Said(_short(_against(result, asks)), "needed-terms")
+    if asks == "scenes":
+        return Said(_short(_of_scenes(result)), "scenes")
+    if asks == "triad":
+        return Said(_short(_of_triad(result)), "basic")
+    return Said(_short(_of_classes(result), _rest(result.classes)), "needed-terms")
+
+
+def _short(sentences: Iterable[str], last: str = "") -> str:
+    """As many sentences, the first ones first, as leave room for the last one in an answer.
+
+    Examples
+    --------
+    >>> _short(["Nothing is needed.", "a " * 57 + "a.", "More."], "No more.")
+    'Nothing is needed. No more.'
+    """
+    said: list[str] = []
+    for one in sentences:
+        if len(" ".join((*said, one, last)).split()) > MOST_WORDS:
+            break
+        said.append(one)
+    return " ".join((*said, last)).rstrip()
+
+
+def _of_classes(result: LotResult) -> list[str]:
+    """What all classes need, then what only some do."""
+    needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
+    return _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
+
+
+def _rest(classes: Sequence[ClassFound]) -> str:
+    """What classes do not need, where it is little, and that of the others the tests cannot tell."""
+    idle = {class_name(one.sensor_class): terms_of(one, NOT_NEEDED) for one in classes}
+    without = [f"{name} {listed(terms)}" for name, terms in idle.items() if terms]
+    told = f"Not needed: {'; '.join(without)}" if without else "No term is shown not to be needed"
+    if len(told.split()) > FEW_WORDS:
+        told = f"{_capital(listed(name for name, terms in idle.items() if terms))} do without others"
+    untold = any(terms_of(one, UNTOLD) for one in classes)
+    return f"{told}; of the rest the tests cannot tell." if untold else f"{told}."
+
+
+def _by_owner(
+    names: Sequence[str], needed: dict[str, tuple[str, ...]], words: tuple[str, str, str]
+) -> list[str]:
+    """Sentences on who needs which terms, those that most need first.
+
+    Examples
+    --------
+    >>> _by_owner(["b0", "b1", "g_i"], {"MEMS": ("b0", "g_i"), "FOG": ("b0",)}, ("class", "classes", "need"))
+    ['Every class needs b0.', 'MEMS needs g_i.']
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        owners = tuple(owner for owner, terms in needed.items() if name in terms)
+        if owners:
+            groups.setdefault(owners, []).append(name)
+    ordered = sorted(groups.items(), key=lambda group: (-len(group[0]), -len(group[1])))
+    said = [_owned(owners, terms, tuple(needed), words) for owners, terms in ordered]
+    return said or [f"No {words[0]} is shown to {words[2]} any term."]
+
+
+def _owned(
+    owners: Sequence[str], terms: Sequence[str], every: Sequence[str], words: tuple[str, str, str]
+) -> str:
+    one, many, need = words
+    missing = [name for name in every if name not in owners]
+    if not missing:
+        return f"Every {one} {need}s {listed(terms)}."
+    if len(owners) == 1:
+        return f"{_capital(owners[0])} {need}s {listed(terms)}."
+    if len(owners) <= MOST_NAMES:
+        return f"{_capital(listed(owners))} {need} {listed(terms)}."
+    if len(missing) <= MOST_NAMES:
+        return f"All but {listed(missing)} {need} {listed(terms)}."
+    return f"{len(owners)} of {len(every)} {many} {need} {listed(terms)}."
+
+
+def _of_scenes(result: LotResult) -> list[str]:
+    """Which terms each scene requires of most classes."""
+    count, needed = len(result.classes), dict[str, tuple[str, ...]]()
+    for k, mission in enumerate(result.study.missions):
+        votes = [name for one in result.classes for name in terms_in(one, one.missions[k], NEEDED)]
+        needed[scene_name(mission.name)] = tuple(
+            name for name in result.study.library.names if 2 * votes.count(name) >= count
+        )
+    said = _by_owner(result.study.library.names, needed, ("scene", "scenes", "require"))
+    idle = [name for name, terms in needed.items() if not terms]
+    none = [f"{_capital(listed(idle))} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
+    return [f"Of half of the classes or more: {said[0][:1].lower()}{said[0][1:]}", *said[1:], *none]
+
+
+def _of_triad(result: LotResult) -> list[str]:
+    """Whether the triad is enough, where it is not, and which terms are needed there beside its own."""
+    pairs = [(one, scene) for one in result.classes for scene in one.missions]
+    short = sorted((p for p in pairs if p[1].basic_share > 1.0), key=lambda p: -p[1].basic_share)
+    if not short:
+        return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
+    missed = {name for one, scene in short for name in terms_in(one, scene, NEEDED)} - set(TERMS)
+    named = [name for name in result.study.library.names if name in missed]
+    where = listed(
+        f"{class_name(one.sensor_class)} in {scene_name(scene.mission)} ({of_budget(scene.basic_share)})"
+        for one, scene in short[:MOST_NAMES]
+    )
+    worst = "worst are " if len(short) > MOST_NAMES else ""
+    return [
+        f"In {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes.",
+        f"In {len(short)}, no: {worst}{where}.",
+        f"There {listed(named)} {'is' if len(named) == 1 else 'are'} needed too."
+        if named
+        else "No other term is shown to be needed there.",
+    ]
+
+
+def _against(result: LotResult, asks: Against) -> list[str]:
+    """What some classes all need, by whether the others do; then what only the others need."""
+    mine, others = (
+        [one for one in result.classes if one.sensor_class.id in ids] for ids in (asks.needed_by, asks.not_by)
+    )
+    me, them, names = _called(mine), _called(others), result.study.library.names
+    wanted = [n for n in names if all(n in terms_of(one, NEEDED) for one in mine)]
+    theirs = [n for n in names if any(n in terms_of(one, NEEDED) for one in others)]
+    only = [n for n in wanted if all(n in terms_of(one, NOT_NEEDED) for one in others)]
+    both = [n for n in wanted if n in theirs]
+    more = [n for n in theirs if n not in wanted]
+    untold = [n for n in more if any(n in terms_of(one, UNTOLD) for one in mine)]
+    need = f"some {them} need" if len(others) > 1 else f"{them} needs"
+    alone = [n for n in wanted if n not in (*only, *both)]
+    groups = (
+        (only, f"{me} needs {{}}, and {them} does not."),
+        (both, f"{me} needs {{}}, and {need} them too."),
+        (alone, f"{me} needs {{}}; of {them} the tests cannot tell."),
+        ([n for n in more if n not in untold], f"{need} {{}}, and {me} does not."),
+        (untold, f"{need} {{}}; of {me} the tests cannot tell."),
+    )
+    said = [_capital(text.format(listed(terms))) for terms, text in groups if terms]
+    return said if only else [f"None is shown to be needed by {me} alone.", *said]
+
+
+def _called(classes: Sequence[ClassFound]) -> str:
+    """Name of some classes together: the words that all of them share, else their names.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as one
+    >>> from imubayes.sensors.catalogue import sensor
+    >>> _called([one(sensor_class=sensor(f"mems_{k}", kind="gyroscope")) for k in ("consumer", "tactical")])
+    'MEMS'
+    """
+    names = [class_name(one.sensor_class) for one in classes]
+    shared = [word for word in names[0].split() if all(word in name.split() for name in names)]
+    return " ".join(shared) or listed(names)
+
+
+def _capital(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def status(result: LotResult) -> str:
+    """How many answers there are of each kind, over the terms of all classes."""
+    classes, terms = len(result.classes), len(result.study.library.terms)
+    counts = (
+        f"{sum(len(terms_of(one, answer)) for one in result.classes)} {answer}"
+        for answer in (NEEDED, NOT_NEEDED, UNTOLD)
+    )
+    return f"{' · '.join(counts)} ({terms} terms of each of {classes} classes)"
+
+
+def simulated(result: LotResult) -> str:
+    """That it is simulated, from how many units, and how many answers hang on which units these were."""
+    units, kind = result.study.units, result.study.kind
+    every = [term for one in result.classes for term in one.terms]
+    loose = sum(could_change(term, units) for term in every)
+    return (
+        f"Simulated: one lot of {units} {kind}s of each class. With other units of these lots {loose} of the"
+        f" {len(every)} answers could change (90 % intervals); other lots may differ by more."
+    )
+
+
+def counts_by_class(result: LotResult) -> Said:
+    """How many terms each class needs, and of how many its tests cannot tell."""
+    each = "; ".join(
+        f"{class_name(one.sensor_class)} needs {len(terms_of(one, NEEDED))}, cannot tell"
+        f" {len(terms_of(one, UNTOLD))}"
+        for one in result.classes
+    )
+    return Said(f"Of {len(result.study.library.terms)} terms: {each}.", slug("needed-terms"))

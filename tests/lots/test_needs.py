@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from imubayes.inference.intervals import Share, frequency
+from imubayes.lots.answers import MissionTerm, PopulationTerm
+from imubayes.lots.needs import (
+    NEEDED,
+    NOT_NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    could_change,
+    in_scene,
+    of_class,
+)
+
+NOTHING = Share(0.0, 0.0, 0.0)
+
+
+def _term(needed: int, hidden: int, units: int) -> PopulationTerm:
+    return PopulationTerm("b0", frequency(needed, units), hidden / units, NOTHING, NOTHING, 0.0, 0.0)
+
+
+def _cell(share: float, required: float) -> MissionTerm:
+    return MissionTerm("b0", 1.0, Share(share, share, share), required, share)
+
+
+COUNTS = st.integers(1, 40).flatmap(
+    lambda units: st.integers(0, units).flatmap(
+        lambda hidden: st.tuples(st.integers(0, units - hidden), st.just(hidden), st.just(units))
+    )
+)
+
+
+@given(COUNTS)
+def test_class_has_an_answer_only_where_most_units_tell_and_then_that_of_most_of_these(counts):
+    needed, hidden, units = counts
+    answer = of_class(_term(needed, hidden, units))
+    assert (answer == UNTOLD) == (2 * hidden >= units)
+    if answer != UNTOLD:
+        assert (answer == NEEDED) == (needed >= units - hidden - needed)
+
+
+@given(COUNTS, st.floats(0.0, 1e4), st.floats(0.0, 1.0))
+def test_what_the_tests_do_not_show_is_never_said_to_be_needed_in_a_scene(counts, share, required):
+    term = _term(*counts)
+    answer = in_scene(term, _cell(share, required))
+    if answer == NEEDED:
+        assert of_class(term) == NEEDED
+    if of_class(term) == UNTOLD:
+        assert answer in (UNTOLD, WOULD_MATTER)
+    if of_class(term) == NEEDED:
+        assert answer in (NEEDED, NOT_NEEDED)
+
+
+@pytest.mark.parametrize(
+    ("needed", "hidden", "share", "required", "answer"),
+    [
+        (10, 0, 0.5, 1.0, NEEDED),
+        (10, 0, 0.5, 0.4, NOT_NEEDED),
+        (0, 0, 0.01, 0.0, NOT_NEEDED),
+        (0, 0, 0.01, 0.6, WOULD_MATTER),  # too small for the test to show, and not for this budget
+        (0, 10, 0.01, 0.0, UNTOLD),
+        (0, 10, 0.01, 0.5, WOULD_MATTER),
+        (0, 10, 0.1, 0.0, WOULD_MATTER),
+        (5, 5, 0.5, 1.0, WOULD_MATTER),
+    ],
+)
+def test_answer_in_a_scene_by_what_is_shown_and_what_it_takes(needed, hidden, share, required, answer):
+    assert in_scene(_term(needed, hidden, 10), _cell(share, required)) == answer
+
+
+def test_answer_of_few_units_that_are_not_of_one_mind_could_change_and_that_of_many_could_not():
+    assert could_change(_term(6, 0, 10), 10) and could_change(_term(0, 6, 10), 10)
+    assert not could_change(_term(10, 0, 10), 10) and not could_change(_term(0, 10, 10), 10)
+    assert not could_change(_term(600, 0, 1000), 1000)
+
+
+def test_answer_does_not_hang_on_the_range_of_the_share():
+    term = _term(6, 2, 10)
+    assert of_class(term) == of_class(replace(term, needed=Share(term.needed.value, 0.0, 1.0))) == NEEDED
