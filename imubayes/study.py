@@ -38,7 +38,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.noise_at_rest import rows_at_rest
-from imubayes.inference.residuals import ResidualCheck, check_residuals, judge
+from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
 from imubayes.ladder.climb import by_accuracy, by_budget
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
@@ -169,6 +169,11 @@ class _Job:
     seed: tuple[int, int]
     progress: Callable[[str], None]
 
+    @property
+    def share(self) -> int:
+        """Parts into which the level of the study's residual tests is divided, one for each family."""
+        return FAMILIES * len(self.study.sensors)
+
     def tell(self, message: str) -> None:
         """Say what goes on with this sensor."""
         self.progress(f"{self.spec.id}: {message}")
@@ -204,7 +209,7 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     job.tell("residuals")
     theta, _ = loose_fit(ready.summary, ready.prior)
     checks = tuple(
-        check_residuals(run, rows, theta, summary)
+        check_residuals(run, rows, theta, summary, level=level_of(job.share, len(ready.runs)))
         for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
         if isinstance(run, Run)
     )
@@ -259,9 +264,9 @@ def _case(job: _Job, runs: Sequence[CaseRun]) -> list[SensorResult]:
 def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -> list[_Told]:
     """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
-    misfits = {parts: _misfit(job, _part(ready, parts), [case.inputs[k] for k in parts]) for parts in every}
+    misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
     checks = [
-        judge(left, rows.rows, run, inputs)
+        judge(left, rows.rows, run, inputs, level=level_of(job.share, len(case.rows)))
         for left, rows, run, inputs in zip(
             case.residuals, case.rows, case.summary.runs, case.inputs, strict=True
         )
@@ -341,10 +346,11 @@ def _panel(
     )
 
 
-def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray]]) -> Misfit:
-    """Ask whether the residuals depend on an input in a way that the library does not contain."""
+def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray]], parts: int = 1) -> Misfit:
+    """Ask whether the residuals of one of so many parts of a case depend on an input as no term does."""
     rng = np.random.default_rng([*job.seed, 3])
-    return find_misfit(ready.rows, inputs, ready.summary, ready.prior.sd, rng=rng)
+    asked = {"rng": rng, "share": job.share * parts}
+    return find_misfit(ready.rows, inputs, ready.summary, ready.prior.sd, **asked)
 
 
 def _told_to(job: _Job) -> dict[str, Any]:

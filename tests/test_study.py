@@ -12,6 +12,7 @@ from imubayes import study as method
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
+from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
 from imubayes.preparation import simulate_sensor
 from imubayes.reporting.words import answer
 from imubayes.rig.inputs import TriadRun
@@ -108,6 +109,16 @@ def test_a_sensor_s_result_does_not_depend_on_those_after_it():
     beside = method.run(small(spec(), spec(id="B"))).sensors
     assert first.selection.terms == beside[0].selection.terms
     assert numbers(beside[0].selection.terms[0]) != numbers(beside[1].selection.terms[0])
+
+
+def test_all_residual_tests_of_a_study_share_one_level():
+    """What each may give in false alarms adds up to the level, however many sensors and runs there are."""
+    names = ("A", "B", "C")
+    found = method.run(replace(small(*(spec(id=name) for name in names)), compare=False))
+    every = [check for sensor in found.sensors for check in sensor.checks]
+    by_runs = sum(TESTS * check.level for check in every)
+    by_replicates = sum(2 * sensor.misfit.level * len(sensor.runs) for sensor in found.sensors)
+    assert by_runs == pytest.approx(SUSPECT / FAMILIES) == pytest.approx(by_replicates)
 
 
 def test_check_does_not_look_at_outputs(quickstart, monkeypatch):

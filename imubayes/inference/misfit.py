@@ -16,6 +16,7 @@ from imubayes.factor import Factor
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.reml import estimate, span
+from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
 from imubayes.inference.whiten import whiten, whitener
 from imubayes.rig.runs import OUTPUT_UNIT
@@ -33,7 +34,8 @@ class Dependence:
     run : its name.
     input : channel (``f_i`` ... ``T``, ``dT``), ``t`` for time, or ``hysteresis of T``: the same input, met
         while it rises and while it falls.
-    p : p-value that chance explains it, corrected for the number of inputs that were looked at.
+    p : p-value that chance explains it, corrected for the number of inputs that were looked at, and for the
+        other tests of the study.
     share : of the variance of the residuals' block means that the dependence explains.
     size : rms of the dependence, SI of the output.
     x : (k,) where the residual is shown, SI of the input.
@@ -62,19 +64,18 @@ class Misfit:
     found : those that chance does not explain.
     predictive_p : posterior predictive p-value of each run's residual size, by run.
     text : in words: nothing is missing, or "something the library does not contain", and where it shows.
+    level : predictive p-value, from either end, that calls for a second look.
     """
 
     dependences: tuple[Dependence, ...]
     found: tuple[Dependence, ...]
     predictive_p: dict[str, float]
     text: str
+    level: float = SUSPECT
 
 
 SHOWN = 12
 """Groups of blocks, of each branch, that a dependence is shown in."""
-
-CHANCE = 0.01
-"""Probability below which chance does not explain a dependence: that of a false alarm per component."""
 
 LEFT = 1e-4
 """Share of a function that the library must leave over for it to be told from the library."""
@@ -102,6 +103,7 @@ def find_misfit(
     sd: FloatArray,
     *,
     rng: np.random.Generator,
+    share: int = 1,
 ) -> Misfit:
     """Look for what the library does not contain.
 
@@ -117,9 +119,10 @@ def find_misfit(
     of ln B and ln K. Where the noise was given it is taken as it is, and so it is for time, whose wandering
     belongs to the noise unless it is beyond it.
 
-    The p-values are multiplied by the number of looks at all runs (Bonferroni). Inputs of a test go together,
-    so one that chance does not explain is named only for what those before it do not explain; time, of which
-    everything is a function, comes last.
+    The p-values are multiplied by the number of looks at all runs and by `share` (Bonferroni), and then held
+    against `SUSPECT`, the level of all residual tests of a study. Inputs of a test go together, so one that
+    chance does not explain is named only for what those before it do not explain; time, of which everything
+    is a function, comes last.
 
     The predictive p-value of a run is the probability that its averages, predicted anew from posterior draws
     of the coefficients, lie farther from the model than the measured ones do. Where the run's own residuals
@@ -132,6 +135,8 @@ def find_misfit(
     summary : of the same runs.
     sd : (p,) prior sd of every column, SI.
     rng : for the posterior draws.
+    share : into how many parts the level is divided, of which these looks have one, and the predictive
+        p-values another.
     """
     lib = summary.library
     own = lib.own if lib and not summary.facts.reference_free else ""
@@ -141,12 +146,13 @@ def find_misfit(
         for look in looks_at(part, inputs, run, own)
     ]
     tested = [(look, one) for look in looks if (one := _dependence(look)) is not None]
-    tested = [(look, replace(one, p=min(1.0, one.p * len(tested)))) for look, one in tested]
-    suspects = [(look, one) for look, one in tested if one.p < CHANCE]
+    tests = share * len(tested)
+    tested = [(look, replace(one, p=min(1.0, one.p * tests))) for look, one in tested]
+    suspects = [(look, one) for look, one in tested if one.p < SUSPECT]
     found = [
         one
         for run in summary.runs
-        for one in _apart([pair for pair in suspects if pair[0].run is run], len(tested))
+        for one in _apart([pair for pair in suspects if pair[0].run is run], tests)
     ]
     draws = _draws(summary.factor, sd, rng)
     return Misfit(
@@ -156,6 +162,7 @@ def find_misfit(
             run.name: _predictive(part, run, draws) for part, run in zip(rows, summary.runs, strict=True)
         },
         text=_text(found, OUTPUT_UNIT[lib.kind if lib else "accelerometer"]),
+        level=SUSPECT / (2 * share * max(len(rows), 1)),
     )
 
 
@@ -163,7 +170,7 @@ def _worst(one: Dependence) -> tuple[bool, float, float]:
     return one.input == TIME, one.p, -one.share
 
 
-def _apart(suspects: list[tuple[Look, Dependence]], looks: int) -> Iterator[Dependence]:
+def _apart(suspects: list[tuple[Look, Dependence]], tests: int) -> Iterator[Dependence]:
     """Dependences of a run that those before them do not explain, worst first."""
     while suspects:
         suspects = sorted(suspects, key=lambda pair: _worst(pair[1]))
@@ -173,8 +180,8 @@ def _apart(suspects: list[tuple[Look, Dependence]], looks: int) -> Iterator[Depe
         for look, before in others:
             look = replace(look, beside=np.column_stack((look.beside, explaining.columns)))
             left = _dependence(look)
-            if left is not None and left.p * looks < CHANCE:
-                suspects.append((look, replace(before, p=left.p * looks)))
+            if left is not None and left.p * tests < SUSPECT:
+                suspects.append((look, replace(before, p=left.p * tests)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

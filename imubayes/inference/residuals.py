@@ -1,4 +1,10 @@
-"""Does the model explain the data to the noise floor? Tests on the whitened residuals of each run."""
+"""Does the model explain the data to the noise floor? Tests on the whitened residuals of each run.
+
+Many tests raise false alarms by their number. All residual tests of a study (of each run its whiteness, its
+size, blocks that stand out; of each sensor what the residuals depend on, and what the posterior predicts)
+divide one level, `SUSPECT`: each is held against its part of it (Bonferroni), so that of studies whose models
+are right no more than that share gives an alarm at all.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,7 @@ from imubayes.inference.reml import block_edges
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Rows, whiten, whitener
 from imubayes.rig.inputs import Run
+from imubayes.rig.streams import Stream
 from imubayes.sensors.noise import allan_variance
 
 FloatArray = NDArray[np.float64]
@@ -26,13 +33,19 @@ SHOWN = 400
 """Blocks that residuals are averaged to for the figures and the test for outliers."""
 
 SUSPECT = 0.01
-"""Probability below which chance does not explain a test."""
+"""Probability of a false alarm among all tests that share it: those of a study, or one alone."""
+
+TESTS = 3
+"""Tests of a run by which it fits: whiteness, size, blocks that stand out."""
+
+FAMILIES = 3
+"""Families of tests that share a sensor's part of the level: by run, on inputs and time, on replicates."""
 
 OFF = 0.15
 """Relative error of the noise level that is tolerated at least: what a few hundred blocks can tell."""
 
 STANDARD_ERRORS = 4.0
-"""Standard errors of the noise level that are tolerated where blocks are few."""
+"""Standard errors of the noise level that are tolerated at least where blocks are few."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +69,7 @@ class ResidualCheck:
     inputs : (q,) block means of each excited channel, by channel name.
     outliers : (start in s, stop in s, size in sd) of blocks beyond what chance allows, worst first.
     fits : verdict on the run: white and of the right size.
+    level : probability of a false alarm of each of its tests, by which it fits or does not.
     """
 
     run: str
@@ -74,9 +88,28 @@ class ResidualCheck:
     inputs: dict[str, FloatArray]
     outliers: tuple[tuple[float, float, float], ...]
     fits: bool
+    level: float = SUSPECT
+
+    @property
+    def white(self) -> bool:
+        """Whether chance explains what varies from block to block."""
+        return self.whiteness_p >= self.level
 
 
-def check_residuals(run: Run, rows: Linear, theta: FloatArray, summary: RunSummary) -> ResidualCheck:
+def level_of(share: int, runs: int) -> float:
+    """Level of each test of a run: `share` families divide the study's level, and `runs` runs that of theirs.
+
+    Examples
+    --------
+    >>> round(level_of(1, 8), 6)  # 24 tests, and no other family
+    0.000417
+    """
+    return SUSPECT / (share * TESTS * max(runs, 1))
+
+
+def check_residuals(
+    run: Run, rows: Linear, theta: FloatArray, summary: RunSummary, *, level: float = SUSPECT
+) -> ResidualCheck:
     """Test the residuals of a run under the coefficients `theta` (p,) of all columns.
 
     Parameters
@@ -85,19 +118,19 @@ def check_residuals(run: Run, rows: Linear, theta: FloatArray, summary: RunSumma
     rows : of the run, with the columns in the order of `theta`.
     theta : coefficients, SI.
     summary : of the same run, for its noise.
+    level : probability of a false alarm of each test.
     """
     fitted = int(np.count_nonzero(summary.factor.column_norms))
-    if rows.stream is not None:
-        return _streamed(run, rows, theta, summary, rows.stream.stretch)
-    return judge(residuals(rows, theta), rows.rows, summary, run.inputs.channels, fitted=fitted)
+    own = summary if rows.stream is None else replace(summary, interval=rows.interval)
+    check = judge(residuals(rows, theta), rows.rows, own, run.inputs.channels, fitted=fitted, level=level)
+    return check if rows.stream is None else _with_samples(check, rows, rows.stream, theta, summary)
 
 
-def _streamed(run: Run, rows: Linear, theta: FloatArray, summary: RunSummary, stretch: Run) -> ResidualCheck:
-    """Test averages over blocks, and what samples tell on a stretch at full rate."""
-    fitted = int(np.count_nonzero(summary.factor.column_norms))
-    coarse = replace(summary, interval=rows.interval)
-    check = judge(residuals(rows, theta), rows.rows, coarse, run.inputs.channels, fitted=fitted)
-    held = linear_of(stretch, rows.stream.library) if rows.stream else rows
+def _with_samples(
+    check: ResidualCheck, rows: Linear, stream: Stream, theta: FloatArray, summary: RunSummary
+) -> ResidualCheck:
+    """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
+    held = linear_of(stream.stretch, stream.library)
     fine = judge(residuals(held, theta), held.rows, summary, {})
     return replace(
         check,
@@ -116,6 +149,7 @@ def judge(
     channels: Mapping[str, FloatArray],
     *,
     fitted: int = 0,
+    level: float = SUSPECT,
 ) -> ResidualCheck:
     """Test raw residuals (n,) of rows against the noise of a run.
 
@@ -126,18 +160,22 @@ def judge(
     summary : of the run.
     channels : what the inputs were, for the figures.
     fitted : coefficients that the rows themselves have determined; they take as many degrees of freedom.
+    level : probability of a false alarm of each test.
     """
+    from scipy.stats import norm
+
     white = whiten(whitener(summary.noise, rows), raw[:, None].copy())[:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
     counts = np.diff(np.append(edges, len(white)))
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)
     dof = max(len(shown) - fitted, 1)
     scale = math.sqrt(float(shown @ shown) / dof)
-    tolerated = max(OFF, STANDARD_ERRORS / math.sqrt(2.0 * dof))
+    errors = max(STANDARD_ERRORS, float(norm.isf(0.5 * level)))
+    tolerated = max(OFF, errors / math.sqrt(2.0 * dof))
     lags, correlation = _autocorrelation(shown)
     whiteness = _ljung_box(shown)
     t = np.add.reduceat(rows.t, edges) / counts
-    outliers = _outliers(t, shown / (scale or 1.0), counts * summary.interval)
+    outliers = _outliers(t, shown / (scale or 1.0), counts * summary.interval, level)
     tau, measured = allan_deviation(raw, rows.t, summary.interval)
     return ResidualCheck(
         run=summary.name,
@@ -155,7 +193,8 @@ def judge(
         shown=shown,
         inputs={name: np.add.reduceat(values, edges) / counts for name, values in channels.items()},
         outliers=outliers,
-        fits=whiteness >= SUSPECT and abs(scale - 1.0) < tolerated and not outliers,
+        fits=whiteness >= level and abs(scale - 1.0) < tolerated and not outliers,
+        level=level,
     )
 
 
@@ -189,10 +228,12 @@ def _jarque_bera(white: FloatArray) -> float:
     return float(chi2.sf(len(u) / 6.0 * (skew**2 + excess**2 / 4.0), 2))
 
 
-def _outliers(t: FloatArray, z: FloatArray, length: FloatArray) -> tuple[tuple[float, float, float], ...]:
+def _outliers(
+    t: FloatArray, z: FloatArray, length: FloatArray, level: float
+) -> tuple[tuple[float, float, float], ...]:
     """Blocks farther out than chance allows among so many, worst first: (start, stop, sds)."""
     from scipy.stats import norm
 
-    beyond = np.flatnonzero(np.abs(z) > norm.isf(0.5 * SUSPECT / len(z)))
+    beyond = np.flatnonzero(np.abs(z) > norm.isf(0.5 * level / len(z)))
     worst = beyond[np.argsort(-np.abs(z[beyond]))]
     return tuple((float(t[i] - length[i] / 2.0), float(t[i] + length[i] / 2.0), float(z[i])) for i in worst)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.inference.residuals import SUSPECT
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -105,7 +104,7 @@ def _thinned(count: int, most: int) -> NDArray[np.int64]:
 def autocorrelation(check: ResidualCheck, key: str) -> Panel:
     """Autocorrelation of the whitened residuals, block by block, with the band of white noise."""
     band = 1.96 / math.sqrt(max(len(check.shown), 1))
-    white = "Not white" if check.whiteness_p < SUSPECT else "White"
+    white = "White" if check.white else "Not white"
     return draw(
         lambda axes: _paint_autocorrelation(axes, check, band),
         title=f"{white}: Ljung-Box p {probability(check.whiteness_p)}",

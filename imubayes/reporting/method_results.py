@@ -131,6 +131,7 @@ def _misfit(found: Misfit) -> dict[str, Any]:
         "found": [_dependence(one) for one in found.found],
         "dependences": [_dependence(one) for one in found.dependences],
         "predictive_p": found.predictive_p,
+        "level": found.level,
     }
 
 

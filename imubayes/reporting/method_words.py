@@ -47,9 +47,6 @@ METHODS = {
 FEW = 3
 """Terms that a title names."""
 
-ODD = 0.01
-"""Posterior predictive p-value that calls for a second look, at either end."""
-
 
 def called(method: str) -> str:
     """Name of a method in print; one that is not known keeps its own."""
@@ -294,7 +291,7 @@ def predictive_sentence(misfit: Misfit) -> str:
     known = {run: p for run, p in misfit.predictive_p.items() if math.isfinite(p)}
     if not known:
         return ""
-    odd = [f"{run} (p {_tail(p)})" for run, p in known.items() if not ODD < p < 1.0 - ODD]
+    odd = [f"{run} (p {_tail(p)})" for run, p in known.items() if not misfit.level < p < 1.0 - misfit.level]
     if odd:
         return f"Replicated by the posterior, residuals would be of another size in {listed(odd)}."
     ends = " to ".join(dict.fromkeys(f"{p:.2f}" for p in (min(known.values()), max(known.values()))))

@@ -207,6 +207,7 @@ def _check(check: ResidualCheck) -> dict[str, Any]:
         "sample_scale": check.sample_scale,
         "sample_whiteness_p": check.sample_whiteness_p,
         "fits": bool(check.fits),
+        "level": check.level,
         "outliers": [{"start": start, "stop": stop, "size": size} for start, stop, size in check.outliers],
     }
 

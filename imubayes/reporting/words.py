@@ -204,17 +204,24 @@ def fit_sentence(sensor: SensorResult) -> str:
         return ""
     misfits = [check for check in sensor.checks if not check.fits]
     if not misfits:
+        p = probability(min(check.whiteness_p for check in sensor.checks))
         return (
             f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
-            f"white, p {probability(min(check.whiteness_p for check in sensor.checks))})."
+            f"white, p {p}; {level_words(sensor)})."
         )
     named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
     runs = "run" if len(misfits) == 1 else "runs"
-    return f"The model does not explain {runs} {named}: {_consequence(misfits)}"
+    return f"The model does not explain {runs} {named}; {level_words(sensor)}: {_consequence(misfits)}"
+
+
+def level_words(sensor: SensorResult) -> str:
+    """Say below which p a test alarms, and how often chance makes any test of a study do so."""
+    level = sensor.checks[0].level
+    return f"alarms below {level:.1g}, so that chance alone alarms {100.0 * SUSPECT:.0f} % of studies at most"
 
 
 def _consequence(misfits: list[ResidualCheck]) -> str:
-    if any(check.whiteness_p < SUSPECT or check.scale > 1.0 + OFF for check in misfits):
+    if any(not check.white or check.scale > 1.0 + OFF for check in misfits):
         return (
             "either the library misses something there or the noise model is wrong; until that is settled "
             "the error bars are too small. The residuals show where."
@@ -228,7 +235,7 @@ def check_words(check: ResidualCheck) -> str:
     """Residual over noise, whiteness and outliers of one run, in words."""
     p = probability(check.whiteness_p)
     p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
-    white = "not white" if check.whiteness_p < SUSPECT else "white"
+    white = "white" if check.white else "not white"
     return f"residual over noise {check.scale:.2f}, {white}, p {p}{_outstanding(check)}"
 
 

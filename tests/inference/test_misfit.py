@@ -9,8 +9,9 @@ from scipy import stats
 import imubayes as ib
 from imubayes.inference.free_functions import HYSTERESIS
 from imubayes.inference.linear import linear_of
-from imubayes.inference.misfit import CHANCE, find_misfit
+from imubayes.inference.misfit import find_misfit
 from imubayes.inference.prior import class_sd
+from imubayes.inference.residuals import SUSPECT
 from imubayes.sensors.catalogue import draw_unit
 from imubayes.sensors.noise import Noise, NoiseRule
 
@@ -22,11 +23,12 @@ CHAMBER = ib.thermal(
 )
 
 
-def misfit_of(runs, lib, *, entry=TACTICAL, rules=None, seed=1):
+def misfit_of(runs, lib, *, entry=TACTICAL, rules=None, seed=1, share=1):
     rows = [linear_of(run, lib) for run in runs]
     summary = ib.summarize(runs, lib, sensor=entry, rules=rules)
     channels = [run.inputs.channels for run in runs]
-    return find_misfit(rows, channels, summary, class_sd(entry, lib), rng=np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    return find_misfit(rows, channels, summary, class_sd(entry, lib), rng=rng, share=share)
 
 
 def lacking(truth, plan, lib, seed=5):
@@ -81,6 +83,16 @@ def test_hysteresis_shows_between_heating_and_cooling():
     up, down = (worst.mean[side].mean() for side in sides)
     sd = np.hypot(*(worst.sd[side].mean() for side in sides))
     assert sd < 5e-4 and up - down == pytest.approx(6e-3, abs=4.0 * sd)
+
+
+def test_what_is_missing_is_found_among_the_tests_of_a_large_study_and_chance_is_not():
+    lib = ib.library("accelerometer", temperature=2, rate_of=())
+    alone, among = (misfit_of([with_hysteresis(1e-2)], lib, share=share) for share in (1, 100))
+    assert among.found[0].input == alone.found[0].input == "hysteresis of T"
+    for one, other in zip(alone.dependences, among.dependences, strict=True):
+        assert other.p == pytest.approx(min(1.0, 100.0 * one.p), rel=1e-9) or one.p == 1.0
+    assert all(one.p < SUSPECT for one in among.found)
+    assert among.level == pytest.approx(alone.level / 100.0)
 
 
 def test_hysteresis_shows_beside_a_term_of_the_rate_that_cannot_mend_it():
@@ -166,7 +178,7 @@ def test_false_alarms_are_no_more_than_one_sensor_in_a_hundred():
     """Of 300 sensors 3 are expected, and no more than 9 within 4 standard errors."""
     number = 300
     alarms = sum(bool(well_specified(seed).found) for seed in range(number))
-    expected = CHANCE * number
+    expected = SUSPECT * number
     assert alarms <= expected + 4.0 * np.sqrt(expected)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import imubayes as ib
 from imubayes.inference.linear import linear_of
-from imubayes.inference.residuals import check_residuals, judge
+from imubayes.inference.residuals import FAMILIES, SUSPECT, check_residuals, judge, level_of
 from imubayes.inference.summary import summarize
 from imubayes.inference.whiten import Rows
 from imubayes.rig.inputs import Run
@@ -36,13 +36,13 @@ def checked(run, lib=LIBRARY, rule=ESTIMATED):
     return check_residuals(run, linear_of(run, lib), theta, summary.runs[0])
 
 
-def at_rest(values, noise, interval=0.1):
+def at_rest(values, noise, interval=0.1, level=SUSPECT):
     """Check of raw residuals of a run at rest, at a noise that is given."""
     t = interval * np.arange(len(values))
     plan = ib.static(len(t) * interval, 1.0 / interval)
     (run,) = ib.simulate(INDUSTRIAL, [plan], seed=1, truth={}, noise=noise)
     summary = summarize([run], LIBRARY, rules={"static": NoiseRule("fixed", noise)}).runs[0]
-    return judge(values, Rows(t, np.full(len(t), interval)), summary, {})
+    return judge(values, Rows(t, np.full(len(t), interval)), summary, {}, level=level)
 
 
 def test_model_that_made_the_data_fits_them():
@@ -126,3 +126,27 @@ def test_time_series_for_the_figures_belong_together():
     measured = result.deviation[result.tau <= 2.0] / result.expected[result.tau <= 2.0]
     np.testing.assert_allclose(measured, 1.0, atol=0.1)
     assert result.lags[0] == 1 and np.max(np.abs(result.autocorrelation)) <= 1.0
+
+
+def test_a_p_value_alarms_in_a_study_of_one_test_and_not_in_one_of_many():
+    """0.007 in one of many runs is what chance brings."""
+    noise, rng = Noise(1.0, 0.0, 0.0), np.random.default_rng(12)
+    values = (synthesise(noise, 0.1 * np.arange(4000), 0.1, rng) for _ in range(400))
+    found = next(x for x in values if 0.003 < at_rest(x, noise).whiteness_p < 0.009)
+    assert not at_rest(found, noise).white
+    level = level_of(FAMILIES, 8)
+    assert at_rest(found, noise, level=level).white and level < 0.0002
+
+
+@pytest.mark.parametrize(("studies", "runs"), [(150, 8), pytest.param(1000, 24, marks=pytest.mark.slow)])
+def test_studies_that_are_right_give_an_alarm_no_more_often_than_stated(studies, runs):
+    """Of all tests of all runs of a study together; three families share the level, and this is one."""
+    noise, rng = Noise(1.0, 0.0, 0.0), np.random.default_rng(13)
+    level = level_of(1, runs)  # as if the runs' tests had the whole level
+    alarms = sum(
+        not all(at_rest(synthesise(noise, 0.1 * np.arange(4000), 0.1, rng), noise, level=level).fits
+                for _ in range(runs))
+        for _ in range(studies)
+    )  # fmt: skip
+    expected = SUSPECT * studies
+    assert alarms <= expected + 4.0 * np.sqrt(expected)
