@@ -86,6 +86,7 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         origin=run.source,
         gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
         gyroscope_shown=run.gyroscope_file or "",
+        ignore=run.ignore,
         sections=tuple(_section(one, place.at("sections").at(k)) for k, one in enumerate(run.sections)),
     )
 
@@ -149,7 +150,7 @@ def located(file: str, folder: Path) -> Path:
 
 
 def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:
-    if run.simulate is not None and run.columns:
+    if run.simulate is not None and (run.columns or run.ignore):
         raise place.error("a simulated run has no file whose columns could differ: leave it out")
     if imu:
         known = IMU_CHANNELS if run.procedure in CASES else KNOWN_IMU_CHANNELS

@@ -57,7 +57,7 @@ def _generated(table: SceneTable, seed: int, place: Place) -> Scene:
     key, of = ("name", table.name) if table.scene is None else ("scene", table.scene)
     if of is None:
         raise place.error("expected the name of a catalogue scene, or the file of a log, came neither")
-    if table.columns:
+    if table.columns or table.ignore:
         raise place.at("columns").error("a scene of the catalogue has no file: leave it out, or give one")
     with place.at(key).blamed():
         ranges = scene_named(of)
@@ -73,7 +73,8 @@ def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
     columns = columns_of(table.columns, CHANNELS, "", place.at("columns"))
     with place.at("file").blamed():
         path = located(file, folder)
-        return read_scene(path, name=table.name or "", columns=columns, duration=table.duration)
+        name, lasting = table.name or "", table.duration
+        return read_scene(path, name=name, columns=columns, duration=lasting, ignore=table.ignore)
 
 
 def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[Budget, Kind | None]:

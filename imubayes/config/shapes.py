@@ -205,6 +205,7 @@ class SceneTable:
     scene: Text | None = None
     file: Text | None = None
     columns: Table = Field(default_factory=dict)
+    ignore: Annotated[tuple[str, ...], Several] = ()
     duration: Seconds | None = None
     axis: Literal["x", "y", "z"] = "x"
     free_flight: bool | None = None
@@ -259,6 +260,7 @@ class RunTable:
     procedure: Procedure
     file: Text | None = None
     columns: Table = Field(default_factory=dict)
+    ignore: Annotated[tuple[str, ...], Several] = ()
     gravity: Any = None
     noise: Any = None
     simulate: Table | None = None

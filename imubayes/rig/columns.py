@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,19 @@ from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.terms import CHANNEL_UNITS
 
 FloatArray = NDArray[np.float64]
+
+NEARLY = 0.85
+"""Likeness of two names (difflib's ratio) that are meant to be one."""
+
+AXES = "ijkxyz"
+"""Letters that name an axis."""
+
+CALLED = {
+    "f": ("f", "a", "acc", "accel", "force"),
+    "w": ("w", "omega", "rate", "gyro"),
+    "dw": ("dw", "domega", "wdot", "alpha"),
+}
+"""What people call the families of channels."""
 
 _OWN_UNITS = {
     "t": "s",
@@ -129,6 +143,7 @@ def resolve(
     required: tuple[str, ...],
     optional: tuple[str, ...],
     output_unit: str,
+    ignore: Collection[str] = (),
 ) -> dict[str, Column]:
     """Find the channels of a run in a file.
 
@@ -138,18 +153,56 @@ def resolve(
     specs : what the study says, by channel; other channels are found under their own name.
     required, optional : channels to look for; an optional one that is in neither is left out.
     output_unit : SI unit of the sensor's outputs.
+    ignore : names in the file, with or without unit, of columns that are no channel.
 
     Raises
     ------
     DataError : for a channel that is required or listed and not there, that is there twice, or has no unit
-        that measures what the channel holds.
+        that measures what the channel holds; for a column that is none but for its name, which is nearly that
+        of a channel that is not there.
     """
     found = {}
     for channel in (*required, *optional):
         if channel in specs or channel in required or _has(table, channel):
             spec = specs.get(channel, ColumnSpec())
             found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
+    used = {column.address for column in found.values()} | set(ignore)
+    left = [name for name in table.columns if not {name, bare(name)} & used]
+    _refuse_nearly(table.file, left, [channel for channel in optional if channel not in found])
     return found
+
+
+def _refuse_nearly(file: str, left: Sequence[str], missing: Sequence[str]) -> None:
+    """Refuse a column whose name is nearly that of a channel which is missing."""
+    for name in left:
+        if meant := nearly(bare(name), missing):
+            raise DataError(
+                f"{file}: column '{name}' is no channel, and there is no {meant}: did you mean '{meant}'?"
+                f' Rename it, or say in the study columns = {{ {meant} = "{bare(name)}" }}, or that it is'
+                f' none, ignore = ["{bare(name)}"]'
+            )
+
+
+def nearly(name: str, channels: Sequence[str]) -> str:
+    """Channel whose name a column's name nearly is; empty if there is none.
+
+    A name of the same family with another axis, spelled in another way, or with one letter too many.
+
+    Examples
+    --------
+    >>> [nearly(name, ["f_j", "w_k"]) for name in ("f_q", "Fj", "f_jj", "omega_k", "w_norm", "adc")]
+    ['f_j', 'f_j', 'f_j', 'w_k', '', '']
+    """
+    plain = "".join(letter for letter in name.lower() if letter.isalnum())
+    for channel in channels:
+        family, _, axis = channel.partition("_")
+        if axis and plain in {f"{called}{axis}" for called in CALLED[family]}:
+            return channel
+    families = {channel.partition("_")[0]: channel for channel in reversed(channels) if "_" in channel}
+    if plain[:-1] in families and (plain[-1] in AXES or not name.isalpha()):
+        return families[plain[:-1]]
+    long = [channel for channel in channels if len(channel) > 1]
+    return next(iter(get_close_matches(name, long, n=1, cutoff=NEARLY)), "")
 
 
 def _has(table: Table, channel: str) -> bool:

@@ -134,7 +134,12 @@ def _known(spec: RunSpec, file: Path) -> KnownRun:
     _refuse_component_axes(table)
     here = COMPONENTS if spec.gyroscope_file is None else ACCELEROMETERS
     columns = resolve(
-        table, spec.columns, required=("t", *here), optional=(*CASE_CHANNELS, MOUNT), output_unit=""
+        table,
+        spec.columns,
+        required=("t", *here),
+        optional=(*CASE_CHANNELS, MOUNT),
+        output_unit="",
+        ignore=spec.ignore,
     )
     t, epoch = time_of(table, columns["t"])
     outputs = {name: values_of(table, columns[name], len(t)) for name in here}

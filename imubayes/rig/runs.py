@@ -114,6 +114,7 @@ class RunSpec:
     gyroscope_file, gyroscope_shown : of an IMU whose gyroscopes have a file of their own, on the same clock;
         as the study gives it.
     sections : of an IMU: the parts of the run whose inputs are known.
+    ignore : columns of the file that are no channel, though their names are nearly those of one.
     """
 
     name: str
@@ -128,6 +129,7 @@ class RunSpec:
     gyroscope_file: Path | None = None
     gyroscope_shown: str = ""
     sections: tuple[Section, ...] = ()
+    ignore: tuple[str, ...] = ()
 
 
 def read_run(
@@ -244,6 +246,7 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
         required=("t", "output"),
         optional=(*INPUTS, MOUNT),
         output_unit=OUTPUT_UNIT[kind],
+        ignore=spec.ignore,
     )
     t, epoch = time_of(table, columns["t"])
     output = values_of(table, columns["output"], len(t))

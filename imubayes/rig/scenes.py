@@ -12,7 +12,7 @@ term, the rectification, follows from its moments and needs no fast sampling.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -161,6 +161,7 @@ def read_scene(
     name: str = "",
     columns: Mapping[str, ColumnSpec] | None = None,
     duration: float | None = None,
+    ignore: Collection[str] = (),
 ) -> Scene:
     """Scene from a log.
 
@@ -171,13 +172,15 @@ def read_scene(
     columns : where the file's names or units differ from ``t f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T``,
         by channel; (i, j, k) are the case axes x, y, z.
     duration : of the mission, s; the record's own where absent.
+    ignore : columns of the file that are no channel, though their names are nearly those of one.
 
     Raises
     ------
     DataError : if the file cannot be used, or has neither force nor rate; names the file and the place.
     """
     table = read_table(path)
-    found = resolve(table, columns or {}, required=("t",), optional=(*_LOGGED, "T"), output_unit="")
+    optional = (*_LOGGED, "T")
+    found = resolve(table, columns or {}, required=("t",), optional=optional, output_unit="", ignore=ignore)
     t = _clock(table, found.pop("t"))
     for one in found.values():
         check_values(table, one)

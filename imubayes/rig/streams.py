@@ -157,7 +157,12 @@ def opened(spec: RunSpec, path: Path, kind: Kind, tell: Tell) -> RunFile:
     shown = spec.shown or str(path)
     table = next(tables_of(path, shown, Wanted()))
     columns = resolve(
-        table, spec.columns, required=("t", "output"), optional=INPUTS, output_unit=OUTPUT_UNIT[kind]
+        table,
+        spec.columns,
+        required=("t", "output"),
+        optional=INPUTS,
+        output_unit=OUTPUT_UNIT[kind],
+        ignore=spec.ignore,
     )
     return RunFile(path, shown, columns, rows_in(path), tell)
 

@@ -280,3 +280,11 @@ def test_data_folder_is_that_of_the_variable_or_beside_the_project(tmp_path, mon
     run = _sensor(folder, text).runs[0]
     assert run.file == (tmp_path / "shared/data/a/b.mat").resolve()
     assert run.shown == "$IMUBAYES_DATA/a/b.mat"
+
+
+def test_columns_to_ignore_are_a_runs_own_and_a_simulated_run_has_none(tmp_path):
+    sensor = _sensor(tmp_path, HEAD + RUN + 'ignore = ["f_q"]\n')
+    assert sensor.runs[0].ignore == ("f_q",)
+    simulated = RUN.replace('file = "tumble.csv"', 'ignore = ["f_q"]\nsimulate = { dwell = "5 s" }')
+    with pytest.raises(StudyError, match="a simulated run has no file"):
+        _read(tmp_path, HEAD + simulated)

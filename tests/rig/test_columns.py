@@ -9,9 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.errors import DataError
-from imubayes.rig.columns import ColumnSpec, resolve, unwrapped
+from imubayes.rig import stream_files, streams
+from imubayes.rig.columns import ColumnSpec, nearly, resolve, unwrapped
 from imubayes.rig.formats import Table
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.imu_runs import read_imu_run
+from imubayes.rig.runs import INPUTS, RunSpec, read_run
+from imubayes.rig.scenes import read_scene
+from imubayes.sensors.terms import library
 
 DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))
 
@@ -93,3 +97,67 @@ def test_clock_of_a_public_recording_runs_on():
         steps = np.diff(archive["t_clk64MHz"])
     np.testing.assert_allclose(np.diff(run.t) * 64e6, steps, rtol=1e-9)
     assert "the clock wrapped around 9 times" in run.source.notes
+
+
+def table_of(path, *names):
+    rows = np.random.default_rng(1).standard_normal((200, len(names)))
+    rows[:, 0] = np.arange(200)
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
+    return path
+
+
+def a_run(path, **said):
+    return read_run(RunSpec("a", "tumble", path, "a.csv", **said), "accelerometer")
+
+
+def a_long_run(path, **said):
+    return read_run(RunSpec("a", "tumble", path, "a.csv", **said), "accelerometer", library("accelerometer"))
+
+
+def an_imu(path, **said):
+    return read_imu_run(RunSpec("a", "tumble", path, "a.csv", **said))
+
+
+OUTPUT = ("t [s]", "f_i [m/s^2]", "output [m/s^2]")
+CASE = ("t [s]", "f_x [m/s^2]", *(f"a{c} [g]" for c in "xyz"), *(f"g{c} [deg/s]" for c in "xyz"))
+
+
+@pytest.mark.parametrize(
+    ("reader", "names", "strange", "meant"),
+    [
+        (a_run, OUTPUT, "f_q [m/s^2]", "f_j"),
+        (a_run, OUTPUT, "F_K [m/s^2]", "f_k"),
+        (a_run, OUTPUT, "omega_j [deg/s]", "w_j"),
+        (a_run, OUTPUT, "dw_ii [deg/s^2]", "dw_i"),
+        (a_run, OUTPUT, "mounts", "mount"),
+        (a_long_run, OUTPUT, "f_q [m/s^2]", "f_j"),
+        (an_imu, CASE, "f_u [m/s^2]", "f_y"),
+        (lambda path, **said: read_scene(path, **said), OUTPUT[:2], "f_q [m/s^2]", "f_j"),
+    ],
+)
+def test_column_that_is_nearly_a_missing_channel_is_refused_until_the_study_says_what_it_is(
+    reader, names, strange, meant, tmp_path, monkeypatch
+):
+    if reader is a_long_run:
+        monkeypatch.setattr(streams, "STREAMED", 100)
+        monkeypatch.setattr(stream_files, "ROWS", 70)
+    path = table_of(tmp_path / "a.csv", *names, strange)
+    bare = strange.partition(" ")[0]
+    with pytest.raises(DataError, match=rf"column '{bare}.*did you mean '{meant}'.*ignore = \[\"{bare}"):
+        reader(path)
+    reader(path, ignore=(bare,))
+    reader(path, ignore=(strange,))
+    if meant != "mount":
+        reader(path, columns={meant: ColumnSpec(strange)})
+
+
+@pytest.mark.parametrize(
+    "name", ["adc", "count", "fs", "dt", "f_norm", "temperature", "sigma_w", "status", "i"]
+)
+def test_column_of_another_kind_is_passed_over(name):
+    assert nearly(name, INPUTS) == ""
+
+
+def test_nothing_is_meant_where_every_channel_of_the_family_is_there(tmp_path):
+    force = [f"f_{axis} [m/s^2]" for axis in "ijk"]
+    assert a_run(table_of(tmp_path / "a.csv", "t [s]", "output [m/s^2]", *force, "f_q [m/s^2]"))
