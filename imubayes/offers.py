@@ -22,9 +22,9 @@ from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.planning.candidates import Handling, Menu
 from imubayes.preparation import Prepared, component_prior, prepare
 from imubayes.preparation import runs_of as runs_of_sensor
+from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Run
 from imubayes.rig.profiles import Plan
-from imubayes.rig.reference import effective
 from imubayes.rig.runs import PROFILES, RunSpec
 from imubayes.rig.sequences import menu_of
 from imubayes.sensors.catalogue import typical_noise

@@ -21,9 +21,10 @@ from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import calibration, triad_of
 from imubayes.inference.triad_angles import angles_of
+from imubayes.rig.bench import effective
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
 from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, Run, TriadRun
-from imubayes.rig.reference import KINDS, effective
+from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec, read_run, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS

@@ -27,8 +27,9 @@ from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.summary import RunSummary, Summary, summarize
 from imubayes.inference.tangent import tangent
 from imubayes.inference.triad import Triad, triad_of
+from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import KnownRun, Run, facts_of
-from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of, refuse_idle
+from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
 from imubayes.sensors.terms import AXES, Kind, Library

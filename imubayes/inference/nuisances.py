@@ -25,8 +25,9 @@ from imubayes.factor import Factor, invert_triangular, noise_scale, posterior, w
 from imubayes.inference.linear import Extra, Linear, blocks_of
 from imubayes.inference.summary import Rules, RunSummary, Summary, summarize
 from imubayes.inference.tangent import tangent
+from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Run
-from imubayes.rig.reference import TILT, errors_of, for_sensor, kind_of, refuse_idle
+from imubayes.rig.reference import TILT, errors_of, for_sensor, kind_of
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.errors import DataError, TermError
-from imubayes.rig.inputs import Inputs, Run, facts_of
+from imubayes.errors import DataError, TermError, UnobservableError
+from imubayes.rig.inputs import GAP, Inputs, Run, facts_of
 from imubayes.rig.latency import delayed
 from imubayes.rig.motion import components, motion_of, vectors
 from imubayes.rig.profiles import Plan
-from imubayes.rig.reference import HEADS, KINDS, TURNING, Error, errors_of, kind_of
+from imubayes.rig.reference import HEADS, KINDS, TURNING, Error, Kind, errors_of, kind_of
 from imubayes.sensors.terms import AXES
 from imubayes.units import STANDARD_GRAVITY
 
@@ -153,6 +153,53 @@ def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
     bench = bench_of(run, kinds)
     channels = bench.channels(bench.sizes(known, [errors.get(error.name, 0.0) for error in known]))
     return replace(run.inputs, channels=channels)
+
+
+def refuse_idle(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> None:
+    """Refuse kinds of errors that change nothing in any run.
+
+    Raises
+    ------
+    TermError : if a kind is not known.
+    DataError : as `bench_of` does.
+    UnobservableError : naming the first such kind, and what run it needs.
+    """
+    for kind in map(kind_of, kinds):
+        if needed := _needed(runs, kind):
+            raise UnobservableError(
+                f"'{kind.name}' ({kind.text}) changes nothing in any run: it needs a run {needed};"
+                " add one, or leave it out of the errors of the reference",
+                (kind.name,),
+            )
+
+
+def effective(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[str, ...]:
+    """Those of the kinds that change something in a run."""
+    return tuple(name for name in kinds if not _needed(runs, kind_of(name)))
+
+
+def _needed(runs: Sequence[Run | Plan], kind: Kind) -> str:
+    """What run a kind of error lacks, in words; empty where it has one."""
+    concerned = [run for run in runs if run.procedure in kind.procedures]
+    if not concerned:
+        return f"of procedure {' or '.join(kind.procedures)}"
+    if kind.name == "latency" and not any(_moves(run.inputs) for run in concerned):
+        return "in which an input changes while it is recorded"
+    if kind.apply and not any(_changes(run, kind) for run in concerned):
+        return f"with {kind.shown_by} in its file"
+    return ""
+
+
+def _moves(inputs: Inputs) -> bool:
+    inside = np.diff(inputs.t) <= GAP * inputs.interval
+    return any(bool(np.any(np.diff(values)[inside])) for values in inputs.channels.values())
+
+
+def _changes(run: Run | Plan, kind: Kind) -> bool:
+    """Tell whether errors of a kind change an input."""
+    before = run.inputs.channels
+    after = true_inputs(run, {error.name: kind.step for error in errors_of([run], [kind.name])}).channels
+    return any(bool(np.any(values != before.get(name, 0.0))) for name, values in after.items())
 
 
 def _upright(f: FloatArray) -> FloatArray:

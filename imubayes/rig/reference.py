@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.errors import TermError, UnobservableError
-from imubayes.rig.inputs import GAP, Inputs, Run
+from imubayes.errors import TermError
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.motion import Motion, faster, heavier, in_fixture, longer, on_table, stretched
 from imubayes.rig.profiles import Plan
 from imubayes.sensors import terms
@@ -71,6 +71,12 @@ class Kind:
     text: str
     step: float
     apply: Callable[[Motion, FloatArray], Motion] | None
+
+    @property
+    def shown_by(self) -> str:
+        """What of the inputs shows it, in words."""
+        turns = set(self.procedures) <= set(TURNING)
+        return "the rate that it turns at (w_i, w_j, w_k)" if turns else "a force or a rate (f_i, ..., w_k)"
 
     @property
     def default(self) -> float | None:
@@ -181,37 +187,6 @@ def errors_of(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[Error, 
     return tuple(error for name in kinds for error in _errors(runs, kind_of(name)))
 
 
-def refuse_idle(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> None:
-    """Refuse kinds of errors that change nothing in any run.
-
-    Raises
-    ------
-    TermError : if a kind is not known.
-    UnobservableError : naming the first such kind, and what run it needs.
-    """
-    for kind in map(kind_of, kinds):
-        if needed := _needed(runs, kind):
-            raise UnobservableError(
-                f"'{kind.name}' ({kind.text}) changes nothing in any run: it needs a run {needed};"
-                " add one, or leave it out of the errors of the reference",
-                (kind.name,),
-            )
-
-
-def effective(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[str, ...]:
-    """Those of the kinds that change something in a run."""
-    return tuple(name for name in kinds if not _needed(runs, kind_of(name)))
-
-
-def _needed(runs: Sequence[Run | Plan], kind: Kind) -> str:
-    """What run a kind of error lacks, in words; empty where it has one."""
-    if not any(run.procedure in kind.procedures for run in runs):
-        return f"of procedure {' or '.join(kind.procedures)}"
-    if kind.name == "latency" and not any(_moves(run.inputs) for run in runs):
-        return "in which an input changes while it is recorded"
-    return ""
-
-
 def kind_of(name: str) -> Kind:
     """Kind of error by its name.
 
@@ -257,8 +232,3 @@ def _places(runs: Sequence[Run | Plan], each: str) -> list[tuple[tuple[str, ...]
 
 def _mounts(inputs: Inputs) -> list[int]:
     return [0] if inputs.mount is None else np.unique(inputs.mount).tolist()
-
-
-def _moves(inputs: Inputs) -> bool:
-    inside = np.diff(inputs.t) <= GAP * inputs.interval
-    return any(bool(np.any(np.diff(values)[inside])) for values in inputs.channels.values())

@@ -1,9 +1,12 @@
 """Kinds of errors of the test bench: units, sizes, names, and which runs they concern."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from imubayes.errors import TermError, UnobservableError
+from imubayes.errors import DataError, TermError, UnobservableError
+from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
 from imubayes.rig.reference import (
@@ -13,7 +16,6 @@ from imubayes.rig.reference import (
     errors_of,
     for_sensor,
     kind_of,
-    refuse_idle,
 )
 from imubayes.sensors.catalogue import reference_errors
 from imubayes.units import factor
@@ -21,6 +23,16 @@ from imubayes.units import factor
 SHORT = {"dwell": 1.0, "rate": 1.0}
 TUMBLE, ARM = tumble(angles=6, **SHORT), centrifuge([1, 5], mounts=3, **SHORT)
 TABLE = rate_table([-1.0, 1.0], mounts=2, **SHORT)
+LEVEL = centrifuge([5], mounts=3, **SHORT)
+
+
+def at_rest(plan, *, known=False):
+    """A plan whose rate the file leaves out, or has as zero."""
+    rate = {name: np.zeros(len(plan.inputs)) for name in ("w_i", "w_j", "w_k") if known}
+    force = {name: values for name, values in plan.inputs.channels.items() if name[0] == "f"}
+    return replace(plan, inputs=replace(plan.inputs, channels={**force, **rate}))
+
+
 SWING = Plan("swing", "oscillation", Inputs(np.arange(9.0), {"w_i": np.sin(np.arange(9.0))}, 1.0))
 BENCH = (TUMBLE, ARM, TABLE, SWING)
 
@@ -115,12 +127,28 @@ def test_an_error_applies_to_the_runs_that_it_is_confined_to():
         ("plane_zero", [TABLE], "procedure tumble"),
         ("rate_scale", [TUMBLE], "centrifuge or rate-table or oscillation"),
         ("latency", [TUMBLE, static(10.0, 1.0)], "an input changes while it is recorded"),
+        ("radius", [TUMBLE, at_rest(LEVEL)], r"the rate that it turns at \(w_i, w_j, w_k\)"),
+        ("arm_stretch", [TUMBLE, at_rest(LEVEL)], "the rate that it turns at"),
+        ("rate_scale", [TUMBLE, at_rest(LEVEL)], "the rate that it turns at"),
+        ("radius", [TUMBLE, at_rest(ARM, known=True)], "the rate that it turns at"),
     ],
 )
 def test_an_error_that_moves_no_run_is_refused_with_the_run_that_it_needs(kind, runs, needs):
     with pytest.raises(UnobservableError, match=needs) as caught:
         refuse_idle(runs, ["gravity", kind])
     assert caught.value.terms == (kind,)
+
+
+@pytest.mark.parametrize("kind", ["gravity", "table_zero", "plane_zero", "fixture", "fixture_common"])
+def test_an_error_of_what_no_file_tells_is_refused(kind):
+    t = np.arange(9.0)
+    nothing = Plan("log", "tumble", Inputs(t, {"T": 290.0 + t}, 1.0))
+    with pytest.raises((UnobservableError, DataError), match=r"a force or a rate|do not turn in one plane"):
+        refuse_idle([nothing], [kind])
+
+
+def test_every_kind_of_error_shows_in_runs_that_tell_their_inputs():
+    refuse_idle([TUMBLE, ARM, TABLE, SWING], KINDS)
 
 
 def test_a_ramp_and_a_swing_show_a_latency():
