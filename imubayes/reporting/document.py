@@ -11,11 +11,10 @@ from imubayes.reporting.case_views import case_views
 from imubayes.reporting.population_views import class_views
 from imubayes.reporting.posterior import write_posterior, written_draws
 from imubayes.reporting.results import command, result_json, versions
-from imubayes.reporting.rounding import duration, pretty, superscript
+from imubayes.reporting.rounding import duration, pretty, probability, superscript
 from imubayes.reporting.rows import MARKS, shortened
 from imubayes.reporting.session_views import session_view
 from imubayes.reporting.views import MANY, overview, run_groups, sensor_views, sources
-from imubayes.reporting.words import probability
 
 if TYPE_CHECKING:
     from imubayes.campaign import StudyResult

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +24,8 @@ from imubayes.reporting.canvas import (
     few_ticks,
     no_ticks,
 )
-from imubayes.reporting.rounding import measured, per_unit, pretty
-from imubayes.reporting.words import listed
+from imubayes.reporting.rounding import counted, measured, per_unit, percent, pretty
+from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
@@ -51,6 +52,9 @@ WIDE = 8.0
 DEEP = 40.0
 """nats below the best size that the evidence panel shows."""
 
+MOST_NAMED = 5
+"""Terms that a title names."""
+
 STRONGEST = 8
 """Pairs in the correlation panel."""
 
@@ -59,10 +63,7 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
     """Inclusion of every term with its range over prior widths, marked by verdict."""
     terms = sensor.selection.terms
     needed = sum(term.verdict == "needed" for term in terms)
-    widest = max(terms, key=lambda term: term.inclusion_range[1] - term.inclusion_range[0])
-    low, high = widest.inclusion_range
-    matters = f"the prior's width matters most for {widest.name} ({low:.2f} to {high:.2f})"
-    title = f"{needed} of {len(terms)} terms needed; {matters}"
+    title = f"{needed} of {counted(len(terms), 'term')} needed; {_matters(terms)}"
     values = ", ".join(f"{term.name} {term.inclusion:.2f} {term.verdict}" for term in terms)
     return draw(
         lambda axes: _paint_inclusion(axes, terms),
@@ -72,6 +73,16 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
         height=ROW * len(terms) + 44,
         margins=Margins(left=54, right=12),
     )
+
+
+def _matters(terms: Sequence[TermVerdict]) -> str:
+    """Say for which tested term the prior's width matters most, if it does for any as far as is printed."""
+    tested = [term for term in terms if term.verdict != "untested"] or terms
+    widest = max(tested, key=lambda term: term.inclusion_range[1] - term.inclusion_range[0])
+    low, high = (f"{end:.2f}" for end in widest.inclusion_range)
+    if low == high:
+        return "the prior's width matters for none"
+    return f"the prior's width matters most for {widest.name} ({low} to {high})"
 
 
 def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
@@ -122,17 +133,18 @@ def _paint_sizes(axes: Axes, relative: FloatArray, best: int) -> None:
 
 
 def best_models(sensor: SensorResult, key: str) -> Panel:
-    """Draw the ten most probable models as an image: terms down, models across, width by probability."""
+    """Draw the ten most probable models as an image: terms down, models across, width by probability.
+
+    A term that but improbable ones of them have, or lack, is none that they disagree on.
+    """
     names, best = rows.candidates(sensor.selection), rows.best_models(sensor.selection)
     total = sum(p for _, p in best)
-    always = [name for name in names if all(name in model for model, _ in best)]
-    varies = [name for name in names if name not in always and any(name in model for model, _ in best)]
-    title = f"The best {len(best)} models hold {total:.0%} and " + (
-        f"disagree on {listed(varies)}"
-        if 0 < len(varies) <= 5
-        else f"disagree on {len(varies)} terms"
-        if varies
-        else "agree"
+    share = {name: sum(p for model, p in best if name in model) / total for name in names}
+    varies = [name for name in names if NOT_NEEDED < share[name] < NEEDED]
+    title = (
+        f"The best model holds {percent(best[0][1])} of the probability"
+        if best[0][1] >= NEEDED
+        else f"The best {len(best)} models hold {percent(total)} and " + _disagreement(varies)
     )
     models = "; ".join(f"{p:.3f}: {' '.join(model)}" for model, p in best)
     return draw(
@@ -143,6 +155,12 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
         height=ROW * len(names) + 44,
         margins=Margins(left=54, right=12),
     )
+
+
+def _disagreement(names: Sequence[str]) -> str:
+    if not names:
+        return "disagree on no term by more than 5 %"
+    return f"disagree on {listed(names) if len(names) <= MOST_NAMED else counted(len(names), 'term')}"
 
 
 def _paint_models(

@@ -22,9 +22,9 @@ from imubayes.reporting.canvas import (
     plain_logs,
     sticks,
 )
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit, pretty
+from imubayes.reporting.method_words import left_words
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit, pretty, probability
 from imubayes.reporting.rows import channel_unit
-from imubayes.reporting.words import probability
 from imubayes.units import factor, offset
 
 if TYPE_CHECKING:
@@ -39,9 +39,6 @@ MOST_POINTS = 300
 
 BINS = 12
 """Bins of equal count in which the residual against an input is averaged."""
-
-TREND = 4.0
-"""sd of a bin's mean that is called a trend: by chance below one in a thousand over a dozen bins."""
 
 
 def shown_runs(sensor: SensorResult, most: int) -> tuple[ResidualCheck, ...]:
@@ -148,31 +145,31 @@ def _paint_allan(axes: Axes, check: ResidualCheck, unit: float, name: str) -> No
 def against_inputs(sensor: SensorResult, key: str, most: int = MOST_POINTS) -> list[Panel]:
     """Whitened residuals of all runs together against each excited input."""
     channels = dict.fromkeys(channel for check in sensor.checks for channel in check.inputs)
+    misfit = sensor.misfit
     panels = []
     for number, channel in enumerate(channels):
         having = [check for check in sensor.checks if channel in check.inputs]
         x = np.concatenate([check.inputs[channel] for check in having])
         y = np.concatenate([check.shown for check in having])
         if len(x) == len(y) and np.ptp(x) > 0.0:
-            panels.append(_against(channel, x, y, sensor.kind, f"{key}i{number}", most))
+            said = left_words(misfit, channel, sensor.kind) if misfit else ""
+            panels.append(_against((channel, said), x, y, sensor.kind, f"{key}i{number}", most))
     return panels
 
 
-def _against(channel: str, x: FloatArray, y: FloatArray, kind: Kind, key: str, most: int) -> Panel:
-    unit, si = channel_unit(channel, kind)
+def _against(
+    channel: tuple[str, str], x: FloatArray, y: FloatArray, kind: Kind, key: str, most: int
+) -> Panel:
+    """Draw residuals over an input, whose name comes with what the tests say of it."""
+    name, said = channel
+    unit, si = channel_unit(name, kind)
     x = (x - offset(unit, si)) / factor(unit, like=si)
-    centre, mean, sd = binned_means(x, y)
-    worst = int(np.argmax(np.abs(mean / sd)))
-    z = abs(float(mean[worst] / sd[worst]))
-    found = (
-        "nothing is left"
-        if z < TREND
-        else f"a trend is left ({z:.0f} sd at {centre[worst]:.3g} {pretty(unit)})"
-    )
+    means = binned_means(x, y)
+    found = f": {said}" if said else ""
     return draw(
-        lambda axes: _paint_against(axes, (x, y), (centre, mean, sd), f"{channel}, {pretty(unit)}", most),
-        title=f"Against {channel}: {found}",
-        alt=f"Whitened residuals against {channel} with means of bins: {found}",
+        lambda axes: _paint_against(axes, (x, y), means, f"{name}, {pretty(unit)}", most),
+        title=f"Against {name}{found}",
+        alt=f"Whitened residuals against {name} with means of bins{found}",
         key=key,
     )
 

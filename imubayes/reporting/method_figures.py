@@ -27,9 +27,8 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.fit_figures import time_unit
 from imubayes.reporting.method_words import FEW, branches, called, channel_of, dependence_words, difference
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty, probability
 from imubayes.reporting.rows import channel_unit
-from imubayes.reporting.words import probability
 from imubayes.selection.verdicts import listed
 from imubayes.units import factor, offset
 

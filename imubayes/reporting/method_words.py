@@ -11,11 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.inference.misfit import HYSTERESIS, TIME
+from imubayes.inference.residuals import SUSPECT
 from imubayes.reporting.chain_words import sentence
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    measured,
+    per_unit,
+    pretty,
+    probability,
+)
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
+    from imubayes.campaign import SensorResult
     from imubayes.inference.misfit import Dependence, Misfit
     from imubayes.selection.decision import Selection
     from imubayes.selection.reduced import Reduced
@@ -246,6 +255,35 @@ def dependence_words(one: Dependence) -> str:
     if one.input.startswith(HYSTERESIS):
         return f"{channel_of(one)} between {listed(branches(one))} in run {one.run}"
     return f"{'time' if one.input == TIME else one.input} in run {one.run}"
+
+
+def left_words(misfit: Misfit, channel: str, kind: Kind) -> str:
+    """What the search for what is missing says of one input: the same as the sentence on what it found."""
+    if found := [one for one in misfit.found if channel_of(one) == channel]:
+        between = f" between {listed(branches(found[0]))}" if found[0].input != channel else ""
+        return f"{_output(found[0].size, kind)} rms are left{between}"
+    tested = [one.p for one in misfit.dependences if channel_of(one) == channel]
+    if not tested:
+        return "not tested by itself"
+    if min(tested) < SUSPECT:
+        return "what is left goes with what is found elsewhere"
+    return f"nothing is left beyond chance (p {probability(min(tested))})"
+
+
+def temperature_sentence(sensor: SensorResult) -> str:
+    """Answer whether a polynomial in temperature is enough; empty where none was tested."""
+    misfit = sensor.misfit
+    tested = [t.name.partition("*")[2] for t in sensor.selection.terms if t.verdict != "untested"]
+    degree = max((int(power[1:] or 1) for power in tested if power[:1] == "T"), default=0)
+    if misfit is None or not degree or all(channel_of(one) != "T" for one in misfit.dependences):
+        return ""
+    beside = " beside its rate" if any(power.startswith("dT") for power in tested) else ""
+    model = f"a polynomial of degree {degree} in T{beside}"
+    left = [one for one in misfit.found if channel_of(one) in ("T", "dT")]
+    if not left:
+        return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
+    shows = listed(f"{_output(one.size, sensor.kind)} rms in {dependence_words(one)}" for one in left)
+    return f"{sensor.id}: {model} is not enough: it leaves {shows}."
 
 
 def channel_of(one: Dependence) -> str:

@@ -311,3 +311,28 @@ NOISE_SI: dict[Kind, tuple[str, str, str]] = {
 
 CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "degC/min"}
 """Unit in which the range of an input channel is printed."""
+
+
+def probability(p: float) -> str:
+    """p-value to two digits, never as a bare zero.
+
+    Examples
+    --------
+    >>> probability(0.3123), probability(2e-9), probability(float("nan"))
+    ('0.31', '<0.001', 'not tested')
+    """
+    if math.isnan(p):
+        return "not tested"
+    return "<0.001" if p < 1e-3 else f"{p:.2g}" if p < 0.01 else f"{p:.2f}"
+
+
+def counted(count: int, noun: str) -> str:
+    """Number of things with their noun in the singular or plural.
+
+    Examples
+    --------
+    >>> counted(1, "term"), counted(0, "term"), counted(8400, "sample"), counted(2, "stretch")
+    ('1 term', '0 terms', '8,400 samples', '2 stretches')
+    """
+    ending = "es" if noun.endswith(("s", "x", "ch", "sh")) else "s"
+    return f"{count:,} {noun}{'' if count == 1 else ending}"

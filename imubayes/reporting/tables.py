@@ -13,6 +13,7 @@ from rich.text import Text
 
 from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
 from imubayes.reporting.ladder_words import choice_sentences
+from imubayes.reporting.method_words import temperature_sentence
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
@@ -94,6 +95,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     for warning in (unconverged_sentence(sensor), strain_sentence(sensor)):
         if warning:
             yield indented(warning, "bold red")
+    if temperature := temperature_sentence(sensor):
+        yield indented(temperature)
     yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
         yield indented(distrusted)

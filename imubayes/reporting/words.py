@@ -14,7 +14,8 @@ from imubayes.reporting.chain_words import (
     unconverged_sentence,
 )
 from imubayes.reporting.ladder_words import choice_sentences
-from imubayes.reporting.method_words import missing_sentence
+from imubayes.reporting.method_words import missing_sentence, temperature_sentence
+from imubayes.reporting.rounding import probability
 from imubayes.reporting.rows import fit_scale, label, own_groups
 from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import STRAINED, listed
@@ -48,6 +49,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
     sentences = (
         unconverged_sentence(sensor),
         strain_sentence(sensor),
+        temperature_sentence(sensor),
         _opening(sensor),
         method_sentence(sensor),
         *_rest(sensor),
@@ -244,19 +246,6 @@ def _outstanding(check: ResidualCheck) -> str:
         return ""
     blocks = "1 block stands" if len(check.outliers) == 1 else f"{len(check.outliers)} blocks stand"
     return f", {blocks} out by up to {max(abs(size) for _, _, size in check.outliers):.0f} sd"
-
-
-def probability(p: float) -> str:
-    """p-value to two digits, never as a bare zero.
-
-    Examples
-    --------
-    >>> probability(0.3123), probability(2e-9), probability(float("nan"))
-    ('0.31', '<0.001', 'not tested')
-    """
-    if math.isnan(p):
-        return "not tested"
-    return "<0.001" if p < 1e-3 else f"{p:.2g}" if p < 0.01 else f"{p:.2f}"
 
 
 def models_text(count: int) -> str:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from imubayes.reporting import figures, fit_figures
+from imubayes.reporting import figures, fit_figures, rows
 from imubayes.reporting.canvas import Panel, draw
 from imubayes.sensors.terms import library
 
@@ -51,17 +51,43 @@ def test_alternative_text_is_escaped() -> None:
     assert ElementTree.fromstring(panel.svg).get("aria-label") == '"><script>alert(1)</script>'
 
 
-def test_trend_that_is_left_in_the_residual_is_found_and_noise_is_not(make_sensor) -> None:
-    rng = np.random.default_rng(11)
+def test_a_residual_s_title_and_the_sentence_on_what_is_missing_are_one_decision(make_judged) -> None:
+    sensor = make_judged()
+    found = sensor.misfit.found[0]
+
+    def titles(*found, **changes) -> dict[str, str]:
+        misfit = replace(sensor.misfit, found=found, **changes)
+        panels = fit_figures.against_inputs(replace(sensor, misfit=misfit), "k")
+        return {panel.title.split(":")[0].removeprefix("Against "): panel.title for panel in panels}
+
+    some = titles(found)
+    assert some["f_i"].endswith("nothing is left beyond chance (p 0.40)")
+    assert some["T"].endswith("28 µg rms are left between heating and cooling")
+    # one that goes with another is neither found nor nothing
+    assert titles(dependences=(replace(found, input="T"),))["T"].endswith("goes with what is found elsewhere")
+    assert titles(dependences=())["T"].endswith("not tested by itself")
+
+
+def test_models_disagree_only_on_terms_that_are_neither_in_nor_out(make_sensor, monkeypatch) -> None:
     sensor = make_sensor()
-    x, noise = np.linspace(-1.0, 1.0, 240), rng.standard_normal(240)
+    names = rows.candidates(sensor.selection)
+    sure = [(names[:3], 0.99), *((names[:k], 1e-6) for k in (0, 1, 2, 4, 5))]
+    monkeypatch.setattr(rows, "best_models", lambda selection: sure)
+    assert figures.best_models(sensor, "k").title == "The best model holds 99\xa0% of the probability"
+    split = [(names[:3], 0.6), (names[:4], 0.3), (names[:2], 1e-4)]
+    monkeypatch.setattr(rows, "best_models", lambda selection: split)
+    assert figures.best_models(sensor, "k").title.endswith(f"and disagree on {names[3]}")
 
-    def titles(y) -> list[str]:
-        checks = (replace(sensor.checks[0], shown=y, inputs={"f_i": 9.80665 * x}),)
-        return [panel.title for panel in fit_figures.against_inputs(replace(sensor, checks=checks), "k")]
 
-    assert titles(noise) == ["Against f_i: nothing is left"]
-    assert "a trend is left" in titles(noise + 2.0 * x**2)[0]
+def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit(make_sensor) -> None:
+    sensor = make_sensor()
+
+    def title(low: float) -> str:
+        terms = tuple(replace(term, inclusion_range=(low, 1.0)) for term in sensor.selection.terms)
+        return figures.inclusion(replace(sensor, selection=replace(sensor.selection, terms=terms)), "k").title
+
+    assert title(0.9999).endswith("the prior's width matters for none")
+    assert "(0.90 to 1.00)" in title(0.9)
 
 
 def test_binned_means_keep_the_mean_of_all_points() -> None:

@@ -17,11 +17,13 @@ from imubayes.reporting.method_words import (
     predictive_sentence,
     prior_sentence,
     reduced_sentence,
+    temperature_sentence,
     votes_title,
 )
 from imubayes.reporting.words import answer
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.selection.votes import Votes
+from imubayes.sensors.terms import library
 
 
 def _votes(keeps: list[list[float]]) -> Votes:
@@ -139,6 +141,22 @@ def test_first_paragraph_says_where_something_is_missing_and_only_then(make_judg
     settled = replace(sensor.misfit, found=())
     assert "something the library does not contain" not in " ".join(answer(replace(sensor, misfit=settled)))
     assert "The data hold" in " ".join(answer(make_judged(misfit="centrifuge")))
+
+
+def test_the_first_paragraph_answers_whether_a_polynomial_in_temperature_is_enough(make_judged) -> None:
+    sensor = make_judged(lib=library("accelerometer", temperature=3, rate_of=()))
+    terms = tuple(replace(term, verdict="needed") for term in sensor.selection.terms)
+    sensor = replace(sensor, selection=replace(sensor.selection, terms=terms))
+    assert temperature_sentence(sensor) == (
+        f"{sensor.id}: a polynomial of degree 3 in T is not enough: it leaves 28 µg rms in T between heating"
+        " and cooling in run tumble."
+    )
+    assert temperature_sentence(sensor) in answer(sensor)
+    settled = replace(sensor, misfit=replace(sensor.misfit, found=()))
+    assert "a polynomial of degree 3 in T is enough" in temperature_sentence(settled)
+    blind = replace(sensor, misfit=replace(sensor.misfit, found=(), dependences=()))
+    assert temperature_sentence(blind) == ""
+    assert temperature_sentence(make_judged()) == ""
 
 
 def test_missing_sentence_counts_what_it_does_not_name(make_judged) -> None:
