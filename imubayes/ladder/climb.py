@@ -14,22 +14,9 @@ from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.foresight import Foresight, foresee
 from imubayes.ladder.problem import Ground, Problem, Tell, ground_of, size_of
 from imubayes.ladder.rungs import stand
-from imubayes.planning.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rung_of, rungs_for
+from imubayes.planning.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rungs_for
 
 NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
-
-
-def climb(
-    problem: Problem,
-    *,
-    until: RungName,
-    rng: np.random.Generator,
-    tell: Tell = lambda message: None,
-    limits: Limits | None = None,
-) -> tuple[Answer, ...]:
-    """Answers of every rung from the cheapest to `until`; what they share is computed once."""
-    ground = ground_of(problem, rng, tell, limits)
-    return tuple(stand(name, ground) for name in _up_to(until, problem))
 
 
 def by_budget(
@@ -93,27 +80,6 @@ def by_accuracy(
             break
     asked = f"an accuracy of {accuracy:g} posterior sd"
     return found, replace(_choice(ground, found, law, asked, start), climbed=tuple(steps), accuracy=accuracy)
-
-
-def by_name(
-    problem: Problem,
-    rung: RungName,
-    law: CostLaw,
-    *,
-    rng: np.random.Generator,
-    tell: Tell = lambda message: None,
-    limits: Limits | None = None,
-) -> tuple[Answer, Choice]:
-    """Answer of one rung, and what the next one would change."""
-    start, ground = time.perf_counter(), ground_of(problem, rng, tell, limits)
-    found = stand(rung, ground)
-    return found, _choice(ground, found, law, f"the rung {rung}", start)
-
-
-def _up_to(rung: RungName, problem: Problem) -> tuple[RungName, ...]:
-    """Rungs from the cheapest to `rung` that a problem can be put to."""
-    wanted = NAMES[: NAMES.index(rung_of(rung).name) + 1]
-    return tuple(name for name in rungs_for(size_of(problem)) if name in wanted)
 
 
 def _ending(limits: Limits | None, budget: float, foreseen: float) -> Limits:

@@ -4,11 +4,18 @@ from ladders import problem
 
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.answer import change
-from imubayes.ladder.climb import NAMES, by_accuracy, by_budget, by_name, climb
+from imubayes.ladder.climb import NAMES, by_accuracy, by_budget
 from imubayes.ladder.costs import REFERENCE, foreseen
-from imubayes.ladder.problem import size_of
+from imubayes.ladder.problem import ground_of, size_of
+from imubayes.ladder.rungs import stand
 
 SHORT = Limits(ess=200.0, time_limit=2.0)
+
+
+def _climbed(one, names, limits=None):
+    """Answers of rungs that share what they have in common."""
+    ground = ground_of(one, np.random.default_rng(1), lambda message: None, limits)
+    return [stand(name, ground) for name in names]
 
 
 def test_a_budget_takes_the_best_rung_that_fits_and_no_other():
@@ -40,13 +47,14 @@ def test_an_accuracy_climbs_until_two_rungs_agree():
     assert changes[-1] <= 0.5
     assert all(moved > 0.5 for moved in changes[:-1])
     # climbing shares what rungs have in common, and changes no answer
-    again = climb(one, until=found.rung, rng=np.random.default_rng(1), limits=SHORT)
+    again = _climbed(one, names, SHORT)
     assert change(again[-2], again[-1]) == pytest.approx(choice.climbed[-1][1:], abs=1e-12)
 
 
 def test_the_change_foreseen_from_dwell_means_has_the_size_of_the_change():
     one = problem()
-    first, second = climb(one, until="sparse", rng=np.random.default_rng(1))
-    _, choice = by_name(one, "means", REFERENCE, rng=np.random.default_rng(1))
+    first, second = _climbed(one, NAMES[:2])
+    _, choice = by_budget(one, 1e-6, REFERENCE, rng=np.random.default_rng(1))
+    assert (choice.rung, second.rung) == ("means", "sparse")
     moved = change(first, second)[0]
     assert moved / 3.0 < choice.next_change[0] < 3.0 * moved
