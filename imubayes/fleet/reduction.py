@@ -32,7 +32,6 @@ class Tally:
     estimate, variance : (n, p) of their terms, SI and squared, without shrinkage.
     order : (n,) number of needed terms of each unit.
     noise : (n, 3) N, B, K of each unit, SI.
-    truth : (n, p) simulated coefficients; NaN where they were recorded.
     samples : rows that were used.
     broken : units that have no record.
     """
@@ -43,7 +42,6 @@ class Tally:
     variance: FloatArray
     order: IntArray
     noise: FloatArray
-    truth: FloatArray
     samples: int
     broken: tuple[Broken, ...]
 
@@ -59,7 +57,6 @@ def tally(found: PartFound, p: int) -> Tally:
         variance=_rows([record.full_sd**2 for record in records], p),
         order=np.asarray(np.sum(verdicts == VERDICTS[0], axis=1), dtype=np.int64),
         noise=_rows([np.array(record.noise) for record in records], 3),
-        truth=_rows([record.truth for record in records], p),
         samples=sum(record.samples for record in records),
         broken=found.broken,
     )
@@ -78,7 +75,6 @@ def merge(a: Tally, b: Tally) -> Tally:
         variance=np.concatenate((a.variance, b.variance)),
         order=np.concatenate((a.order, b.order)),
         noise=np.concatenate((a.noise, b.noise)),
-        truth=np.concatenate((a.truth, b.truth)),
         samples=a.samples + b.samples,
         broken=a.broken + b.broken,
     )

@@ -21,7 +21,6 @@ def _tally(estimate: np.ndarray, variance: np.ndarray, rng: np.random.Generator)
         variance=variance,
         order=np.arange(n),
         noise=np.exp(0.1 * rng.standard_normal((n, 3))) * 1e-3,
-        truth=np.full((n, p), np.nan),
         samples=n,
         broken=(),
     )
