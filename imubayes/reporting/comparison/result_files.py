@@ -206,20 +206,6 @@ def sensors_of(one: Written) -> ResultFile:
     return ResultFile(one.path, one.sha256, one.study, one.version, components, scenes, seed)
 
 
-def read_result(path: Path) -> ResultFile:
-    """Read the ``result.json`` of a study of sensors.
-
-    Parameters
-    ----------
-    path : of the file, or of the folder that holds it.
-
-    Raises
-    ------
-    DataError : if there is none, or it is not the result of a study of sensors.
-    """
-    return sensors_of(written(path))
-
-
 def _scene(raw: Mapping[str, Any]) -> SceneFile:
     left_out = raw["left_out"]
     return SceneFile(

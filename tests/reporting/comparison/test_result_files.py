@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
 from imubayes.errors import DataError
-from imubayes.reporting.comparison.result_files import read_result
+from imubayes.reporting.comparison.result_files import ResultFile, sensors_of, written
 from imubayes.reporting.results import result_dict, result_json
+
+
+def read_result(path: Path) -> ResultFile:
+    return sensors_of(written(path))
 
 
 def test_values_are_those_that_were_written(make_study, make_sensor, tmp_path):
