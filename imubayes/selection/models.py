@@ -29,7 +29,8 @@ class Models:
     ----------
     names : the summary's terms, p of them, forced ones included.
     inclusion : (p,) posterior probability of each term; 1 where forced.
-    mean, sd : (p,) model-averaged.
+    mean, sd : (p,) model-averaged, over all models under the g-family; under physical priors, where
+        `mixture.CHOSEN` models count and more, over so many that are drawn: right to about 0.02 sd.
     log_evidence : of the data, averaged over the models' prior (noise scale under the Jeffreys prior).
     best : the ten most probable models, best first: (candidates in it, probability).
     by_size : log of the summed joint probability of all models of 0, 1, ... candidates.
