@@ -14,6 +14,7 @@ from imubayes.reporting.terminal import indented, printable
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import origins_of, packaged_tables
 from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import (
     COEFFICIENT_KEYS,
     NOISE_KEYS,
@@ -35,6 +36,9 @@ _GLANCE: dict[Kind, tuple[tuple[str, str, str], ...]] = {
 
 _LETTERS = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
 """Source kinds as one letter a number; the words stand below the table."""
+
+_OTHER = {"B": "floor", "floor": "B"}
+"""Of the bias instability a class states one figure; the other follows."""
 
 _LEGEND = "source of low, typical, high: " + ", ".join(
     f"{_LETTERS[kind]} {kind.replace('_', ' ')}" for kind in SOURCE_KINDS
@@ -104,24 +108,23 @@ def _glance_table(kind: Kind, entries: Sequence[SensorClass]) -> Table:
 def _figure_table(entry: SensorClass) -> Table:
     table = _plain_table("key", "symbol", "term", *PLACES, "unit", "source", numbers=PLACES)
     for key, meaning, values in _figures(entry):
-        unit = entry.units[key]
+        stated = key if key in entry.units else _OTHER[key]
+        unit = entry.units[stated]
         terms = _shortened(terms_of(entry.kind, key)) or meaning.text
-        origins = _letters(entry.origins[key])
-        table.add_row(
-            key,
-            _shortened(figure_symbols(entry, key)),
-            terms,
-            *_numbers(values, unit),
-            Text(printable(unit)),
-            origins,
-        )
+        origins = _letters(entry.origins[stated]) if stated == key else f"by {stated}"
+        spelt = _shortened(figure_symbols(entry, key))
+        numbers = _numbers(values, unit, digits=6 if stated == key else 3)
+        table.add_row(key, spelt, terms, *numbers, Text(printable(unit)), origins)
     return table
 
 
 def _figures(entry: SensorClass) -> Iterator[tuple[str, Key, Range]]:
+    """Figures in the order of their keys; of the bias instability the coefficient and the floor."""
+    low, typical, high = entry.noise["B"]
+    floor = {"floor": (FLOOR * low, FLOOR * typical, FLOOR * high)}
     for keys, figures in (
         (COEFFICIENT_KEYS[entry.kind], entry.coefficients),
-        (NOISE_KEYS[entry.kind], entry.noise),
+        (NOISE_KEYS[entry.kind], {**entry.noise, **floor}),
     ):
         yield from ((key, meaning, figures[key]) for key, meaning in keys.items() if key in figures)
 
@@ -142,9 +145,9 @@ def _prior_table(entry: SensorClass) -> Table:
     return table
 
 
-def _numbers(values: Range, unit: str) -> tuple[str, ...]:
+def _numbers(values: Range, unit: str, *, digits: int = 6) -> tuple[str, ...]:
     """Figure as it is written: six digits hide the rounding of its unit's factor."""
-    return tuple(_printed(value, unit, digits=6) for value in values)
+    return tuple(_printed(value, unit, digits=digits) for value in values)
 
 
 def _printed(value: float, unit: str, si: str = "", *, digits: int = 3) -> str:

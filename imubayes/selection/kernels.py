@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.inputs import Inputs
-from imubayes.sensors.noise import Noise, flicker
+from imubayes.sensors.noise import FLOOR, Noise, flicker
 from imubayes.sensors.terms import Kind
 from imubayes.units import STANDARD_GRAVITY
 
@@ -345,8 +345,7 @@ def noise_growth(
     0.01
     """
     if quantity == "output":
-        floor = math.sqrt(2.0 * math.log(2.0) / math.pi)
-        return noise.N / math.sqrt(OUTPUT_TIME), floor * noise.B, noise.K * math.sqrt(0.5 * time)
+        return noise.N / math.sqrt(OUTPUT_TIME), FLOOR * noise.B, noise.K * math.sqrt(0.5 * time)
     step = time / CELLS
     cells = Inputs(step * np.arange(CELLS, dtype=np.float64), {}, step)
     propagated = propagation(kind, cells, schuler=schuler, load=load)

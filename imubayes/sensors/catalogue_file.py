@@ -27,6 +27,7 @@ from typing import Any
 
 from imubayes import units
 from imubayes.errors import StudyError, UnitError
+from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import (
     COEFFICIENT_KEYS,
     NOISE_KEYS,
@@ -48,6 +49,9 @@ _TEXTS = ("technology", "grade", "note", "like")
 _TABLES = ("source", "quoted", "coefficients", "noise")
 _NEEDED = ("technology", "grade", "full_scale", "bandwidth", "temperature", "coefficients", "noise")
 _KNOWN = (*_TEXTS, "examples", "full_scale", "bandwidth", "temperature", *_TABLES)
+_INSTABILITY = ("B", "floor")
+"""Bias instability, of which a class states one figure: the coefficient, or the floor that it makes."""
+
 _HUGE = 1e300
 _UNSTATED = {"order_of_magnitude": "stated without a source"}
 
@@ -161,13 +165,19 @@ def _whole(id: str, known: Mapping[str, Table], where: str, above: tuple[str, ..
 def _inherited(base: Table, own: Table, like: str) -> Table:
     """Give the figures of `base` where `own` has none; what `own` states has no source in `base`."""
     said = {number for numbers in own.get("quoted", {}).values() for number in numbers}
-    stated = {*own.get("coefficients", {}), *own.get("noise", {}), *own, *said}
+    noise = own.get("noise", {})
+    instead = _INSTABILITY if any(key in noise for key in _INSTABILITY) else ()
+    stated = {*own.get("coefficients", {}), *noise, *instead, *own, *said}
     theirs = {
         kind: [number for number in numbers if stated.isdisjoint((number, number.partition(".")[0]))]
         for kind, numbers in base.get("quoted", {}).items()
     }
     quoted = {kind: [*theirs.get(kind, ()), *own.get("quoted", {}).get(kind, ())] for kind in SOURCE_KINDS}
-    figures = {part: {**base.get(part, {}), **own.get(part, {})} for part in ("coefficients", "noise")}
+    theirs_noise = {key: figure for key, figure in base.get("noise", {}).items() if key not in instead}
+    figures = {
+        "coefficients": {**base.get("coefficients", {}), **own.get("coefficients", {})},
+        "noise": {**theirs_noise, **noise},
+    }
     told = {kind: f"as {like}: {text}" for kind, text in base.get("source", _UNSTATED).items()}
     source = {
         kind: "; ".join(filter(None, (own.get("source", {}).get(kind), told.get(kind))))
@@ -180,7 +190,7 @@ def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
     _check_shape(table, where)
     _check_present(_NEEDED, table, where)
     coefficients = _figures(table["coefficients"], COEFFICIENT_KEYS[kind], f"{where}.coefficients")
-    noise = _figures(table["noise"], NOISE_KEYS[kind], f"{where}.noise", above_zero=True)
+    noise = _noise(table["noise"], kind, f"{where}.noise")
     ratings = {key: table[key] for key in RATING_KEYS[kind]}
     rated = _figures(ratings, RATING_KEYS[kind], where, above_zero=True)
     written = {**table["coefficients"], **table["noise"], **ratings}
@@ -203,6 +213,20 @@ def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
         origins=origins_of(quoted, written),
         note=table.get("note", ""),
     )
+
+
+def _noise(table: Table, kind: Kind, where: str) -> dict[str, Range]:
+    """N, B and K; where the floor of the Allan deviation is stated, B is that over 0.664."""
+    figures = _figures(table, NOISE_KEYS[kind], where, above_zero=True)
+    stated = [key for key in _INSTABILITY if key in figures]
+    if len(stated) != 1:
+        raise StudyError(
+            f"{where}: {' and '.join(stated) or 'neither B nor floor'}: expected one of them, floor for the"
+            " lowest Allan deviation (a data sheet's bias instability), B for the coefficient (floor / 0.664)"
+        )
+    low, typical, high = figures[stated[0]]
+    scale = 1.0 if stated == ["B"] else 1.0 / FLOOR
+    return {"N": figures["N"], "B": (low * scale, typical * scale, high * scale), "K": figures["K"]}
 
 
 def _figures(

@@ -17,6 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+"""Allan deviation of bias instability over its coefficient B: 0.664, at every averaging time."""
+
 FLICKER_RATIO = 10.0
 """Ratio of neighbouring time constants in the model that is fitted."""
 
@@ -69,7 +72,7 @@ def allan_variance(noise: Noise, tau: NDArray[np.float64]) -> NDArray[np.float64
 
     ``N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3`` (IEEE 952 annex C).
     """
-    return noise.N**2 / tau + 2.0 * math.log(2.0) / math.pi * noise.B**2 + noise.K**2 * tau / 3.0
+    return noise.N**2 / tau + (FLOOR * noise.B) ** 2 + noise.K**2 * tau / 3.0
 
 
 @dataclass(frozen=True, slots=True)

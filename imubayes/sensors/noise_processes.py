@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.sensors.catalogue import noise_prior
+from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import SensorClass
 
 FloatArray = NDArray[np.float64]
@@ -91,7 +92,7 @@ def shares(noise: NoiseProcesses, tau: FloatArray) -> dict[str, FloatArray]:
     """
     parts = {
         "N": noise.N**2 / tau,
-        "B": 2.0 * math.log(2.0) / math.pi * noise.B**2 * np.ones_like(tau),
+        "B": (FLOOR * noise.B) ** 2 * np.ones_like(tau),
         "K": noise.K**2 * tau / 3.0,
         "Q": 3.0 * noise.Q**2 / tau**2,
         "R": noise.R**2 * tau**2 / 2.0,

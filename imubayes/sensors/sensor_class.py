@@ -41,7 +41,8 @@ class SensorClass:
     noise : size of ``N``, ``B``, ``K``, SI (see `imubayes.sensors.noise.Noise`).
     temperature : (lowest, highest) of operation, K.
     source : where the figures come from, in words.
-    units : unit in which each figure is written in the catalogue, by key.
+    units : unit in which each figure is written in the catalogue, by key; of the bias instability ``B`` or
+        ``floor`` is written.
     origins : source kind of each number of each figure, by key.
     note : what the figures leave out, in words; mostly empty.
     """
@@ -128,7 +129,8 @@ _OUTPUT: dict[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 NOISE_KEYS: Mapping[Kind, Mapping[str, Key]] = {
     kind: {
         "N": Key("white noise", f"{unit}/sqrt(Hz)"),
-        "B": Key("bias instability", unit),
+        "B": Key("bias instability", unit, required=False),
+        "floor": Key("lowest Allan deviation", unit, required=False),
         "K": Key("random walk", f"{unit}/sqrt(s)"),
     }
     for kind, unit in _OUTPUT.items()

@@ -37,7 +37,7 @@ def test_list_names_every_class_once_with_its_technology_and_sizes():
     fog = next(line for line in text.splitlines() if line.startswith("fog_navigation"))
     assert fog.split()[-4:] == ["0.01", "15", "0.0015", "0.002"]  # deg/h, ppm, deg/sqrt(h), deg/h
     piga = next(line for line in text.splitlines() if line.startswith("strategic_piga"))
-    assert piga.split()[-4:] == ["1", "1", "0.3", "0.05"]  # ug, ppm, ug/sqrt(Hz), ug
+    assert piga.split()[-4:] == ["1", "1", "0.3", "0.0753"]  # ug, ppm, ug/sqrt(Hz), ug: a floor of 0.05
     words = " ".join(text.split())
     assert "closed-loop IFOG" in words and "SRS-1000" in words
 
@@ -66,7 +66,7 @@ def test_page_prints_every_number_of_a_class_as_it_is_written_with_unit_and_sour
     written = packaged_tables()[entry.kind][entry.id]
     rows = _rows(text, "key")
     figures = {**written["coefficients"], **written["noise"]}
-    assert rows.keys() == figures.keys()
+    assert rows.keys() == figures.keys() | {"B", "floor"}
     for key, (*values, unit) in figures.items():
         *_, low, typical, high, shown, d1, d2, d3 = rows[key]
         assert [float(low), float(typical), float(high)] == values, key
@@ -84,6 +84,18 @@ def test_page_gives_the_prior_of_every_term_and_the_noise(entry):
     figures = packaged_tables()[entry.kind][entry.id]
     assert float(rows["N"][2]) == figures["noise"]["N"][1]
     assert rows["N"][3] == figures["noise"]["N"][3]
+
+
+@every_class
+def test_page_prints_bias_instability_as_coefficient_and_as_floor_and_says_which_is_stated(entry):
+    rows = _rows(printed(class_page(entry)), "key")
+    stated = "floor" if "floor" in packaged_tables()[entry.kind][entry.id]["noise"] else "B"
+    other = {"B": "floor", "floor": "B"}[stated]
+    assert rows[other][-2:] == ["by", stated]
+    end = {stated: -4, other: -3}
+    numbers = {key: [float(text) for text in rows[key][at - 3 : at]] for key, at in end.items()}
+    for B, floor in zip(numbers["B"], numbers["floor"], strict=True):
+        assert floor / B == pytest.approx(0.664, rel=0.01)
 
 
 def test_page_names_terms_and_symbols_of_a_figure():

@@ -1,5 +1,7 @@
 """Files of classes: what a user's own catalogue may say, and how it is refused."""
 
+import math
+import re
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -82,6 +84,27 @@ def test_own_class_may_be_like_another_own_class(tmp_path):
     assert best.noise == {**screened.noise, "N": pytest.approx([5e-6 * G, 6e-6 * G, 7e-6 * G], rel=ULPS)}
     assert best.origins["K0"] == screened.origins["K0"]
     assert best.origins["N"] == ("order_of_magnitude",) * 3
+
+
+def test_a_floor_is_0_664_of_the_coefficient_and_takes_the_place_of_the_one_that_was_inherited(tmp_path):
+    text = SCREENED + "".join(
+        f'[accelerometer.{key}]\nlike = "screened"\nnoise = {{ {key} = [10, 20, 40, "ug"] }}\n'
+        for key in ("B", "floor")
+    )
+    _, by_coefficient, by_floor = read_catalogue(_file(tmp_path, text))
+    for B, floor in zip(by_coefficient.noise["B"], by_floor.noise["B"], strict=True):
+        assert B / floor == pytest.approx(math.sqrt(2.0 * math.log(2.0) / math.pi), rel=1e-12)
+    assert by_coefficient.noise["B"][1] == pytest.approx(20e-6 * G, rel=ULPS)
+
+
+@pytest.mark.parametrize("own", ["", 'floor = [1, 2, 3, "ug"]\nB = [1, 2, 3, "ug"]\n'])
+def test_bias_instability_is_stated_once_as_floor_or_as_coefficient(tmp_path, own):
+    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
+    block = text[text.index("[accelerometer.mems_tactical]") : text.index("[accelerometer.vba_quartz]")]
+    block = re.sub(r"(?m)^floor = .*\n", own, block).replace("mems_tactical", "mine")
+    block = block.replace(', "floor.low"', "")
+    with pytest.raises(StudyError, match=r"mine\.noise: (neither B nor floor|B and floor): expected one of"):
+        read_catalogue(_file(tmp_path, block))
 
 
 @every_class

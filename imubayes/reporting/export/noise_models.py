@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from imubayes.errors import InputError
 from imubayes.reporting.export.characterized import Characterized, Part
 from imubayes.reporting.export.heading import heading, identifier
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import FLOOR, Noise
 
 PEAK = 0.61736
 """Allan deviation of a first-order Gauss-Markov process at its peak, over the process's sd."""
@@ -45,7 +45,7 @@ def floor_process(noise: Noise) -> tuple[float, float]:
     '1.076e-04 91.5'
     """
     crossing = math.sqrt(3.0) * noise.N / noise.K if noise.N > 0.0 and noise.K > 0.0 else PEAK_AT * TYPICAL
-    return math.sqrt(2.0 * math.log(2.0) / math.pi) / PEAK * noise.B, crossing / PEAK_AT
+    return FLOOR / PEAK * noise.B, crossing / PEAK_AT
 
 
 def short_walk(noise: Noise) -> float:
