@@ -8,11 +8,12 @@ noise of the test is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue_file import figure_range, packaged_classes, packaged_tables
@@ -20,6 +21,8 @@ from imubayes.sensors.equations.standards import standard, standards_for
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library, Term
+
+FloatArray = NDArray[np.float64]
 
 
 def sensor(id: str, *, kind: str, catalogue: Sequence[SensorClass] = ()) -> SensorClass:
@@ -127,6 +130,8 @@ def typical_noise(sensor_class: SensorClass) -> Noise:
 def draw_unit(sensor_class: SensorClass, lib: Library, rng: np.random.Generator) -> dict[str, float]:
     """One sensor of the class at random: every coefficient of `lib` from its prior, SI, by name.
 
+    What a lever arm couples is coupled, see `prior_root`.
+
     Examples
     --------
     >>> from imubayes.sensors.terms import library
@@ -135,7 +140,55 @@ def draw_unit(sensor_class: SensorClass, lib: Library, rng: np.random.Generator)
     >>> list(unit) == list(lib.names)
     True
     """
-    return {term.name: rng.normal(0.0, prior_sd(sensor_class, term)[0]) for term in lib.terms}
+    root = prior_root(sensor_class, lib)
+    theta = root @ rng.standard_normal(root.shape[1])
+    return dict(zip(lib.names, theta.tolist(), strict=True))
+
+
+def prior_root(sensor_class: SensorClass, lib: Library) -> FloatArray:
+    """Root A (p, q) of the coefficients' prior covariance: ``theta = A z`` with z standard normal, SI.
+
+    The sensing point of an accelerometer lies at r from the point whose specific force it is given, and feels
+    ``w x (w x r) + dw x r`` besides::
+
+        S_ij = r_j + Kspin,  S_ik = r_k,  S_jj = S_kk = -r_i,  s_j = r_k,  s_k = -r_j + Kang
+
+    The three components of r are columns that these share; what else a term has is a column of its own.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("accelerometer", set="extended")
+    >>> A = prior_root(sensor("mems_tactical", kind="accelerometer"), lib)
+    >>> S_ik, s_j, S_jj, S_kk = (A[lib.names.index(name)] for name in ("S_ik", "s_j", "S_jj", "S_kk"))
+    >>> bool((S_ik == s_j).all() and (S_jj == S_kk).all())
+    True
+    """
+    columns: dict[str, FloatArray] = {}
+    for row, term in enumerate(lib.terms):
+        for source, size in _sources(sensor_class, term):
+            columns.setdefault(source, np.zeros(len(lib.terms)))[row] = size
+    return np.column_stack(list(columns.values()))
+
+
+_LEVER = {"S_ij": ("j", 1.0), "S_ik": ("k", 1.0), "S_jj": ("i", -1.0), "S_kk": ("i", -1.0),
+          "s_j": ("k", 1.0), "s_k": ("j", -1.0)}  # fmt: skip
+"""Component of the lever arm that drives a term of an accelerometer, and its sign."""
+
+
+def _sources(entry: SensorClass, term: Term) -> Iterator[tuple[str, float]]:
+    """Independent causes of a coefficient, and the part of its sd, with a sign, that each of them makes."""
+    sd = prior_sd(entry, term)[0]
+    base, _, heat = term.name.partition("*")
+    if entry.kind == "gyroscope" or base not in _LEVER:
+        yield term.name, sd
+        return
+    parts = {key: share * _size(entry, key)[0] for key, share in _SHARES[entry.kind][base].items()}
+    scale = sd / math.hypot(*parts.values())
+    axis, sign = _LEVER[base]
+    yield f"r_{axis}*{heat}", sign * scale * parts.pop("lever")
+    if parts:
+        yield term.name, scale * math.hypot(*parts.values())
 
 
 @cache

@@ -10,7 +10,8 @@ A lot of a class is drawn in three steps:
    of its figures the class gives each coefficient the size ``s`` that it has in this lot.
 2. A coefficient has a part that all units share, ``mean ~ N(0, r s^2)``, and one of each unit's own with
    ``sd = sqrt(1 - r) s``, so that it is ``N(0, s^2)`` over lots and units. What a factory trims unit by
-   unit has the share r = 0.1, what design and technology decide 0.5 (orders of magnitude).
+   unit has the share r = 0.1, what design and technology decide 0.5 (orders of magnitude). A lever arm is one
+   coefficient here: the terms that it drives keep their couplings (`imubayes.sensors.catalogue.prior_root`).
 3. N, B and K of a unit scatter log-normally about the lot's magnitudes, by 0.1, 0.3 and 0.5 in the
    logarithm (orders of magnitude).
 """
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import InputError
-from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.catalogue import prior_root
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library
@@ -105,13 +106,13 @@ def draw_lot(sensor_class: SensorClass, lib: Library, n: int, rng: np.random.Gen
     """
     if n < 1:
         raise InputError(f"a lot of {n} units: expected 1 or more")
-    size, typical = _magnitudes(sensor_class, lib, rng)
-    shared = np.array(
-        [SHARED_TRIMMED if name in TRIMMED else SHARED_BY_DESIGN for name in lib.names], dtype=np.float64
-    )
-    mean = np.sqrt(shared) * size * rng.standard_normal(len(size))
-    sd = np.sqrt(1.0 - shared) * size
-    theta = mean + sd * rng.standard_normal((n, len(size)))
+    root, typical = _magnitudes(sensor_class, lib, rng)
+    trimmed = root[[name in TRIMMED for name in lib.names]].any(axis=0)
+    shared = np.where(trimmed, SHARED_TRIMMED, SHARED_BY_DESIGN)
+    mean = root @ (np.sqrt(shared) * rng.standard_normal(len(shared)))
+    own = root * np.sqrt(1.0 - shared)
+    sd = np.sqrt((own**2).sum(axis=1))
+    theta = mean + rng.standard_normal((n, len(shared))) @ own.T
     for array in (mean, sd, theta):
         array.setflags(write=False)
     return Lot(
@@ -135,11 +136,11 @@ def magnitude(values: Range, rng: np.random.Generator) -> float:
 
 
 def _magnitudes(entry: SensorClass, lib: Library, rng: np.random.Generator) -> tuple[FloatArray, Noise]:
-    """Size (p,) of each coefficient in one lot, and the lot's median noise."""
+    """Root (p, q) of the coefficients' covariance in one lot, and the lot's median noise."""
     noise = {name: magnitude(values, rng) for name, values in entry.noise.items()}
     sizes = {key: magnitude(values, rng) for key, values in entry.coefficients.items()}
     narrowed = replace(entry, coefficients=_exactly(sizes))
-    return np.array([prior_sd(narrowed, term)[0] for term in lib.terms]), Noise(**noise)
+    return prior_root(narrowed, lib), Noise(**noise)
 
 
 def _exactly(sizes: Mapping[str, float]) -> dict[str, Range]:
