@@ -82,6 +82,9 @@ Prior = ScalePrior | GFamily
 def prior(sensor: SensorClass, lib: Library) -> ScalePrior:
     """Physical prior of every term of a library, from a class of the catalogue.
 
+    The terms count as independent. Those that a lever arm drives together are not (`catalogue.prior_root`):
+    not to use that leaves error bars right, but wider than need be, and ``s_j`` unknown from ``S_ik``.
+
     Examples
     --------
     >>> from imubayes.sensors.catalogue import sensor

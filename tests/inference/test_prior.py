@@ -22,10 +22,37 @@ from imubayes.inference.prior import (
     prior,
     weak_sd,
 )
-from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.inference.summary import summarize
+from imubayes.rig.profiles import oscillation, rate_table
+from imubayes.rig.simulate import simulate
+from imubayes.sensors.catalogue import prior_root, prior_sd, sensor, typical_noise
+from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import library
 
 mp: Any = _mp
+
+
+def test_independent_priors_of_coupled_terms_leave_errors_as_large_as_they_say():
+    """A lever arm drives several terms at once, and the prior takes them for independent.
+
+    The error of the posterior mean over such units, ``(C B)(C B)' + C F C'`` for the prior's root B and the
+    posterior covariance C, both in prior sds, has the variances that C claims. The couplings would narrow it.
+    """
+    entry = sensor("mems_tactical", kind="accelerometer")
+    lib = library("accelerometer", set="extended")
+    plans = [rate_table([-3.0, 0.0, 3.0], rate=1.0), oscillation([1.0, 3.0])]
+    rules = {plan.name: NoiseRule("fixed", typical_noise(entry)) for plan in plans}
+    found = summarize(simulate(entry, plans, seed=1), lib, sensor=entry, rules=rules)
+    sd = class_sd(entry, lib)
+    G, B = found.factor.R[:-1, :-1] * sd, prior_root(entry, lib) / sd[:, None]
+    F = G.T @ G
+    C = np.linalg.inv(F + np.eye(len(sd)))
+    error = np.sqrt(np.diagonal(C @ B @ B.T @ C + C @ F @ C))
+    claimed = np.sqrt(np.diagonal(C))
+    np.testing.assert_allclose(error, claimed, rtol=0.01)
+    known = np.sqrt(np.diagonal(B @ np.linalg.inv(np.eye(B.shape[1]) + B.T @ F @ B) @ B.T))
+    gain = dict(zip(lib.names, claimed / known, strict=True))
+    assert (claimed > 0.999 * known).all() and gain["S_ik"] > 5.0
 
 
 @pytest.mark.parametrize("n", [5, 50, 5_000])

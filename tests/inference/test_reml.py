@@ -110,7 +110,9 @@ def test_error_bars_of_the_noise_are_neither_too_small_nor_too_large():
 
 
 def test_white_part_is_known_as_well_as_its_degrees_of_freedom_say():
-    found = estimate(blocks_of(linear_of(run_of(3), LIBRARY)), PRIOR)
+    N, B, K = (median for median, _ in PRIOR)
+    white = run_of(3, noise=Noise(N, B / 3.0, K))  # a second's white noise is ten times its flicker noise
+    found = estimate(blocks_of(linear_of(white, LIBRARY)), PRIOR)
     assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 1080), rel=0.2)
 
 
