@@ -60,9 +60,9 @@ def of_budget(taken: float) -> str:
     Examples
     --------
     >>> of_budget(0.0004), of_budget(0.62), of_budget(7.3)
-    ('0.1\xa0% of the budget', '62\xa0% of the budget', '7.3 times the budget')
+    ('below 0.1\xa0% of the budget', '62\xa0% of the budget', '7.3 times the budget')
     """
-    text = share(taken).removeprefix("below ").replace(" %", f"{NARROW}%")
+    text = share(taken).replace(" %", f"{NARROW}%")
     return f"{text} the budget" if text.endswith("times") else f"{text} of the budget"
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from report_reading import written
 
 from imubayes.inference.intervals import Share
 from imubayes.reporting.rounding import (
@@ -78,25 +79,6 @@ def test_every_term_of_the_largest_library_has_a_printed_unit_of_its_si_unit(kin
     for term in library(kind, powers=5, asymmetry=4, set="extended", temperature=3).terms:
         assert per_unit(term.printed, term.unit) > 0.0
         assert not set("^*") & set(pretty(term.printed)) and "deg" not in pretty(term.printed)
-
-
-WRITTEN = re.compile(r"([-−]?)(\d[\d,]*)(\.\d+)?(e-?\d+)?\s*(%|times|ns|µs|ms|s|min|h)?")
-"""A number as a report prints it, its power of ten, and the unit that sizes it."""
-
-SIZE_OF = {"%": 1e-2, "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-
-
-def written(text: str, unit: str = "") -> list[tuple[float, float]]:
-    """Numbers of a text, each with half of its last digit that is not a zero of a whole number."""
-    found = []
-    text = re.sub(r"\((\S+) \+- (\S+)\)(e-?\d+)", r"\1\3 +- \2\3", text)  # a power of ten in common
-    for sign, whole, part, power, own in WRITTEN.findall(text):
-        digits = whole.replace(",", "")
-        zeros = len(digits) - len(digits.rstrip("0")) if not part else 0
-        size = float(f"1{power}") * SIZE_OF.get(own or unit, 1.0)
-        last = 10.0 ** (-len(part[1:]) if part else min(zeros, len(digits) - 1))
-        found.append((float(f"{'-' if sign else ''}{digits}{part}") * size, 0.5 * last * size))
-    return found
 
 
 MAGNITUDES = st.floats(1e-15, 1e15)
