@@ -1,0 +1,27 @@
+"""Every committed report says what its own result says: each number, each count, wherever it stands."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from lots_readings import wrong_lots
+
+REPORTS = Path(__file__).parents[2] / "reports"
+
+READERS = {
+    "accelerometer_grades": wrong_lots,
+    "basic_vs_generalized": wrong_lots,
+    "mems_vs_fog": wrong_lots,
+    "scenes": wrong_lots,
+    "scenes_accelerometers": wrong_lots,
+}
+"""Of each report, what holds its page against its result."""
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_committed_report_says_what_its_result_says(name):
+    html = (REPORTS / name / "report.html").read_text(encoding="utf-8")
+    result = json.loads((REPORTS / name / "result.json").read_text(encoding="utf-8"))
+    assert READERS[name](html, result) == []
