@@ -7,7 +7,6 @@ needs is imported when it runs, so that ``--help`` answers at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
@@ -17,11 +16,10 @@ import typer
 
 from imubayes.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import ConvergenceError, InputError, TermError
-from imubayes.options import check_resumable, climbing, duration, overruled
+from imubayes.options import duration
 
 if TYPE_CHECKING:
-    from imubayes.fleet.plan import FleetStudy
-    from imubayes.other_studies import Done
+    from imubayes.kinds import Done
     from imubayes.sensors.catalogue import SensorClass
 
 app = typer.Typer(
@@ -52,9 +50,6 @@ class ExportFormat(StrEnum):
     json = "json"
     filter = "filter"
 
-
-CHAINS = "chains"
-"""Folder of the chains' checkpoints, in that of the results."""
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
 
@@ -111,70 +106,21 @@ def _run(
     ] = None,
 ) -> None:
     """Decide which terms each sensor needs; write the report."""
-    from imubayes.config import read_extremes, read_fleet, read_lots, read_quality, read_speed, read_study
-    from imubayes.other_studies import measured
-    from imubayes.reporting.document import write_results
-    from imubayes.reporting.tables import terminal_summary
-    from imubayes.study import run
+    from imubayes import kinds
 
     folder = usable(out or Path("reports") / study.stem)
-    if fleet := read_fleet(study):
-        if any(option is not None for option in (method, time_limit, ess, budget, accuracy)):
-            raise InputError(
-                "--method, --time-limit, --ess, --budget and --accuracy choose how a sensor's posterior is"
-                " computed, and a fleet's is exact: leave them out"
-            )
-        _run_fleet(fleet, folder, "local" if scheduler is None else scheduler, resume=resume)
-        return
-    if scheduler is not None:
-        raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
-    if other := read_lots(study) or read_quality(study) or read_extremes(study) or read_speed(study):
-        if resume or any(option is not None for option in (method, time_limit, ess, budget, accuracy)):
-            raise InputError(
-                "--method, --resume, --time-limit, --ess, --budget and --accuracy choose how a sensor's"
-                " posterior is computed, which this study leaves no choice of: leave them out"
-            )
-        with waiting() as told:
-            done = measured(other, told)
-        _report(done, folder)
-        return
-    read = read_study(study)
-    asked = None if method is None else method.value
-    sampling = overruled(read.sampling, asked, ess, time_limit)
-    sampling = climbing(sampling, budget, accuracy, method=asked, resume=resume)
-    if resume:
-        check_resumable(sampling.method, folder / CHAINS)
-    sampling = replace(sampling, checkpoints=folder / CHAINS, resume=resume)
+    named = None if method is None else method.value
+    asked = kinds.Asked(folder, named, resume, time_limit, ess, budget, accuracy, scheduler)
     with waiting() as told:
-        result = run(replace(read, sampling=sampling), progress=told, quicker=told.quicker)
-    files = write_results(result, folder)
-    show(terminal_summary(result))
-    written(folder, files)
+        done = kinds.run(study, asked, told)
+    _report(done, folder)
 
 
 def _report(done: Done, folder: Path) -> None:
     """Write what a study came to, and show it."""
     shown, write = done
-    with complete(folder) as part:
-        files = write(part)
+    files = write(folder)
     show(shown)
-    written(folder, files)
-
-
-def _run_fleet(study: FleetStudy, folder: Path, scheduler: str, *, resume: bool) -> None:
-    """Run a study of a fleet; its dataset grows in the folder as units are done."""
-    from imubayes.fleet.engines import engine
-    from imubayes.fleet.measure import measure
-    from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
-
-    try:
-        with engine(scheduler, study.processes) as workers, waiting() as told:
-            result = measure(study, folder, workers, resume=resume, progress=told)
-    except KeyboardInterrupt:
-        fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)
-    with complete(folder) as part:
-        files = write_fleet(result, part)
-    show(terminal_fleet(result))
     written(folder, files)
 
 
@@ -219,13 +165,14 @@ def _trade(
     ] = None,
 ) -> None:
     """Measure what each method costs on a study, and what it gets wrong."""
-    from imubayes.other_studies import traded
+    from imubayes import kinds
 
     folder = usable(out or Path("reports") / f"{study.stem}-trade")
     asked = [] if rungs is None else rungs.split(",")
     names = [] if only is None else [name.strip() for name in only.split(",")]
+    lasting = duration(limit, "--limit")
     with waiting() as told:
-        done = traded(study, asked, names, repeats=repeats, limit=duration(limit, "--limit"), progress=told)
+        done = kinds.trade(study, asked, names, told, repeats=repeats, limit=lasting)
     _report(done, folder)
 
 
@@ -237,8 +184,8 @@ def _plan(
     ] = None,
 ) -> None:
     """Find the best test within a time, before it is run."""
+    from imubayes.config import read_plan
     from imubayes.config.planned import write_planned
-    from imubayes.config.reading import read_plan
     from imubayes.proposal import propose
     from imubayes.reporting.plan_page import terminal_plan, write_plan
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from imubayes.cli import main
-from imubayes.config import read_lots, read_study
+from imubayes.config import read, read_study
 from imubayes.lots.measure import measure
 from imubayes.reporting.document import write_results
 from imubayes.reporting.lots_results import lots_json
@@ -106,7 +106,7 @@ def test_unit_is_held_against_the_lot_of_its_class(folders, monkeypatch, capsys,
     """The unit whose bias is 11 mg, against a lot with biases of 1 mg or so."""
     out = tmp_path / "class"
     (tmp_path / "lot.toml").write_text(LOT)
-    (tmp_path / "lot.json").write_text(lots_json(measure(read_lots(tmp_path / "lot.toml"))))
+    (tmp_path / "lot.json").write_text(lots_json(measure(read(tmp_path / "lot.toml")[1])))
     assert _call(monkeypatch, "compare", folders / "other", tmp_path / "lot.json", "--out", out) == 0
     assert "ACC is not typical of the lot of class mems_tactical: b0" in " ".join(
         capsys.readouterr().out.split()

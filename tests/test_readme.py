@@ -18,11 +18,7 @@ import imubayes as ib
 from imubayes.campaign import ExtraPosterior, Mission, Sampling
 from imubayes.classes import in_common
 from imubayes.config import (
-    read_extremes,
-    read_fleet,
-    read_lots,
-    read_quality,
-    read_speed,
+    read,
     read_study,
     shapes,
     simulated,
@@ -290,9 +286,7 @@ def _read(folder: Path, tables: dict[str, Any]):
     (folder / "own.toml").write_text(
         STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0]
     )
-    if extremes := read_extremes(path):
-        return extremes
-    return read_fleet(path) or read_lots(path) or read_quality(path) or read_speed(path) or read_study(path)
+    return read(path)[1]
 
 
 @pytest.mark.parametrize(

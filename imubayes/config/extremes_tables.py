@@ -8,9 +8,6 @@ from imubayes.config.shapes import ExtremesTable, HeaderTable, Place, StudyFile,
 from imubayes.extremes.cases import FAMILIES
 from imubayes.extremes.plan import ExtremesStudy
 
-APART = ("sensor", "sampling", "decision", "appendix", "scene", "quality", "lots")
-"""Tables that a study of the extremes has no use for."""
-
 
 def extremes_study(tables: StudyFile, path: Path, text: str) -> ExtremesStudy:
     """Check a study of how many digits are right at the extremes.
@@ -28,9 +25,6 @@ def extremes_study(tables: StudyFile, path: Path, text: str) -> ExtremesStudy:
     header = shaped(HeaderTable, tables.study, place.at("study"))
     here = place.at("extremes")
     table = shaped(ExtremesTable, tables.extremes, here)
-    for key in APART:
-        if getattr(tables, key):
-            raise place.at(key).error("a study of the extremes makes its own problems: leave it out")
     families = table.families or tuple(FAMILIES)
     for k, name in enumerate(families):
         if name not in FAMILIES:

@@ -17,9 +17,6 @@ from imubayes.rig.runs import FREE_TUMBLE, plan_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 
-APART = ("sensor", "sampling", "decision", "appendix", "scene", "quality", "lots")
-"""Tables that a study of a fleet has no use for."""
-
 FEWEST = 2
 """Units below which nothing can be said of a population."""
 
@@ -44,11 +41,6 @@ def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:
     header = shaped(HeaderTable, tables.study, place.at("study"))
     here = place.at("fleet")
     table = shaped(FleetTable, tables.fleet, here)
-    for key in APART:
-        if getattr(tables, key):
-            raise place.at(key).error(
-                "a study of a fleet describes its one kind of sensor itself: leave it out"
-            )
     if header.method not in ("auto", "exact"):
         raise place.at("study").at("method").error("a study of a fleet is exact: leave it out")
     own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))

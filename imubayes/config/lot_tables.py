@@ -25,9 +25,6 @@ from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind
 
-APART = ("sensor", "sampling", "decision", "appendix", "quality")
-"""Tables that a class-level study has no use for."""
-
 
 def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
     """Check a class-level study.
@@ -45,9 +42,6 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
     header = shaped(HeaderTable, tables.study, place.at("study"))
     here = place.at("lots")
     table = shaped(LotsTable, tables.lots, here)
-    for key in APART:
-        if getattr(tables, key):
-            raise place.at(key).error("a class-level study draws the units of its own classes: leave it out")
     if header.method not in ("auto", "exact"):
         raise place.at("study").at("method").error("a class-level study is exact: leave it out")
     own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))

@@ -27,11 +27,6 @@ def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:
     header = shaped(HeaderTable, tables.study, place.at("study"))
     here = place.at("quality")
     table = shaped(QualityTable, tables.quality, here)
-    for key in ("sensor", "sampling", "decision", "appendix"):
-        if getattr(tables, key):
-            raise place.at(key).error(
-                "a study of how good the decision is draws its own sensors: leave it out"
-            )
     with here.blamed():
         library("accelerometer", powers=table.powers, asymmetry=table.asymmetry)
     _check_treatments(table.treatments, here.at("treatments"))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +42,84 @@ from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
 from imubayes.speed.contests import SpeedStudy
 
+AnyStudy = Study | LotStudy | QualityStudy | ExtremesStudy | FleetStudy | SpeedStudy
+"""What a study file becomes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """A kind of study whose file has a table of its own in place of ``[[sensor]]``.
+
+    Attributes
+    ----------
+    what : in words.
+    why : why it has no sensors.
+    read : makes a study of the tables, the file and its text.
+    beside : tables that it can have beside its own and ``[study]``.
+    """
+
+    what: str
+    why: str
+    read: Callable[[StudyFile, Path, str], AnyStudy]
+    beside: tuple[str, ...] = ()
+
+
+FORMS: Mapping[str, Form] = {
+    "lots": Form("a class-level study", "draws the units of its own classes", lot_study, ("scene",)),
+    "quality": Form("a study of how good the decision is", "draws its own sensors", quality_study),
+    "extremes": Form("a study of the extremes", "makes its own problems", extremes_study),
+    "fleet": Form("a study of a fleet", "describes its one kind of sensor itself", fleet_study),
+    "speed": Form("a study of speed", "makes its own problems", speed_study),
+}
+"""Kinds of study by their table; a file with none of them is a study of sensors."""
+
+SENSORS = "sensor"
+"""The kind of study that has the others' tables."""
+
+OF_SENSORS = (SENSORS, "sampling", "decision", "noise", "appendix", "scene", "plan")
+"""Tables of a study of sensors."""
+
+
+def read(path: Path) -> tuple[str, AnyStudy]:
+    """Read and check a study file of any kind.
+
+    Parameters
+    ----------
+    path : of the TOML file; paths in it are relative to it.
+
+    Returns
+    -------
+    (kind, study) : the kind is a key of `FORMS`, or `SENSORS`.
+
+    Raises
+    ------
+    StudyError : naming the file and the key, what was expected, what came, and what to do.
+    """
+    text, tables = _tables(path)
+    kind = kind_of(tables, Place(str(path)))
+    return kind, FORMS[kind].read(tables, path, text) if kind in FORMS else _study(tables, path, text)
+
+
+def kind_of(tables: StudyFile, place: Place) -> str:
+    """Kind of a study by its tables.
+
+    Raises
+    ------
+    StudyError : if there are two kinds, or a table that its kind has no use for.
+    """
+    kinds = [key for key in FORMS if getattr(tables, key) is not None]
+    if len(kinds) > 1:
+        both = " and ".join(f"[{key}] ({FORMS[key].what})" for key in kinds)
+        raise place.error(f"holds {both}: a file is one study, expected a file for each")
+    for kind in kinds:
+        for key in OF_SENSORS:
+            if getattr(tables, key) and key not in FORMS[kind].beside:
+                raise place.at(key).error(f"{FORMS[kind].what} {FORMS[kind].why}: leave it out")
+    return kinds[0] if kinds else SENSORS
+
 
 def read_study(path: Path) -> Study:
-    """Read and check a study file.
+    """Read and check a study of sensors.
 
     Parameters
     ----------
@@ -51,20 +127,22 @@ def read_study(path: Path) -> Study:
 
     Raises
     ------
-    StudyError : naming the file and the key, what was expected, what came, and what to do.
+    StudyError : as `read` does, and for a study of another kind.
     """
+    return _study(*_of_sensors(path))
+
+
+def _of_sensors(path: Path) -> tuple[StudyFile, Path, str]:
+    """Tables of a study of sensors, its file and text."""
     text, tables = _tables(path)
     place = Place(str(path))
-    if tables.quality is not None:
-        raise place.at("quality").error("a study of how good the decision is has no runs: 'imubayes run' it")
-    if tables.lots is not None:
-        raise place.at("lots").error("a class-level study draws its own units: 'imubayes run' it")
-    if tables.extremes is not None:
-        raise place.at("extremes").error("a study of the extremes has no [[sensor]]: 'imubayes run' it")
-    if tables.fleet is not None:
-        raise place.at("fleet").error("a study of a fleet has no [[sensor]]: 'imubayes run' it")
-    if tables.speed is not None:
-        raise place.at("speed").error("a study of speed has no [[sensor]]: 'imubayes run' it")
+    if form := FORMS.get(kind := kind_of(tables, place)):
+        raise place.at(kind).error(f"{form.what} has no [[sensor]] and {form.why}: 'imubayes run' it")
+    return tables, path, text
+
+
+def _study(tables: StudyFile, path: Path, text: str) -> Study:
+    place = Place(str(path))
     if tables.plan is not None and not any(raw.get("run") for raw in tables.sensor):
         raise place.at("plan").error("nothing has been run yet: 'imubayes plan' it")
     header = shaped(HeaderTable, tables.study, place.at("study"))
@@ -96,81 +174,6 @@ def read_study(path: Path) -> Study:
     )
 
 
-def read_quality(path: Path) -> QualityStudy | None:
-    """Read and check a study of how good the decision is; None where a study file is not one.
-
-    Parameters
-    ----------
-    path : of the TOML file.
-
-    Raises
-    ------
-    StudyError : as `read_study` does.
-    """
-    text, tables = _tables(path)
-    return quality_study(tables, path, text) if tables.quality is not None else None
-
-
-def read_lots(path: Path) -> LotStudy | None:
-    """Read and check a class-level study; None where a study file is not one.
-
-    Parameters
-    ----------
-    path : of the TOML file.
-
-    Raises
-    ------
-    StudyError : as `read_study` does.
-    """
-    text, tables = _tables(path)
-    return lot_study(tables, path, text) if tables.lots is not None else None
-
-
-def read_extremes(path: Path) -> ExtremesStudy | None:
-    """Read and check a study of the extremes; None where a study file is not one.
-
-    Parameters
-    ----------
-    path : of the TOML file.
-
-    Raises
-    ------
-    StudyError : as `read_study` does.
-    """
-    text, tables = _tables(path)
-    return extremes_study(tables, path, text) if tables.extremes is not None else None
-
-
-def read_fleet(path: Path) -> FleetStudy | None:
-    """Read and check a study of a fleet; None where a study file is not one.
-
-    Parameters
-    ----------
-    path : of the TOML file.
-
-    Raises
-    ------
-    StudyError : as `read_study` does.
-    """
-    text, tables = _tables(path)
-    return fleet_study(tables, path, text) if tables.fleet is not None else None
-
-
-def read_speed(path: Path) -> SpeedStudy | None:
-    """Read and check a study of speed; None where a study file is not one.
-
-    Parameters
-    ----------
-    path : of the TOML file.
-
-    Raises
-    ------
-    StudyError : as `read_study` does.
-    """
-    text, tables = _tables(path)
-    return speed_study(tables, path, text) if tables.speed is not None else None
-
-
 def read_plan(path: Path) -> PlanStudy:
     """Read and check a study with a plan to make.
 
@@ -182,8 +185,7 @@ def read_plan(path: Path) -> PlanStudy:
     ------
     StudyError : as `read_study` does.
     """
-    text, tables = _tables(path)
-    return plan_study(tables, path, text)
+    return plan_study(*_of_sensors(path))
 
 
 def read_runs(path: Path | str, sensor: str = "") -> tuple[AnyRun, ...]:

@@ -9,9 +9,6 @@ from imubayes.config.shapes import GrowthTable, HeaderTable, Place, SpeedTable, 
 from imubayes.speed.contests import Quantity, SpeedStudy, Subject
 from imubayes.speed.growth import FEWEST
 
-APART = ("sensor", "sampling", "decision", "appendix", "scene", "quality", "lots", "extremes", "fleet")
-"""Tables that a study of speed has no use for."""
-
 SMALLEST: dict[Subject, tuple[int, int]] = {
     "least squares": (100, 10_000_000),
     "one-sided": (100, 10_000_000),
@@ -41,9 +38,6 @@ def speed_study(tables: StudyFile, path: Path, text: str) -> SpeedStudy:
     here = place.at("speed")
     table = shaped(SpeedTable, tables.speed, here)
     growth = shaped(GrowthTable, table.growth, here.at("growth"))
-    for key in APART:
-        if getattr(tables, key):
-            raise place.at(key).error("a study of speed makes its own problems: leave it out")
     contests: dict[Subject, tuple[int, ...]] = {
         "least squares": table.least_squares,
         "one-sided": table.one_sided,

@@ -98,7 +98,7 @@ def measure(study: ExtremesStudy, *, progress: Progress = lambda message: None) 
 
     Parameters
     ----------
-    study : as `config.read_extremes` gives it.
+    study : as `config.read` gives it.
     progress : is told what goes on.
     """
     start = time.perf_counter()

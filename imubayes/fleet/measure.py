@@ -57,7 +57,7 @@ def measure(
 
     Parameters
     ----------
-    study : as `config.read_fleet` gives it.
+    study : as `config.read` gives it.
     folder : of the results; a part is kept there as soon as it is done, and all become its dataset ``units``
         when none is left.
     engine : who does the work.

@@ -23,7 +23,7 @@ def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> Lo
 
     Parameters
     ----------
-    study : as `config.read_lots` gives it.
+    study : as `config.read` gives it.
     progress : is told how many units are done.
     """
     start = time.perf_counter()

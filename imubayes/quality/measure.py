@@ -43,7 +43,7 @@ def measure(study: QualityStudy, *, progress: Progress = lambda message: None) -
 
     Parameters
     ----------
-    study : as `config.read_quality` gives it.
+    study : as `config.read` gives it.
     progress : is told what goes on.
     """
     start = time.perf_counter()

@@ -96,7 +96,7 @@ def measure(study: SpeedStudy, *, progress: Progress = lambda message: None) -> 
 
     Parameters
     ----------
-    study : as `config.read_speed` gives it.
+    study : as `config.read` gives it.
     progress : is told what is timed.
     """
     start, here = time.perf_counter(), machine()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from imubayes.config import read_extremes, read_study
+from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 from imubayes.extremes.cases import FAMILIES, cases
 
@@ -16,7 +16,7 @@ def _written(folder, table: str):
 
 
 def test_without_families_all_of_them_are_measured(tmp_path):
-    study = read_extremes(_written(tmp_path, ""))
+    study = read(_written(tmp_path, ""))[1]
     assert study.families == tuple(FAMILIES)
     assert (study.seed, study.every) == (4, 1)
 
@@ -32,7 +32,7 @@ def test_without_families_all_of_them_are_measured(tmp_path):
 )
 def test_a_table_that_cannot_be_measured_is_refused_by_its_key(tmp_path, table, expected):
     with pytest.raises(StudyError, match=expected):
-        read_extremes(_written(tmp_path, table))
+        read(_written(tmp_path, table))[1]
 
 
 def test_a_study_of_the_extremes_is_no_study_of_sensors(tmp_path):

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.config import read_fleet, read_lots, read_quality, read_study
+from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -31,7 +31,7 @@ SIMULATED = 'simulate = { angles = 4, planes = 2, dwell = "4 s", rate = "1 Hz" }
 def _read(folder: Path, text: str):
     path = folder / "fleet.toml"
     path.write_text(text, encoding="utf-8")
-    return read_fleet(path)
+    return read(path)[1]
 
 
 def _units(folder: Path, *files: str) -> None:
@@ -52,13 +52,13 @@ def test_study_has_what_its_file_says(tmp_path):
 
 
 def test_study_without_the_table_is_no_fleet():
-    assert read_fleet(STUDIES / "quickstart.toml") is None
+    assert read(STUDIES / "quickstart.toml")[0] != "fleet"
 
 
 def test_fleet_is_no_other_study(tmp_path):
     path = _read(tmp_path, SMALL).path
-    assert read_lots(path) is None
-    assert read_quality(path) is None
+    assert read(path)[0] != "lots"
+    assert read(path)[0] != "quality"
     with pytest.raises(StudyError, match=r"fleet: .*'imubayes run' it"):
         read_study(path)
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.config import read_quality, read_study
+from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 from imubayes.quality.trials import MODELLED, TREATMENTS
 
@@ -10,7 +10,7 @@ from imubayes.quality.trials import MODELLED, TREATMENTS
 def _read(folder: Path, text: str):
     path = folder / "quality.toml"
     path.write_text(text)
-    return read_quality(path)
+    return read(path)[1]
 
 
 def test_empty_table_is_a_study_with_the_defaults(tmp_path):
@@ -21,13 +21,9 @@ def test_empty_table_is_a_study_with_the_defaults(tmp_path):
 
 
 def test_committed_study_asks_for_two_hundred_sensors_under_every_treatment():
-    study = read_quality(Path(__file__).parents[2] / "studies" / "decision_quality.toml")
+    study = read(Path(__file__).parents[2] / "studies" / "decision_quality.toml")[1]
     assert study.sensors >= 200
     assert study.treatments == TREATMENTS
-
-
-def test_study_of_sensors_is_no_study_of_quality(tmp_path):
-    assert _read(tmp_path, '[study]\ntitle = "x"\n') is None
 
 
 def test_no_more_sensors_are_misspecified_than_there_are(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.config import read_speed, read_study
+from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 
 PROJECT = Path(__file__).parents[2]
@@ -19,14 +19,14 @@ def _written(folder: Path, text: str) -> Path:
 
 
 def test_the_study_of_speed_reads_as_it_is_written():
-    study = read_speed(PROJECT / "studies/speed.toml")
+    study = read(PROJECT / "studies/speed.toml")[1]
     assert study is not None
     assert study.contests["enumeration"] == (20, 23, 26)
     assert all(len(sizes) >= 3 for sizes in study.growth.values())
 
 
 def test_another_study_is_none_of_speed():
-    assert read_speed(PROJECT / "studies/quickstart.toml") is None
+    assert read(PROJECT / "studies/quickstart.toml")[0] != "speed"
 
 
 def test_a_study_of_speed_has_no_runs():
@@ -49,4 +49,4 @@ def test_a_study_of_speed_has_no_runs():
 )
 def test_a_wrong_key_or_size_is_named(tmp_path, text, said):
     with pytest.raises(StudyError, match=said):
-        read_speed(_written(tmp_path, text))
+        read(_written(tmp_path, text))[1]

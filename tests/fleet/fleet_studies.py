@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign import SensorSpec
-from imubayes.config import read_fleet
+from imubayes.config import read
 from imubayes.fleet.engines import Engine
 from imubayes.fleet.plan import FleetStudy, parts_of, simulated_units
 from imubayes.lots.units import simulate_unit
@@ -99,9 +99,7 @@ def recorded(
         write_run(made, folder / "units" / name / "tumble.csv", kind="accelerometer")
     path = folder / "fleet.toml"
     path.write_text(STUDY, encoding="utf-8")
-    read = read_fleet(path)
-    assert read is not None
-    return read
+    return read(path)[1]
 
 
 def first_part(study: FleetStudy):

@@ -6,7 +6,7 @@ import pytest
 from fleet_studies import backwards, fleet, here, recorded
 from pyarrow import parquet
 
-from imubayes.config import read_fleet
+from imubayes.config import read
 from imubayes.errors import InputError
 from imubayes.fleet.engines import Engine, engine
 from imubayes.fleet.keeping import GROWING, UNITS
@@ -126,7 +126,7 @@ def test_unit_that_is_added_before_the_others_is_the_only_one_that_is_done(tmp_p
     study, out, tried = recorded(tmp_path), tmp_path / "out", list[str]()
     measure(study, out, here())
     (tmp_path / "units" / "A5").rename(tmp_path / "units" / "A0")
-    more = read_fleet(study.path)
+    more = read(study.path)[1]
     assert more is not None
     result = measure(more, out, noting(tried), resume=True)
     assert (tried, result.resumed) == (["A0"], 4)

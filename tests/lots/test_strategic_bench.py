@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from imubayes.campaign import SensorSpec
-from imubayes.config import read_lots
+from imubayes.config import read
 from imubayes.lots.units import lot_of, simulate_unit
 from imubayes.preparation import prepare
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.catalogue import sensor
 
-SCENES = read_lots(Path(__file__).parents[2] / "studies" / "scenes.toml")
+SCENES = read(Path(__file__).parents[2] / "studies" / "scenes.toml")[1]
 ARCSECOND = np.pi / 180.0 / 3600.0
 
 

@@ -6,7 +6,7 @@ import pytest
 from trades import problem
 
 from imubayes.campaign import Study
-from imubayes.config import read_lots
+from imubayes.config import read
 from imubayes.errors import InputError
 from imubayes.trade.again import sensors
 from imubayes.trade.subjects import of_lots, of_study
@@ -16,7 +16,7 @@ LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"
 
 @pytest.fixture(scope="module")
 def lots():
-    study = read_lots(LOTS)
+    study = read(LOTS)[1]
     assert study
     return replace(study, missions=())
 

@@ -1,0 +1,84 @@
+"""A study file is one study, of one kind."""
+
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from imubayes import kinds
+from imubayes.config import read, read_study
+from imubayes.config.reading import FORMS, OF_SENSORS, SENSORS
+from imubayes.console import Waiting
+from imubayes.errors import InputError, StudyError
+
+STUDIES = Path(__file__).parents[2] / "studies"
+SENSOR = '[[sensor]]\nid = "A"\nkind = "accelerometer"\n'
+KIND = {
+    "accelerometer_grades": "lots",
+    "basic_vs_generalized": "lots",
+    "decision_quality": "quality",
+    "extremes": "extremes",
+    "fleet": "fleet",
+    "mems_vs_fog": "lots",
+    "scenes": "lots",
+    "scenes_accelerometers": "lots",
+    "speed": "speed",
+}
+
+
+def written(folder, text):
+    path = folder / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("one", "other"), list(combinations(FORMS, 2)))
+def test_two_kinds_in_one_file_are_refused_by_name(one, other, tmp_path):
+    path = written(tmp_path, f"[{other}]\n[{one}]\n")
+    for reader in (read, read_study):
+        with pytest.raises(StudyError, match=rf"holds \[{one}\] .* and \[{other}\] .* a file for each"):
+            reader(path)
+
+
+@pytest.mark.parametrize("kind", FORMS)
+@pytest.mark.parametrize("table", OF_SENSORS)
+def test_table_that_a_kind_has_no_use_for_is_refused(kind, table, tmp_path):
+    if table in FORMS[kind].beside:
+        return
+    text = {"sensor": SENSOR, "scene": "[[scene]]\nname = 'x'\n", "appendix": "[[appendix]]\ntitle = 'x'\n"}
+    path = written(tmp_path, f"[{kind}]\n{text.get(table, f'[{table}]' + chr(10) + 'x = 1')}\n")
+    with pytest.raises(StudyError, match=rf"study.toml: {table}: {FORMS[kind].what} .*: leave it out"):
+        read(path)
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_study_that_ships_is_of_its_kind(path):
+    if path.stem.startswith("plan"):
+        return
+    expected = KIND.get(path.stem, SENSORS)
+    assert read(path)[0] == expected
+    if expected in FORMS:
+        with pytest.raises(StudyError, match=rf"{expected}: {FORMS[expected].what} has no .*imubayes run"):
+            read_study(path)
+
+
+def test_every_kind_that_is_read_can_be_run():
+    assert kinds.KINDS.keys() == {SENSORS, *FORMS}
+
+
+@pytest.mark.parametrize("name", ["extremes", "speed", "decision_quality", "fleet"])
+def test_kind_without_methods_to_trade_says_so(name):
+    with pytest.raises(InputError, match=rf"\[{KIND[name]}\] has no methods to trade"):
+        kinds.trade(STUDIES / f"{name}.toml", [], [], Waiting(), repeats=0, limit=1.0)
+
+
+@pytest.mark.parametrize("name", sorted({kind: name for name, kind in KIND.items()}.values()))
+def test_kind_that_leaves_no_choice_of_methods_refuses_their_options(name, tmp_path):
+    asked = kinds.Asked(tmp_path, budget="5 s")
+    with pytest.raises(InputError, match="leave them out"):
+        kinds.run(STUDIES / f"{name}.toml", asked, Waiting())
+
+
+def test_scheduler_is_for_a_fleet_alone(tmp_path):
+    with pytest.raises(InputError, match="--scheduler shares out"):
+        kinds.run(STUDIES / "quickstart.toml", kinds.Asked(tmp_path, scheduler="local"), Waiting())
