@@ -6,6 +6,7 @@ Text stays text, the page's own font is used, nothing is rasterised, and the sam
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -132,9 +133,10 @@ def draw(
     """
     space = margins or Margins()
     across, up = WIDTH - space.left - space.right, height - space.top - space.bottom
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
         figure = Figure(figsize=(WIDTH / 72.0, height / 72.0), dpi=72)
-        paint(figure.add_axes((space.left / WIDTH, space.bottom / height, across / WIDTH, up / height)))
+        box = (space.left / WIDTH, space.bottom / height, across / WIDTH, up / height)
+        paint(figure.add_axes(box, axes_class=_AnyAxes))
         return Panel(title, _inline(_svg(figure), key, alt, (WIDTH, height)))
 
 
@@ -159,15 +161,51 @@ def draw_triangle(
     space, gap = Margins(left=78, bottom=58), 10
     size = n * cell + (n - 1) * gap
     width, height = size + space.left + space.right, size + space.top + space.bottom
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
         figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
         for row in range(n):
             bottom = space.bottom + (n - 1 - row) * (cell + gap)
             for column in range(row + 1):
                 left = space.left + column * (cell + gap)
                 box = (left / width, bottom / height, cell / width, cell / height)
-                paint(figure.add_axes(box), row, column)
+                paint(figure.add_axes(box, axes_class=_AnyAxes), row, column)
         return Panel(title, _inline(_svg(figure), key, alt, (width, height)))
+
+
+class _AnyAxes(Axes):
+    """Axes that take the numbers of any result, so that no figure has to look at its own before it sets them.
+
+    A limit that is not finite, or not positive on a log axis, stays where the data put it; limits that are
+    the same are moved apart; and an axis on which nothing is positive stays linear.
+    """
+
+    def set_xlim(self, left: Any = None, right: Any = None, **options: Any) -> tuple[float, float]:
+        ends = (left, right) if right is not None or np.isscalar(left) or left is None else left
+        return super().set_xlim(*_possible(ends, self.get_xlim(), self.get_xscale()), **options)
+
+    def set_ylim(self, bottom: Any = None, top: Any = None, **options: Any) -> tuple[float, float]:
+        ends = (bottom, top) if top is not None or np.isscalar(bottom) or bottom is None else bottom
+        return super().set_ylim(*_possible(ends, self.get_ylim(), self.get_yscale()), **options)
+
+    def set_xscale(self, value: Any, **options: Any) -> None:
+        least = self.dataLim.minposx if self.get_autoscalex_on() else min(self.get_xlim())
+        super().set_xscale(value if value != "log" or 0.0 < least < math.inf else "linear", **options)
+
+    def set_yscale(self, value: Any, **options: Any) -> None:
+        least = self.dataLim.minposy if self.get_autoscaley_on() else min(self.get_ylim())
+        super().set_yscale(value if value != "log" or 0.0 < least < math.inf else "linear", **options)
+
+
+def _possible(ends: Any, now: tuple[float, float], scale: str) -> tuple[float, float]:
+    """Limits that an axis can have, as near to `ends` as may be; `now` it has others."""
+    lowest = 0.0 if scale == "log" else -math.inf
+    low, high = (
+        float(end) if end is not None and lowest < end < math.inf else old
+        for end, old in zip(ends, now, strict=True)
+    )
+    if low != high:
+        return low, high
+    return (low / 2.0, 2.0 * low) if scale == "log" else (low - (abs(low) or 1.0), low + (abs(low) or 1.0))
 
 
 def _svg(figure: Figure) -> str:
@@ -213,9 +251,12 @@ def plain_logs(axes: Axes) -> None:
 
 
 def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
-    """Give one axis a log scale with at most so many plain numbers."""
+    """Give one axis a log scale with at most so many plain numbers; none where nothing on it is positive."""
     axis, limits = (axes.xaxis, axes.get_xlim) if which == "x" else (axes.yaxis, axes.get_ylim)
     axes.set(**{f"{which}scale": "log"})
+    if axis.get_scale() != "log":
+        axis.set_major_locator(MaxNLocator(4))
+        return
     low, high = limits()
     steps = (1.0,) if high > 300.0 * low else (1.0, 3.0) if high > 10.0 * low else (1.0, 2.0, 3.0, 5.0, 7.0)
     axis.set_major_locator(LogLocator(subs=steps, numticks=numbers))

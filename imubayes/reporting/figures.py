@@ -189,7 +189,7 @@ def posteriors(sensor: SensorResult, key: str) -> list[Panel]:
 
 
 def _is_kept(term: TermVerdict, model: tuple[str, ...]) -> bool:
-    return term.name in model and 0.0 < term.sd < math.inf
+    return term.name in model and 0.0 < term.sd < math.inf and math.isfinite(term.mean)
 
 
 def _posterior(sensor: SensorResult, j: int, key: str) -> Panel:

@@ -151,7 +151,7 @@ def against_inputs(sensor: SensorResult, key: str, most: int = MOST_POINTS) -> l
         having = [check for check in sensor.checks if channel in check.inputs]
         x = np.concatenate([check.inputs[channel] for check in having])
         y = np.concatenate([check.shown for check in having])
-        if len(x) == len(y) and np.ptp(x) > 0.0:
+        if 0 < len(x) == len(y) and np.ptp(x) > 0.0:
             said = left_words(misfit, channel, sensor.kind) if misfit else ""
             panels.append(_against((channel, said), x, y, sensor.kind, f"{key}i{number}", most))
     return panels

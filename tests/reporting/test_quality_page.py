@@ -58,12 +58,16 @@ def _trial(number: int, treatment: str, wrong: float) -> Trial:
     )
 
 
-@pytest.fixture(scope="module")
-def quality():
+def made_quality() -> Quality:
     tried = tuple(_trial(k, t, w) for t, w in ((MODELLED, 0.2), (WHITE, 0.5)) for k in range(20))
     rng = np.random.default_rng(1)
     told = tuple(scores(tried, t, kind, rng=rng) for t in (MODELLED, WHITE) for kind in ("", "accelerometer"))
     return Quality(STUDY, tried, told, 120.0)
+
+
+@pytest.fixture(scope="module")
+def quality() -> Quality:
+    return made_quality()
 
 
 def test_answer_has_the_counts_behind_it(quality):

@@ -19,8 +19,7 @@ from imubayes.speed.measure import Found, Place, Speed
 SIZES = (1_000, 10_000, 100_000)
 
 
-@pytest.fixture(scope="module")
-def speed() -> Speed:
+def made_speed() -> Speed:
     contest = Found(
         "least squares",
         1_000,
@@ -50,6 +49,11 @@ def speed() -> Speed:
     machine = Machine("A processor", "System 1", 2, {"linear algebra": 1}, math.nan, {"numpy": "2.0"})
     study = SpeedStudy("Speed", 1, 2, {}, {}, Path("speed.toml"), "[speed]\n# <b>")
     return Speed(study, (contest, models), (law,), machine, 1.0)
+
+
+@pytest.fixture(scope="module")
+def speed() -> Speed:
+    return made_speed()
 
 
 def test_answer_names_the_models_a_second_and_the_peers(speed):

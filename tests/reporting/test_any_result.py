@@ -1,0 +1,342 @@
+"""Every figure is drawn from any result: nothing, one sample, numbers without end, verdicts of one kind."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import pkgutil
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from conftest import judged_result, repeatability, sampled_result, study_result
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lots_found import lot_result
+from populations_found import term_found
+from scenes_found import a_relevance
+from test_case_views import recovered
+from test_fleet_page import _result as fleet_result
+from test_quality_page import made_quality
+from test_speed_page import made_speed
+from test_trade_page import _traded
+
+import imubayes.reporting
+from imubayes.extremes.digits import MOST
+from imubayes.fleet.reduction import VERDICTS
+from imubayes.inference.allan_fit import AllanCurve
+from imubayes.planning.candidates import Step
+from imubayes.reporting import (
+    case_figures,
+    chain_figures,
+    extremes_figures,
+    figures,
+    fit_figures,
+    fleet_figures,
+    lots_figures,
+    method_figures,
+    method_glance,
+    noise_figures,
+    plan_figures,
+    population_figures,
+    quality_figures,
+    scene_figures,
+    speed_figures,
+    trade_figures,
+)
+from imubayes.reporting.canvas import Panel
+from imubayes.reporting.session_views import session_view
+from imubayes.selection.relevance import QUADRANTS
+
+Panels = Iterable[Panel | None]
+
+NUMBERS = (0.0, 1.0, -1.0, 1e-200, 1e200, math.inf, -math.inf, math.nan)
+"""What may stand in the place of any number of a result."""
+
+
+def _watched() -> chain_figures.Watched:
+    return chain_figures.Watched("b0", "b0", "ug", 1.0 + np.random.default_rng(1).random((4, 60)))
+
+
+def _planned() -> SimpleNamespace:
+    lib = sampled_result().selection.columns
+    p = len(lib)
+    menu = SimpleNamespace(mount=np.arange(3), handling=SimpleNamespace(setup=60.0, settle=5.0, mount=30.0))
+    steps = tuple(Step(0, k, 30.0) for k in range(3))
+    even, same, best = (
+        SimpleNamespace(name=name, steps=steps, sd=np.geomspace(0.1, 1.0, p))
+        for name in ("even", "same", "best")
+    )
+    spec = SimpleNamespace(kind="accelerometer", library=SimpleNamespace(names=lib))
+    return SimpleNamespace(
+        study=SimpleNamespace(spec=spec), prior_sd=np.ones(p), need=np.full(p, 0.3), needed=lib[:2],
+        menus=(menu, menu), own=(np.array([9.8, 0.0, -9.8]),) * 2, even=even, same=same, best=best,
+        worst=lambda outcome: (lib[0], float(outcome.sd[0]) or 1.0),
+    )  # fmt: skip
+
+
+def _noise() -> SimpleNamespace:
+    tau = np.geomspace(1.0, 300.0, 12)
+    shares = {symbol: tau**slope for symbol, slope in zip("NBK", (-0.5, 0.0, 0.5), strict=True)}
+    total = np.sqrt(sum(share**2 for share in shares.values()))
+    return SimpleNamespace(curve=AllanCurve(tau, 1.1 * total, 0.9 * total, 1.3 * total, shares, total))
+
+
+def _digits() -> tuple[SimpleNamespace, ...]:
+    told = {name: SimpleNamespace(correct=MOST - 3.0) for name in ("mean", "evidence")}
+    return tuple(SimpleNamespace(family="columns", label=f"1e{k}", told=told) for k in range(4))
+
+
+def _of_methods(sensor: Any) -> Iterator[Panel | None]:
+    panel, selection = sensor.panel, sensor.selection
+    yield method_glance.glance(panel.votes, selection, {}, "g")
+    for n, one in enumerate(panel.sindy[:2]):
+        yield method_figures.threshold_path(one, selection.model, {}, f"h{n}")
+    yield method_figures.prior_widths(panel.sensitivity, (2, 3), selection.costs, {}, "p")
+    yield method_figures.reduced_path(panel.reduced, sensor.kind, "e")
+    for n, one in enumerate(sensor.misfit.dependences):
+        yield method_figures.dependence(one, sensor.kind, f"m{n}")
+
+
+def _of_choice(sensor: Any) -> Iterator[Panel | None]:
+    for paint in (figures.inclusion, figures.model_size, figures.best_models, figures.correlations):
+        yield paint(sensor, paint.__name__)
+    yield from figures.posteriors(sensor, "p")
+
+
+def _of_fit(sensor: Any) -> Iterator[Panel | None]:
+    yield from fit_figures.against_inputs(sensor, "i")
+    for check in sensor.checks:
+        yield fit_figures.over_time(check, "t")
+        yield fit_figures.autocorrelation(check, "c")
+        yield fit_figures.allan(check, sensor.kind, "l")
+
+
+def _of_chains(watched: chain_figures.Watched) -> Panels:
+    return chain_figures.trace(watched, "t"), chain_figures.ranks(watched, "r")
+
+
+def _of_lots(result: Any) -> Iterator[Panel | None]:
+    yield lots_figures.needed_matrix(result, "a")
+    yield lots_figures.scene_matrix(result, 0, "b")
+    yield lots_figures.class_matrix(result.classes[0], "c")
+    yield lots_figures.order_panel(result, "d")
+    yield lots_figures.population_panel(result.classes[0], result.study.library, "e")
+
+
+def _of_quality(quality: Any) -> Iterator[Panel | None]:
+    told = quality.scores[0]
+    for paint in ("drops_panel", "cost_panel", "ratio_panel", "calibration_panel"):
+        yield getattr(quality_figures, paint)(told, paint)
+
+
+def _of_speed(speed: Any) -> Iterator[Panel | None]:
+    yield from (speed_figures.contest_panel(found, "c") for found in speed.contests)
+    yield from (speed_figures.law_panel(law, "l") for law in speed.laws)
+
+
+def _of_trade(found: Any) -> Panels:
+    return trade_figures.trade_panels(found)
+
+
+def _of_corner(sensor: Any) -> Panels:
+    return (chain_figures.corner(sensor, sensor.chains, "c"),)
+
+
+def _of_sessions(one: Any) -> Panels:
+    view = session_view(replace(study_result(), sessions=(one,)))
+    return view.panels if view else ()
+
+
+def _of_plan(found: Any) -> Panels:
+    return plan_figures.predicted_panel(found, "p"), plan_figures.course_panel(found, "c")
+
+
+def _of_fleet(result: Any) -> Panels:
+    return fleet_figures.verdict_panel(result, "v"), fleet_figures.fleet_population_panel(result, "p")
+
+
+def _of_scene(found: Any) -> Panels:
+    return scene_figures.quadrants(found, "q"), scene_figures.path(found, "p")
+
+
+FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
+    "case": (recovered, lambda one: (case_figures.recovered_panel(one, "r"),)),
+    "chains": (_watched, _of_chains),
+    "corner": (sampled_result, _of_corner),
+    "digits": (_digits, lambda outcomes: (extremes_figures.digits_panel(outcomes, "x"),)),
+    "choice": (judged_result, _of_choice),
+    "fit": (judged_result, _of_fit),
+    "fleet": (fleet_result, _of_fleet),
+    "lots": (lot_result, _of_lots),
+    "methods": (judged_result, _of_methods),
+    "noise": (_noise, lambda found: (noise_figures.allan_panel(found, "gyroscope", "n"),)),
+    "plan": (_planned, _of_plan),
+    "population": (lambda: term_found("b0"), lambda one: (population_figures.units_panel(one, (one,), "u"),)),
+    "quality": (made_quality, _of_quality),
+    "scene": (a_relevance, _of_scene),
+    "sessions": (repeatability, _of_sessions),
+    "speed": (made_speed, _of_speed),
+    "trade": (_traded, _of_trade),
+}
+"""An example of what each family of figures shows, and how it is drawn."""
+
+
+ASKED = ("study", "trade", "ladder", "costs", "budget", "sensor_class", "draws", "prior_draws")
+"""What was asked is as it was."""
+
+POSITIVE = (
+    "seconds",
+    "whole_seconds",
+    "fastest",
+    "widths",
+    "sizes",
+    "strength",
+    "tau",
+    "prior_sd",
+    "at_one",
+    "best",
+)
+SHARES = ("inclusion", "inclusion_range", "keeps", "correct")
+FINITE = ("by_size",)
+"""Names of numbers that are finite and above zero, from 0 to 1, or finite, whatever is measured."""
+
+
+def changed(value: Any, number: Callable[[float], float], name: str = "") -> Any:
+    """The same result with other numbers; counts, names and shapes stay."""
+    if isinstance(value, float):
+        return possible(name, number(value))
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        return np.array([possible(name, number(x)) for x in value.ravel().tolist()]).reshape(value.shape)
+    if isinstance(value, tuple) and type(value) is tuple:
+        return tuple(changed(one, number, name) for one in value)
+    if isinstance(value, dict):
+        return {key: changed(one, number, name) for key, one in value.items()}
+    if isinstance(value, SimpleNamespace):
+        return SimpleNamespace(**{key: changed(one, number, key) for key, one in vars(value).items()})
+    if is_dataclass(value) and not isinstance(value, type):
+        found = [f.name for f in fields(value) if f.name not in ASKED]
+        return replace(value, **{name: changed(getattr(value, name), number, name) for name in found})
+    return value
+
+
+def possible(name: str, value: float) -> float:
+    """What can stand under a name instead of a number."""
+    if name in POSITIVE:
+        return abs(value) if 0.0 < abs(value) < math.inf else 1.0
+    if name in SHARES and not math.isnan(value):
+        return min(max(value, 0.0), 1.0)
+    return 0.0 if name in FINITE and not math.isfinite(value) else value
+
+
+def drawn(name: str, number: Callable[[float], float]) -> None:
+    make, paint = FIGURES[name]
+    with np.errstate(all="ignore"):
+        shown(paint(changed(make(), number)))
+
+
+def shown(panels: Panels) -> None:
+    for panel in panels:
+        if panel is not None:
+            assert ElementTree.fromstring(panel.svg).get("role") == "img"
+            assert panel.title
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_are_drawn_where_all_numbers_are_the_same(name, number):
+    drawn(name, lambda _: number)
+
+
+@settings(max_examples=3)
+@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 1.0))
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_are_drawn_from_any_mixture_of_numbers(name, seed, share):
+    rng = np.random.default_rng(seed)
+    drawn(name, lambda old: float(rng.choice(NUMBERS)) if rng.random() < share else old)
+
+
+def cut(value: Any, count: int) -> Any:
+    """The same result with its first `count` samples only."""
+    if isinstance(value, np.ndarray):
+        return value[:count]
+    if isinstance(value, dict):
+        return {key: cut(one, count) for key, one in value.items()}
+    found = {f.name: getattr(value, f.name) for f in fields(value)}
+    return replace(value, **{k: cut(v, count) for k, v in found.items() if isinstance(v, np.ndarray | dict)})
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_residuals_of_few_samples_are_drawn(count):
+    sensor = judged_result()
+    shown(_of_fit(replace(sensor, checks=tuple(cut(check, count) for check in sensor.checks))))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_samples_are_drawn(count):
+    sensor, sampled, watched = judged_result(), sampled_result(), _watched()
+    noisy = SimpleNamespace(curve=cut(_noise().curve, count))
+    shown((noise_figures.allan_panel(noisy, "gyroscope", "n"),))
+    shown((method_figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
+    shown(_of_chains(replace(watched, draws=watched.draws[:, :count])))
+    shown((case_figures.recovered_panel(recovered(count=count), "r"),))
+    shown((extremes_figures.digits_panel(_digits()[:count], "x"),))
+    shown(_of_sessions(repeatability(units=count)))
+    single = cut(term_found("b0"), count)
+    single = replace(single, units=single.units[:count])
+    shown((population_figures.units_panel(single, (single,), "u"),))
+    chains = replace(sampled.chains, theta=sampled.chains.theta[:, :count])
+    shown(_of_corner(replace(sampled, chains=chains)))
+    shown(_of_choice(replace(sensor, draws=sensor.draws[:count])))
+
+
+def test_a_single_candidate_that_drops_out_at_once_is_drawn():
+    sensor = judged_result()
+    whole = sensor.panel.sindy[0]
+    for path in (np.zeros((25, 1)), whole.path[:, :1]):
+        one = replace(whole, names=("b0",), model=(), path=path, stable=())
+        shown((method_figures.threshold_path(one, (), {}, "h"),))
+    for lost in (0.0, 1e-3):
+        reduced = replace(sensor.panel.reduced, terms=(), lost=lost, path=(((), lost),))
+        shown((method_figures.reduced_path(reduced, sensor.kind, "e"),))
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_verdicts_of_one_kind_are_drawn(verdict):
+    sampled, judged, fleet = sampled_result(), judged_result(), fleet_result()
+    terms = tuple(replace(term, verdict=verdict) for term in judged.selection.terms)
+    judged = replace(judged, selection=replace(judged.selection, terms=terms))
+    shown(_of_choice(judged))
+    if verdict == "untested":
+        shown(_of_corner(replace(sampled, selection=judged.selection)))
+    else:
+        shown(_of_methods(judged))
+    counts = np.zeros_like(fleet.answer.counts)
+    counts[VERDICTS.index(verdict)] = fleet.answer.units
+    shown(_of_fleet(replace(fleet, answer=replace(fleet.answer, counts=counts))))
+
+
+@pytest.mark.parametrize("quadrant", QUADRANTS)
+def test_terms_of_one_quadrant_are_drawn(quadrant):
+    found = a_relevance()
+    shown(_of_scene(replace(found, terms=tuple(replace(term, quadrant=quadrant) for term in found.terms))))
+
+
+def test_no_figure_is_missing_here():
+    """Every public function that draws is named in this file; `trade_panels` calls those of its module."""
+    told = Path(__file__).read_text() + inspect.getsource(trade_figures.trade_panels)
+    for found in pkgutil.walk_packages(imubayes.reporting.__path__, "imubayes.reporting."):
+        module = import_module(found.name)
+        if "figures" in found.name or (hasattr(module, "draw") and not found.name.endswith(".canvas")):
+            assert found.name.rpartition(".")[2] in told
+            for name, function in inspect.getmembers(module, inspect.isfunction):
+                own = function.__module__ == found.name and not name.startswith("_")
+                if own and "Panel" in str(function.__annotations__.get("return")):
+                    assert re.search(rf"\b{name}\b", told), f"{found.name}.{name}"
