@@ -52,8 +52,9 @@ VERDICT_COLOURS = {
 }
 """Okabe and Ito's colours, which people with any colour vision tell apart; a shape goes with each."""
 
-SERIES = (ACCENT, "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
-"""Colours of ensembles or sessions beside each other, of the same two authors."""
+SERIES = (ACCENT, "#009E73", "#56B4E9", INK)
+"""Colours of ensembles or sessions beside each other. Orange is left to what is undecided, vermilion to
+limits and to what calls for attention, purple to what cannot be told."""
 
 WIDTH = 350
 """px: panels flow beside each other on a desk, and one fits the width of a telephone."""

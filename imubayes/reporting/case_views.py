@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -86,12 +86,18 @@ class PooledRow:
 
 @dataclass(frozen=True, slots=True)
 class PooledTable:
-    """Terms that a kind of component needs: its components, rows, and the finding in words."""
+    """Terms that a kind of component needs: its components, rows, and the finding in words.
+
+    Attributes
+    ----------
+    also : names of the components that need further terms, by these terms.
+    """
 
     kind: str
     components: tuple[str, ...]
     rows: tuple[PooledRow, ...]
     sentence: str
+    also: Mapping[tuple[str, ...], Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,8 +226,20 @@ def recovered_record(one: Recovered) -> dict[str, Any]:
 
 def _tables(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[PooledTable]:
     for kind, rows in _pooled(sensors, costs).items():
-        names = tuple(sensor.id for sensor in sensors if sensor.kind == kind)
-        yield PooledTable(kind, names, rows, pooled_sentence(kind, names, rows))
+        alike = [sensor for sensor in sensors if sensor.kind == kind]
+        names = tuple(sensor.id for sensor in alike)
+        also = _also(alike, {row.term for row in rows if row.verdict == "needed"})
+        yield PooledTable(kind, names, rows, pooled_sentence(kind, names, rows), also)
+
+
+def _also(sensors: Sequence[SensorResult], shared: Collection[str]) -> Mapping[tuple[str, ...], list[str]]:
+    """Components by what they need beyond the terms that their kind does: not all have every term."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for sensor in sensors:
+        own = (term.name for term in sensor.selection.terms if term.verdict == "needed")
+        if more := tuple(name for name in own if name not in shared):
+            found.setdefault(more, []).append(sensor.id.rpartition(".")[2])
+    return found
 
 
 def _pooled(sensors: Sequence[SensorResult], costs: Costs) -> Mapping[str, tuple[PooledRow, ...]]:

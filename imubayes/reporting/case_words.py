@@ -53,13 +53,21 @@ def recovered_sentence(row: RecoveredRow) -> str:
 
 def case_answer(name: str, rows: Sequence[RecoveredRow], tables: Sequence[PooledTable]) -> tuple[str, ...]:
     """First paragraph on a case by sentence: what its kinds need, and what compensation recovers."""
-    needs = [
-        f"its {table.kind}s need {listed(needed)}"
-        for table in tables
-        if (needed := [row.term for row in table.rows if row.verdict == "needed"])
-    ]
+    needs = [text for table in tables if (text := _need(table))]
     opening = f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."
     return (opening, *(_change(row) for row in rows))
+
+
+def _need(table: PooledTable) -> str:
+    """Say what all components of a kind need, and what some need beside it."""
+    needed = [row.term for row in table.rows if row.verdict == "needed"]
+    more = " also" if needed else ""
+    also = "; ".join(
+        f"{listed(names)} {'needs' if len(names) == 1 else 'need'}{more} {listed(terms)}"
+        for terms, names in table.also.items()
+    )
+    all_of_them = f"its {table.kind}s need {listed(needed)}" if needed else ""
+    return "; ".join(text for text in (all_of_them, also) if text)
 
 
 def _change(row: RecoveredRow) -> str:

@@ -113,7 +113,7 @@ def model_size(sensor: SensorResult, key: str) -> Panel:
     best = int(np.argmax(share))
     return draw(
         lambda axes: _paint_sizes(axes, by_size - top, best),
-        title=f"Most likely {best} terms ({share[best]:.0%})",
+        title=f"Most likely {counted(best, 'term')} ({share[best]:.0%})",
         alt="Log evidence by number of terms, relative to the best: "
         + ", ".join(f"{k}: {value - top:.1f}" for k, value in enumerate(by_size) if value - top > -DEEP),
         key=key,

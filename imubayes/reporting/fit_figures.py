@@ -23,7 +23,7 @@ from imubayes.reporting.canvas import (
     sticks,
 )
 from imubayes.reporting.method_words import left_words
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit, pretty, probability
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, counted, per_unit, pretty, probability
 from imubayes.reporting.rows import channel_unit
 from imubayes.units import factor, offset
 
@@ -55,9 +55,7 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> Panel:
     """Whitened residuals of a run over time, with the blocks that stand out."""
     count = len(check.outliers)
     found = (
-        f"{count} block{'s' if count > 1 else ''} stand{'' if count > 1 else 's'} out"
-        if count
-        else "nothing stands out"
+        f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out" if count else "nothing stands out"
     )
     return draw(
         lambda axes: _paint_time(axes, check, most),

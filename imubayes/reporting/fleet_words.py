@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 
 from imubayes.lots.needs import NEEDED, UNTOLD, of_class
 from imubayes.reporting.lots_words import class_name
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, Measured, measured, per_unit, pretty
+from imubayes.reporting.rounding import (
+    NOISE_SI,
+    NOISE_UNITS,
+    Measured,
+    counted,
+    half_up,
+    measured,
+    per_unit,
+    pretty,
+)
 
 if TYPE_CHECKING:
     from imubayes.fleet.measure import FleetResult
@@ -28,8 +37,8 @@ def fleet_answer(result: FleetResult) -> tuple[str, ...]:
     kind = f"{spec.kind}s" if answer.units != 1 else spec.kind
     sentences = [
         f"{answer.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "
-        f"{answer.order.value:.0f} of {len(answer.terms)} terms (90 % of the units: "
-        f"{answer.order.low:.0f} to {answer.order.high:.0f}).",
+        f"{half_up(answer.order.value):.0f} of {counted(len(answer.terms), 'term')} (90 % of the units: "
+        f"{half_up(answer.order.low):.0f} to {half_up(answer.order.high):.0f}).",
         f"Needed in half of the units or more: {', '.join(mostly) or 'none'}.",
     ]
     if untold:

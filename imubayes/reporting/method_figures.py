@@ -27,7 +27,15 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.fit_figures import time_unit
 from imubayes.reporting.method_words import FEW, branches, called, channel_of, dependence_words, difference
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, measured, per_unit, pretty, probability
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    counted,
+    measured,
+    per_unit,
+    pretty,
+    probability,
+)
 from imubayes.reporting.rows import channel_unit
 from imubayes.selection.verdicts import listed
 from imubayes.units import factor, offset
@@ -83,7 +91,7 @@ def threshold_path(found: Sparse, decided: Sequence[str], own: Mapping[str, str]
 
 
 def _kept(chosen: Sequence[str], decided: Sequence[str]) -> str:
-    count = f"{len(chosen)} term{'' if len(chosen) == 1 else 's'}"
+    count = counted(len(chosen), "term")
     apart = difference(chosen, decided)
     if apart == "as decided":
         return f"the decision's {count}"
@@ -102,9 +110,7 @@ def _paint_path(
     order = np.argsort(found.strength, kind="stable")
     x, size = found.strength[order], np.abs(found.path[order])
     size[size == 0.0] = np.nan
-    colours = [
-        PALE if j not in told else ACCENT if names[j] in chosen else WARNING for j in range(len(names))
-    ]
+    colours = [PALE if j not in told else ACCENT if names[j] in chosen else INK for j in range(len(names))]
     for j in sorted(range(len(names)), key=lambda j: j in told):
         axes.plot(x, size[:, j], color=colours[j], linewidth=1.3 if j in told else 1.0)
     axes.axvline(found.strength[found.chosen], color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
@@ -181,7 +187,7 @@ def prior_widths(
     """
     names = [own.get(found.names[j], found.names[j]) for j in shown]
     swing = [own.get(name, name) for name in found.swing]
-    moved = listed(swing) if 0 < len(swing) <= FEW else f"{len(swing)} terms"
+    moved = listed(swing) if 0 < len(swing) <= FEW else counted(len(swing), "term")
     title = (
         f"The prior's width moves {moved} across a threshold"
         if swing
@@ -239,7 +245,7 @@ def reduced_path(found: Reduced, kind: Kind, key: str) -> Panel:
     path = found.path[: len(found.terms) + BEYOND + 1]
     lost = np.array([rms for _, rms in path]) / scale
     labels = _added([terms for terms, _ in path])
-    count = f"{len(found.terms)} term{'' if len(found.terms) == 1 else 's'}"
+    count = counted(len(found.terms), "term")
     within = pretty(str(measured(found.budget / scale, 0.0, unit)))
     return draw(
         lambda axes: _paint_reduced(axes, lost, labels, (found.budget / scale, len(found.terms)), unit),
@@ -308,7 +314,7 @@ def _paint_dependence(axes: Axes, one: Dependence, kind: Kind) -> None:
     lines: list[tuple[str, str, float, float]] = []
     for sign, word, colour, shape in (
         (0.0, "", ACCENT, "o"),
-        (1.0, branches(one)[0], WARNING, "^"),
+        (1.0, branches(one)[0], SERIES[1], "^"),
         (-1.0, branches(one)[1], ACCENT, "v"),
     ):
         part = np.flatnonzero(np.sign(one.branch) == sign)

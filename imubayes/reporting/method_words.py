@@ -16,6 +16,7 @@ from imubayes.reporting.chain_words import sentence
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
+    counted,
     measured,
     per_unit,
     pretty,
@@ -144,7 +145,7 @@ def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...
 
 
 def _terms(count: int) -> str:
-    return f"{count or 'no'} term{'' if count == 1 else 's'}"
+    return counted(count, "term") if count else "no terms"
 
 
 def difference(model: Sequence[str], decided: Sequence[str]) -> str:
@@ -207,7 +208,7 @@ def _second_opinion(sensitivity: Sensitivity, keep: float, names: Mapping[str, s
 
 
 def _few(names: Sequence[str]) -> str:
-    return listed(names) if len(names) <= 2 * FEW else f"{len(names)} terms"
+    return listed(names) if len(names) <= 2 * FEW else counted(len(names), "term")
 
 
 def reduced_sentence(reduced: Reduced, kind: Kind) -> str:

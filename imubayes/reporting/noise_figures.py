@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.canvas import ACCENT, INK, PALE, Axes, Margins, Panel, draw, plain_logs
+from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Margins, Panel, draw, plain_logs
 from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit, pretty
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 HEIGHT = 280
 """px."""
 
-COLOURS = dict(zip("NBKQRG", ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#7d838c"), strict=True))
-"""Colour of each process, of Okabe and Ito; its symbol stands at its line."""
+COLOURS = dict(zip("NBKQRG", (*SERIES[1:], *SERIES[1:]), strict=True))
+"""Colour of each process; its symbol stands at its line."""
 
 ROOM = 3.0
 """Factor below the lowest dot down to which the processes are drawn."""

@@ -30,7 +30,7 @@ from imubayes.reporting.rounding import percent
 if TYPE_CHECKING:
     from imubayes.quality.scores import MethodScore, Scores
 
-LABELLED = ("aic", "ebic", "leave_one_run_out", "stlsq")
+LABELLED = ("ebic", "leave_one_run_out", "stlsq")
 """Methods that the figure of drops names, one of each family."""
 
 ROW = 17

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from decimal import ROUND_HALF_UP, Decimal
 from typing import TYPE_CHECKING
 
 from imubayes.units import factor
@@ -102,7 +103,7 @@ def _plain(value: float, unit: str) -> Measured:
 
 def _exponent(value: float) -> int:
     """Power of ten of a value that is rounded to two digits: 0.0996 counts as 0.10."""
-    return int(f"{abs(value):.1e}".partition("e")[2])
+    return int(f"{Decimal(repr(abs(float(value)))):.1e}".partition("e")[2])
 
 
 def _needs_power(exponent: int) -> bool:
@@ -110,7 +111,7 @@ def _needs_power(exponent: int) -> bool:
 
 
 def _fixed(value: float, decimals: int) -> str:
-    text = f"{round(value, decimals):.{max(decimals, 0)}f}"
+    text = f"{half_up(value, decimals):.{max(decimals, 0)}f}"
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text
 
 
@@ -324,6 +325,18 @@ def probability(p: float) -> str:
     if math.isnan(p):
         return "not tested"
     return "<0.001" if p < 1e-3 else f"{p:.2g}" if p < 0.01 else f"{p:.2f}"
+
+
+def half_up(value: float, decimals: int = 0) -> float:
+    """Round as people do: a half goes away from zero, as the number is written.
+
+    Examples
+    --------
+    >>> half_up(12.5), half_up(13.5), half_up(-0.125, 2), half_up(1250.0, -2)
+    (13.0, 14.0, -0.13, 1300.0)
+    """
+    step = Decimal(1).scaleb(-decimals)
+    return float(Decimal(repr(float(value))).quantize(step, ROUND_HALF_UP)) if math.isfinite(value) else value
 
 
 def counted(count: int, noun: str) -> str:

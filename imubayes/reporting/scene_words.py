@@ -11,6 +11,7 @@ from imubayes.reporting.rounding import (
     OUTPUT_UNIT,
     TIMES,
     below,
+    counted,
     duration,
     measured,
     per_unit,
@@ -98,7 +99,7 @@ def _enough(found: Relevance) -> str:
     if not count:
         return "no term needs to be modelled"
     be = "is" if count == 1 else "are"
-    return f"{count} of {len(found.terms)} terms, {_named(found.model)}, {be} enough"
+    return f"{count} of {counted(len(found.terms), 'term')}, {_named(found.model)}, {be} enough"
 
 
 def _costs(found: Relevance) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.rounding import measured, per_unit
+from imubayes.reporting.rounding import counted, measured, per_unit
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def session_sentence(found: tuple[Repeatability, ...]) -> str:
     told = [one for one in every if not math.isnan(one.p_value)]
     moving = sorted((one for one in told if one.exceeds), key=lambda one: one.p_value)
     silent = [one.parameter for one in every if math.isnan(one.p_value)]
-    count = f"{len(told)} parameter{'' if len(told) == 1 else 's'}"
+    count = counted(len(told), "parameter")
     if moving:
         text = f"{len(moving)} of {count} change{'s' if len(moving) == 1 else ''} {_moving(moving)}"
     elif told:

@@ -16,6 +16,7 @@ from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.method_words import temperature_sentence
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
+from imubayes.reporting.rounding import counted
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
@@ -116,7 +117,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
 
 
 def _data_line(sensor: SensorResult) -> str:
-    runs = f"{len(sensor.runs)} run{'s' if len(sensor.runs) != 1 else ''}"
+    runs = counted(len(sensor.runs), "run")
     how = f"{_how(sensor)}, {weighed_text(sensor.selection.models)}"
     return f"{sensor.samples:,} samples in {runs}; {how}, {sensor.seconds:.1f} s"
 
@@ -198,7 +199,7 @@ def terminal_check(check: SensorCheck) -> Group:
         )
     return Group(
         Text(
-            printable(f"{sensor_id}  {lib.kind}: what this test can tell of {len(lib.terms)} terms"),
+            printable(f"{sensor_id}  {lib.kind}: what this test tells of {counted(len(lib.terms), 'term')}"),
             style="bold",
         ),
         table,

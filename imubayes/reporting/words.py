@@ -15,7 +15,7 @@ from imubayes.reporting.chain_words import (
 )
 from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.method_words import missing_sentence, temperature_sentence
-from imubayes.reporting.rounding import probability
+from imubayes.reporting.rounding import counted, probability
 from imubayes.reporting.rows import fit_scale, label, own_groups
 from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import STRAINED, listed
@@ -83,7 +83,7 @@ def strain_sentence(sensor: SensorResult) -> str:
 def _opening(sensor: SensorResult) -> str:
     needed = _named(sensor, "needed")
     kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
-    count = f"{len(needed)} of {len(sensor.selection.terms)} terms {_are(needed)} needed"
+    count = f"{len(needed)} of {counted(len(sensor.selection.terms), 'term')} {_are(needed)} needed"
     return f"{sensor.id} ({kind}): {count}" + (f": {listed(needed)}." if needed else ".")
 
 
@@ -191,12 +191,12 @@ def digits_sentence(sensor: SensorResult) -> str:
     found = sensor.selection.digits
     if found is None or min(found.coefficients, found.sd, found.inclusion) >= FEW_DIGITS:
         return ""
-    left = f"{found.coefficients} digit{'' if found.coefficients == 1 else 's'}"
+    left = counted(found.coefficients, "digit")
     return (
-        f"The arithmetic leaves {left} of the coefficients beside the larger of size and sd, {found.sd} of"
-        f" their sds and {found.inclusion} of the inclusions: digits beyond these say nothing. Averages over"
-        " the most probable models alone, columns that are all but alike, or noise far below what the output"
-        " resolves do that."
+        f"The arithmetic is sure to leave {left} of every coefficient, beside the larger of its size and sd,"
+        f" {found.sd} of every sd and {found.inclusion} of the inclusions: bounds for the worst term, which"
+        " say little of the others. Averages over the most probable models alone, columns that are all but"
+        " alike, or noise far below what the output resolves do that."
     )
 
 
@@ -244,7 +244,7 @@ def check_words(check: ResidualCheck) -> str:
 def _outstanding(check: ResidualCheck) -> str:
     if not check.outliers:
         return ""
-    blocks = "1 block stands" if len(check.outliers) == 1 else f"{len(check.outliers)} blocks stand"
+    blocks = f"{counted(len(check.outliers), 'block')} {'stands' if len(check.outliers) == 1 else 'stand'}"
     return f", {blocks} out by up to {max(abs(size) for _, _, size in check.outliers):.0f} sd"
 
 

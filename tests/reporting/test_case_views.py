@@ -45,6 +45,18 @@ def cased(make_sensor, make_study):
     return of
 
 
+def test_a_case_names_what_one_of_its_components_needs_beyond_the_others(cased):
+    study = cased(recovered())
+    first, *others = study.sensors
+    terms = first.selection.terms
+    more = tuple(replace(term, verdict="needed") if term.name == "b3" else term for term in terms)
+    first = replace(first, selection=replace(first.selection, terms=more))
+    (view,) = case_views(replace(study, sensors=(first, *others)))
+    assert (
+        "; ax needs also b1, b2, b3, m_j and m_k; ay and az need also b1, b2, m_j and m_k." in view.answer[0]
+    )
+
+
 def test_sensors_that_stand_alone_are_no_case(result):
     assert case_views(result) == () and case_records(result) == []
 
@@ -90,7 +102,9 @@ def test_a_kind_needs_what_its_components_show_together(cased):
     # alone b0p is undecided, and of c_jk no component's test can tell
     assert verdicts == {"b0": "needed", "b0p": "needed", "b3": "not needed", "c_jk": CANNOT}
     assert "Not every accelerometer shows b0p by itself" in table.sentence
-    assert view.answer[0] == "U0 as a whole: its accelerometers need b0 and b0p."
+    assert view.answer[0] == (
+        "U0 as a whole: its accelerometers need b0 and b0p; ax, ay and az need also b1, b2, m_j and m_k."
+    )
 
 
 @pytest.mark.parametrize("inclusion", [0.0, 0.3, 1.0])

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from imubayes.reporting import figures, fit_figures, rows
-from imubayes.reporting.canvas import Panel, draw
+from imubayes.reporting import figures, fit_figures, noise_figures, quality_figures, rows
+from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, Panel, draw
 from imubayes.sensors.terms import library
 
 
@@ -116,3 +116,11 @@ def test_strongest_pairs_agree_with_the_correlation_of_the_draws(make_sensor) ->
 def test_terms_that_never_vary_have_no_correlation(make_sensor) -> None:
     sensor = make_sensor()
     assert figures.correlations(replace(sensor, draws=np.zeros_like(sensor.draws)), "k") is None
+
+
+def test_one_colour_has_one_meaning() -> None:
+    """What is undecided, cannot be told, or calls for attention has a colour that nothing else has."""
+    kept = {VERDICT_COLOURS["undecided"], VERDICT_COLOURS["inseparable"], WARNING}
+    assert len(kept) == 3
+    assert kept.isdisjoint(SERIES) and kept.isdisjoint(noise_figures.COLOURS.values())
+    assert len(quality_figures.LABELLED) < len(SERIES)

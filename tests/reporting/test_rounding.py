@@ -13,6 +13,7 @@ from imubayes.inference.intervals import Share
 from imubayes.reporting.rounding import (
     below,
     duration,
+    half_up,
     measured,
     per_unit,
     percent,
@@ -143,3 +144,17 @@ def test_what_is_no_number_is_no_number_in_print(empty: float) -> None:
     assert (
         duration(math.nan) == ranged(Share(math.nan, 0.0, 1.0)) == percents(Share(math.nan, 0.0, 1.0)) == ""
     )
+
+
+@given(st.integers(-9999, 9999), st.integers(0, 3))
+def test_a_half_goes_away_from_zero_wherever_a_number_is_printed(whole: int, decimals: int) -> None:
+    value = float(f"{whole}.{'0' * decimals}5")
+    near = float(f"{whole}.{'0' * decimals}")
+    step = math.copysign(10.0**-decimals, value)
+    assert half_up(value, decimals) == pytest.approx(near + step, abs=1e-9)
+    assert half_up(near, decimals) == near
+
+
+def test_medians_of_12_5_and_13_5_are_rounded_alike() -> None:
+    assert [f"{half_up(value):.0f}" for value in (12.5, 13.5)] == ["13", "14"]
+    assert [str(measured(value, 10.0)) for value in (12.5, 13.5)] == ["13 +- 10", "14 +- 10"]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from rich.console import Console
 
 from imubayes.campaign import SensorCheck
+from imubayes.reporting import figures
+from imubayes.reporting.document import report_html
 from imubayes.reporting.rows import MARKS
 from imubayes.reporting.tables import terminal_check, terminal_summary
 from imubayes.sensors.terms import library
@@ -57,6 +60,15 @@ def test_names_with_markup_or_control_codes_are_printed_as_they_are(make_sensor,
     sensor = make_sensor("[bold]A[/]\x1b[31m", runs=("[red]run[/]\x07",))
     text = printed(terminal_summary(make_study(sensor)))
     assert "[bold]A[/]?[31m" in text and "[red]run[/]?" in text and "\x1b" not in text
+
+
+def test_what_is_one_is_in_the_singular(make_sensor, make_study) -> None:
+    lib = replace(library("accelerometer", powers=1), terms=library("accelerometer", powers=1).terms[:1])
+    one = make_sensor(lib=lib, runs=("tumble",))
+    told = printed(terminal_summary(make_study(one))) + report_html(make_study(one))
+    told += figures.model_size(one, "k").title + figures.inclusion(one, "k").title
+    assert "1 run" in told and "1 term" in told
+    assert not re.findall(r"(?<![\d.,^])1 (?:terms|runs|models|samples|blocks|digits|units)\b", told)
 
 
 def test_runs_that_do_not_fit_are_named(make_sensor, make_study) -> None:

@@ -24,7 +24,7 @@ def chosen_method(wanted: str, summary: Summary) -> tuple[Method, str]:
     summary : of the runs.
     """
     if wanted == "exact" or wanted == "collapsed" or wanted == "full":
-        return wanted, f"the study asks for the method {wanted}"
+        return wanted, f"the method {wanted} was asked for"
     estimated = [run.name for run in summary.runs if run.steering]
     if not estimated:
         return "exact", "the noise of every run is given, so that the exact posterior is the whole answer"

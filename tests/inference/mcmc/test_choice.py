@@ -52,3 +52,9 @@ def test_what_the_study_asks_for_is_done(campaign, given, wanted):
         method, reason = chosen_method(wanted, c.summary)
         assert method == wanted
         assert wanted in reason
+
+
+@pytest.mark.parametrize("wanted", ["exact", "collapsed", "full"])
+def test_a_method_that_was_asked_for_is_not_said_to_be_the_study_s_wish(campaign, wanted):
+    """A study or the command line may have asked."""
+    assert chosen_method(wanted, campaign.summary) == (wanted, f"the method {wanted} was asked for")
