@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from imubayes.config.reading import read_plan, read_study
 from imubayes.errors import InputError, StudyError
 from imubayes.preparation import before_fit, runs_of
 from imubayes.proposal import propose
-from imubayes.reporting.plan_page import terminal_plan, write_plan
+from imubayes.reporting.plan_page import term_rows, terminal_plan, write_plan
+from imubayes.reporting.plan_words import inseparable, plan_answer
 
 TUMBLE = """
 [study]
@@ -144,6 +146,26 @@ def test_report_of_a_plan_is_complete_and_the_same_each_time(planned, tmp_path):
     assert "outward" in page
     assert terminal_plan(planned).startswith("A: ")
     assert [file.read_bytes() for file in write_plan(planned, tmp_path)] == first
+
+
+def test_range_of_simulated_over_predicted_is_that_of_the_table(planned):
+    table = {row.name: float(row.cells[-1]) for row in term_rows(planned)}
+    ratios = [table[name] for name in planned.needed]
+    (said,) = [text for text in plan_answer(planned) if "simulated units" in text]
+    assert f" are {min(ratios):.2f} to {max(ratios):.2f} of what is predicted for the plan," in said
+
+
+def test_a_term_that_the_bench_hides_is_told_with_the_sd_of_the_table_and_not_as_unseen(planned):
+    table = {row.name: row.cells for row in term_rows(planned)}
+    said = inseparable(planned, planned.best)
+    found = [entry for text in said for entry in re.findall(r"(\w+) an sd of (\S+) \S+ \(prior (\S+) ", text)]
+    assert "m_j" in {name for name, _, _ in found}
+    for name, left, prior in found:
+        assert (table[name][2], table[name][-2]) == (prior, left)
+    ratio = dict(zip(planned.study.spec.library.names, planned.best.sd / planned.prior_sd, strict=True))
+    for text in (text for text in said if "only in combination" in text):
+        names, _, _ = text.partition(" are seen")
+        assert all(ratio[name] > 0.5 for name in re.findall(r"\w+", names) if name in ratio)
 
 
 @pytest.mark.slow

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from scipy.stats import binomtest
 
 from imubayes.reporting.rounding import pretty
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
-    from imubayes.reporting.case_views import PooledRow, PooledTable, RecoveredRow
+    from imubayes.reporting.case_views import CaseView, PooledRow, PooledTable, RecoveredRow
+
+WITHIN = math.erf(math.sqrt(2.0))
+"""Share of normal errors within 2 sd."""
+
+CHANCE = 1e-3
+"""Probability from which chance explains how many lie there: errors of one fit are not independent."""
 
 QUANTITIES = {
     "gravity": "length of the force in a still, from local g",
@@ -37,7 +46,7 @@ UNITS = {
 def recovered_sentence(row: RecoveredRow) -> str:
     """Say what the length of gravity is before and after compensation, beside what the posterior predicts."""
     after, before, fresh, flown = map(_amount, (row.after, row.before, row.fresh, row.flown))
-    inside = f"{row.inside} of {row.of} lie within 2 sd of that"
+    inside = f"{row.inside} of {row.of} lie within 2 sd of that{held(row.inside, row.of)}"
     if row.fitted is None:
         predicted = "The fit has a coefficient for each;"
         predicted += f" the posterior predicts {fresh} for new ones: {inside}."
@@ -49,6 +58,34 @@ def recovered_sentence(row: RecoveredRow) -> str:
         f"The force in the {row.count} stills of {row.run} is off local gravity by {before} rms raw, and by"
         f" {after} compensated. {predicted}{kept}"
     )
+
+
+def held(inside: int, of: int) -> str:
+    """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do; else empty.
+
+    Examples
+    --------
+    >>> held(444, 504), held(480, 504)
+    (' (481 expected: they are larger than predicted)', '')
+    >>> held(500, 504)
+    ' (481 expected: they are smaller than predicted)'
+    """
+    if binomtest(inside, of, WITHIN).pvalue >= CHANCE:
+        return ""
+    size = "larger" if inside < WITHIN * of else "smaller"
+    return f" ({WITHIN * of:.0f} expected: they are {size} than predicted)"
+
+
+def held_together(views: Sequence[CaseView]) -> tuple[str, ...]:
+    """Say of each known quantity how many errors of all cases lie within 2 sd of what is predicted."""
+    rows = [row for view in views for row in view.rows]
+    told = []
+    for kind in dict.fromkeys(row.kind for row in rows):
+        alike = [row for row in rows if row.kind == kind]
+        inside, of = sum(row.inside for row in alike), sum(row.of for row in alike)
+        verdict = held(inside, of) or ", as many as there should be"
+        told.append(f"{SHORT[kind]}: {inside} of {of} lie within 2 sd of what is predicted{verdict}.")
+    return tuple(told)
 
 
 def case_answer(name: str, rows: Sequence[RecoveredRow], tables: Sequence[PooledTable]) -> tuple[str, ...]:

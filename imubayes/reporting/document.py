@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imubayes.errors import InputError
-from imubayes.reporting.case_views import case_views
+from imubayes.reporting.case_views import MOST_DRAWN, case_views
+from imubayes.reporting.case_words import held_together
 from imubayes.reporting.population_views import class_views
 from imubayes.reporting.posterior import write_posterior, written_draws
 from imubayes.reporting.results import command, result_json, versions
@@ -81,6 +82,7 @@ def report_html(result: StudyResult) -> str:
         "numeric": _is_numeric,
         "plain": lambda value: f"{value:.7g}",
     }
+    cases = case_views(result)
     return environment.get_template("report.html.j2").render(
         study=result.study,
         views=sensor_views(result),
@@ -93,7 +95,8 @@ def report_html(result: StudyResult) -> str:
         many=len(result.sensors) > MANY,
         sessions=session_view(result),
         classes=class_views(result),
-        cases=case_views(result),
+        cases=cases,
+        held=held_together(cases) if len(cases) > MOST_DRAWN else (),
         draws=written_draws(result),
     )
 

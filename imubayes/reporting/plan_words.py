@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imubayes.planning.candidates import starts
+from imubayes.reporting.rounding import measured, per_unit
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -90,12 +92,13 @@ def _shares(found: Proposal) -> Iterator[str]:
 
 
 def checked(found: Proposal) -> str:
-    """Sentence that holds the prediction against simulated units."""
+    """Sentence that holds the prediction for each plan against simulated units."""
     where = needed_places(found)
-    ratio = np.concatenate([(o.simulated / o.sd)[where] for o in (found.even, found.best)])
+    ratios = [(o.simulated / o.sd)[where] for o in (found.best, found.even)]
+    best, even = (f"{ratio.min():.2f} to {ratio.max():.2f}" for ratio in ratios)
     return (
-        f"Over {found.study.units} simulated units the rms errors of the needed terms are {ratio.min():.2f}"
-        f" to {ratio.max():.2f} of what is predicted."
+        f"Over {found.study.units} simulated units the rms errors of the needed terms are {best} of what is"
+        f" predicted for the plan, and {even} of what is predicted evenly."
     )
 
 
@@ -104,14 +107,31 @@ def needed_places(found: Proposal) -> list[int]:
     return [k for k, name in enumerate(found.study.spec.library.names) if name in found.needed]
 
 
-def inseparable(outcome: Outcome) -> tuple[str, ...]:
-    """Sentences on what the plan sees only in combination."""
-    return tuple(dict.fromkeys(_together(group) for group in outcome.seen.groups))
+def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
+    """Sentences on what the data of a plan see only in combination, and what is left open of it."""
+    return tuple(dict.fromkeys(_together(found, outcome, group) for group in outcome.seen.groups))
 
 
-def _together(group: Confounded) -> str:
-    why = f": {group.reason}" if group.reason else ""
-    return f"{listed(group.terms)} are seen only in combination{why}; {group.remedy}."
+def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
+    """One combination; where the bench takes part, how well it is known bounds what is left of the terms."""
+    terms = [name for name in group.terms if name in found.study.spec.library.names]
+    if len(terms) == len(group.terms):
+        why = f": {group.reason}" if group.reason else ""
+        return f"{listed(group.terms)} are seen only in combination{why}; {group.remedy}."
+    left = listed([_left(found, outcome, name) for name in terms])
+    reason = f"{group.reason[:1].upper()}{group.reason[1:]}"
+    return f"{reason}. What is known of the bench and of the terms leaves {left}; {group.remedy} further."
+
+
+def _left(found: Proposal, outcome: Outcome, name: str) -> str:
+    """Predicted sd of a term beside that of its prior, as the table has them."""
+    k = found.study.spec.library.names.index(name)
+    term = found.study.spec.library.terms[k]
+    unit = per_unit(term.printed, term.unit)
+    sd, prior = (
+        str(measured(values[k] / unit, math.nan, term.printed)) for values in (outcome.sd, found.prior_sd)
+    )
+    return f"{name} an sd of {sd} (prior {prior})"
 
 
 def blocks(found: Proposal, outcome: Outcome) -> tuple[Block, ...]:

@@ -202,7 +202,8 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
         sizes = _listed(steady, turn_on_text, " ")
         yield f"{rest} comes back within the error bars: the sd between sessions is {sizes}."
     if wide := [term.parameter.name for term in steady if term.spreads.p_value > 1.0 - SUSPECT]:
-        yield f"The sessions of {listed(wide)} agree better than by chance: those error bars are too wide."
+        told = "agree better than by chance: from session to session these error bars are too wide"
+        yield f"The sessions of {listed(wide)} {told}."
 
 
 def _common(found: ClassInCommon) -> Iterator[str]:

@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from imubayes.inference.recovered import Recovered
 from imubayes.reporting.case_views import BLIND, CANNOT, case_records, case_views, pooled_verdict
-from imubayes.reporting.case_words import UNITS
+from imubayes.reporting.case_words import UNITS, held_together
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_dict
 from imubayes.selection.verdicts import EQUAL
@@ -127,6 +128,25 @@ def test_the_page_and_the_file_hold_a_case(cased):
     (case,) = document["cases"]
     assert case["id"] == "U0" and case["recovered"][0]["what"] == "gravity"
     assert case["pooled"]["accelerometer"]["b0p"] == {"inclusion": 0.97, "verdict": "needed"}
+
+
+@pytest.mark.parametrize(
+    ("scale", "word"), [(2.0, "larger than predicted"), (0.5, "smaller than predicted"), (1.0, "as many as")]
+)
+def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as_predicted(
+    cased, scale, word
+):
+    one = recovered()
+    sd = np.full_like(one.after, 1e-3)
+    normal = stats.norm.ppf((np.arange(one.after.size) + 0.5) / one.after.size).reshape(one.after.shape)
+    found = replace(one, after=scale * 1e-3 * normal, fitted=sd, fresh=2.0 * sd)
+    study = cased(found, cases=8)
+    (sentence,) = held_together(case_views(study))
+    assert word in sentence and f"{8 * found.inside} of {8 * found.after.size} lie" in sentence
+    records = [entry for case in case_records(study) for entry in case["recovered"]]
+    assert sum(entry["within_2_sd"] for entry in records) == 8 * found.inside
+    first, _, _ = report_html(study).partition('<section id="cases">')
+    assert word in first
 
 
 def test_many_cases_share_one_table(cased):
