@@ -82,3 +82,36 @@ def test_page_says_the_noise_of_each_component_in_words_and_in_one_table(result)
     table = page.split('aria-label="Noise processes by component"')[1].split("</table>")[0]
     assert table.count("°/√h") == table.count("µg/√Hz") == 3
     assert table.count("bench (gz at rest)") == 1
+
+
+LOG = """
+[study]
+method = "exact"
+[decision]
+compare = false
+[noise]
+identify = "static"
+candidates = ["Q"]
+[[sensor]]
+id = "log"
+kind = "accelerometer"
+class = "mems_consumer"
+library = { powers = 1, asymmetry = -1 }
+[[sensor.run]]
+name = "quiet"
+procedure = "static"
+simulate = { duration = "5 min", rate = "10 Hz" }
+"""
+
+
+def test_a_study_of_noise_says_the_noise_first_with_one_value_each_and_then_what_a_log_tells_of_terms(
+    tmp_path,
+):
+    path = tmp_path / "study.toml"
+    path.write_text(LOG)
+    page = report_html(run(read_study(path)))
+    first, _, rest = page.partition("<h2")
+    assert "The run shows white noise N =" in first and "terms are needed" not in first
+    assert rest.count("terms are needed") == 1
+    assert 'aria-label="Noise of log"' not in page and 'aria-label="Noise processes of quiet"' in page
+    assert "a run with the case turned over" in page and "a centrifuge run" not in page

@@ -380,6 +380,14 @@ _ODD, _EVEN = frozenset({"b1", "b3", "b0p", "b2p", "b4p"}), frozenset({"b0", "b2
 _SQUARES, _TRACE = frozenset({"b2", "c_jj", "c_kk"}), frozenset({"S_ii", "S_jj", "S_kk"})
 """Terms whose sum is the square of the length of the own input, and of the other one."""
 
+_TURNED_OVER, _IN_POSITIONS = _ODD | {"m_j", "m_k", "g_i", "g_j", "g_k"}, frozenset({"c_ij", "c_ik", "c_jk"})
+"""Terms that change sign where the case is turned over, and that do in some positions of a tumble."""
+
+
+def _both(remedy: str) -> dict[str, str]:
+    return {"accelerometer": remedy, "gyroscope": remedy}
+
+
 _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
     (
         lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms,
@@ -390,6 +398,16 @@ _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, st
         lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms,
         "{1} in every row",
         _OTHER_SIZE,
+    ),
+    (
+        lambda terms, facts: facts.still and len(terms - {"b0"}) == 1 and terms - {"b0"} <= _TURNED_OVER,
+        "f and w are the same in every row",
+        _both("a run with the case turned over would separate them"),
+    ),
+    (
+        lambda terms, facts: facts.still and terms - {"b0"} <= _IN_POSITIONS,
+        "f and w are the same in every row",
+        _both("a tumble would separate them"),
     ),
     (
         lambda terms, facts: facts.one_sided and any(f"{name}p" in terms for name in terms),

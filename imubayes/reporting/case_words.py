@@ -61,7 +61,7 @@ def recovered_sentence(row: RecoveredRow) -> str:
 
 
 def held(inside: int, of: int) -> str:
-    """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do; else empty.
+    """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do.
 
     Examples
     --------

@@ -113,12 +113,14 @@ def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
 
 
 def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
-    """One combination; where the bench takes part, how well it is known bounds what is left of the terms."""
+    """One combination, and what the priors of its terms, and what is known of the bench, leave of each."""
     terms = [name for name in group.terms if name in found.study.spec.library.names]
+    left = listed([_left(found, outcome, name) for name in terms])
     if len(terms) == len(group.terms):
         why = f": {group.reason}" if group.reason else ""
-        return f"{listed(group.terms)} are seen only in combination{why}; {group.remedy}."
-    left = listed([_left(found, outcome, name) for name in terms])
+        return (
+            f"{listed(terms)} are seen only in combination{why}. Their priors leave {left}; {group.remedy}."
+        )
     reason = f"{group.reason[:1].upper()}{group.reason[1:]}"
     return f"{reason}. What is known of the bench and of the terms leaves {left}; {group.remedy} further."
 

@@ -93,8 +93,9 @@ class SensorView:
     reasons : (verdict, reason, names) of the terms without a yes or a no.
     fit, choice, posterior, correlations : figures and words.
     models : in words, how many were weighed.
-    noise, noise_units : rows of the noise table.
+    noise, noise_units : rows of the noise table; a run whose processes are told has its sizes there.
     processes : noise processes of the runs that were asked for them.
+    about_noise : whether these are all that was asked: every run is at rest.
     drawn : whether there are figures; not of every component where they are many.
     doubtful : whether the answer needs a warning: a run that does not fit, a library that misses something,
         chains that have not converged.
@@ -121,6 +122,7 @@ class SensorView:
     noise: tuple[NoiseRow, ...]
     noise_units: tuple[str, str, str]
     processes: tuple[ProcessView, ...]
+    about_noise: bool
     drawn: bool
     doubtful: bool
     sampled: SampledView
@@ -177,6 +179,7 @@ def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, dr
     if not drawn:
         rows = tuple(row for row in rows if row.verdict.verdict != "untested")
     sizes = [row.size for row in rows if row.size]
+    weighed = {found.choice.run for found in sensor.processes}
     return SensorView(
         anchor=key,
         sensor=sensor,
@@ -191,9 +194,12 @@ def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, dr
         models=weighed_text(selection.models),
         posterior=tuple(figures.posteriors(sensor, key)) if drawn else (),
         correlations=figures.correlations(sensor, f"{key}d") if drawn else None,
-        noise=tuple(noise_row(run, sensor.kind, sensor.chains) for run in sensor.runs),
+        noise=tuple(
+            noise_row(run, sensor.kind, sensor.chains) for run in sensor.runs if run.name not in weighed
+        ),
         noise_units=NOISE_UNITS[sensor.kind],
         processes=process_views(sensor, key, drawn=drawn),
+        about_noise=bool(weighed) and all(run.procedure == "static" for run in sensor.runs),
         drawn=drawn,
         doubtful=_is_doubtful(sensor),
         sampled=sampled,

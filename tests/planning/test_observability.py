@@ -68,6 +68,17 @@ def test_squares_of_a_gyroscope_at_rest_are_hidden_by_the_length_of_the_earths_r
     assert groups[0].remedy == "rate steps on a table in several mounts would separate them"
 
 
+def test_what_a_log_at_rest_hides_is_told_by_turning_the_sensor_over_where_that_does():
+    log, turned = (ib.static(3600.0, 0.1, up=(x, x / 2.0, x / 5.0)) for x in (1.0, -1.0))
+    options = {"powers": 1, "asymmetry": -1}
+    seen, _ = observed("accelerometer", "mems_tactical", [log], **options)
+    groups = [group for group in seen.groups if "case turned over" in group.remedy]
+    assert {name for group in groups for name in group.terms} == {"b0", "b1", "m_j", "m_k"}
+    assert {group.reason for group in groups} == {"f and w are the same in every row"}
+    both, _ = observed("accelerometer", "mems_tactical", [log, replace(turned, name="turned")], **options)
+    assert not {"b1", "m_j", "m_k"} & set(both.partners("b0"))
+
+
 def test_a_force_that_is_constant_and_not_gravity_is_not_called_gravity():
     seen, summary = observed("accelerometer", "mems_tactical", [ib.centrifuge([5.0], rate=1.0)])
     assert summary.facts.force == pytest.approx(9.80665 * np.sqrt(26.0))
