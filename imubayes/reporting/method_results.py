@@ -41,6 +41,7 @@ _NOTHING: dict[str, Any] = {
     "sensitivity": None,
     "votes": None,
     "reduced": None,
+    "unasked": [],
 }
 
 
@@ -50,7 +51,8 @@ def _of_panel(panel: Panel, own: Mapping[str, str]) -> dict[str, Any]:
         "sindy": {one.optimizer: _sparse(one, own) for one in panel.sindy},
         "sensitivity": _sensitivity(panel.sensitivity, own),
         "votes": _votes(panel.votes, own),
-        "reduced": _reduced(panel.reduced),
+        "reduced": _reduced(panel.reduced) if panel.reduced else None,
+        "unasked": [{"method": one.method, "reason": one.reason} for one in panel.unasked],
     }
 
 

@@ -23,6 +23,7 @@ from imubayes.reporting.method_words import (
     prior_sentence,
     reduced_sentence,
     spoken,
+    unasked_sentences,
     votes_title,
 )
 from imubayes.reporting.rows import own_names
@@ -86,6 +87,7 @@ class MethodsView:
     prior : does a verdict hang on the prior, in words.
     widths : inclusion over prior widths; None where nothing depends on them, or without figures.
     reduced, reduced_path : the reduced model in words and as a figure.
+    unasked : what is left out and why, in words.
     """
 
     glance: Panel | None
@@ -99,6 +101,7 @@ class MethodsView:
     widths: Panel | None
     reduced: str
     reduced_path: Panel | None
+    unasked: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,10 +168,11 @@ def methods_view(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool)
         widths=method_figures.prior_widths(panel.sensitivity, shown, sensor.selection.costs, own, f"{key}p")
         if draws_widths
         else None,
-        reduced=reduced_sentence(panel.reduced, sensor.kind),
+        reduced=reduced_sentence(panel.reduced, sensor.kind) if panel.reduced else "",
         reduced_path=method_figures.reduced_path(panel.reduced, sensor.kind, f"{key}e")
-        if drawn and panel.reduced.path
+        if drawn and panel.reduced and panel.reduced.path
         else None,
+        unasked=unasked_sentences(panel.unasked),
     )
 
 

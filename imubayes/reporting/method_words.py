@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
     from imubayes.inference.misfit import Dependence, Misfit
     from imubayes.selection.decision import Selection
+    from imubayes.selection.panel import Unasked
     from imubayes.selection.reduced import Reduced
     from imubayes.selection.sensitivity import Sensitivity
     from imubayes.selection.verdicts import Costs
@@ -209,6 +210,21 @@ def _second_opinion(sensitivity: Sensitivity, keep: float, names: Mapping[str, s
 
 def _few(names: Sequence[str]) -> str:
     return listed(names) if len(names) <= 2 * FEW else counted(len(names), "term")
+
+
+def unasked_sentences(unasked: Sequence[Unasked]) -> tuple[str, ...]:
+    """Say which opinions are left out and why, a sentence for each reason.
+
+    Examples
+    --------
+    >>> from imubayes.selection.panel import Unasked
+    >>> unasked_sentences([Unasked("ssr", "ValueError, nothing to drop")])
+    ('Left out: SSR (ValueError, nothing to drop).',)
+    """
+    methods: dict[str, list[str]] = {}
+    for one in unasked:
+        methods.setdefault(one.reason, []).append(called(one.method))
+    return tuple(f"Left out: {listed(names)} ({reason})." for reason, names in methods.items())
 
 
 def reduced_sentence(reduced: Reduced, kind: Kind) -> str:

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
 from imubayes.reporting.ladder_words import choice_sentences
-from imubayes.reporting.method_words import temperature_sentence
+from imubayes.reporting.method_words import temperature_sentence, unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
 from imubayes.reporting.rounding import counted
@@ -101,6 +101,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
         yield indented(distrusted)
+    if sensor.panel:
+        yield from map(indented, unasked_sentences(sensor.panel.unasked))
     yield from map(indented, saturated({run.name: run.source for run in sensor.runs}))
     for run in sensor.runs[:MOST_RUNS]:
         row = noise_row(run, sensor.kind, sensor.chains)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import add, reorder
+from imubayes.factor import Factor, add, reorder
 from imubayes.inference.apart import Apart, apart
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.mcmc.chains import Chains
-from imubayes.inference.pieces import always, pieces_of
+from imubayes.inference.pieces import Pieces, always, pieces_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, judge
 from imubayes.inference.summary import Summary
@@ -25,12 +27,30 @@ from imubayes.selection.models import Models
 from imubayes.selection.reduced import Reduced, design_factor, reduced
 from imubayes.selection.sensitivity import MORE, Sensitivity, of_decision, sensitivity
 from imubayes.selection.sindy import Sparse, sparse_regressions
+from imubayes.selection.sparse_paths import PATHS
 from imubayes.selection.votes import Votes, votes
 
 BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+Answer = TypeVar("Answer")
+
+INFORMATION = ("aic", "aicc", "bic", "hqc", "ebic")
+PREDICTIVE = ("waic", "loo", "leave_one_run_out")
+SPARSE = tuple(PATHS)
+OTHER_PRIORS, REDUCED = "g-prior", "reduced model"
+EVERY = (*INFORMATION, *PREDICTIVE, *SPARSE, OTHER_PRIORS, REDUCED)
+"""Names of the opinions, as they are left out."""
 
 LISTED = 20_000
 """Most models that are compared where all subsets are too many, and as many that are near them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unasked:
+    """An opinion that could not be had: the method's name, and why."""
+
+    method: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,14 +63,17 @@ class Panel:
     sindy : sparse regressions.
     sensitivity : inclusion under other priors.
     votes : all of them beside the decision.
-    reduced : the smallest model that predicts the test as well as the posterior does.
+    reduced : the smallest model that predicts the test as well as the posterior does; None where it was not
+        found.
+    unasked : what is left out of all this, and why. The decision stands without it.
     """
 
     criteria: tuple[Criterion, ...]
     sindy: tuple[Sparse, ...]
     sensitivity: Sensitivity
     votes: Votes
-    reduced: Reduced
+    reduced: Reduced | None
+    unasked: tuple[Unasked, ...] = ()
 
 
 def panel_of(
@@ -81,35 +104,130 @@ def panel_of(
     widths : factors on every prior sd that are tried; by default as many as do not take long.
     parts : indices of the component's own runs, where others take part in the factor.
     """
+    left_out: list[Unasked] = []
+    asked = partial(_asked, left_out)
+    question = asked(
+        EVERY, lambda: _question(summary, prior, rows, selection, hierarchical=hierarchical, parts=parts)
+    )
+    if question is None:
+        return Panel((), (), of_decision(selection), _votes(selection, left_out), None, tuple(left_out))
+    compared = _compared(question, chains, left_out)
+    sparse = _regressed(question, rng, resamples, left_out)
+    others = asked([OTHER_PRIORS], lambda: _under_other_priors(question, summary, selection, widths))
+    told = (compared, sparse, others or of_decision(selection))
+    shortest = asked([REDUCED], lambda: reduced(selection, design_factor(question.own.rows), rng=rng))
+    white = asked(["coloured noise"], lambda: coloured(summary, prior, rows, parts))
+    return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out))
+
+
+def _asked(left_out: list[Unasked], methods: Sequence[str], opinion: Callable[[], Answer]) -> Answer | None:
+    """Ask for an opinion of some methods; where it fails, by whatever error, leave it out and say so."""
+    try:
+        return opinion()
+    except Exception as error:  # noqa: BLE001  a peer's code may fail in any way; the decision needs none
+        reason = " ".join(f"{type(error).__name__}, {error}".split())
+        left_out += [Unasked(method, reason) for method in methods]
+        return None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Question:
+    """What the methods are asked about: a component on its own runs, over the columns that are tested."""
+
+    own: Apart
+    factor: Factor
+    sd: FloatArray
+    pieces: list[Pieces]
+    candidates: tuple[str, ...]
+    needs: tuple[tuple[str, str], ...]
+    samples: float
+    among: BoolArray | None
+
+
+def _question(
+    summary: Summary,
+    prior: ScalePrior,
+    rows: Sequence[Linear],
+    selection: Selection,
+    *,
+    hierarchical: bool,
+    parts: Sequence[int],
+) -> _Question:
     models = selection.models
     candidates = models.candidates.names
     own = apart(summary, prior.sd, rows, parts or range(len(rows)), candidates)
     names = tuple(name for name in own.summary.names if name in models.candidates.columns)
-    factor = reorder(own.summary.factor, names)
-    sd = own.sd[[own.summary.names.index(name) for name in names]]
-    needs = hierarchy(names) if hierarchical else ()
     pieces = [pieces_of(r, run.noise) for r, run in zip(own.rows, own.summary.runs, strict=True)]
-    samples = _effective(own, candidates)
-    if own.known is not None:
-        pieces.append(always(own.known))
-    among = _most_probable(models) if len(candidates) > LARGEST else None
-    compared = criteria(factor, pieces, sd, candidates, needs=needs, samples=samples, among=among, widen=True)
-    if chains is not None:
-        log_lik = chains.log_likelihood
-        compared = with_sampled_noise(compared, log_lik.reshape(-1, log_lik.shape[-1]))
-    sparse = sparse_regressions(factor, pieces, sd, candidates, rng=rng, resamples=resamples)
-    known = [extra.name for extra in summary.extras]
-    others = (
-        sensitivity(factor, sd, candidates, known=known, needs=needs, costs=selection.costs, widths=widths)
-        if len(candidates) <= MORE
-        else of_decision(selection)
+    return _Question(
+        own=own,
+        factor=reorder(own.summary.factor, names),
+        sd=own.sd[[own.summary.names.index(name) for name in names]],
+        pieces=[*pieces, *([] if own.known is None else [always(own.known)])],
+        candidates=candidates,
+        needs=hierarchy(names) if hierarchical else (),
+        samples=_effective(own, candidates),
+        among=_most_probable(models) if len(candidates) > LARGEST else None,
     )
-    return Panel(
-        criteria=compared,
-        sindy=sparse,
-        sensitivity=others,
-        votes=votes(selection, compared, sparse, others, coloured=coloured(summary, prior, rows, parts)),
-        reduced=reduced(selection, design_factor(own.rows), rng=rng),
+
+
+def _compared(q: _Question, chains: Chains | None, left_out: list[Unasked]) -> tuple[Criterion, ...]:
+    """Criteria; those of information alone where the predictive ones fail."""
+
+    def of(pieces: Sequence[Pieces]) -> tuple[Criterion, ...]:
+        given = {"needs": q.needs, "samples": q.samples, "among": q.among, "widen": True}
+        return criteria(q.factor, pieces, q.sd, q.candidates, **given)
+
+    found = _asked(left_out, PREDICTIVE, lambda: of(q.pieces))
+    if found is None:
+        return _asked(left_out, INFORMATION, lambda: of([])) or ()
+    if chains is None:
+        return found
+    log_lik = chains.log_likelihood
+    sampled = partial(with_sampled_noise, found, log_lik.reshape(-1, log_lik.shape[-1]))
+    return _asked(left_out, ["loo with the noise sampled"], sampled) or found
+
+
+def _regressed(
+    q: _Question, rng: np.random.Generator, resamples: int, left_out: list[Unasked]
+) -> tuple[Sparse, ...]:
+    """Sparse regressions, all on the same campaigns; one by one where one of them fails."""
+    start, failed = deepcopy(rng), list[Unasked]()
+
+    def of(optimizers: Sequence[str], rng: np.random.Generator) -> tuple[Sparse, ...]:
+        given = {"rng": rng, "resamples": resamples, "optimizers": optimizers}
+        return sparse_regressions(q.factor, q.pieces, q.sd, q.candidates, **given)
+
+    found = _asked(failed, SPARSE, lambda: of(SPARSE, rng))
+    if found is not None:
+        return found
+    each = [_asked(left_out, [name], partial(of, [name], deepcopy(start))) for name in SPARSE]
+    return tuple(one for some in each for one in some or ())
+
+
+def _under_other_priors(
+    q: _Question, summary: Summary, selection: Selection, widths: Sequence[float]
+) -> Sensitivity:
+    """Inclusion under other priors; of many candidates what the decision has found itself."""
+    if len(q.candidates) > MORE:
+        return of_decision(selection)
+    known = [extra.name for extra in summary.extras]
+    given = {"known": known, "needs": q.needs, "costs": selection.costs, "widths": widths}
+    return sensitivity(q.factor, q.sd, q.candidates, **given)
+
+
+def _votes(
+    selection: Selection,
+    left_out: list[Unasked],
+    compared: tuple[Criterion, ...] = (),
+    sparse: tuple[Sparse, ...] = (),
+    others: Sensitivity | None = None,
+    white: tuple[str, ...] = (),
+) -> Votes:
+    """Votes with a row for who says nothing; without reasons for disagreements where these fail."""
+    silent, alone = tuple(one.method for one in left_out), of_decision(selection)
+    told = partial(votes, selection, compared, sparse, others or alone, coloured=white, silent=silent)
+    return _asked(left_out, ["reasons of disagreements"], told) or votes(
+        selection, (), (), alone, silent=EVERY
     )
 
 

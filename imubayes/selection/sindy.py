@@ -79,6 +79,7 @@ def sparse_regressions(
     *,
     rng: np.random.Generator,
     resamples: int = 100,
+    optimizers: Sequence[str] = tuple(PATHS),
 ) -> tuple[Sparse, ...]:
     """STLSQ, SR3, SSR and FROLS of pysindy, each with its path, its ensemble and its stable terms.
 
@@ -95,12 +96,13 @@ def sparse_regressions(
     candidates : columns to choose from; none gives no regressions.
     rng : of the resampled campaigns.
     resamples : campaigns that are drawn. Without any, or with fewer than two dwells, the frequencies are NaN.
+    optimizers : which of them.
     """
     scale = algebra.noise_scale(factor, sd)
     whole = effects_of(factor, sd, candidates, scale)
     if not whole.names:
         return ()
-    walked = [_walk(name, whole, _strengths(name, len(whole.names))) for name in PATHS]
+    walked = [_walk(name, whole, _strengths(name, len(whole.names))) for name in optimizers]
     drawn = halved = np.full((len(walked), len(candidates)), np.nan)
     if resamples > 0 and sum(len(p) for p in pieces) > 1:
         dwells = dwelled(pieces, factor.names)

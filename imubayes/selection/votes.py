@@ -17,6 +17,13 @@ from imubayes.selection.sindy import Sparse
 
 FloatArray = NDArray[np.float64]
 
+ORDER = (
+    *("evidence", "g-prior"),
+    *("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out"),
+    *("stlsq", "sr3", "ssr", "frols"),
+)
+"""Methods in the order in which they are shown."""
+
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
@@ -79,6 +86,7 @@ def votes(
     sensitivity: Sensitivity,
     *,
     coloured: Sequence[str] = (),
+    silent: Sequence[str] = (),
 ) -> Votes:
     """Put the methods beside the decision on a component.
 
@@ -87,8 +95,13 @@ def votes(
     selection : the decision.
     criteria, sindy, sensitivity : what the other methods say of the same candidates.
     coloured : runs whose noise was assumed white, and whose residuals are not.
+    silent : methods that were not asked: their rows say nothing.
     """
     ballots = _ballots(selection, criteria, sindy, sensitivity)
+    missing = {name for name in silent if name in ORDER} - {ballot.method for ballot in ballots}
+    if missing:
+        ballots += [_Ballot(name, {}, {}) for name in missing]
+        ballots.sort(key=lambda ballot: ORDER.index(ballot.method))
     tested = [k for k, term in enumerate(selection.terms) if term.verdict != "untested"]
     columns = [selection.columns[k] for k in tested]
     strength = [[ballot.strength.get(column, math.nan) for column in columns] for ballot in ballots]

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
 from imubayes.reporting.document import report_html
 from imubayes.reporting.method_views import (
@@ -12,6 +14,9 @@ from imubayes.reporting.method_views import (
     methods_view,
     sparse_row,
 )
+from imubayes.reporting.results import result_dict
+from imubayes.reporting.tables import terminal_summary
+from imubayes.selection.panel import Unasked
 
 
 def test_criteria_are_printed_as_their_difference_from_the_decision(make_judged) -> None:
@@ -107,3 +112,20 @@ def test_words_that_come_from_files_are_escaped(make_judged, make_study) -> None
     panel = replace(sensor.panel, votes=told)
     sensor = replace(sensor, panel=panel, misfit=replace(sensor.misfit, found=(), text=attack))
     assert "<script" not in report_html(make_study(sensor))
+
+
+def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file(make_judged, make_study) -> None:
+    sensor = make_judged()
+    unasked = (Unasked("ssr", "ValueError, <nothing> to drop"), Unasked("reduced model", "no room"))
+    panel = replace(sensor.panel, sindy=sensor.panel.sindy[:2], reduced=None, unasked=unasked)
+    result = make_study(replace(sensor, panel=panel))
+    html = report_html(result)
+    assert (
+        "Left out: SSR (ValueError, &lt;nothing&gt; to drop)." in html and "Left out: reduced model" in html
+    )
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(terminal_summary(result))
+    assert "Left out: SSR (ValueError, <nothing> to drop)." in console.export_text()
+    (written,) = result_dict(result)["sensors"]
+    assert written["reduced"] is None and set(written["sindy"]) == {"stlsq", "sr3"}
+    assert written["unasked"][0] == {"method": "ssr", "reason": "ValueError, <nothing> to drop"}

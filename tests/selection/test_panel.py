@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.selection import panel as panels
 from imubayes.selection.decision import select
 from imubayes.selection.panel import coloured, panel_of
+from imubayes.selection.sparse_paths import PATHS
 from imubayes.sensors.noise import Noise, NoiseRule
 
 CRITERIA = ("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out")
@@ -86,3 +88,47 @@ def test_white_noise_that_is_not_white_is_found_out():
     ):
         summary, prior, rows, _ = problem(lean, plans, noise=noise, rule=rule)
         assert coloured(summary, prior, rows) == found
+
+
+STAGES = {
+    "imubayes.selection.panel.apart": panels.EVERY,
+    "imubayes.selection.panel.criteria": (*panels.PREDICTIVE, *panels.INFORMATION),
+    "imubayes.selection.panel.sparse_regressions": SPARSE,
+    "imubayes.selection.panel.sensitivity": ("g-prior",),
+    "imubayes.selection.panel.reduced": ("reduced model",),
+    "imubayes.selection.panel.coloured": ("coloured noise",),
+    "imubayes.selection.criteria.waic": panels.PREDICTIVE,
+}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_no_failure_of_an_opinion_takes_the_others_with_it(monkeypatch, campaign, panel, stage):
+    def fails(*_, **__):
+        raise np.linalg.LinAlgError("cannot be had")
+
+    monkeypatch.setattr(stage, fails)
+    told = panel_of(*campaign, rng=np.random.default_rng(1), resamples=5)
+    assert [one.method for one in told.unasked] == list(STAGES[stage])
+    assert {one.reason for one in told.unasked} == {"LinAlgError, cannot be had"}
+    assert told.votes.methods == panel.votes.methods
+    silent = np.isnan(told.votes.keeps).all(axis=1)
+    assert {name for name, none in zip(told.votes.methods, silent, strict=True) if none} == {
+        *STAGES[stage]
+    } - {"reduced model", "coloured noise"}
+    kept = {c.name: c for c in told.criteria}
+    assert all(kept[c.name].model == c.model for c in panel.criteria if c.name in kept)
+
+
+def test_optimizer_that_fails_is_left_out_with_its_own_words_and_the_others_say_the_same(
+    monkeypatch, campaign, panel
+):
+    """pysindy's SSR has nothing to drop where every coefficient is zero."""
+    ssr = PATHS["ssr"]
+    monkeypatch.setitem(PATHS, "ssr", lambda A, b, strength: ssr(A, 0.0 * b, strength))
+    told = panel_of(*campaign, rng=np.random.default_rng(1), resamples=5)
+    ((method, reason),) = ((one.method, one.reason) for one in told.unasked)
+    assert method == "ssr" and reason == "ValueError, attempt to get argmin of an empty sequence"
+    others = [one for one in panel.sindy if one.optimizer != "ssr"]
+    assert [(o.optimizer, o.model, o.inclusion) for o in told.sindy] == [
+        (o.optimizer, o.model, o.inclusion) for o in others
+    ]
