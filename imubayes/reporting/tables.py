@@ -97,7 +97,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         if warning:
             yield indented(warning, "bold red")
     if temperature := temperature_sentence(sensor):
-        yield indented(temperature)
+        yield indented(temperature.replace("µ", "u").replace("−", "-"))  # as the table beside it
     yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
         yield indented(distrusted)

@@ -209,17 +209,18 @@ def fit_sentence(sensor: SensorResult) -> str:
         p = probability(min(check.whiteness_p for check in sensor.checks))
         return (
             f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
-            f"white, p {p}; {level_words(sensor)})."
+            f"white, p {p}). {level_words(sensor)}"
         )
     named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
     runs = "run" if len(misfits) == 1 else "runs"
-    return f"The model does not explain {runs} {named}; {level_words(sensor)}: {_consequence(misfits)}"
+    return f"The model does not explain {runs} {named}: {_consequence(misfits)} {level_words(sensor)}"
 
 
 def level_words(sensor: SensorResult) -> str:
     """Say below which p a test alarms, and how often chance makes any test of a study do so."""
     level = sensor.checks[0].level
-    return f"alarms below {level:.1g}, so that chance alone alarms {100.0 * SUSPECT:.0f} % of studies at most"
+    chance = f"{100.0 * SUSPECT:.0f} % of studies at most"
+    return f"Tests alarm below p {level:.1g}, so that chance alone makes {chance} do so."
 
 
 def _consequence(misfits: list[ResidualCheck]) -> str:
