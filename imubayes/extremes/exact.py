@@ -14,10 +14,15 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from mpmath import mp as _mp
 from numpy.typing import NDArray
 
+from imubayes.errors import StudyError
 from imubayes.extremes.cases import Stamps
+
+try:
+    from mpmath import mp as _mp
+except ModuleNotFoundError:
+    raise StudyError("[extremes]: exact arithmetic needs mpmath: pip install 'imubayes[extremes]'") from None
 
 mp: Any = _mp
 """The context makes its functions when it is made, so that its types know none of them."""

@@ -14,12 +14,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from mpmath import mp as _mp
 
-from imubayes.extremes.exact import Averaged, Products
+from imubayes.extremes.exact import Averaged, Products, mp
 from imubayes.inference.prior import GFamily, GPrior, HyperG
-
-mp: Any = _mp
 
 DIGITS = 40
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
 from imubayes.rig.inputs import between_gaps
 
@@ -16,6 +17,12 @@ PER_DECADE = 5
 
 LEVEL = 0.9
 """Probability that a confidence interval holds."""
+
+QUANTIZATION = 2
+"""Power of the frequency in the density of the rate whose integral is rounded."""
+
+FINEST = 100
+"""Overlaps of an averaging time that are counted; more change the degrees of freedom by less than 1 %."""
 
 
 def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
@@ -82,13 +89,42 @@ def confidence_band(
     -----
     Degrees of freedom by Greenhall and Riley (2004) for overlapping differences: the variance is chi-squared.
     """
-    from allantools import ci
-
     samples, interval = record
     steps = np.rint(tau / interval).astype(int).tolist()
-    ends = [
-        ci.confidence_interval(dev, ci.edf_greenhall(alpha, 2, m, samples + 1, overlapping=True), ci=LEVEL)
-        for dev, alpha, m in zip(deviation.tolist(), slopes.tolist(), steps, strict=True)
-    ]
-    low, high = np.array(ends, dtype=float).reshape(-1, 2).T
-    return low, high
+    half = np.array([_freedom(a, m, samples) for a, m in zip(slopes.tolist(), steps, strict=True)]) / 2.0
+    tail = (1.0 - LEVEL) / 2.0
+    low, high = (np.sqrt(half / gammaincinv(half, p)) for p in (1.0 - tail, tail))
+    return low * deviation, high * deviation
+
+
+def _freedom(alpha: int, m: int, samples: int) -> float:
+    """Equivalent degrees of freedom of the overlapping Allan variance at m samples.
+
+    Its terms are the second differences z of the phase over m samples; the mean of M squares has
+    ``M / (1 + 2 sum_j (1 - j/M) r_j^2)`` of them, r the correlation of z (Greenhall and Riley, eq. 8 and 9).
+    A rounded phase is white: r is -2/3 after m samples, 1/6 after 2 m.
+    """
+    overlaps = m if alpha == QUANTIZATION else min(m, FINEST)
+    count = 1 + overlaps * (samples - 2 * m) // m
+    if alpha == QUANTIZATION:
+        lag, r = np.array([0, m, 2 * m]), np.array([1.0, -2.0 / 3.0, 1.0 / 6.0])
+    else:
+        lag = np.arange(3 * overlaps)
+        z = _structure(alpha, lag[:, None] / overlaps + np.arange(-2.0, 3.0), overlaps)
+        z = z @ (1.0, -4.0, 6.0, -4.0, 1.0)
+        r = z / z[0]
+    weights = np.clip(1.0 - lag / count, 0.0, None)
+    return count / float(2.0 * weights @ r**2 - 1.0)
+
+
+def _structure(alpha: int, t: FloatArray, m: int) -> FloatArray:
+    """Generalized autocovariance of the phase whose rate, averaged over 1/m, has the density f^alpha.
+
+    Minus a second difference of ``|t|^3`` for white noise, ``-t^4 ln|t|`` for flicker, ``-|t|^5`` for a walk.
+    """
+    around = np.abs(t[..., None] + np.array([-1.0, 0.0, 1.0]) / m)
+    if alpha == 0:
+        smooth = around**3
+    else:
+        smooth = -(around**5) if alpha == -2 else -(around**4) * np.log(np.where(around > 0.0, around, 1.0))
+    return smooth @ (-1.0, 2.0, -1.0)

@@ -4,6 +4,7 @@ import allantools
 import numpy as np
 import pytest
 from allantools import ci
+from scipy.stats import chi2
 
 from imubayes.inference.allan import allan_deviation, confidence_band
 from imubayes.inference.allan_fit import allan_curve, fit_allan, log_covariance
@@ -33,6 +34,23 @@ def test_spectral_covariance_has_the_degrees_of_freedom_of_greenhall_and_riley(n
     spectral = 2.0 / np.diag(log_covariance(noise, TAU, (SAMPLES, 1.0)))
     published = [ci.edf_greenhall(alpha, 2, int(m), SAMPLES + 1, overlapping=True) for m in TAU]
     np.testing.assert_allclose(spectral[1:], published[1:], rtol=0.08)
+
+
+@pytest.mark.parametrize("alpha", [2, 0, -1, -2])
+@pytest.mark.parametrize("samples", [400, 100_000])
+def test_band_is_that_of_allantools(alpha, samples):
+    """The other route sums over a hundred lags, or a table's fit: 2 % of the degrees of freedom."""
+    tau = np.array([1.0, 2.0, 5.0, 10.0, 50.0, samples // 20, samples // 5])
+    low, high = confidence_band(tau, np.ones(7), np.full(7, alpha), (samples, 1.0))
+    edf = [ci.edf_greenhall(alpha, 2, int(m), samples + 1, overlapping=True) for m in tau]
+    expected = np.array([ci.confidence_interval(1.0, each, ci=0.9) for each in edf])
+    np.testing.assert_allclose(np.column_stack((low, high)), expected, rtol=0.01)
+
+
+@pytest.mark.parametrize("alpha", [2, 0, -1, -2])
+def test_longest_averaging_time_has_one_degree_of_freedom(alpha):
+    low, high = confidence_band(np.array([200.0]), np.ones(1), np.array([alpha]), (400, 1.0))
+    np.testing.assert_allclose((low[0], high[0]), 1.0 / np.sqrt(chi2.ppf((0.95, 0.05), 1)), rtol=1e-9)
 
 
 def test_covariance_is_that_of_simulated_logs():
