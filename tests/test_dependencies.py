@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 import tomllib
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
+
+from imubayes.cli import main
 
 ROOT = Path(__file__).parents[1]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -68,3 +72,18 @@ def test_an_install_brings_no_tool_that_writes_manuals():
         _brought(text, seen)
     assert "numpy" in seen
     assert not seen & DOCUMENTATION
+
+
+def test_a_study_of_the_extremes_without_its_extra_is_refused_by_the_name_of_the_extra(
+    monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setitem(sys.modules, "mpmath", None)
+    for name in [name for name in sys.modules if name.startswith("imubayes.extremes")]:
+        monkeypatch.delitem(sys.modules, name)
+    study = tmp_path / "ends.toml"
+    study.write_text("[study]\n[extremes]\n")
+    monkeypatch.setattr(sys, "argv", ["imubayes", "run", str(study)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    assert "pip install 'imubayes[extremes]'" in " ".join(capsys.readouterr().err.split())

@@ -22,6 +22,20 @@ def test_deviation_is_that_of_allantools():
     np.testing.assert_allclose(deviation, expected, rtol=1e-10)
 
 
+def test_deviation_of_a_record_with_a_gap_is_that_of_allantools_on_its_parts_pooled():
+    rng = np.random.default_rng(2)
+    parts = rng.normal(size=400).cumsum(), rng.normal(size=700).cumsum()
+    t = np.concatenate((np.arange(400.0), 1e5 + np.arange(700.0)))
+    tau, deviation = allan_deviation(np.concatenate(parts), t, 1.0)
+    squares, counts = np.zeros(len(tau)), np.zeros(len(tau))
+    for y in parts:
+        held = tau <= len(y) // 2
+        _, found, _, n = allantools.oadev(y, rate=1.0, data_type="freq", taus=tau[held])
+        squares[held] += n * found**2
+        counts[held] += n
+    np.testing.assert_allclose(deviation, np.sqrt(squares / counts), rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("noise", "alpha"), [(NoiseProcesses(N=1.0), 0), (NoiseProcesses(N=1e-6, K=0.1), -2)]
 )

@@ -9,7 +9,7 @@ import pytest
 from lots_readings import wrong_lots
 from report_reading import Block, Grid, Reading, agrees, drawn, grids, problems, sentences, tree, written
 
-from imubayes.config import read_lots
+from imubayes.config import read
 from imubayes.lots.measure import measure
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
@@ -55,9 +55,7 @@ def fresh(tmp_path_factory):
 
     def study(asks: str):
         path.write_text(STUDY.replace("ASKS", ASKS[asks]))
-        written_study = read_lots(path)
-        assert written_study is not None
-        return written_study
+        return read(path)[1]
 
     found = measure(study("classes"))
     return lambda asks: replace(found, study=study(asks))

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from imubayes.reporting.comparison.kinds import comparison_json
-from imubayes.reporting.comparison.result_files import read_result
+from imubayes.reporting.comparison.result_files import sensors_of, written
 from imubayes.reporting.comparison.results import compared
 from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
 from imubayes.reporting.comparison.view import page_html, terminal_page
@@ -33,7 +33,7 @@ def found(make_study, make_sensor, tmp_path):
         sensor = replace(sensor, selection=replace(sensor.selection, terms=terms))
         file = tmp_path / f"{len(files)}.json"
         file.write_text(result_json(make_study(sensor)))
-        files.append(read_result(file))
+        files.append(sensors_of(written(file)))
     return compared(files)
 
 

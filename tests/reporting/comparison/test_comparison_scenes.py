@@ -12,7 +12,13 @@ from scenes_found import TERMS, a_relevance
 
 from imubayes.reporting.comparison.kinds import comparison_json
 from imubayes.reporting.comparison.pulls import QUANTILE
-from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, ResultFile, read_result
+from imubayes.reporting.comparison.result_files import (
+    ComponentFile,
+    Estimate,
+    ResultFile,
+    sensors_of,
+    written,
+)
 from imubayes.reporting.comparison.results import compared
 from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
 from imubayes.reporting.comparison.view import page_html, terminal_page
@@ -29,7 +35,7 @@ def read(make_study, make_sensor, tmp_path):
         study = replace(study, study=replace(study.study, seed=seed))
         file = tmp_path / f"{len(list(tmp_path.iterdir()))}.json"
         file.write_text(result_json(study))
-        return read_result(file)
+        return sensors_of(written(file))
 
     return write
 
