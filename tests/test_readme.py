@@ -63,6 +63,7 @@ SHAPES = {
     "[extremes]": shapes.ExtremesTable,
     "[quality]": shapes.QualityTable,
     "[lots]": shapes.LotsTable,
+    "[lots.asks]": shapes.AgainstTable,
     "[fleet]": shapes.FleetTable,
     "[speed]": shapes.SpeedTable,
     "[speed.growth]": shapes.GrowthTable,
@@ -209,6 +210,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
     "[[sensor]]": {"unit": "U", "session": "1"},
     "[lots]": {"kind": "accelerometer", "classes": ["mems_tactical"], "run": [MADE]},
+    "[lots.asks]": {"needed_by": ["fog_tactical"], "not_by": ["mems_tactical"]},
     "[fleet]": {"kind": "accelerometer", "class": "mems_tactical", "units": 4, "run": [MADE]},
     "[[scene]]": {"file": "flight.csv", "budget": {"position": "1 m"}},
     "[[appendix]]": {"title": "Case", "file": "case.csv"},
@@ -236,6 +238,9 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     match section:
         case "[extremes]" | "[quality]" | "[lots]" | "[fleet]" | "[speed]":
             return {section.strip("[]"): content}
+        case "[lots.asks]":
+            classes = {"kind": "gyroscope", "classes": ["mems_tactical", "fog_tactical"]}
+            return {"lots": NEEDED["[lots]"] | classes | {"asks": content}}
         case "[speed.growth]":
             return {"speed": {"growth": content}}
         case "[study]" | "[sampling]" | "[decision]" | "[noise]":

@@ -166,8 +166,8 @@ def resolve(
         if channel in specs or channel in required or _has(table, channel):
             spec = specs.get(channel, ColumnSpec())
             found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
-    used = {column.address for column in found.values()} | set(ignore)
-    left = [name for name in table.columns if not {name, bare(name)} & used]
+    known = {column.address for column in found.values()} | {*required, *optional, *ignore}
+    left = [name for name in table.columns if not {name, bare(name)} & known]
     _refuse_nearly(table.file, left, [channel for channel in optional if channel not in found])
     return found
 
