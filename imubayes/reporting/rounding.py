@@ -335,8 +335,14 @@ def half_up(value: float, decimals: int = 0) -> float:
     >>> half_up(12.5), half_up(13.5), half_up(-0.125, 2), half_up(1250.0, -2)
     (13.0, 14.0, -0.13, 1300.0)
     """
-    step = Decimal(1).scaleb(-decimals)
-    return float(Decimal(repr(float(value))).quantize(step, ROUND_HALF_UP)) if math.isfinite(value) else value
+    if not math.isfinite(value):
+        return value
+    written = Decimal(repr(float(value)))
+    if (
+        int(written.normalize().as_tuple().exponent) >= -decimals
+    ):  # no digit to round off, maybe too many to write
+        return float(value)
+    return float(written.quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP))
 
 
 def counted(count: int, noun: str) -> str:

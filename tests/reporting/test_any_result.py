@@ -16,11 +16,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import judged_result, repeatability, sampled_result, study_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lots_found import lot_result
 from populations_found import term_found
+from results_found import judged_result, repeatability, sampled_result, study_result
 from scenes_found import a_relevance
 from test_case_views import recovered
 from test_fleet_page import _result as fleet_result

@@ -158,3 +158,8 @@ def test_a_half_goes_away_from_zero_wherever_a_number_is_printed(whole: int, dec
 def test_medians_of_12_5_and_13_5_are_rounded_alike() -> None:
     assert [f"{half_up(value):.0f}" for value in (12.5, 13.5)] == ["13", "14"]
     assert [str(measured(value, 10.0)) for value in (12.5, 13.5)] == ["13 +- 10", "14 +- 10"]
+
+
+@pytest.mark.parametrize(("value", "decimals"), [(1e200, 3), (1.5, 40), (-1e300, -10), (5e-324, 400)])
+def test_numbers_without_a_digit_to_round_off_stay_however_long_they_are(value, decimals):
+    assert half_up(value, decimals) == value
