@@ -120,7 +120,7 @@ def _range(outcomes: Iterable[Outcome]) -> str:
     if not own or max(rows) == max(own):
         return f"{min(rows):,} to {max(rows):,} rows"
     return (
-        f"{min(rows):,} to {max(own):,} rows, and up to {max(rows):.0e} of a short record stacked on itself"
+        f"{min(rows):,} to {max(own):,} rows, and up to {max(rows):,} of a short record stacked on itself"
     )
 
 
@@ -180,8 +180,10 @@ def _record(one: Outcome) -> dict[str, Any]:
         "case": one.label,
         "condition": one.condition,
         "full_rank": one.full_rank,
+        "rows": one.rows,
         "digits": {name: {"correct": t.correct, "stated": t.stated} for name, t in one.told.items()},
         "silent": one.silent,
+        "lost": [name for name, told in one.told.items() if told.correct == -math.inf],
         "refused": one.refused,
     }
 

@@ -166,7 +166,7 @@ def agrees(said: str, meant: Meant) -> bool:
         return True
     if isinstance(meant, int | float):
         (value, half), *_ = written(said)
-        if said.startswith("below "):
+        if said.startswith(("below ", "<")):
             return 0.0 <= meant <= value
         exact = isinstance(meant, int)
         return value == meant if exact else abs(value - meant) <= 1.02 * half + 1e-9 * abs(meant)
@@ -188,7 +188,12 @@ def _wrong(block: Block, readings: Sequence[Reading], result: Any) -> Iterator[s
     explained: list[tuple[int, int]] = []
     for reading in readings:
         for match in re.finditer(reading.phrase, block.text):
-            for k, meant in enumerate(reading.meant(result, match, block.anchor), start=1):
+            try:
+                wanted = list(reading.meant(result, match, block.anchor))
+            except (LookupError, StopIteration, ValueError):
+                yield f"#{block.anchor}: the result has nothing of '{match[0]}'"
+                continue
+            for k, meant in enumerate(wanted, start=1):
                 if match[k] is None:
                     continue
                 explained.append(match.span(k))

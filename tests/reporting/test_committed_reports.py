@@ -7,15 +7,21 @@ from pathlib import Path
 
 import pytest
 from lots_readings import wrong_lots
+from tool_readings import wrong_extremes, wrong_quality, wrong_speed, wrong_trade
 
 REPORTS = Path(__file__).parents[2] / "reports"
 
 READERS = {
     "accelerometer_grades": wrong_lots,
     "basic_vs_generalized": wrong_lots,
+    "decision_quality": wrong_quality,
+    "extremes": wrong_extremes,
     "mems_vs_fog": wrong_lots,
     "scenes": wrong_lots,
     "scenes_accelerometers": wrong_lots,
+    "speed": wrong_speed,
+    "trade_mems_vs_fog": wrong_trade,
+    "trade_quickstart": wrong_trade,
 }
 """Of each report, what holds its page against its result."""
 

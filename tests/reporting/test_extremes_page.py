@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from tool_readings import wrong_extremes
 
 from imubayes.extremes.measure import QUANTITIES, Extremes, Outcome, Told, measure
 from imubayes.extremes.plan import ExtremesStudy
@@ -51,7 +52,7 @@ def test_the_promise_says_for_how_many_rows_it_was_measured(found):
     first = Outcome("noise", "1", 2.0, True, dict.fromkeys(QUANTITIES, Told(9.0, 8.0)), (), 40)
     copies = replace(first, family="rows", rows=10**9)
     answer = " ".join(extremes_answer(replace(found, outcomes=(first, replace(first, rows=100_000), copies))))
-    assert "40 to 100,000 rows, and up to 1e+09 of a short record stacked on itself" in answer
+    assert "40 to 100,000 rows, and up to 1,000,000,000 of a short record stacked on itself" in answer
 
 
 def test_numbers_of_every_case_are_in_the_result(found):
@@ -78,3 +79,7 @@ def test_terminal_fits_eighty_columns_and_names_every_family(found):
     lines = terminal_extremes(found).splitlines()
     assert lines[-1].startswith("columns")
     assert max(map(len, lines[-2:])) <= 80
+
+
+def test_every_number_of_the_page_is_one_of_the_result(found):
+    assert wrong_extremes(extremes_html(found), json.loads(extremes_json(found))) == []

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_readings import wrong_quality
 
 from imubayes.quality.measure import Quality
 from imubayes.quality.questions import Interval
@@ -126,3 +127,7 @@ def test_two_files_are_written_and_the_terminal_has_a_line_a_method(quality, tmp
     lines = terminal_quality(quality).splitlines()
     assert all(len(line) <= 80 for line in lines[-len(METHODS) :])
     assert [line.split("  ")[0] for line in lines[-len(METHODS) :]][:3] == [DECISION, SURE, "AIC"]
+
+
+def test_every_number_of_the_page_is_one_of_the_result(quality):
+    assert wrong_quality(quality_html(quality), json.loads(quality_json(quality))) == []

@@ -111,6 +111,10 @@ def test_number_is_explained_by_a_reading_or_is_a_problem(text, count):
     assert len(problems([Block("", text)], [SAID], {"blue": 3, "all": 5})) == count
 
 
+def test_what_the_result_has_nothing_of_is_a_problem():
+    assert problems([Block("", "3 of 5 are blue.")], [SAID], {"all": 5})
+
+
 def test_text_is_read_by_block_under_its_heading_and_figures_without_their_ticks():
     page = tree(
         '<h2 id="a">One</h2><p>It is <b>2</b>\xa0%.</p><p class="sub">3</p>'

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_readings import wrong_speed
 
 from imubayes.machine import Machine
 from imubayes.reporting.speed_page import speed_html, terminal_speed, write_speed
@@ -87,3 +88,8 @@ def test_result_file_holds_every_time_and_no_number_that_is_not_finite(speed, tm
     assert read["contests"][0]["places"][3]["error"] is None
     assert read["growth"][0]["exponent"] == pytest.approx(1.0)
     assert read["machine"]["load"] is None
+
+
+def test_every_number_of_the_page_is_one_of_the_result(speed, tmp_path):
+    page, values = write_speed(speed, tmp_path)
+    assert wrong_speed(page.read_text("utf-8"), json.loads(values.read_text("utf-8"))) == []

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from rich.console import Console
+from tool_readings import wrong_trade
 from trades import measured, told, trade
 
 from imubayes.inference.intervals import frequency
@@ -104,3 +105,7 @@ def test_the_table_fits_a_console_of_eighty_columns(found):
     assert max(map(len, lines)) <= 80
     assert lines[0].split()[:5] == ["rung", "time", "memory", "off", "rms"]
     assert lines[4].split()[:2] == ["raw", "~110"]
+
+
+def test_every_number_of_the_page_is_one_of_the_result(found):
+    assert wrong_trade(trade_html(found), json.loads(trade_json(found))) == []
