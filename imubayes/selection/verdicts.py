@@ -91,6 +91,9 @@ class Costs:
 EQUAL = Costs()
 """A false keep costs what a false drop does."""
 
+NEAR_ZERO = 0.5
+"""Sds from zero below which the size of a term says nothing for it."""
+
 NEEDED, NOT_NEEDED = EQUAL.needed, EQUAL.not_needed
 """Inclusion from which a term is needed, and up to which it is not, at equal costs."""
 
@@ -214,6 +217,8 @@ def _leaning(e: Evidence, costs: Costs) -> str:
         size = f"there, but below a tenth of the class's size with {100 * e.small:.0f} %"
         return f"{size}, {e.pull:.1f} sd from zero"
     way = "towards it" if e.inclusion >= costs.keep else "against it"
+    if e.inclusion >= costs.keep and e.pull < NEAR_ZERO:
+        way += ", by the prior and the other terms alone"
     return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
 
 

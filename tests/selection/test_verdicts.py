@@ -126,6 +126,13 @@ def test_an_undecided_term_says_which_way_it_leans(inclusion, words):
     assert reason.startswith(words)
 
 
+@pytest.mark.parametrize(("pull", "inclusion"), [(0.1, 0.77), (0.9, 0.84), (0.1, 0.2)])
+def test_what_only_the_prior_and_the_other_terms_ask_for_is_not_said_to_be_shown(pull, inclusion):
+    _, reason = decide(Evidence(inclusion, (inclusion, inclusion), 0.0, 0.3, pull, (), ""))
+    alone = pull < 0.5 < inclusion
+    assert ("by the prior and the other terms alone, 0.1 sd from zero" in reason) is alone
+
+
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
 def test_an_untested_term_names_the_inputs_it_waits_for(kind):
     for term in library(kind, set="extended").terms:
