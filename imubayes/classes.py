@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from imubayes.campaign import SensorResult, SensorSpec, Study, StudyResult
 from imubayes.inference.levels import Likelihoods, likelihoods
 from imubayes.inference.populations import FEWEST, spreads
-from imubayes.inference.sessions import Parameter
+from imubayes.inference.sessions import Parameter, level_among
 from imubayes.repeats import between_sessions
 from imubayes.selection.class_needs import ClassInCommon, TermInClass, class_need, unit_answer
 from imubayes.selection.pooled import pooled_inclusion
@@ -102,7 +102,9 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[_Tested]) -> ClassInCom
             found.append(_term([one for one, _ in there], pooled[-1].get(name)))
         found += [_term([one], inclusion) for one, inclusion in there]
     units = tuple(dict.fromkeys(one.unit for one in alike))
-    return ClassInCommon(class_id, kind, units, sessions, components, tuple(found))
+    level = level_among([one.spreads.p_value for one in found])
+    terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in found)
+    return ClassInCommon(class_id, kind, units, sessions, components, terms)
 
 
 def _cells(name: str, tested: Sequence[_Tested], sessions: tuple[str, ...]) -> _Cells | None:

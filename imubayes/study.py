@@ -58,6 +58,7 @@ from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
 from imubayes.selection.noise_found import processes_of
 from imubayes.selection.panel import Panel, panel_of
+from imubayes.units import counted
 
 SHORT = 30.0
 """s: a budget for somebody who does not want to wait."""
@@ -88,7 +89,7 @@ def run(
     results: list[tuple[SensorSpec, list[SensorResult]]] = []
     for k, spec in enumerate(study.sensors):
         job = _Job(spec, study, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
-        job.tell(f"reading {len(spec.runs)} runs")
+        job.tell(f"reading {counted(len(spec.runs), 'run')}")
         runs = runs_of(spec, study.seed, k, job.tell)
         with _named(spec):
             case = _of_case(runs)
@@ -99,7 +100,7 @@ def run(
                 found = _case(job, case) if case else [_single(job, _of_component(runs))]
             results.append((spec, found))
     if study.scenes:
-        progress(f"what {len(study.scenes)} scenes require")
+        progress(f"requirements of {counted(len(study.scenes), 'scene')}")
     return of_study(study, results, required(study.scenes, results))
 
 
@@ -201,10 +202,10 @@ class _Posterior:
 def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     """Characterise one component with known inputs."""
     start, spec = time.perf_counter(), job.spec
-    job.tell(f"noise and factor of {sum(run.samples for run in runs):,} samples")
+    job.tell(f"noise and factor of {counted(sum(run.samples for run in runs), 'sample')}")
     ready = prepare(spec, runs, job.tell, job.rng)
     posterior = _sampled(job, ready)
-    job.tell(f"every model of {len(spec.library.terms)} terms")
+    job.tell(f"every model of {counted(len(spec.library.terms), 'term')}")
     selection = select(ready.summary, ready.prior, **_asked(job, posterior))
     job.tell("residuals")
     theta, _ = loose_fit(ready.summary, ready.prior)
@@ -273,7 +274,7 @@ def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -
     ]
     told: list[_Told] = []
     for one in case.components:
-        job.tell(f"every model of {len(one.library.terms)} terms of {one.name}")
+        job.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name}")
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
         selection = select(own.summary, own.prior, component=one.name, **_asked(job, posterior))
         panel = _panel(job, own, posterior, selection, one.parts)

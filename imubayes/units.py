@@ -136,6 +136,29 @@ def factor(unit: str, like: str = "") -> float:
         ) from None
 
 
+def converts(unit: str, like: str) -> bool:
+    """Tell whether a unit measures what `like` does; one that is not known may.
+
+    Examples
+    --------
+    >>> converts("mg", "m/s^2"), converts("Hz", "m/s^2"), converts("furlong", "m/s^2")
+    (True, False, True)
+    """
+    try:
+        factor(unit, like)
+    except UnitError:
+        return not _is_known(unit)
+    return True
+
+
+def _is_known(unit: str) -> bool:
+    try:
+        factor(unit, unit)
+    except UnitError:
+        return False
+    return True
+
+
 def _examples(like: str) -> str:
     """Name a few units of a dimension, for an error message."""
     known = {
@@ -186,3 +209,15 @@ def quantity(text: str, like: str = "") -> float:
 def offset(unit: str, like: str) -> float:
     """SI value of zero on the scale of `unit`: 273.15 for ``degC`` as a temperature, else 0."""
     return ZERO_CELSIUS if like == "K" and _CELSIUS.fullmatch(unit.strip()) else 0.0
+
+
+def counted(count: int, noun: str) -> str:
+    """Number of things with their noun in the singular or plural.
+
+    Examples
+    --------
+    >>> counted(1, "term"), counted(0, "term"), counted(8400, "sample"), counted(2, "stretch")
+    ('1 term', '0 terms', '8,400 samples', '2 stretches')
+    """
+    ending = "es" if noun.endswith(("s", "x", "ch", "sh")) else "s"
+    return f"{count:,} {noun}{'' if count == 1 else ending}"

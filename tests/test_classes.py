@@ -75,6 +75,13 @@ def test_population_holds_what_the_units_were_made_with(result):
     assert b1.p_value > 0.01 and b1.turn_on.high < 0.5 * b1.unit.value
 
 
+def test_tests_between_sessions_share_one_level_in_a_class(result):
+    found = result.classes[0]
+    tested = [term.spreads for term in found.terms if not math.isnan(term.spreads.p_value)]
+    assert len(tested) > 1
+    assert sum(one.level for one in tested) == pytest.approx(0.01)
+
+
 def test_class_needs_what_its_units_need_and_tells_what_the_test_cannot(result):
     found = terms(result.classes[0])
     assert (found["b0"].need.verdict, found["b1"].need.verdict) == ("needed", "needed")

@@ -1,5 +1,6 @@
 """The whole method on the study that ships, and on small ones."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -233,6 +234,13 @@ def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_p
     assert resumed.diagnostics.seconds > first.diagnostics.seconds
     whole = method.run(small(method="full")).sensors[0].chains
     np.testing.assert_array_equal(resumed.theta, whole.theta)
+
+
+def test_progress_counts_one_run_in_the_singular():
+    told: list[str] = []
+    method.run(small(), progress=told.append)
+    assert "A: reading 1 run" in told
+    assert not [text for text in told if re.search(r"\b1 (?:run|term|scene|sample|draw)s\b", text)]
 
 
 def test_sessions_of_a_unit_are_compared():

@@ -32,7 +32,7 @@ from imubayes.rig.inputs import Facts, TriadRun, durations
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
-from imubayes.units import STANDARD_GRAVITY
+from imubayes.units import STANDARD_GRAVITY, counted
 
 FloatArray = NDArray[np.float64]
 
@@ -121,7 +121,8 @@ def solve_free_tumble(
 def _check_stills(count: int) -> None:
     if count < FEWEST:
         raise UnobservableError(
-            f"{count} stills are too few: {FEWEST} directions at least, 20 or more are usual"
+            f"{counted(count, 'still')} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at"
+            " least, 20 or more are usual"
         )
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from imubayes.inference.intervals import UNKNOWN, Share, of_cells, of_mixture
 from imubayes.inference.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
+from imubayes.inference.sessions import SUSPECT
 
 FloatArray = NDArray[np.float64]
 
@@ -65,6 +66,7 @@ class Spreads:
     next_unit : where a further unit is, at a further turn-on.
     p_value : probability of so large a scatter of the sessions about their units' means, if nothing but the
         errors of the tests separated them; NaN with one session each.
+    level : of that test, at which all those of the class together have one probability of a false alarm.
     shift, shift_sd : (s,) of all units in each session from the mean of the sessions; empty where `common`
         is unknown, or several kinds of component are together.
     """
@@ -80,6 +82,7 @@ class Spreads:
     common_share: Share = UNKNOWN
     next_unit: Share = UNKNOWN
     p_value: float = math.nan
+    level: float = SUSPECT
     shift: FloatArray = field(default_factory=lambda: np.zeros(0))
     shift_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
 

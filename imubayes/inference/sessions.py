@@ -36,7 +36,7 @@ TESTED = 1e-6
 """Share above which a session excited a parameter at all."""
 
 SUSPECT = 0.01
-"""Probability of the scatter below which the posteriors' sds do not explain it."""
+"""Probability of a false alarm among all parameters of which the scatter is tested."""
 
 EDGE = 1e5
 """How far the grid of tau reaches below the smallest scale of a problem and above its largest."""
@@ -97,10 +97,11 @@ class Repeatability:
         NaN where the sessions cannot tell.
     between : (mean, q05, q95) of the sd between sessions, SI, from its posterior, as if units moved
         independently; NaN as above.
-    exceeds : whether the scatter exceeds what the posteriors allow.
+    exceeds : whether the scatter exceeds what the posteriors allow: `p_value` is below `level`.
     shared : share of the scatter about the units' means that all units have in common, of all axes together
         axis by axis: one over their number by chance, 1 for a cause that moves them alike, such as
         temperature, of which `between` then knows less than it says; NaN with fewer than two complete units.
+    level : probability of a false alarm of this test: `SUSPECT` over the number of parameters tested.
     """
 
     parameter: str
@@ -115,6 +116,7 @@ class Repeatability:
     between: tuple[float, float, float]
     exceeds: bool
     shared: float = math.nan
+    level: float = SUSPECT
 
     @property
     def told(self) -> bool:
@@ -146,7 +148,20 @@ def repeatability(estimates: Iterable[SessionEstimate]) -> tuple[Repeatability, 
         groups = [[e for e in alike if e.component == component] for component in components]
         pooled = [_compared(term, alike)] if len(groups) > 1 else []
         found += [*pooled, *(_compared(_joined(group[0].component, term), group) for group in groups)]
-    return tuple(one for one in found if _repeated(one))
+    repeated = [one for one in found if _repeated(one)]
+    level = level_among([one.p_value for one in repeated])
+    return tuple(replace(one, level=level, exceeds=one.p_value < level) for one in repeated)
+
+
+def level_among(p_values: Iterable[float]) -> float:
+    """Level at which tests have one probability `SUSPECT` of a false alarm together; NaN is no test.
+
+    Examples
+    --------
+    >>> level_among([0.2, 0.001, math.nan])
+    0.005
+    """
+    return SUSPECT / max(sum(not math.isnan(p) for p in p_values), 1)
 
 
 def compare_sessions(

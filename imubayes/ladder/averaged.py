@@ -25,6 +25,7 @@ from imubayes.ladder.problem import Ground, once, prepared
 from imubayes.ladder.shared_noise import groups_of, noises_of
 from imubayes.preparation import Prepared
 from imubayes.selection.decision import select
+from imubayes.units import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -96,7 +97,7 @@ def averaged(ground: Ground) -> Answer:
     ready, problem, drawn = prepared(ground), ground.problem, weighted(ground)
     chosen = _resampled(drawn.weight, ground.rngs["averaged"])
     noises = tuple(drawn.draws[k] for k in chosen)
-    ground.tell(f"every model at {len(noises)} draws of the noise")
+    ground.tell(f"every model at {counted(len(noises), 'draw')} of the noise")
     selection = select(
         ready.summary,
         ready.prior,

@@ -11,6 +11,7 @@ from imubayes.ladder.answer import Answer, answer_of
 from imubayes.ladder.problem import Ground, chained, prepared
 from imubayes.planning.fidelity import RungName
 from imubayes.selection.decision import select
+from imubayes.units import counted
 
 
 def collapsed(ground: Ground) -> Answer:
@@ -26,7 +27,7 @@ def full(ground: Ground) -> Answer:
 def by_chains(rung: RungName, ground: Ground, sampled: Sampled, converged: bool) -> Answer:
     """Weigh every model at the noises of some draws; of the full library, say what the chains say."""
     ready, problem, chains = prepared(ground), ground.problem, sampled.chains
-    ground.tell(f"every model at {len(sampled.noises)} draws of the noise")
+    ground.tell(f"every model at {counted(len(sampled.noises), 'draw')} of the noise")
     selection = select(
         ready.summary,
         ready.prior,

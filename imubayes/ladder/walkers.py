@@ -12,6 +12,7 @@ from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
 from imubayes.inference.mcmc.engine import Target, sampler_of
 from imubayes.inference.mcmc.ensembles import History, Limits, verdict, walkers_for, wanting
 from imubayes.ladder.problem import Tell
+from imubayes.units import counted
 
 FIRST = 4
 """Steps before the chains are looked at: fewer have no autocorrelation."""
@@ -36,7 +37,7 @@ def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
         done = _judged(target, samplers, seconds, limits)
         if done.converged or seconds > limits.time_limit:
             return done
-        tell(f"{len(done.chains[0])} steps on every row, {done.text}")
+        tell(f"{counted(len(done.chains[0]), 'step')} on every row, {done.text}")
         _turn(samplers, start + limits.time_limit)
 
 

@@ -12,7 +12,7 @@ from imubayes.reporting.case_words import held_together
 from imubayes.reporting.population_views import class_views
 from imubayes.reporting.posterior import write_posterior, written_draws
 from imubayes.reporting.results import command, result_json, versions
-from imubayes.reporting.rounding import duration, pretty, probability, superscript
+from imubayes.reporting.rounding import duration, minus, pretty, probability, superscript
 from imubayes.reporting.rows import MARKS, shortened
 from imubayes.reporting.session_views import session_view
 from imubayes.reporting.views import MANY, overview, run_groups, sensor_views, sources
@@ -75,7 +75,7 @@ def report_html(result: StudyResult) -> str:
     environment.filters |= {
         "pretty": pretty,
         "raised": superscript,
-        "minus": lambda text: str(text).replace("-", "−"),
+        "minus": lambda text: minus(str(text)),
         "chance": probability,
         "short": shortened,
         "amount": duration,

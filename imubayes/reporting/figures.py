@@ -24,8 +24,9 @@ from imubayes.reporting.canvas import (
     few_ticks,
     no_ticks,
 )
-from imubayes.reporting.rounding import counted, measured, per_unit, percent, pretty
+from imubayes.reporting.rounding import measured, per_unit, percent, pretty
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult

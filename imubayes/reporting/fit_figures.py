@@ -23,9 +23,9 @@ from imubayes.reporting.canvas import (
     sticks,
 )
 from imubayes.reporting.method_words import left_words
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, counted, per_unit, pretty, probability
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit, pretty, probability
 from imubayes.reporting.rows import channel_unit
-from imubayes.units import factor, offset
+from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult

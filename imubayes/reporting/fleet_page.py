@@ -18,6 +18,7 @@ from imubayes.reporting.quality_page import finite
 from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, ranged
 from imubayes.sensors.equations.standards import symbols
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -113,7 +114,11 @@ def _worst_rows(result: FleetResult) -> Iterator[Row]:
 
 def _done(result: FleetResult) -> str:
     """Who did the work, and how long it took."""
-    kept = f"; {result.resumed:,} units were there already" if result.resumed else ""
+    kept = (
+        f"; {counted(result.resumed, 'unit')} {'was' if result.resumed == 1 else 'were'} there already"
+        if result.resumed
+        else ""
+    )
     return f"{result.engine}, {result.seconds:.0f} s{kept}"
 
 

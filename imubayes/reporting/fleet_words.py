@@ -11,12 +11,12 @@ from imubayes.reporting.rounding import (
     NOISE_SI,
     NOISE_UNITS,
     Measured,
-    counted,
     half_up,
     measured,
     per_unit,
     pretty,
 )
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.fleet.measure import FleetResult
@@ -57,7 +57,7 @@ def standing_out(result: FleetResult) -> str:
     named = [one for one in answer.worst if one.outlier][:NAMED]
     texts = [f"{one.unit} in {one.term} ({_sd(one)}, {pull_value(one, lib)})" for one in named]
     more = f" and {answer.outliers - len(named)} more" if answer.outliers > len(named) else ""
-    stand = "1 unit stands" if answer.outliers == 1 else f"{answer.outliers} units stand"
+    stand = f"{counted(answer.outliers, 'unit')} stand{'s' if answer.outliers == 1 else ''}"
     return f"{stand} out from the population ({expected}): {', '.join(texts)}{more}."
 
 
@@ -102,5 +102,5 @@ def broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
         return ()
     named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
     more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
-    what = "1 unit" if len(broken) == 1 else f"{len(broken):,} units"
+    what = counted(len(broken), "unit")
     return (f"{what} of {of:,} could not be read: {named}{more}.",)

@@ -31,6 +31,7 @@ from imubayes.reporting.lots_words import amid, class_name, of_budget, scene_nam
 from imubayes.reporting.rounding import percent, percents
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.catalogue import prior_sd
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.lots.answers import ClassFound, LotResult, MissionFound, MissionTerm, PopulationTerm
@@ -114,7 +115,9 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
     columns = [class_name(one.sensor_class) for one in result.classes]
     found = [one.missions[k] for one in result.classes]
     needs = sum(bool(terms_in(one, one.missions[k], NEEDED)) for one in result.classes)
-    title = f"{needs} of {len(found)} classes need a model in the scene {scene_name(found[0].mission)}"
+    scene = scene_name(found[0].mission)
+    classes = f"{counted(len(found), 'class')} need{'s' if needs == 1 else ''}"
+    title = f"{needs} of {classes} a model in the scene {scene}"
     return Panel(title, _share_matrix(key, found, columns, result.classes))
 
 
@@ -122,7 +125,7 @@ def class_matrix(one: ClassFound, key: str) -> Panel:
     """Share of each scene's budget that each term takes in a class."""
     columns = [scene_name(found.mission) for found in one.missions]
     needs = sum(bool(terms_in(one, found, NEEDED)) for found in one.missions)
-    title = f"{class_name(one.sensor_class)} needs a model in {needs} of {len(columns)} scenes"
+    title = f"{class_name(one.sensor_class)} needs a model in {needs} of {counted(len(columns), 'scene')}"
     title = f"{title[:1].upper()}{title[1:]}"
     return Panel(title, _share_matrix(key, one.missions, columns, [one] * len(columns)))
 

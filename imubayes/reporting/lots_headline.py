@@ -11,6 +11,7 @@ from imubayes.lots.plan import Against
 from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.lots.answers import ClassFound, LotResult
@@ -201,7 +202,8 @@ def status(result: LotResult) -> str:
         f"{sum(len(terms_of(one, answer)) for one in result.classes)} {answer}"
         for answer in (NEEDED, NOT_NEEDED, UNTOLD)
     )
-    return f"{' · '.join(counts)} ({terms} terms of each of {classes} classes)"
+    each = "each of " if classes > 1 else ""
+    return f"{' · '.join(counts)} ({counted(terms, 'term')} of {each}{counted(classes, 'class')})"
 
 
 def simulated(result: LotResult) -> str:
@@ -222,4 +224,4 @@ def counts_by_class(result: LotResult) -> Said:
         f" {len(terms_of(one, UNTOLD))}"
         for one in result.classes
     )
-    return Said(f"Of {len(result.study.library.terms)} terms: {each}.", slug("needed-terms"))
+    return Said(f"Of {counted(len(result.study.library.terms), 'term')}: {each}.", slug("needed-terms"))

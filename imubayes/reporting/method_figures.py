@@ -30,7 +30,6 @@ from imubayes.reporting.method_words import FEW, branches, called, channel_of, d
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
-    counted,
     measured,
     per_unit,
     pretty,
@@ -38,7 +37,7 @@ from imubayes.reporting.rounding import (
 )
 from imubayes.reporting.rows import channel_unit
 from imubayes.selection.verdicts import listed
-from imubayes.units import factor, offset
+from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
     from imubayes.inference.misfit import Dependence

@@ -16,13 +16,13 @@ from imubayes.reporting.chain_words import sentence
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
-    counted,
     measured,
     per_unit,
     pretty,
     probability,
 )
 from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult

@@ -13,6 +13,7 @@ import numpy as np
 from imubayes.planning.candidates import starts
 from imubayes.reporting.rounding import measured, per_unit
 from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.planning.candidates import Step
@@ -66,8 +67,8 @@ def plan_answer(found: Proposal) -> tuple[str, ...]:
     even_term, even_ratio = found.worst(found.even)
     of = f"of {'what the scene needs' if np.isfinite(found.need).any() else 'its prior sd'}"
     sentences = [
-        f"{study.spec.id}: {len(best.steps)} dwells in {lasting(best.seconds)} leave {term} worst known of"
-        f" {len(found.needed)} needed terms, to {ratio:.2g} {of}.",
+        f"{study.spec.id}: {counted(len(best.steps), 'dwell')} in {lasting(best.seconds)} leave {term} worst"
+        f" known of {counted(len(found.needed), 'needed term')}, to {ratio:.2g} {of}.",
         f"Going evenly through '{study.offers[study.even].spec.name}' for {lasting(found.even.seconds)}"
         f" leaves {even_term} at {even_ratio:.2g}; the plan's worst sd is {_compared(ratio, even_ratio)}.",
     ]

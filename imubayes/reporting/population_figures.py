@@ -23,6 +23,7 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.population_words import short_title
 from imubayes.reporting.rounding import per_unit, pretty
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.selection.class_needs import TermInClass
@@ -51,7 +52,7 @@ def units_panel(first: TermInClass, parts: tuple[TermInClass, ...], key: str) ->
     return draw(
         lambda axes: _paint(axes, parts, unit, rows),
         title=title,
-        alt=f"{title}, of {len(parts[0].units)} units",
+        alt=f"{title}, of {counted(len(parts[0].units), 'unit')}",
         key=key,
         height=int(min(max(ROW * rows, 60.0), TALLEST)) + 44,
         margins=Margins(left=34),

@@ -37,6 +37,7 @@ def _term(term: TermInClass) -> dict[str, Any]:
         "turn_on_own": _interval(found.own),
         "turn_on_common": _interval(found.common),
         "p_value": found.p_value,
+        "level": found.level,
         "common_share": _interval(found.common_share),
         "next_unit": _interval(found.next_unit),
         "session_shift": {"sessions": list(term.sessions), "mean": found.shift, "sd": found.shift_sd},

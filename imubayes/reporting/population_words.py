@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.inference.sessions import SUSPECT
 from imubayes.reporting.rounding import NARROW, below, measured, per_unit, percents, ranged
 from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
@@ -44,7 +44,7 @@ def resolved(found: Share) -> bool:
 
 def changes(term: TermInClass) -> bool:
     """Whether a term's sessions scatter by more than their errors allow."""
-    return term.spreads.p_value < SUSPECT
+    return term.spreads.p_value < term.spreads.level
 
 
 def turn_on_text(term: TermInClass) -> str:
@@ -201,7 +201,7 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
         rest = "The rest" if moving else "Everything"
         sizes = _listed(steady, turn_on_text, " ")
         yield f"{rest} comes back within the error bars: the sd between sessions is {sizes}."
-    if wide := [term.parameter.name for term in steady if term.spreads.p_value > 1.0 - SUSPECT]:
+    if wide := [term.parameter.name for term in steady if term.spreads.p_value > 1.0 - term.spreads.level]:
         told = "agree better than by chance: from session to session these error bars are too wide"
         yield f"The sessions of {listed(wide)} {told}."
 
@@ -236,4 +236,8 @@ def _off(term: TermInClass) -> str:
         for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
         if abs(shift) > STANDS_OUT * sd
     ]
-    return f" ({len(off)} of {len(term.sessions)} sessions off their mean: {', '.join(off)})" if off else ""
+    return (
+        f" ({len(off)} of {counted(len(term.sessions), 'session')} off their mean: {', '.join(off)})"
+        if off
+        else ""
+    )

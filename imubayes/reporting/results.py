@@ -124,6 +124,7 @@ def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
         "extras": [extra_entry(entry) for entry in sensor.extras],
         "distrusted": [distrusted_entry(dwell) for dwell in sensor.distrusted],
         "n_models": selection.models.n_models,
+        "drawn_models": selection.models.drawn,
         "missing": selection.models.missing,
         "inclusion_error": selection.models.error,
         "best_models": [{"terms": list(names), "probability": p} for names, p in best_models(selection)],

@@ -267,6 +267,7 @@ _PRETTY = (
     (re.compile(r"\^3\b"), "³"),
     (re.compile(r"\^(-?\d+)"), lambda found: found[1].translate(_SUPERSCRIPT)),
 )
+_MINUS = re.compile(r"(?<!\w)-|(?<=\de)-(?=\d)")
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -281,6 +282,17 @@ def pretty(unit: str) -> str:
     for pattern, sign in _PRETTY:
         unit = pattern.sub(sign, unit)
     return unit
+
+
+def minus(text: str) -> str:
+    """Write minus signs as such; the hyphen of a word, a name or a date stays.
+
+    Examples
+    --------
+    >>> minus("-3.1e-05 of the whole-angle mode, IMU-1, K1/K1nom - 1")
+    '−3.1e−05 of the whole-angle mode, IMU-1, K1/K1nom − 1'
+    """
+    return _MINUS.sub("−", text)
 
 
 def superscript(exponent: int) -> str:
@@ -343,15 +355,3 @@ def half_up(value: float, decimals: int = 0) -> float:
     ):  # no digit to round off, maybe too many to write
         return float(value)
     return float(written.quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP))
-
-
-def counted(count: int, noun: str) -> str:
-    """Number of things with their noun in the singular or plural.
-
-    Examples
-    --------
-    >>> counted(1, "term"), counted(0, "term"), counted(8400, "sample"), counted(2, "stretch")
-    ('1 term', '0 terms', '8,400 samples', '2 stretches')
-    """
-    ending = "es" if noun.endswith(("s", "x", "ch", "sh")) else "s"
-    return f"{count:,} {noun}{'' if count == 1 else ending}"

@@ -140,6 +140,7 @@ def session_entry(found: Repeatability) -> dict[str, Any]:
         "sd": found.sd,
         "pulls": found.pulls,
         "p_value": found.p_value,
+        "level": found.level,
         "between": {"mean": mean, "q05": q05, "q95": q95},
         "exceeds": bool(found.exceeds),
         "shared": found.shared,

@@ -11,7 +11,6 @@ from imubayes.reporting.rounding import (
     OUTPUT_UNIT,
     TIMES,
     below,
-    counted,
     duration,
     measured,
     per_unit,
@@ -19,6 +18,7 @@ from imubayes.reporting.rounding import (
 )
 from imubayes.selection.relevance import QUADRANTS
 from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.selection.relevance import Relevance, TermRelevance

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from imubayes.reporting.canvas import GREY, SERIES, Axes, Margins, Panel, draw, few_ticks, sticks
 from imubayes.reporting.rounding import Measured, measured, per_unit, pretty
 from imubayes.reporting.session_words import amount, session_sentence, together
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign import StudyResult
@@ -124,7 +125,8 @@ def _panel(one: Repeatability, key: str, sessions: tuple[str, ...]) -> Panel:
     return draw(
         lambda axes: _paint(axes, one, sessions),
         title=f"{one.parameter}: {found}",
-        alt=f"{one.parameter} of {len(one.units)} units in {len(one.sessions)} sessions: {found}",
+        alt=f"{one.parameter} of {counted(len(one.units), 'unit')}"
+        f" in {counted(len(one.sessions), 'session')}: {found}",
         key=key,
         height=170,
         margins=Margins(left=54),

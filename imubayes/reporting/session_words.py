@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.rounding import counted, measured, per_unit
+from imubayes.inference.sessions import SUSPECT
+from imubayes.reporting.rounding import measured, per_unit
 from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.sessions import Repeatability
@@ -41,6 +43,11 @@ def session_sentence(found: tuple[Repeatability, ...]) -> str:
         text = f"Of {count} none changes between sessions by more than its error bars allow."
     else:
         text = "The sessions cannot be compared."
+    if told:
+        text += (
+            f" Each test alarms below p {told[0].level:.1g}, so that chance alone makes"
+            f" {100 * SUSPECT:.0f} % of studies at most do so."
+        )
     return text + (f" The sessions cannot tell of {listed(silent)}." if silent else "")
 
 

@@ -14,6 +14,7 @@ from imubayes.missions import component_library
 from imubayes.reporting.rounding import CHANNEL_UNIT, OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit
 from imubayes.sensors.equations.mapping import absorbing
 from imubayes.sensors.equations.standards import StandardValue, in_standard, standard, standards_for
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, SensorSpec, Study
@@ -208,7 +209,7 @@ def _over(sensor: SensorResult, lib: Library, samples: int) -> str:
     """The inputs of the test in words: samples, runs, and the range of the own input where runs tell it."""
     ends = [run.ranges[lib.own] for run in sensor.runs if lib.own in run.ranges]
     names = ", ".join(run.name for run in sensor.runs)
-    text = f"the {samples:,} samples of {names}"
+    text = f"the {counted(samples, 'sample')} of {names}"
     if not ends:
         return text
     unit = CHANNEL_UNIT[lib.own[0]]

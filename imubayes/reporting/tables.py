@@ -16,7 +16,6 @@ from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.method_words import temperature_sentence, unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
-from imubayes.reporting.rounding import counted
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_words import session_sentence
@@ -32,6 +31,7 @@ from imubayes.rig.runs import ABSENT
 from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.standards import symbols
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorCheck, SensorResult, StudyResult
@@ -121,7 +121,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
 def _data_line(sensor: SensorResult) -> str:
     runs = counted(len(sensor.runs), "run")
     how = f"{_how(sensor)}, {weighed_text(sensor.selection.models)}"
-    return f"{sensor.samples:,} samples in {runs}; {how}, {sensor.seconds:.1f} s"
+    return f"{counted(sensor.samples, 'sample')} in {runs}; {how}, {sensor.seconds:.1f} s"
 
 
 def _how(sensor: SensorResult) -> str:

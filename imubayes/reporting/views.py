@@ -27,7 +27,7 @@ from imubayes.reporting.rows import (
 from imubayes.reporting.scene_views import SceneView, scene_view
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.standard_views import StandardView, standard_views
-from imubayes.reporting.words import answer, fit_sentence, sensor_groups, weighed_text
+from imubayes.reporting.words import answer, averaged_text, fit_sentence, sensor_groups, weighed_text
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ class SensorView:
     reasons : (verdict, reason, names) of the terms without a yes or a no.
     fit, choice, posterior, correlations : figures and words.
     models : in words, how many were weighed.
+    averaged : in words, those that the values are averaged over.
     noise, noise_units : rows of the noise table; a run whose processes are told has its sizes there.
     processes : noise processes of the runs that were asked for them.
     about_noise : whether these are all that was asked: every run is at rest.
@@ -117,6 +118,7 @@ class SensorView:
     fit: FitView
     choice: tuple[Panel, ...]
     models: str
+    averaged: str
     posterior: tuple[Panel, ...]
     correlations: Panel | None
     noise: tuple[NoiseRow, ...]
@@ -192,6 +194,7 @@ def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, dr
         fit=fit,
         choice=_choice(sensor, key) if drawn else (),
         models=weighed_text(selection.models),
+        averaged=averaged_text(selection.models),
         posterior=tuple(figures.posteriors(sensor, key)) if drawn else (),
         correlations=figures.correlations(sensor, f"{key}d") if drawn else None,
         noise=tuple(

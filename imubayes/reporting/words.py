@@ -15,10 +15,11 @@ from imubayes.reporting.chain_words import (
 )
 from imubayes.reporting.ladder_words import choice_sentences
 from imubayes.reporting.method_words import missing_sentence, temperature_sentence
-from imubayes.reporting.rounding import counted, probability
+from imubayes.reporting.rounding import probability
 from imubayes.reporting.rows import fit_scale, label, own_groups
 from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import STRAINED, listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign import SensorResult
@@ -270,6 +271,13 @@ def weighed_text(models: Models) -> str:
     if math.isnan(models.missing):
         return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
     return f"{of}, searched for: the others carry at most {models.missing:.0e} of the probability"
+
+
+def averaged_text(models: Models) -> str:
+    """Say which models the values are averaged over, and how right that is where they are drawn."""
+    if not models.drawn:
+        return "the models"
+    return f"{models.drawn:,} models drawn from those that count (right to about 0.02 sd)"
 
 
 def _some(names: list[str]) -> str:

@@ -115,7 +115,8 @@ def _turning(run: Run | Plan, wanted: set[str]) -> bool:
     if lacking and not any(f"w_{axis}" in channels for axis in AXES):
         raise DataError(
             f"run '{run.name}': without the rate (w_i, w_j, w_k) nobody knows which part of f is centripetal,"
-            f" and {' and '.join(lacking)} cannot be allowed for: record the rate, or leave them out"
+            f" and {' and '.join(lacking)} cannot be allowed for: record the rate, or leave"
+            f" {'it' if len(lacking) == 1 else 'them'} out of the errors of the reference"
         )
     return True
 

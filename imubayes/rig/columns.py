@@ -39,6 +39,10 @@ _OWN_UNITS = {
 """SI units of the channels that are no input, and no output of a single component; a count needs none."""
 
 
+_CONVERTED = ("", "V", "A")
+"""Units of what an analogue or a digital output gives."""
+
+
 @dataclass(frozen=True, slots=True)
 class ColumnSpec:
     """Where the study finds a channel, if not under the channel's own name and unit.
@@ -168,19 +172,31 @@ def resolve(
             found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
     known = {column.address for column in found.values()} | {*required, *optional, *ignore}
     left = [name for name in table.columns if not {name, bare(name)} & known]
-    _refuse_nearly(table.file, left, [channel for channel in optional if channel not in found])
+    missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
+    _refuse_nearly(table.file, left, missing)
     return found
 
 
-def _refuse_nearly(file: str, left: Sequence[str], missing: Sequence[str]) -> None:
-    """Refuse a column whose name is nearly that of a channel which is missing."""
+def _refuse_nearly(file: str, left: Sequence[str], missing: Mapping[str, str]) -> None:
+    """Refuse a column whose name is nearly that of a channel which is missing, by its SI unit."""
     for name in left:
-        if meant := nearly(bare(name), missing):
+        if (meant := nearly(bare(name), tuple(missing))) and _may_measure(bracketed(name), missing[meant]):
             raise DataError(
                 f"{file}: column '{name}' is no channel, and there is no {meant}: did you mean '{meant}'?"
                 f' Rename it, or say in the study columns = {{ {meant} = "{bare(name)}" }}, or that it is'
                 f' none, ignore = ["{bare(name)}"]'
             )
+
+
+def _may_measure(unit: str | None, like: str) -> bool:
+    """Tell whether numbers of a unit may be a channel's: by themselves, or as what a converter gives.
+
+    Examples
+    --------
+    >>> [_may_measure(unit, "m/s^2") for unit in ("g", "count", "V", None, "Hz")]
+    [True, True, True, True, False]
+    """
+    return unit is None or any(units.converts(unit, one) for one in (like, *_CONVERTED))
 
 
 def nearly(name: str, channels: Sequence[str]) -> str:

@@ -35,6 +35,7 @@ from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
+from imubayes.units import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -310,7 +311,7 @@ def time_of(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
     running, turns = unwrapped(table, column)
     t, notes = running.si(), ()
     if turns:
-        notes = (f"the clock wrapped around {turns} time{'s' if turns > 1 else ''}",)
+        notes = (f"the clock wrapped around {counted(turns, 'time')}",)
     if abs(t[0]) > LATE_EPOCH:
         clock = running.raw.astype(np.int64 if running.raw.dtype.kind in "iu" else np.float64)
         t = (clock - clock[0]).astype(np.float64) * column.scale

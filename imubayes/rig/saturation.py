@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
 from imubayes.rig.inputs import Source
+from imubayes.units import counted
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -199,7 +200,5 @@ def stretches_of(out: BoolArray) -> Stretches:
 def _listed(rows: Stretches) -> str:
     texts = [f"{a:,}" if b == a + 1 else f"{a:,} to {b - 1:,}" for a, b in rows[:LISTED].tolist()]
     more = len(rows) - len(texts)
-    texts += (
-        [f"{more:,} more stretch{'es' if more > 1 else ''} up to {int(rows[-1, 1]) - 1:,}"] if more else []
-    )
+    texts += [f"{counted(more, 'more stretch')} up to {int(rows[-1, 1]) - 1:,}"] if more else []
     return ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]

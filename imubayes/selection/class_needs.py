@@ -21,6 +21,7 @@ from imubayes.inference.populations import Spreads
 from imubayes.inference.sessions import Parameter
 from imubayes.selection.verdicts import LIKELY, NEEDED
 from imubayes.sensors.terms import Kind
+from imubayes.units import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -155,8 +156,11 @@ def _decided(counts: Mapping[str, int], n: int, pooled: float | None) -> tuple[s
     silent = sum(counts.get(word, 0) for word in CANNOT_TELL)
     if silent > HALF * n:
         most = max(sorted(CANNOT_TELL), key=lambda word: counts.get(word, 0))
-        return "cannot tell", f"{most} in {counts[most]} of {n} units: more units of this test do not tell it"
-    said = f"{needed} of {n} units need it, {not_needed} do not"
+        return (
+            "cannot tell",
+            f"{most} in {counts[most]} of {counted(n, 'unit')}: more units of this test do not tell it",
+        )
+    said = f"{needed} of {counted(n, 'unit')} need{'s' if needed == 1 else ''} it, {not_needed} do not"
     said += "" if pooled is None else f"; inclusion in one model for all {pooled:.3f}"
     if needed > HALF * n and (pooled is None or pooled >= NEEDED):
         return "needed", said

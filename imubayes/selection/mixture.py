@@ -302,15 +302,24 @@ def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) ->
     return np.where(point, step, ndtr((x - mean) / np.where(point, 1.0, sd)))
 
 
+def drawn_of(weight: FloatArray) -> int:
+    """Number of draws that stand for the models of these weights; 0 where each that counts has its own."""
+    return CHOSEN if int(np.count_nonzero(_counts(weight))) > CHOSEN else 0
+
+
+def _counts(weight: FloatArray) -> BoolArray:
+    """Which models matter one by one; of a few, all that have any weight."""
+    least = LEFT_OUT / max(int(np.count_nonzero(weight)), 1) if len(weight) > CHOSEN else 0.0
+    return weight > least * weight.sum()
+
+
 def _chosen(weight: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Numbers of the models that carry the posterior, and their weights.
 
     Those that matter one by one, or, when they are more than `CHOSEN`, a systematic sample of them (unbiased,
     each with the weight of its draws).
     """
-    total = weight.sum()
-    least = LEFT_OUT / max(int(np.count_nonzero(weight)), 1) if len(weight) > CHOSEN else 0.0
-    chosen = np.flatnonzero(weight > least * total)
+    chosen = np.flatnonzero(_counts(weight))
     if len(chosen) <= CHOSEN:
         return chosen, weight[chosen] / weight[chosen].sum()
     sums = np.cumsum(weight[chosen])

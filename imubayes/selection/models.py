@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.selection.masks import Totals, heaviest, standing_for, tally
-from imubayes.selection.mixture import Candidates, Components, merged, scale_components
+from imubayes.selection.mixture import (
+    Candidates,
+    Components,
+    drawn_of,
+    merged,
+    scale_components,
+)
 from imubayes.selection.spaces import Every, Space, listed, united
 from imubayes.selection.trust import digits_of
 from imubayes.trust import Digits
@@ -64,6 +70,12 @@ class Models:
     missing: float = 0.0
     error: float = 0.0
     quadrature: float = 0.0
+
+    @property
+    def drawn(self) -> int:
+        """Number of draws that `mean` and `sd` are over, where more models count than that; else 0."""
+        each = [one for _, one in self.parts] or [self]
+        return max((drawn_of(one.weight) for one in each if np.isfinite(one.scales).all()), default=0)
 
     @property
     def digits(self) -> Digits:

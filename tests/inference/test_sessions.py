@@ -209,6 +209,20 @@ def test_parameter_that_the_data_hardly_touch_cannot_be_told():
     assert not found["b2"].exceeds and np.isnan(found["b2"].between).all()
 
 
+def test_one_study_in_a_hundred_finds_a_change_where_sessions_differ_by_their_errors_alone():
+    rng, studies, names = np.random.default_rng(4), 200, [f"c{k}" for k in range(60)]
+    alarms = 0
+    for _ in range(studies):
+        found = repeatability(
+            SessionEstimate("A", session, "", name, "m/s^2", "mg", rng.normal(0.0, 1e-3), 1e-3, 1e3)
+            for session in ("1", "2")
+            for name in names
+        )
+        assert {one.level for one in found} == {0.01 / 60}
+        alarms += any(one.exceeds for one in found)
+    assert alarms <= stats.binom.isf(1e-4, studies, 0.01)
+
+
 def test_one_session_compares_with_nothing():
     assert repeatability(estimates(sessions=("1",))) == ()
     assert [one.parameter for one in repeatability(estimates(components=("",)))] == ["b0", "b2"]

@@ -321,7 +321,8 @@ def _place(lots: Lots, anchor: str) -> tuple[str, str]:
 
 READINGS = (
     Reading(
-        r"(\d+) needed · (\d+) not needed · (\d+) cannot tell \((\d+) terms of each of (\d+) classes\)",
+        r"(\d+) needed · (\d+) not needed · (\d+) cannot tell"
+        r" \((\d+) terms of (?:each of )?(\d+) class(?:es)?\)",
         _status,
     ),
     Reading(
@@ -363,8 +364,8 @@ READINGS = (
         _cell,
     ),
     Reading(rf"(?:typical size: |; )(\w+) (-?{NUM})(?=;|$)", _population),
-    Reading(r"^(\d+) of (\d+) classes need a model in the scene (.+)$", _modelled),
-    Reading(r"needs a model in (\d+) of (\d+) scenes$", _needs_model),
+    Reading(r"^(\d+) of (\d+) class(?:es)? needs? a model in the scene (.+)$", _modelled),
+    Reading(r"needs a model in (\d+) of (\d+) scenes?$", _needs_model),
     Reading(
         rf"^(\w+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"
         rf" in the smallest model of ({NUM} %)$",

@@ -86,6 +86,11 @@ def test_counts_of_the_first_screen_are_those_of_the_classes(result):
     assert sum(sums) == len(SIZES) * len(result.study.library.names)
 
 
+def test_one_class_is_not_each_of_several(result):
+    assert status(replace(result, classes=result.classes[:1])).endswith(" terms of 1 class)")
+    assert status(result).endswith(f" terms of each of {len(result.classes)} classes)")
+
+
 def test_first_screen_says_that_it_is_simulated_from_how_many_and_how_far_that_goes(result):
     sure = replace(
         result,

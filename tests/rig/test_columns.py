@@ -158,6 +158,18 @@ def test_column_of_another_kind_is_passed_over(name):
     assert nearly(name, INPUTS) == ""
 
 
+@pytest.mark.parametrize(
+    ("column", "refused"), [("f_s [Hz]", False), ("f_0 [K]", False), ("f_q [count]", True), ("f_q [V]", True)]
+)
+def test_a_column_that_measures_something_else_is_meant_for_no_channel(column, refused, tmp_path):
+    path = table_of(tmp_path / "a.csv", *OUTPUT, column)
+    if refused:
+        with pytest.raises(DataError, match="did you mean 'f_j'"):
+            a_run(path)
+    else:
+        assert a_run(path).inputs.channels.keys() == {"f_i"}
+
+
 def test_nothing_is_meant_where_every_channel_of_the_family_is_there(tmp_path):
     force = [f"f_{axis} [m/s^2]" for axis in "ijk"]
     assert a_run(table_of(tmp_path / "a.csv", "t [s]", "output [m/s^2]", *force, "f_q [m/s^2]"))

@@ -163,6 +163,7 @@ def test_moments_of_the_mixture_are_those_of_all_models():
 def test_a_systematic_sample_of_models_stands_for_all(monkeypatch):
     """Evenly spaced ticks miss the probability of any set of consecutive models by less than two ticks."""
     exact = _models(n=20, p=6)
+    assert exact.drawn == 0
     monkeypatch.setattr(mixture, "CHOSEN", 40)
     sampled = _models(n=20, p=6)
     used = np.unique(sampled.components.inside, axis=0)
@@ -171,3 +172,5 @@ def test_a_systematic_sample_of_models_stands_for_all(monkeypatch):
     assert abs(sampled.components.weight[last].sum() - exact.inclusion[5]) < 2.0 / 40
     assert np.all(np.abs(sampled.mean - exact.mean) < 0.1 * exact.sd)
     np.testing.assert_allclose(sampled.inclusion, exact.inclusion, rtol=1e-13)
+    assert sampled.drawn == 40
+    assert _models(n=20, p=6, prior=GPrior(20.0)).drawn == 0  # its means are sums over all models

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from imubayes.inference.summary import Summary
+from imubayes.units import counted
 
 Method = Literal["exact", "collapsed", "full"]
 
@@ -36,8 +37,8 @@ def chosen_method(wanted: str, summary: Summary) -> tuple[Method, str]:
     columns = len(summary.names)
     if len(estimated) * columns**2 > WIDE:
         return "exact", (
-            f"to sample the noise of {len(estimated)} runs beside {columns} columns takes minutes; ask for"
-            " the method collapsed to average over it all the same"
+            f"to sample the noise of {counted(len(estimated), 'run')} beside {columns} columns takes minutes;"
+            " ask for the method collapsed to average over it all the same"
         )
     several = "s" if len(estimated) > 1 else ""
     return "collapsed", (

@@ -160,7 +160,11 @@ def _answer(found: Comparison) -> list[str]:
     scenes = [scene for one in found.components for scene in one.scenes]
     others = sum(any(term.required_differs for term in scene.terms) for scene in scenes)
     verdicts = f"{counted(changed, 'verdict differs', 'verdicts differ')}"
-    verdicts += f"; {others} of {len(scenes)} scenes require other terms." if scenes else "."
+    verdicts += (
+        f"; {others} of {counted(len(scenes), 'scene requires', 'scenes require')} other terms."
+        if scenes
+        else "."
+    )
     if not every:
         return [f"Nothing differs beyond uncertainty in {found.tests} comparisons; {verdicts}"]
     one, worst = max(every, key=lambda pair: pair[1].pull.size if pair[1].pull else 0.0)

@@ -15,6 +15,7 @@ from imubayes.reporting.comparison.view import Line, Page, Section, Table, large
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, measured, per_unit, percents
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
+from imubayes.units import counted
 
 QUESTION = "Is this unit typical of its class? Its terms and noise beside the population of a simulated lot."
 
@@ -76,7 +77,7 @@ def _sentences(one: UnitInClass) -> Iterator[str]:
     yield (
         f"Beyond what a typical unit shows: {listed(far)}."
         if far
-        else f"None of {count} terms and noise figures is beyond what a typical unit shows."
+        else f"None of {counted(count, 'value')} is beyond what a typical unit shows."
     )
     silent = [term.name for term in one.terms if term.pull is None]
     if silent:

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from imubayes.reporting.comparison.pulls import Pull, is_beyond
 from imubayes.reporting.results import versions
-from imubayes.reporting.rounding import pretty
+from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import MARKS
 from imubayes.reporting.terminal import indented, printable
 
@@ -125,7 +125,7 @@ def page_html(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["pretty"] = lambda text: pretty(text).replace("+-", "±").replace("-", "−")
+    environment.filters["pretty"] = lambda text: minus(pretty(text).replace("+-", "±"))
     return environment.get_template("comparison.html.j2").render(
         page=page,
         right=RIGHT,

@@ -112,7 +112,7 @@ def test_page_terminal_and_numbers_say_what_a_scene_requires_in_one_result_only(
     printed = capture.get()
     assert all(len(line) <= 80 for line in printed.splitlines())
     for text in (" ".join(printed.split()), " ".join(page_html(page).split())):
-        assert "1 of 1 scenes require other terms" in text
+        assert "1 of 1 scene requires other terms" in text
         assert "In the scene quadrotor (position) models differ in b2." in text
         assert "with 95 %: A 9.0 m and B 9.0 m." in text
         assert "different seeds" in text
