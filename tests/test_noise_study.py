@@ -1,10 +1,14 @@
 """Noise processes of a whole IMU through a study: each component at rest, by its own prior and units."""
 
+import json
+
 import numpy as np
 import pytest
+from study_readings import wrong_study
 
 from imubayes.config import read_study
 from imubayes.reporting.document import report_html
+from imubayes.reporting.results import result_json
 from imubayes.study import run
 
 DT, REST, TURNING, G = 0.01, 400, 100, 9.81
@@ -115,3 +119,7 @@ def test_a_study_of_noise_says_the_noise_first_with_one_value_each_and_then_what
     assert rest.count("terms are needed") == 1
     assert 'aria-label="Noise of log"' not in page and 'aria-label="Noise processes of quiet"' in page
     assert "a run with the case turned over" in page and "a centrifuge run" not in page
+
+
+def test_every_number_of_a_report_on_a_whole_imu_and_its_noise_is_one_of_the_result(result):
+    assert wrong_study(report_html(result), json.loads(result_json(result))) == []

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_readings import wrong_plan
 
 from imubayes.config.planned import write_planned
 from imubayes.config.reading import read_plan, read_study
 from imubayes.errors import InputError, StudyError
 from imubayes.preparation import before_fit, runs_of
 from imubayes.proposal import propose
-from imubayes.reporting.plan_page import term_rows, terminal_plan, write_plan
+from imubayes.reporting.plan_page import plan_html, plan_json, term_rows, terminal_plan, write_plan
 from imubayes.reporting.plan_words import inseparable, plan_answer
 
 TUMBLE = """
@@ -211,3 +213,7 @@ def test_a_plan_that_cannot_be_made_is_refused(tmp_path, old, new, match):
 def test_a_plan_is_not_run_before_there_are_runs(tmp_path):
     with pytest.raises(StudyError, match="'imubayes plan' it"):
         read_study(_written(tmp_path, TUMBLE))
+
+
+def test_every_number_of_the_report_of_a_plan_is_one_of_the_result(planned):
+    assert wrong_plan(plan_html(planned), json.loads(plan_json(planned))) == []

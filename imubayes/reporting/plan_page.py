@@ -124,6 +124,7 @@ def plan_json(found: Proposal) -> str:
             "kind": study.spec.kind,
             "time": study.time,
             "aim": study.aim,
+            "units": study.units,
             "needed": found.needed,
             "terms": [
                 {

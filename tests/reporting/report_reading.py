@@ -15,7 +15,7 @@ from html.parser import HTMLParser
 from typing import Any
 from xml.etree.ElementTree import Element
 
-NUMBER = re.compile(r"(?<![\w.^])[-−]?\d+(?:,\d{3})*(?:\.\d+)?(?:e-?\d+)?(?![\w^])")
+NUMBER = re.compile(r"(?<![\w.^])[-−]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w^])")
 """A number that stands by itself: not that of a name such as b0 or c_ij2."""
 
 SIZE_OF = {"%": 1e-2, "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}
@@ -168,6 +168,8 @@ def agrees(said: str, meant: Meant) -> bool:
         (value, half), *_ = written(said)
         if said.startswith(("below ", "<")):
             return 0.0 <= meant <= value
+        if said.startswith("above "):
+            return meant >= value
         exact = isinstance(meant, int)
         return value == meant if exact else abs(value - meant) <= 1.02 * half + 1e-9 * abs(meant)
     return names(said) == sorted(meant)

@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
+from bench_readings import wrong_fleet, wrong_plan
 from lots_readings import wrong_lots
+from study_readings import wrong_study
 from tool_readings import wrong_extremes, wrong_quality, wrong_speed, wrong_trade
 
 REPORTS = Path(__file__).parents[2] / "reports"
@@ -16,18 +18,20 @@ READERS = {
     "basic_vs_generalized": wrong_lots,
     "decision_quality": wrong_quality,
     "extremes": wrong_extremes,
+    "fleet": wrong_fleet,
     "mems_vs_fog": wrong_lots,
+    "plan_tactical": wrong_plan,
     "scenes": wrong_lots,
     "scenes_accelerometers": wrong_lots,
     "speed": wrong_speed,
     "trade_mems_vs_fog": wrong_trade,
     "trade_quickstart": wrong_trade,
 }
-"""Of each report, what holds its page against its result."""
+"""Of each report, what holds its page against its result; one that is not here is of sensors."""
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", sorted(page.parent.name for page in REPORTS.glob("*/report.html")))
 def test_committed_report_says_what_its_result_says(name):
     html = (REPORTS / name / "report.html").read_text(encoding="utf-8")
     result = json.loads((REPORTS / name / "result.json").read_text(encoding="utf-8"))
-    assert READERS[name](html, result) == []
+    assert READERS.get(name, wrong_study)(html, result) == []

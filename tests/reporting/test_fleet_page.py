@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_readings import wrong_fleet
 from rich.console import Console
 
 from imubayes.campaign import SensorSpec
@@ -138,3 +139,8 @@ def test_numbers_lie_beside_the_page_and_the_terminal_has_a_line_a_term(tmp_path
     table = [line for line in lines.get().splitlines() if re.match(r"(b0|b1|[mcSs]_[ijk]+) ", line)]
     assert len(table) == 15
     assert all(len(line) <= 80 for line in table)
+
+
+def test_every_number_of_the_page_is_one_of_the_result(tmp_path):
+    page, values = write_fleet(_result(), tmp_path)
+    assert wrong_fleet(page.read_text("utf-8"), json.loads(values.read_text("utf-8"))) == []
