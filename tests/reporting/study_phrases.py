@@ -30,6 +30,7 @@ SAID = (
     fixed(r"“best (3)”"),
     fixed(r"is √(2) N"),
     fixed(r"^(1)/(\d)$"),
+    fixed(r"K1/K1nom [-−] (1)"),
     fixed(r"^(1) strength$"),
     fixed(r"^best (\d+)$"),
     fixed(r"^(1e[-−]\d+)$"),
