@@ -70,7 +70,7 @@ class _Tested:
         for j, one in enumerate(self.result.selection.terms):
             if one.name == term:
                 # errors of the bench are of one session
-                apart = {self.result.selection.columns[j], *(e.extra.name for e in self.result.extras)}
+                apart = {self.result.selection.carriers[j], *(e.extra.name for e in self.result.extras)}
                 pulls = {name: pull[j] for name, pull in self.result.pulls.items() if name not in apart}
                 return one, pulls
         return None

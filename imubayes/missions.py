@@ -63,7 +63,7 @@ def component_library(spec: SensorSpec, result: SensorResult) -> Library:
     """Terms of a component: a triad leaves out those that only turn its case."""
     names = {term.name for term in result.selection.terms}
     lib = spec.of(result.kind).library
-    return replace(lib, terms=tuple(term for term in lib.terms if term.name in names))
+    return replace(lib, terms=tuple(term for term in lib.terms if term.name in names), ties=())
 
 
 def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Relevance:

@@ -27,7 +27,7 @@ from imubayes.planning.candidates import (
     worth,
 )
 from imubayes.planning.design import best_plan, even_plan, following
-from imubayes.planning.observability import Observability, observe
+from imubayes.planning.observability import Observability, carried, observe
 from imubayes.planning.rehearsal import rehearsed
 from imubayes.rig.inputs import Facts, facts_of
 from imubayes.rig.settings import Setting, settings_of
@@ -171,14 +171,16 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
     ratio = np.linalg.norm(root(whole, every), axis=1)
     seen = tuple(name for name, r in zip(bench.names[: bench.p], ratio, strict=False) if r < SEEN)
     idle = np.abs(np.concatenate((bench.known, *(menu.X for menu in bench.menus)))).max(axis=0) == 0.0
-    lost = tuple(name for name in study.needed if idle[bench.names.index(name)])
+    leader = dict(study.spec.library.tied)
+    asked = tuple(dict.fromkeys(leader.get(name, name) for name in study.needed))
+    lost = tuple(name for name in asked if idle[bench.names.index(name)])
     if lost or not seen:
         raise UnobservableError(
             f"no candidate drives {', '.join(lost) or 'any term beyond its prior'}: offer a run that does"
             " ('imubayes check' tells which), or leave the term out of needed",
             lost,
         )
-    return study.needed or seen
+    return asked or seen
 
 
 def _effects(study: PlanStudy) -> SceneEffects | None:
@@ -242,14 +244,15 @@ class _Told:
         """Outcome of a plan."""
         bench, problem = self.bench, self.problem
         S = root(problem, steps)
+        where = [bench.names.index(name) for name in self.study.spec.library.carriers]
         errors = rehearsed(problem, steps, self.study.units, np.random.default_rng([self.study.seed, 1]))
         return Outcome(
             name=name,
             steps=steps,
             seconds=duration(problem, steps),
             worth=worth(problem, steps),
-            sd=_sd(bench, S)[: bench.p],
-            simulated=(np.sqrt(np.mean(errors**2, axis=0)) * bench.sd)[: bench.p],
+            sd=_sd(bench, S)[where],
+            simulated=(np.sqrt(np.mean(errors**2, axis=0)) * bench.sd)[where],
             share=self._share(S),
             seen=self._seen(steps),
         )
@@ -270,7 +273,8 @@ class _Told:
         chosen = [bench.menus[s.menu].X[s.setting] for s in steps]
         reach = np.abs(np.array([*chosen, *bench.known])).max(axis=0) / bench.sd
         found = dict(zip(bench.names, reach.tolist(), strict=True))
-        return observe(Factor(bench.names, padded, len(steps)), bench.sd, self._facts(steps), reach=found)
+        seen = observe(Factor(bench.names, padded, len(steps)), bench.sd, self._facts(steps), reach=found)
+        return carried(seen, dict(self.study.spec.library.tied))
 
     def _facts(self, steps: Steps) -> Facts:
         channels = [run.inputs.channels for run in self.bench.done]

@@ -43,7 +43,7 @@ from imubayes.ladder.climb import by_accuracy, by_budget
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
 from imubayes.missions import required
-from imubayes.planning.observability import Observability, observe
+from imubayes.planning.observability import Observability, carried, observe
 from imubayes.preparation import (
     AnyRun,
     Prepared,
@@ -58,6 +58,7 @@ from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
 from imubayes.selection.noise_found import processes_of
 from imubayes.selection.panel import Panel, panel_of
+from imubayes.sensors.terms import Library
 from imubayes.units import counted
 
 SHORT = 30.0
@@ -134,7 +135,7 @@ def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
     return SensorCheck(
         spec.id,
         spec.library,
-        _observed(ready),
+        _observed(ready, spec.library),
         ready.summary.extras,
         saturated({run.name: run.source for run in runs}),
     )
@@ -146,7 +147,7 @@ def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
         SensorCheck(
             f"{spec.id}.{one.name}",
             one.library,
-            _observed(replace(ready, summary=replace(ready.summary, facts=one.facts))),
+            _observed(replace(ready, summary=replace(ready.summary, facts=one.facts)), one.library, one.name),
             ready.summary.extras,
             saturated({run.name: run.source for run in runs}),
         )
@@ -154,10 +155,11 @@ def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
     ]
 
 
-def _observed(ready: Prepared) -> Observability:
+def _observed(ready: Prepared, lib: Library, component: str = "") -> Observability:
     """What the runs can tell of every column."""
-    summary = ready.summary
-    return observe(summary.factor, ready.prior.sd, summary.facts, reach=summary.reach)
+    summary, prefix = ready.summary, f"{component}." if component else ""
+    seen = observe(summary.factor, ready.prior.sd, summary.facts, reach=summary.reach)
+    return carried(seen, {f"{prefix}{name}": f"{prefix}{leader}" for name, leader in lib.tied})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,7 +240,7 @@ def _on_ladder(job: _Job, runs: Sequence[AnyRun]) -> SensorResult:
     posterior = _Posterior(found.rung, f"{choice.asked} was asked for", None)
     told = _Told(found.selection, (), None, None)
     result = _result(job, job.spec.id, ready, posterior, told, time.perf_counter() - start)
-    chains = of_columns(found.chains, _columns(found.selection, ready)) if found.chains else None
+    chains = of_columns(found.chains, *_columns(found.selection, ready)) if found.chains else None
     return replace(result, choice=choice, chains=chains)
 
 
@@ -370,7 +372,7 @@ def _result(
     selection = told.selection
     spec, summary = job.spec, ready.summary
     chains = posterior.sampled.chains if posterior.sampled else None
-    columns = _columns(selection, ready)
+    columns, carriers = _columns(selection, ready)
     return SensorResult(
         id=name,
         kind=spec.kind,
@@ -385,20 +387,21 @@ def _result(
         seconds=seconds,
         method=posterior.method,
         method_reason=posterior.reason,
-        chains=of_columns(chains, columns) if chains else None,
+        chains=of_columns(chains, columns, carriers) if chains else None,
         extras=_extras(ready, selection, chains),
         distrusted=ready.distrusted,
         panel=told.panel,
         misfit=told.misfit,
-        correlation=correlation(ready.summary.factor, ready.prior.sd, selection.columns),
+        correlation=correlation(ready.summary.factor, ready.prior.sd, selection.carriers),
         drive=drive(ready.rows, selection.columns, [term.name for term in selection.terms]),
-        pulls=pulls(ready.summary.factor, ready.prior.sd, selection.columns),
+        pulls=pulls(ready.summary.factor, ready.prior.sd, selection.carriers),
     )
 
 
-def _columns(selection: Selection, ready: Prepared) -> tuple[str, ...]:
-    """Columns that are told of: those of the terms, then the errors of the bench."""
-    return (*selection.columns, *(extra.name for extra in ready.summary.extras))
+def _columns(selection: Selection, ready: Prepared) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Columns that are told of, those of the terms, then the errors of the bench; and which carry these."""
+    extras = tuple(extra.name for extra in ready.summary.extras)
+    return (*selection.columns, *extras), (*selection.carriers, *extras)
 
 
 def _extras(ready: Prepared, selection: Selection, chains: Chains | None) -> tuple[ExtraPosterior, ...]:

@@ -9,6 +9,7 @@ from imubayes import factor as algebra
 from imubayes.config import read_study, record_study
 from imubayes.preparation import prepare, runs_of
 from imubayes.reporting.document import report_html, write_results
+from imubayes.reporting.export.formats import exported
 from imubayes.reporting.results import result_dict
 from imubayes.sensors.terms import columns
 from imubayes.study import run
@@ -135,3 +136,55 @@ def test_recorded_study_still_finds_its_log_and_its_catalogue(folder, tmp_path):
     study = read_study(tmp_path / "use.toml")
     assert study.scenes[0].scene.duration == pytest.approx(STEP * ROWS)
     assert study.sensors[0].sensor_class.id == "mine"
+
+
+TURNED = """
+[study]
+seed = 1
+method = "exact"
+[[sensor]]
+id = "ACC"
+kind = "accelerometer"
+class = "mems_tactical"
+library = { powers = 1, asymmetry = -1 }
+truth = { b0 = "3 mg", S_ik = "60 ug/(rad/s)^2", s_j = "60 ug/(rad/s^2)" }
+[[sensor.run]]
+name = "steps"
+procedure = "rate-table"
+simulate = { rates = ["-300 deg/s", "0 deg/s", "300 deg/s"], dwell = "10 s", rate = "1 Hz" }
+[[sensor.run]]
+name = "swing"
+procedure = "oscillation"
+simulate = { frequencies = ["2 Hz"] }
+[[scene]]
+name = "quadrotor"
+duration = "1 min"
+budget = { output = "1 mg" }
+"""
+
+
+def test_what_a_lever_arm_ties_is_one_coefficient_from_the_study_to_its_exports(tmp_path):
+    (tmp_path / "turned.toml").write_text(TURNED)
+    found = run(read_study(tmp_path / "turned.toml"))
+    (sensor,) = found.sensors
+    write_results(found, tmp_path)
+    told = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["sensors"][0]
+    terms = {term["name"]: term for term in told["terms"]}
+    assert terms["s_j"]["reason"] == f"one lever arm with S_ik: {terms['S_ik']['reason']}"
+    assert terms["s_j"]["verdict"] == terms["S_ik"]["verdict"] == "needed"
+    assert (
+        terms["s_j"]["mean"]
+        == terms["S_ik"]["mean"]
+        == pytest.approx(60e-6 * 9.80665, abs=4.0 * terms["s_j"]["sd"])
+    )
+    assert "s_j" not in told["candidates"] and told["observability"]["s_j"] == told["observability"]["S_ik"]
+    assert {"S_ik", "s_j"} <= set(told["model"])
+    names = [term.name for term in sensor.selection.terms]
+    j, k = names.index("s_j"), names.index("S_ik")
+    assert (sensor.draws[:, j] == sensor.draws[:, k]).all() and sensor.correlation[j, k] == pytest.approx(1.0)
+    (scene,) = found.scenes
+    share = {term.name: term.share[1] for term in scene[1].terms}
+    assert 0.0 < share["s_j"] != share["S_ik"] > 0.0  # each by its own part of the motion
+    made = json.loads(exported(tmp_path / "result.json", "json")["acc_model.json"])
+    written = {term["name"]: term["value"] for term in made["components"]["ax"]["terms"]}
+    assert written["s_j"] == written["S_ik"] == pytest.approx(terms["S_ik"]["mean"], rel=1e-12)

@@ -54,7 +54,7 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
         kind=table.kind,
         classes=entries,
         units=table.units,
-        library=replace(campaign.library, technology=""),
+        library=replace(campaign.library, technology="", ties=()),
         runs=campaign.runs,
         reference=campaign.reference,
         missions=missions,

@@ -15,7 +15,7 @@ from imubayes.rig.reference import KINDS, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.simulate import library_of
-from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.sensor_class import SensorClass
@@ -86,14 +86,19 @@ def _of_kind(
     _check_runs(runs, sensor_class, place)
     _check_robust(table, runs, place.at("robust"))
     prior, there = half(table.prior, kind, place.at("prior"), imu=imu)
+    prior = _prior(prior, lib, there)
+    truth = truths_of(table.truth, kind) if imu else table.truth
+    truth = _truth(truth, kind, runs, place.at("truth"))
+    if sensor_class is not None:
+        lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
     return SensorSpec(
         table.id,
         kind,
         sensor_class,
         lib,
         runs,
-        _truth(truths_of(table.truth, kind) if imu else table.truth, kind, runs, place.at("truth")),
-        _prior(prior, lib, there),
+        truth,
+        prior,
         _reference(_halves(table, kind, place.at("reference")), kind, runs, place.at("reference")),
         table.robust,
         table.unit or "",
@@ -164,6 +169,23 @@ def _prior(raw: dict[str, Any], lib: Library, place: Place) -> dict[str, float]:
     return {
         name: quantity(text, terms[name].unit, place.at(name), positive=True) for name, text in raw.items()
     }
+
+
+def _tied(lib: Library, prior: dict[str, float], truth: dict[str, float]) -> tuple[Library, dict[str, float]]:
+    """Leave out ties that the study contradicts; a prior sd that it states of one term holds for both."""
+
+    def simulated(term: str) -> dict[str, float]:
+        return {key.rpartition(".")[0]: x for key, x in truth.items() if without_component(key) == term}
+
+    ties = tuple(
+        (name, leader)
+        for name, leader in lib.ties
+        if prior.get(name, prior.get(leader)) == prior.get(leader, prior.get(name))
+        and simulated(name) == simulated(leader)
+    )
+    both = {one: prior[other] for name, leader in ties
+            for one, other in ((name, leader), (leader, name)) if other in prior}  # fmt: skip
+    return replace(lib, ties=ties), {**both, **prior}
 
 
 def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:

@@ -82,8 +82,9 @@ Prior = ScalePrior | GFamily
 def prior(sensor: SensorClass, lib: Library) -> ScalePrior:
     """Physical prior of every term of a library, from a class of the catalogue.
 
-    The terms count as independent. Those that a lever arm drives together are not (`catalogue.prior_root`):
-    not to use that leaves error bars right, but wider than need be, and ``s_j`` unknown from ``S_ik``.
+    The terms count as independent. Those that a lever arm alone drives are one coefficient where the library
+    ties them (`catalogue.coupled`); S_ij and s_k, which it drives among others, are taken for independent,
+    which leaves their error bars right, but wider than need be.
 
     Examples
     --------

@@ -23,7 +23,7 @@ from imubayes.rig.inputs import KnownRun, durations
 from imubayes.sensors.imu import case_channel, kind_of
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Factor as Input
-from imubayes.sensors.terms import Kind, Library, Term, columns
+from imubayes.sensors.terms import Kind, Library, Term, columns, tied
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +36,7 @@ class Together:
     ----------
     products : the distinct products of inputs, along the case axes.
     which : of each component, the column (p,) of each of its terms.
+    libraries : of each component, whose ties add columns up.
     channels : (n,) inputs along the case axes.
     rows : of each component.
     known : factor of all products and responses, by the noise that whitened them.
@@ -43,34 +44,40 @@ class Together:
 
     products: Library
     which: Mapping[str, NDArray[np.intp]]
+    libraries: Mapping[str, Library]
     channels: Mapping[str, FloatArray]
     rows: Mapping[str, Linear]
-    known: dict[Noise, tuple[FloatArray, FloatArray, float]] = field(default_factory=dict)
+    known: dict[Noise, tuple[FloatArray, dict[str, FloatArray], float]] = field(default_factory=dict)
 
     def columns(self, start: int, stop: int) -> FloatArray:
         """Products in some rows: (rows, m)."""
         part = {name: values[start:stop] for name, values in self.channels.items()}
         return columns(self.products, part, stop - start)
 
+    def of(self, component: str, products: FloatArray) -> FloatArray:
+        """Columns (rows, p) of a component's terms, of those of all products."""
+        return tied(self.libraries[component], products[:, self.which[component]])
+
     def factor_of(self, component: str, noise: Noise) -> tuple[Factor, FloatArray]:
         """Factor of a component's whitened rows, and the largest size (p,) of each of its columns."""
         if noise not in self.known:
             self.known[noise] = self._whitened(noise)
         R, reach, log_det = self.known[noise]
-        own, rows = self.which[component], self.rows[component]
-        response = len(self.products.terms) + list(self.rows).index(component)
-        made = algebra.triangular((R[:, [*own, response]],), len(own) + 1)
-        return Factor(rows.names, made, len(rows), log_det), reach[own]
+        rows = self.rows[component]
+        response = R[:, len(self.products.terms) + list(self.rows).index(component)]
+        made = algebra.triangular((np.column_stack((self.of(component, R), response)),), len(rows.names) + 1)
+        return Factor(rows.names, made, len(rows), log_det), reach[component]
 
-    def _whitened(self, noise: Noise) -> tuple[FloatArray, FloatArray, float]:
-        """Factor of products and responses, largest size of the products, log determinant of the noise."""
+    def _whitened(self, noise: Noise) -> tuple[FloatArray, dict[str, FloatArray], float]:
+        """Factor of products and responses, largest size of all columns, log determinant of the noise."""
         first, m = next(iter(self.rows.values())), len(self.products.terms)
-        n, reach = len(first), np.zeros(m)
+        n, reach = len(first), {name: np.zeros(len(own)) for name, own in self.which.items()}
         table = np.empty((n, m + len(self.rows)))
         for a in range(0, n, CHUNK):
             b = min(a + CHUNK, n)
             table[a:b, :m] = self.columns(a, b)
-            reach = np.maximum(reach, np.abs(table[a:b, :m]).max(axis=0))
+            for name, largest in reach.items():
+                np.maximum(largest, np.abs(self.of(name, table[a:b])).max(axis=0), out=largest)
         for k, rows in enumerate(self.rows.values()):
             table[:, m + k] = rows.y
         w = whitener(noise, first.rows)
@@ -104,7 +111,7 @@ def _together(
 ) -> dict[str, Linear]:
     """Rows of the components of one kind in a run."""
     rows: dict[str, Linear] = {}
-    whole = Together(products, which, run.inputs.channels, rows)
+    whole = Together(products, which, libraries, run.inputs.channels, rows)
     for name in which:
         rows[name] = _rows(run, name, libraries[name], whole)
     return rows
@@ -120,7 +127,7 @@ def _rows(run: KnownRun, name: str, lib: Library, whole: Together) -> Linear:
         duration=durations(run.inputs.t, run.inputs.interval),
         interval=run.inputs.interval,
         y=one.output - one.inputs.channels.get(lib.own, 0.0),
-        columns=lambda start, stop: whole.columns(start, stop)[:, whole.which[name]],
+        columns=lambda start, stop: whole.of(name, whole.columns(start, stop)),
         shared=lambda noise: whole.factor_of(name, noise),
     )
 

@@ -9,12 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.planning.observability import Observability
+from imubayes.planning.observability import Observability, carried
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models
-from imubayes.selection.verdicts import TENTH, Costs, Evidence, TermVerdict, decide, median_model, untested
+from imubayes.selection.verdicts import (
+    TENTH,
+    Costs,
+    Evidence,
+    TermVerdict,
+    decide,
+    median_model,
+    untested,
+    with_tied,
+)
 from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import Library, Term
 
@@ -63,6 +72,8 @@ def decided(basis: Basis, models: Models) -> Selection:
         else _untested(basis, term, alone)
         for term in basis.library.terms
     )
+    terms = with_tied(terms, basis.library.tied)
+    carriers = dict(zip(basis.library.names, basis.library.carriers, strict=True))
     return Selection(
         terms=terms,
         columns=basis.library.names,
@@ -70,8 +81,9 @@ def decided(basis: Basis, models: Models) -> Selection:
         log_evidence=models.log_evidence,
         models=models,
         by_width=tuple((width, by_candidate) for width in WIDTHS),
-        observability=basis.seen,
+        observability=carried(basis.seen, carriers),
         free=np.array([term.full_mean for term in terms]),
+        ties=basis.library.tied,
         costs=basis.costs,
     )
 

@@ -75,11 +75,12 @@ def size_of(problem: Problem) -> Size:
     """What the time of every rung depends on, from the inputs alone."""
     moved = {name for run in problem.runs for name, values in run.extremes.items() if np.any(values != 0.0)}
     terms, reference = problem.library.terms, problem.spec.reference
+    own = zip(problem.library.carriers, terms, strict=True)
     extras = extras_for(problem.runs, reference, sensor=problem.spec.kind) if reference else ()
     return Size(
         rows=sum(run.samples for run in problem.runs),
         columns=len(terms) + len(extras),
-        candidates=sum(all(f.channel in moved for f in term.factors) for term in terms),
+        candidates=len({leader for leader, term in own if all(f.channel in moved for f in term.factors)}),
         runs=len(problem.runs),
         streamed=sum(run.samples for run in problem.runs if run.stream is not None),
     )

@@ -26,6 +26,7 @@ from imubayes.rig.runs import plan_run
 from imubayes.rig.simulate import simulate
 from imubayes.selection.decision import loose_fit, select
 from imubayes.selection.draws import posterior_draws
+from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import Lot, draw_lot
 
 FloatArray = NDArray[np.float64]
@@ -80,7 +81,13 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> UnitFou
 def _spec(study: LotStudy, class_index: int, truth: Mapping[str, float]) -> SensorSpec:
     entry = study.classes[class_index]
     return SensorSpec(
-        entry.id, study.kind, entry, study.library, study.runs, truth, reference=dict(study.reference)
+        entry.id,
+        study.kind,
+        entry,
+        coupled(study.library, entry),
+        study.runs,
+        truth,
+        reference=dict(study.reference),
     )
 
 

@@ -151,6 +151,20 @@ def observe(
     return Observability(factor.names, tested, ratio, alone, _inflation(A, size, tested), groups)
 
 
+def carried(seen: Observability, carriers: Mapping[str, str]) -> Observability:
+    """What a test can tell, of a term that another one's column carries what it tells of that.
+
+    Parameters
+    ----------
+    seen : of every column.
+    carriers : of each column of a component, the one that carries its coefficient.
+    """
+    where = [seen.names.index(carriers.get(name, name)) for name in seen.names]
+    return replace(
+        seen, tested=seen.tested[where], ratio=seen.ratio[where], alone=seen.alone[where], vif=seen.vif[where]
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Combination:
     """A direction v (p,) in units of the prior, which terms take part, and whether it cancels to rounding."""

@@ -16,7 +16,7 @@ from imubayes.rig.inputs import Run
 from imubayes.rig.profiles import Plan, centrifuge, rate_table, tumble
 from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.simulate import simulate
-from imubayes.sensors.catalogue import SensorClass, classes, noise_prior
+from imubayes.sensors.catalogue import SensorClass, classes, coupled, noise_prior
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
@@ -80,7 +80,7 @@ def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> 
 
     Classes of the catalogue (those `among` its ids, if there are any) take turns. A share of the terms,
     uniform over sensors (the beta-binomial model prior), is not zero; their sizes are normal with the class's
-    typical magnitudes, and N, B and K log-normal over the class.
+    typical magnitudes, and N, B and K log-normal over the class. What a lever arm ties counts as one term.
 
     Examples
     --------
@@ -93,9 +93,10 @@ def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> 
     sensor = entries[number % len(entries)]
     place = (seed, get_args(Kind).index(lib.kind), number)
     rng = np.random.default_rng([*place, 0])
-    sd = class_sd(sensor, lib)
+    lib, sd = coupled(lib, sensor), class_sd(sensor, lib)
     inside = rng.random(len(sd)) < rng.random()
     sizes = np.where(inside, sd * rng.standard_normal(len(sd)), 0.0)
+    sizes = sizes[[lib.names.index(name) for name in lib.carriers]]
     plans = _plans(sensor, number)
     return Subject(
         number=number,

@@ -238,8 +238,9 @@ def corner(sensor: SensorResult, chains: Chains, key: str, most: int = CORNER) -
 
 def tied_pairs(sensor: SensorResult, chains: Chains) -> list[tuple[int, int, float]]:
     """Pairs of columns that the test excites with their correlation, strongest first."""
-    own = zip(sensor.selection.columns, sensor.selection.terms, strict=True)
-    untested = {name for name, term in own if term.verdict == "untested"}
+    one = sensor.selection
+    own = zip(one.columns, one.carriers, one.terms, strict=True)
+    untested = {name for name, carrier, term in own if term.verdict == "untested" or carrier != name}
     theta = chains.theta.reshape(-1, len(chains.names))
     varying = [j for j, name in enumerate(chains.names) if name not in untested and np.ptp(theta[:, j]) > 0.0]
     if len(varying) < 2:

@@ -256,10 +256,13 @@ def correlations(sensor: SensorResult, key: str) -> Panel | None:
 
 def strongest_pairs(sensor: SensorResult) -> list[tuple[str, str, float]]:
     """Pairs of terms with the largest correlation of the posterior draws, strongest first."""
+    tied = dict(sensor.selection.ties)
     varying = [
         j
         for j, term in enumerate(sensor.selection.terms)
-        if term.verdict != "untested" and np.any(sensor.draws[:, j] != sensor.draws[0, j])
+        if term.verdict != "untested"
+        and term.name not in tied
+        and np.any(sensor.draws[:, j] != sensor.draws[0, j])
     ]
     if len(varying) < 2 or len(sensor.draws) < 3:
         return []

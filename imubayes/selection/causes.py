@@ -311,7 +311,8 @@ def _line_and_why(case: Case) -> str:
 
 def _others(selection: Selection, name: str) -> tuple[int, int]:
     """How many other candidates are in the model, and how many there are."""
-    return len({*selection.model} - {name}), len(selection.models.candidates.names) - 1
+    kept = {*selection.model} - {name, *dict(selection.ties)}
+    return len(kept), len(selection.models.candidates.names) - 1
 
 
 def _line_of_evidence(ratio: float, keep: float, against: float) -> float:

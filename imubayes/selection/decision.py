@@ -14,7 +14,7 @@ from imubayes.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.planning.observability import Observability, observe
+from imubayes.planning.observability import Observability, carried, observe
 from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
@@ -29,6 +29,7 @@ from imubayes.selection.verdicts import (
     decide,
     median_model,
     untested,
+    with_tied,
 )
 from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import Library, Term
@@ -74,6 +75,8 @@ class Selection:
         noise's posterior; empty where they are not.
     groups : terms that the test sees in one combination only, and the probability that at least one of them
         is in the model.
+    ties : (term, leader) of coefficients that are one: the leader's column carries both, and both have its
+        verdict. It counts as one candidate.
     costs : what a wrong choice was said to cost.
     digits : that rounding leaves of the numbers; None for a method that does not weigh every model.
     """
@@ -88,8 +91,15 @@ class Selection:
     free: FloatArray
     plug_in: tuple[float, ...] = ()
     groups: tuple[tuple[tuple[str, ...], float], ...] = ()
+    ties: tuple[tuple[str, str], ...] = ()
     costs: Costs = EQUAL
     digits: Digits | None = None
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """Name of the column that carries each coefficient: its own, or that of the term it is tied to."""
+        own = {term.name: column for term, column in zip(self.terms, self.columns, strict=True)}
+        return tuple(own[dict(self.ties).get(name, name)] for name in own)
 
     def table(self) -> str:
         """Verdicts as plain text, in SI units."""
@@ -172,6 +182,8 @@ def select(
         else _untested(term, spelt[term.name], sd[name], models)
         for name, term in own.items()
     )
+    carriers = [f"{prefix}{name}" for name in lib.carriers]
+    seen, verdicts = carried(seen, dict(zip(own, carriers, strict=True))), with_tied(verdicts, lib.tied)
     return Selection(
         terms=verdicts,
         columns=tuple(own),
@@ -180,9 +192,10 @@ def select(
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
-        free=np.array([free[name] for name in own]),
-        plug_in=_at_plug_in(excited, own) if len(noises) > 1 else (),
+        free=np.array([free[name] for name in carriers]),
+        plug_in=_at_plug_in(excited, carriers) if len(noises) > 1 else (),
         groups=_groups(models, seen, own),
+        ties=lib.tied,
         costs=costs,
         digits=digits_of(models, summary),
     )
@@ -209,7 +222,9 @@ def loose_fit(summary: Summary, prior: ScalePrior) -> tuple[FloatArray, FloatArr
     loose = np.array([1.0 if name in extras else LOOSE for name in summary.names])
     scale = noise_scale(summary.factor, prior.sd)
     mean, root = posterior_root(summary.factor, loose * prior.sd, scale)
-    return mean, root @ root.T
+    leader = dict(summary.library.tied) if summary.library else {}
+    where = [summary.names.index(leader.get(name, name)) for name in summary.names]
+    return mean[where], (root @ root.T)[np.ix_(where, where)]
 
 
 def _without_prior(summary: Summary, prior: ScalePrior) -> tuple[dict[str, float], dict[str, float]]:

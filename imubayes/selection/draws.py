@@ -21,9 +21,14 @@ def posterior_draws(selection: Selection, size: int, rng: np.random.Generator) -
     drawn = _model_draws(models, size, rng)
     columns = {name: drawn[:, j] for j, name in enumerate(models.candidates.columns)}
     out = np.empty((size, len(selection.terms)))
-    for j, (term, name) in enumerate(zip(selection.terms, selection.columns, strict=True)):
+    for j, (term, name) in enumerate(zip(selection.terms, selection.carriers, strict=True)):
         out[:, j] = columns[name] if name in columns else _sparse(term.inclusion, term.prior_sd, size, rng)
-    return out
+    return out[:, _carried(selection)]
+
+
+def _carried(selection: Selection) -> list[int]:
+    """Place (p,) of the coefficient that each is."""
+    return [selection.columns.index(name) for name in selection.carriers]
 
 
 def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatArray:
@@ -41,7 +46,7 @@ def prior_draws(selection: Selection, size: int, rng: np.random.Generator) -> Fl
     share = rng.random(size)
     inside = rng.random((size, len(selection.terms))) < share[:, None]
     sd = np.array([term.prior_sd for term in selection.terms])
-    return np.where(inside, rng.standard_normal(inside.shape) * sd, 0.0)
+    return np.where(inside, rng.standard_normal(inside.shape) * sd, 0.0)[:, _carried(selection)]
 
 
 def _sparse(inclusion: float, sd: float, size: int, rng: np.random.Generator) -> FloatArray:

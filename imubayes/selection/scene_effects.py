@@ -13,7 +13,7 @@ from imubayes.rig.inputs import Inputs
 from imubayes.rig.scenes import Scene, in_case
 from imubayes.rig.vibration import mean_columns
 from imubayes.selection.kernels import CELLS, STATES, Budget, functionals, propagation, running_functionals
-from imubayes.sensors.terms import Factor, Kind, Library, columns
+from imubayes.sensors.terms import Factor, Kind, Library, columns, tied
 from imubayes.units import STANDARD_GRAVITY
 
 FloatArray = NDArray[np.float64]
@@ -123,7 +123,7 @@ def budget_effects(scene: Scene, lib: Library, budget: Budget, axis: str = "x") 
     if heated.any():
         columns_of = _warming(scene, _some(lib, heated), inputs)
         J[..., heated] = running_functionals(propagated, columns_of, times)
-    return SceneEffects(lib.names, J[:, STATES.index(budget.quantity)], largest=True)
+    return SceneEffects(lib.names, tied(lib, J[:, STATES.index(budget.quantity)]), largest=True)
 
 
 def turned_force(kind: Kind, inputs: Inputs) -> FloatArray | float:

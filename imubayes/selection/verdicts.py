@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from imubayes.errors import StudyError
 from imubayes.sensors.terms import Term
@@ -196,6 +196,32 @@ def median_model(terms: Sequence[TermVerdict], costs: Costs = EQUAL) -> tuple[st
     Where both errors cost the same, they make the median probability model.
     """
     return tuple(t.name for t in terms if t.inclusion >= costs.keep and t.verdict != "untested")
+
+
+def with_tied(terms: Sequence[TermVerdict], ties: Sequence[tuple[str, str]]) -> tuple[TermVerdict, ...]:
+    """Verdicts in which a term that is tied to another has all of that one's: they are one coefficient.
+
+    Parameters
+    ----------
+    terms : a verdict for every term.
+    ties : (term, leader) by name.
+    """
+    by_name, leaders = {term.name: term for term in terms}, dict(ties)
+    return tuple(
+        _as_leader(term, by_name[leaders[term.name]]) if term.name in leaders else term for term in terms
+    )
+
+
+def _as_leader(term: TermVerdict, leader: TermVerdict) -> TermVerdict:
+    return replace(
+        leader,
+        name=term.name,
+        symbol=term.symbol,
+        unit=term.unit,
+        printed=term.printed,
+        group=term.group,
+        reason=f"one lever arm with {leader.name}: {leader.reason}",
+    )
 
 
 def untested(term: Term) -> tuple[str, str]:

@@ -102,7 +102,7 @@ def votes(
     if missing:
         ballots += [_Ballot(name, {}, {}) for name in missing]
         ballots.sort(key=lambda ballot: ORDER.index(ballot.method))
-    tested = [k for k, term in enumerate(selection.terms) if term.verdict != "untested"]
+    tested = [k for k, name in enumerate(selection.columns) if name in selection.models.candidates.names]
     columns = [selection.columns[k] for k in tested]
     strength = [[ballot.strength.get(column, math.nan) for column in columns] for ballot in ballots]
     keeps = [[float(ballot.keeps.get(column, math.nan)) for column in columns] for ballot in ballots]
@@ -125,7 +125,8 @@ def _ballots(
     """Ballots of all methods, in the order in which they are shown."""
     keep, names = selection.costs.keep, selection.models.candidates.names
     column = {term.name: name for term, name in zip(selection.terms, selection.columns, strict=True)}
-    evidence = {column[term.name]: term.inclusion for term in selection.terms if term.verdict != "untested"}
+    told = {column[term.name]: term.inclusion for term in selection.terms}
+    evidence = {name: inclusion for name, inclusion in told.items() if name in names}
     g_prior = dict(zip(sensitivity.names, sensitivity.g_prior.tolist(), strict=True))
     lines = {c.name: line_of(c, len(c.model), len(names)) for c in criteria}
     return [

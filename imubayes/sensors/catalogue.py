@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import cache
 
@@ -169,6 +170,21 @@ def prior_root(sensor_class: SensorClass, lib: Library) -> FloatArray:
         for source, size in _sources(sensor_class, term):
             columns.setdefault(source, np.zeros(len(lib.terms)))[row] = size
     return np.column_stack(list(columns.values()))
+
+
+def coupled(lib: Library, sensor_class: SensorClass) -> Library:
+    """Library with ties between the coefficients that have all of their causes in common (see `prior_root`).
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("accelerometer", set="extended")
+    >>> coupled(lib, sensor("mems_tactical", kind="accelerometer")).ties
+    (('S_kk', 'S_jj'), ('s_j', 'S_ik'))
+    """
+    first: dict[tuple[tuple[str, float], ...], str] = {}
+    leaders = [(t.name, first.setdefault(tuple(_sources(sensor_class, t)), t.name)) for t in lib.terms]
+    return replace(lib, ties=tuple((name, leader) for name, leader in leaders if name != leader))
 
 
 _LEVER = {"S_ij": ("j", 1.0), "S_ik": ("k", 1.0), "S_jj": ("i", -1.0), "S_kk": ("i", -1.0),

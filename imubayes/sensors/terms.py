@@ -78,16 +78,33 @@ class Library:
     terms : in the order of the model equation.
     technology : of the sensor, in words; it decides the standard whose symbols the terms are shown with (see
         `imubayes.sensors.equations.standards.symbols`).
+    ties : (term, leader) names of two coefficients that are one by nature (`catalogue.coupled`). The leader's
+        column is then the sum of both, and the other's zero: as a factor and a prior see them, the leader
+        carries both.
     """
 
     kind: Kind
     terms: tuple[Term, ...]
     technology: str = ""
+    ties: tuple[tuple[str, str], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the terms."""
         return tuple(term.name for term in self.terms)
+
+    @property
+    def carriers(self) -> tuple[str, ...]:
+        """Names of the terms whose columns carry each coefficient: its own, or that of its leader."""
+        names = self.names
+        leader = {name: leader for name, leader in self.ties if leader in names}
+        return tuple(leader.get(name, name) for name in names)
+
+    @property
+    def tied(self) -> tuple[tuple[str, str], ...]:
+        """Ties of which both terms are there."""
+        pairs = zip(self.names, self.carriers, strict=True)
+        return tuple((name, leader) for name, leader in pairs if name != leader)
 
     @property
     def own(self) -> str:
@@ -155,7 +172,7 @@ def columns(
 
     Returns
     -------
-    array (n, p), row-major, in SI units of input.
+    array (n, p), row-major, in SI units of input; of tied terms in the leader's column (see `tied`).
 
     Examples
     --------
@@ -166,6 +183,22 @@ def columns(
     X = np.empty((n, len(lib.terms))) if out is None else out
     for j, term in enumerate(lib.terms):
         X[:, j] = column(term, channels)
+    return tied(lib, X)
+
+
+def tied(lib: Library, X: FloatArray) -> FloatArray:
+    """Add the columns (..., p) of terms that are tied to others to those of their leaders, in place.
+
+    Examples
+    --------
+    >>> lib = Library("accelerometer", library("accelerometer").terms[:2], ties=(("b1", "b0"),))
+    >>> tied(lib, np.array([[1.0, 5.0]])).tolist()
+    [[6.0, 0.0]]
+    """
+    for name, leader in lib.tied if lib.ties else ():
+        j, k = lib.names.index(name), lib.names.index(leader)
+        X[..., k] += X[..., j]
+        X[..., j] = 0.0
     return X
 
 

@@ -17,6 +17,7 @@ from imubayes.lots.units import lot_of, simulate_unit
 from imubayes.planning.fidelity import RungName
 from imubayes.preparation import runs_of
 from imubayes.rig.inputs import ImuRun, TriadRun
+from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import Lot
 from imubayes.trade.plan import ESS, LIMIT, NAMES, REPEATS, Subject, Trade, cores
 
@@ -122,7 +123,8 @@ def unit(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> S
 def _spec(study: LotStudy, lot: Lot) -> SensorSpec:
     entry = lot.sensor_class
     bench = dict(study.reference)
-    return SensorSpec(entry.id, study.kind, entry, study.library, study.runs, {}, reference=bench)
+    lib = coupled(study.library, entry)
+    return SensorSpec(entry.id, study.kind, entry, lib, study.runs, {}, reference=bench)
 
 
 def _check_named(only: Collection[str], known: Sequence[str], what: str) -> None:

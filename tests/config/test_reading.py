@@ -1,6 +1,7 @@
 """A study file becomes the values that the method works on."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,7 @@ def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
     (run,) = sensor.runs
     assert (study.title, study.seed) == ("bench", 0)
     assert sensor.sensor_class is None
-    assert sensor.library == library("accelerometer", powers=3, asymmetry=2, set="slide")
+    assert replace(sensor.library, ties=()) == library("accelerometer", powers=3, asymmetry=2, set="slide")
     assert run.file == tmp_path / "tumble.csv"
     assert run.noise == NoiseRule()
     assert study.text == study.path.read_text()
@@ -138,7 +139,7 @@ def test_library_keys_are_the_arguments_of_library(tmp_path):
     options = 'powers = 4\nasymmetry = -1\nset = "extended"\ntemperature = 2\ntemperature_of = ["m_j"]\n'
     sensor = _sensor(tmp_path, HEAD + "[sensor.library]\n" + options + RUN)
     technology = sensor.sensor_class.technology if sensor.sensor_class else ""
-    assert sensor.library == library(
+    assert replace(sensor.library, ties=()) == library(
         "accelerometer",
         powers=4,
         asymmetry=-1,
@@ -263,6 +264,23 @@ def test_truth_is_read_in_the_unit_of_its_term_and_may_leave_the_library(tmp_pat
     assert sensor.truth == pytest.approx(
         {"b0": 1.5e-3 * G, "b1": 3e-4, "b2": 30e-6 / G, "b4": 1e-6 / G**3}, rel=ULPS
     )
+
+
+@pytest.mark.parametrize(
+    ("said", "tied"),
+    [
+        ("", True),
+        ('[sensor.prior]\ns_j = "200 ug/(rad/s^2)"\n', True),
+        ('[sensor.prior]\ns_j = "200 ug/(rad/s^2)"\nS_ik = "50 ug/(rad/s)^2"\n', False),
+        ('[sensor.truth]\ns_j = "200 ug/(rad/s^2)"\nS_ik = "200 ug/(rad/s)^2"\n', True),
+        ('[sensor.truth]\ns_j = "200 ug/(rad/s^2)"\n', False),
+    ],
+)
+def test_what_a_lever_arm_ties_is_one_unless_the_study_says_that_it_is_two(tmp_path, said, tied):
+    spec = _sensor(tmp_path, HEAD + said + RUN.replace('file = "tumble.csv"', "simulate = {}"))
+    assert spec.library.tied == ((("s_j", "S_ik"),) if tied else ())
+    if tied and spec.prior:  # a lever arm has one size, of whichever term it is stated
+        assert spec.prior == pytest.approx(dict.fromkeys(("s_j", "S_ik"), 200e-6 * G), rel=ULPS)
 
 
 def test_prior_sds_are_read_in_the_units_of_their_terms(tmp_path):

@@ -7,14 +7,20 @@ from imubayes.factor import posterior, with_prior_rows
 from imubayes.inference.linear import Linear, linear_of, whitened_factor
 from imubayes.inference.shared_columns import shared_rows
 from imubayes.rig.inputs import Inputs, KnownRun
+from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 
+MEMS = {kind: sensor("mems_tactical", kind=kind) for kind in ("accelerometer", "gyroscope")}
 LIBRARIES = {
-    name: library(kind_of(name), set="extended", temperature=1, temperature_of=("b0", "c_ij"))
+    name: coupled(
+        library(kind_of(name), set="extended", temperature=1, temperature_of=("b0", "c_ij")),
+        MEMS[kind_of(name)],
+    )
     for name in COMPONENTS
 }
+"""An accelerometer's tie S_ik and s_j, S_jj and S_kk: a column of it is a sum of two products."""
 
 
 @pytest.fixture(scope="module")

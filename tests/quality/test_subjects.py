@@ -17,8 +17,10 @@ def test_classes_of_the_catalogue_take_turns(kind):
 def test_number_of_true_terms_is_uniform():
     # the beta-binomial model prior with a uniform share: every size from 0 to p is equally likely
     lib = library("accelerometer", powers=1, asymmetry=-1)
-    sizes = [sum(v != 0.0 for v in subject(lib, k, seed=3).truth.values()) for k in range(1500)]
-    p = len(lib.terms)
+    drawn = [subject(lib, k, seed=3) for k in range(1500)]
+    assert all(one.truth[name] == one.truth[leader] for one in drawn for name, leader in one.library.tied)
+    sizes = [sum(one.truth[name] != 0.0 for name in {*one.library.carriers}) for one in drawn]
+    p = len({*drawn[0].library.carriers})
     expected = len(sizes) / (p + 1)
     chi2 = float(np.sum((np.bincount(sizes, minlength=p + 1) - expected) ** 2) / expected)
     assert abs(chi2 - p) < 4.0 * np.sqrt(2.0 * p)

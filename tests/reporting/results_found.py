@@ -101,7 +101,7 @@ def _selection(lib: Library, rows: dict[str, tuple[float, float, float, float, s
     widths = ((1 / 3, inclusion), (1.0, inclusion), (3.0, inclusion))
     return _partly(
         Selection, terms=terms, columns=lib.names, model=model, log_evidence=8124.2, models=models,
-        by_width=widths, observability=_observability(terms), groups=(),
+        by_width=widths, observability=_observability(terms), groups=(), ties=(),
         costs=EQUAL,
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from imubayes.rig.scenes import AXES, Course, Scene, recorded
 from imubayes.rig.trajectories import generated
 from imubayes.selection.kernels import Budget
 from imubayes.selection.scene_effects import TIMES, budget_effects, cell_loads, output_effects, turned_force
-from imubayes.sensors.catalogue import draw_unit, sensor
+from imubayes.sensors.catalogue import coupled, draw_unit, sensor
 from imubayes.sensors.terms import library
 
 G, T0 = 9.80665, 298.15
@@ -286,3 +286,15 @@ def test_vibration_counts_in_the_rms_of_the_output() -> None:
     slow = bench.mean_motion.channels["f_i"]
     n = len(slow)
     assert rms**2 == pytest.approx(np.mean(slow**2) + bench.vibration**2, rel=4.0 * np.sqrt(2.0 / n) + 0.02)
+
+
+@pytest.mark.parametrize("quantity", ["output", "velocity"])
+def test_what_a_lever_arm_ties_counts_once_whether_its_column_is_one_or_two(hand, quantity):
+    entry = sensor("mems_tactical", kind="accelerometer")
+    apart = library("accelerometer", set="extended")
+    lib = coupled(apart, entry)
+    theta = np.array(list(draw_unit(entry, lib, np.random.default_rng(3)).values()))
+    one, two = (budget_effects(hand, each, Budget(quantity, 1.0), "x") for each in (lib, apart))
+    assert one.size(theta) == pytest.approx(two.size(theta), rel=1e-9)
+    single = dict(zip(lib.names, one.single(np.ones(len(theta))), strict=True))
+    assert single["s_j"] == single["S_kk"] == 0.0 < single["S_ik"]

@@ -89,9 +89,9 @@ class Chains:
     log_evidence: tuple[float, float]
 
 
-def of_columns(chains: Chains, columns: Sequence[str]) -> Chains:
-    """Chains of some columns: a component of a triad, with what is no term of any."""
-    places = [chains.names.index(name) for name in columns]
+def of_columns(chains: Chains, columns: Sequence[str], carriers: Sequence[str]) -> Chains:
+    """Chains of some columns: a component of a triad, with what is no term of any; `carriers` hold them."""
+    places = [chains.names.index(name) for name in carriers]
     return replace(
         chains,
         names=tuple(columns),
