@@ -144,7 +144,7 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
     return Proposal(
         study=study,
         prior_sd=bench.sd[: bench.p],
-        known_sd=_sd(bench, root(problem, ()))[: bench.p],
+        known_sd=_sd(bench, root(problem, ()))[_carriers(study)],
         need=need,
         needed=needed,
         menus=bench.menus,
@@ -181,6 +181,12 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
             lost,
         )
     return asked or seen
+
+
+def _carriers(study: PlanStudy) -> list[int]:
+    """Place (p,) of the column that carries each term's coefficient."""
+    lib = study.spec.library
+    return [lib.names.index(name) for name in lib.carriers]
 
 
 def _effects(study: PlanStudy) -> SceneEffects | None:
@@ -244,7 +250,7 @@ class _Told:
         """Outcome of a plan."""
         bench, problem = self.bench, self.problem
         S = root(problem, steps)
-        where = [bench.names.index(name) for name in self.study.spec.library.carriers]
+        where = _carriers(self.study)
         errors = rehearsed(problem, steps, self.study.units, np.random.default_rng([self.study.seed, 1]))
         return Outcome(
             name=name,
