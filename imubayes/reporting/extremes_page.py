@@ -119,9 +119,7 @@ def _range(outcomes: Iterable[Outcome]) -> str:
     rows = [one.rows for one in outcomes]
     if not own or max(rows) == max(own):
         return f"{min(rows):,} to {max(rows):,} rows"
-    return (
-        f"{min(rows):,} to {max(own):,} rows, and up to {max(rows):,} of a short record stacked on itself"
-    )
+    return f"{min(rows):,} to {max(own):,} rows, and up to {max(rows):,} of a short record stacked on itself"
 
 
 def _least(outcomes: Iterable[Outcome], name: str) -> int:
