@@ -144,7 +144,7 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
             " computed, and a fleet's is exact: leave them out"
         )
     try:
-        with engine(asked.scheduler or "local", study.processes) as workers:
+        with engine("local" if asked.scheduler is None else asked.scheduler, study.processes) as workers:
             found = measure(study, asked.folder, workers, resume=asked.resume, progress=told)
     except KeyboardInterrupt:
         fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)

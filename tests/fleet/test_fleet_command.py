@@ -110,6 +110,7 @@ def test_recordings_where_the_results_would_be_are_refused_and_stay(tmp_path, mo
 
 def test_scheduler_of_a_study_without_a_fleet_is_refused(tmp_path, monkeypatch, capsys):
     path = tmp_path / "small.toml"
-    path.write_text('[[sensor]]\nid = "A"\nkind = "accelerometer"\n')
+    run = '[[sensor.run]]\nname = "a"\nprocedure = "tumble"\nsimulate = { angles = 4 }\n'
+    path.write_text(f'[[sensor]]\nid = "A"\nkind = "accelerometer"\nclass = "mems_tactical"\n{run}')
     assert _run(monkeypatch, str(path), "--scheduler", "tcp://127.0.0.1:8786") == 2
     assert "the units of a [fleet], which this study has none of" in capsys.readouterr().err

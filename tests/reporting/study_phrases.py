@@ -38,11 +38,14 @@ SAID = (
     fixed(r"says something below (0\.01)"),
     fixed(r"more than (1) g"),
     fixed(r"parameters with eps_K > (-1)"),
+    fixed(r"right to about (0\.02) sd"),
+    fixed(rf"below a tenth of the class's size with ({NUM}) %"),
     fixed(r"(?:section|mount|plane|fixture) (\d+)"),
 )
 """Numbers that are part of how a report is to be read."""
 
 UNHELD = (
+    fixed(rf"computed for the ({NUM}) subsets that AIC likes best; .*? right to ({NUM}) there"),
     fixed(rf"noise floor of ({NUM}) "),
     fixed(rf"within ±({NUM})$"),
     fixed(rf"Allan deviation within a factor ({NUM}) of"),

@@ -463,8 +463,8 @@ def _fewest(family: str, cases: Sequence[dict[str, Any]]) -> Reading:
         told["correct"] for one in cases for told in one["digits"].values() if told["correct"] is not None
     ]
     return Reading(
-        rf"^{re.escape(family)}: at least (\d+) digits",
-        lambda r, m, a: [math.floor(min(correct)) if not any(one["lost"] for one in cases) else math.nan],
+        rf"^({re.escape(family)}): at least (\d+) digits",
+        lambda r, m, a: [None, math.nan if any(one["lost"] for one in cases) else math.floor(min(correct))],
     )
 
 
