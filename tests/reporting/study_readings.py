@@ -26,6 +26,7 @@ from report_reading import (
     tree,
     written,
 )
+from session_readings import is_of_class, wrong_population
 from study_phrases import NUM, SAID, SHARE, TERM, UNHELD, P
 
 from imubayes.reporting.method_words import spoken
@@ -462,8 +463,9 @@ def _hidden(r: Sensors, match: re.Match[str], anchor: str) -> Iterable[Meant]:
 
 
 def _dealt(r: Sensors, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    """Draws of a posterior."""
-    return [r.at(match, anchor)["mcmc"]["draws"]]
+    """Draws in the file: those of a posterior, but no more of all and of their priors than 16 MB hold."""
+    values = 2 * sum(len(sensor["terms"]) for sensor in r.sensors)
+    return [min(r.at(match, anchor)["mcmc"]["draws"], 16_000_000 // (8 * values))]
 
 
 def _kept(r: Sensors, match: re.Match[str], anchor: str) -> Iterable[Meant]:
@@ -602,7 +604,9 @@ READINGS = (
 def wrong_study(html: str, result: dict[str, Any]) -> list[str]:
     """What a report on sensors says that its result does not."""
     page = tree(html)
-    blocks = [block for block in (*sentences(page), *drawn(page)) if block.anchor not in UNREAD]
+    every = [*sentences(page), *drawn(page)]
+    of_class = [block for block in every if result.get("population") and is_of_class(block)]
+    blocks = [block for block in every if block.anchor not in UNREAD and block not in of_class]
     titles = {plain(result["study"])} | {plain(one["id"]) for one in result["sensors"]}
     notes = [
         spoken(f"WAIC: {c['note']}").removeprefix("WAIC: ")
@@ -613,9 +617,10 @@ def wrong_study(html: str, result: dict[str, Any]) -> list[str]:
     notes += [s["exact"] for one in result["sensors"] for s in one["standards"].values() if s.get("exact")]
     read = (_without(block, notes) for block in blocks if block.text not in titles and not _doubt(block))
     ids = [fixed(rf"(?<![\w-])({re.escape(one['id'])})(?![\w-])") for one in result["sensors"]]
-    return problems(
+    found = problems(
         (block for block in read if block.text), (*READINGS, *CASES, *SAID, *UNHELD, *ids), Sensors(result)
     )
+    return [*found, *wrong_population(page, of_class, result)] if of_class else found
 
 
 def _without(block: Block, notes: Sequence[str]) -> Block:

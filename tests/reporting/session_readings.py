@@ -1,0 +1,134 @@
+"""What a report says of all sessions and all cases of a class, and where it stands in its result.
+
+Values are those of ``sessions`` and ``cases`` of ``result.json``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from population_readings import CLASS_READINGS, MOST, NAME, named
+from population_tables import between, pull, together, wrong_rows
+from report_reading import Block, Meant, Reading, fixed, grids, problems
+from study_phrases import NUM, SAID
+
+Found = dict[str, Any]
+
+
+def _left_out(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    return [len(r["sessions"]) - len(together(r))]
+
+
+def _changing(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    moving = sorted((one for one in together(r) if one["exceeds"]), key=lambda one: one["p_value"])
+    said = re.findall(rf"({NAME}) \(sd ", match.string)
+    right = said == [one["parameter"] for one in moving[:MOST]]
+    return [len(moving) if right else math.nan, len(together(r))]
+
+
+def _repeats(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    """Units, sessions, spread and largest pull of a parameter in a figure's title."""
+    one = named(r["sessions"], match[1])
+    counts = [len(one["units"]), len(one["sessions"])]
+    return [None, *counts, *([between(one), pull(one)[0]] if one["exceeds"] else [math.nan, math.nan])]
+
+
+def _steady(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    one = named(r["sessions"], match[1])
+    return [None, math.nan if one["exceeds"] else len(one["units"]), len(one["sessions"])]
+
+
+def _axis(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    """Numbers of the first and the last unit of a figure's axis."""
+    ends = {(one["units"][0], one["units"][-1]): len(one["units"]) for one in r["sessions"]}
+    return [1, None, ends[match[2], match[4]]]
+
+
+def _session(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    """A session by its mark."""
+    known = list(dict.fromkeys(name for one in r["sessions"] for name in one["sessions"]))
+    return [None, None if known["●■▲◆▼✚".index(match[1])] == match[2] else math.nan]
+
+
+def _alarm(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    return [together(r)[0]["level"]]
+
+
+# All cases together
+
+
+def _held(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    """Errors within 2 sd, counted from the errors; and how many there should be."""
+    starts = {"Length of the force": "gravity", "Rates": "rest", "Up carried": "closure", "Angles": "turn"}
+    what = next(what for start, what in starts.items() if match.string.startswith(start))
+    rows = [row for case in r["cases"] for row in case["recovered"] if row["what"] == what]
+    inside, of = (sum(row[key] for row in rows) for key in ("within_2_sd", "of"))
+    expected = math.erf(math.sqrt(2.0)) * of
+    larger = match[4] == "larger"
+    return [inside, of, round(expected) if (inside < expected) == larger else math.nan]
+
+
+def _drawn(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    ids = {one["id"] for one in r["sensors"]}
+    named = match[3].split(", ")
+    return [len(named) if ids.issuperset(named) else math.nan, len(ids)]
+
+
+SESSION_READINGS = (
+    Reading(r"^(\d+) of (\d+) parameters changes? between sessions", _changing),
+    Reading(rf"({NAME}) \(sd ({NUM}) \S+\)", lambda r, m, a: [None, between(named(r["sessions"], m[1]))]),
+    Reading(
+        rf"(\d+)% of the scatter of ({NAME})",
+        lambda r, m, a: [round(100.0 * named(r["sessions"], m[2])["shared"]), None],
+    ),
+    Reading(rf"Each test alarms below p ({NUM})", _alarm),
+    fixed(r"\(p above (0\.01)\)"),  # that of all parameters together: each is held to the level above
+    Reading(r"(\d+) more parameters are in result\.json", _left_out),
+    Reading(
+        rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?: between sessions ({NUM}) \S+,"
+        rf" largest pull ({NUM}) sd$",
+        _repeats,
+    ),
+    Reading(rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?(: within the error bars)$", _steady),
+    Reading(r"^unit, (\d+) (\S+) to (\d+) (\S+)$", _axis),
+    Reading(r"([●■▲◆▼✚]) (\w+)(?=[,.])", _session),
+)
+
+CASE_READINGS = (
+    Reading(
+        r"(\d+) of (\d+) lie within 2 sd of what is predicted"
+        r"(?: \((\d+) expected: they are (larger|smaller) than predicted\))?",
+        _held,
+    ),
+    Reading(
+        r"drawn of (\d+) of the (\d+) components, those whose rows fit worst: ([^ ]+(?:, [^ ]+)*)\.$", _drawn
+    ),
+)
+
+
+def is_of_class(block: Block) -> bool:
+    """Whether a text is of a class, of its sessions, or of all cases together."""
+    of_all = r"[\w ,-]+\. \d+ \w+ of class |[^.]+ \d+ of \d+ lie within 2 sd of what is predicted"
+    top = block.anchor == "nav" and re.match(of_all, block.text)
+    return bool(top or re.match(r"class-\d+$|sessions$|cases$", block.anchor))
+
+
+READINGS = {"sessions": SESSION_READINGS, "cases": CASE_READINGS}
+"""Readings of a section; those of others are of a class, and of all cases at the top."""
+
+
+def wrong_population(page: Element, blocks: Iterable[Block], result: Found) -> list[str]:
+    """What a report says of units of a class, in sentences, figures and tables, that its result does not."""
+    found = [
+        problem
+        for block in filter(is_of_class, blocks)
+        for problem in problems(
+            [block], (*READINGS.get(block.anchor, (*CLASS_READINGS, CASE_READINGS[0])), *SAID), result
+        )
+    ]
+    tables = (grid for grid in grids(page) if re.match(r"class-\d+$|sessions$|cases$", grid.anchor))
+    return [*found, *(wrong for grid in tables for wrong in wrong_rows(grid, result))]
