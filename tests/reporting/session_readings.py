@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 
 from population_readings import CLASS_READINGS, MOST, NAME, named
 from population_tables import between, pull, together, wrong_rows
-from report_reading import Block, Meant, Reading, fixed, grids, problems
+from report_reading import Block, Meant, Reading, grids, problems
 from study_phrases import NUM, SAID
 
 Found = dict[str, Any]
@@ -86,7 +86,6 @@ SESSION_READINGS = (
         lambda r, m, a: [round(100.0 * named(r["sessions"], m[2])["shared"]), None],
     ),
     Reading(rf"Each test alarms below p ({NUM})", _alarm),
-    fixed(r"\(p above (0\.01)\)"),  # that of all parameters together: each is held to the level above
     Reading(r"(\d+) more parameters are in result\.json", _left_out),
     Reading(
         rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?: between sessions ({NUM}) \S+,"
