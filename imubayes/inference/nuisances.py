@@ -273,8 +273,22 @@ def _settled(tangents: _Tangents, at: FloatArray) -> tuple[Summary, tuple[Linear
             return _with_judged(summary, judged), rows, mean
         at = mean if turn < NOISE_ROUNDS else at
     at = _peak(replace(tangents, leaning=at), at, summary.factor, scale)
-    summary, rows = tangents.at(at)
+    summary, rows, at = _polished(tangents, at)
     return _with_judged(summary, judged), rows, at
+
+
+def _polished(tangents: _Tangents, at: FloatArray) -> tuple[Summary, tuple[Linear, ...], FloatArray]:
+    """Follow the linear problem from nearly the peak, the tilt leaning on each place, while its steps shrink."""
+    summary, rows = tangents.at(at)
+    step = np.inf
+    for _ in range(FEW_ROUNDS):
+        mean, spread = posterior(summary.factor, tangents.sd, noise_scale(summary.factor, tangents.sd))
+        before, step = step, float(np.max(np.abs(mean - at) / spread))
+        if step <= SETTLED or step >= before:
+            break
+        at = mean
+        summary, rows = tangents.at(at)
+    return summary, rows, at
 
 
 def _peak(tangents: _Tangents, start: FloatArray, f: Factor, scale: float) -> FloatArray:

@@ -27,7 +27,7 @@ from imubayes.rig.profiles import (
     tumble,
     vibration,
 )
-from imubayes.rig.saturation import within_range
+from imubayes.rig.saturation import refuse_stuck, within_range
 from imubayes.rig.sequences import planned
 from imubayes.rig.simulate import drawn_errors, simulate_on_bench
 from imubayes.rig.thermal import temperature_rate, thermal
@@ -253,6 +253,8 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     output = values_of(table, columns["output"], len(t))
     check_output(table, columns["output"])
     inputs, derived = inputs_of(table, {name: columns[name] for name in columns if name != "output"}, t)
+    if (own := "f_i" if kind == "accelerometer" else "w_i") in columns:
+        refuse_stuck(table.file, columns["output"], output, inputs.channels[own])
     kept, lost = within_range(table.file, {"output": output}, columns)
     lost = (*lost, *(earth_left_out(spec.procedure, inputs) if kind == "gyroscope" else ()))
     notes = (*epoch, *notes_of(t), *lost, *assumed(kind, columns), *derived)

@@ -31,6 +31,9 @@ BESIDE = 3
 PILED = 3.0
 """Samples at the extreme value over those at the `BESIDE` next to it, at the end of a range. A sine has 1."""
 
+STUCK = 3.0
+"""Input's span over that of an output of few values, from which on the output does not follow."""
+
 REPEATED = 1.0 / 3.0
 """Share of samples that repeat the one before, away from the extremes, above which an output is coarse: white
 noise of 0.8 steps."""
@@ -106,6 +109,25 @@ def rails_of(outputs: Iterable[FloatArray]) -> tuple[float, ...]:
     for output in outputs:
         found.add(output)
     return found.rails()
+
+
+def refuse_stuck(file: str, column: Column, output: FloatArray, own: FloatArray) -> None:
+    """Refuse a coarse output that its own input (n,) moves far past: all of the run is beyond the range.
+
+    Raises
+    ------
+    DataError : if the output has less than `LEVELS` values, whose span is `STUCK` times less than the input's.
+    """
+    found = Levels()
+    found.add(output)
+    moved, told = float(np.ptp(own)), float(np.ptp(output))
+    if len(found.distinct) < LEVELS and STUCK * told < moved:
+        raise DataError(
+            f"{file}: column '{column.address}' has only {counted(len(found.distinct), 'value')}, within"
+            f" {told / abs(column.scale):.3g} {column.unit}, while its input moves by {moved / abs(column.scale):.3g}"
+            f" {column.unit}: expected an output that follows its input; test the sensor within its range, or"
+            " correct the column's unit, its scale or the axis of the input"
+        )
 
 
 def beyond(output: FloatArray, rails: Iterable[float]) -> BoolArray:

@@ -91,8 +91,9 @@ def test_a_raw_sensor_needs_the_rows_linearised_where_it_is():
     assert worst["settled"] < STANDARD_ERRORS < worst["once"]
 
 
-def test_rows_are_linearised_where_their_own_posterior_is():
-    runs, kinds, sd, _ = raw_campaign(104)
+@pytest.mark.parametrize("seed", [104, 105, 109])  # of these 109 leans 3 sd further in the end
+def test_rows_are_linearised_where_their_own_posterior_is(seed):
+    runs, kinds, sd, _ = raw_campaign(seed)
     summary, rows = solve(runs, LIB, sd, kinds, sensor=RAW)
     every = sds(summary, sd)
     mean, spread = posterior(summary.factor, every, noise_scale(summary.factor, every))
@@ -100,8 +101,7 @@ def test_rows_are_linearised_where_their_own_posterior_is():
     held = {run.name: NoiseRule("fixed", run.noise) for run in summary.runs}
     moved = summarize(runs, LIB, sensor=RAW, rules=held, rows=again, extras=summary.extras)
     new, _ = posterior(moved.factor, every, noise_scale(moved.factor, every))
-    # the solver ends where its last step was within SETTLED; the one that it did not take is about as small
-    assert np.abs((new - mean) / spread).max() < 2.0 * module.SETTLED
+    assert np.abs((new - mean) / spread).max() <= module.SETTLED
     assert [part.names for part in rows] == [summary.names] * 2
 
 

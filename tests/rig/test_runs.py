@@ -282,6 +282,16 @@ def test_run_that_is_saturated_nearly_everywhere_is_refused(tmp_path):
         read_run(RunSpec("a", "other", path, "run.csv"), "accelerometer")
 
 
+def test_run_that_is_beyond_the_range_everywhere_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"only 2 values, within 10 m/s\^2, while its input moves by .* m/s\^2"):
+        clipped(tmp_path, 5.0 / G)
+
+
+def test_coarse_output_that_follows_its_input_is_read(tmp_path):
+    _, run, read = clipped(tmp_path, 50.0, step=10.0 * G)
+    assert len(np.unique(read.output)) < 6 and len(read.output) == len(run.output)
+
+
 def test_triad_leaves_out_the_rows_in_which_one_component_is_saturated(tmp_path):
     rows = np.random.default_rng(2).standard_normal((500, 4))
     rows[:, 0] = 0.1 * np.arange(500)
