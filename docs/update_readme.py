@@ -27,7 +27,7 @@ from imubayes.config import read_study
 from imubayes.reporting.canvas import INK, VERDICT_COLOURS, WIDTH, Panel
 from imubayes.reporting.figures import inclusion
 from imubayes.reporting.rows import MARKS
-from imubayes.study import run
+from imubayes.study.method import run
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from imubayes.sensors.noise import Noise as Noise
     from imubayes.sensors.noise import NoiseRule as NoiseRule
     from imubayes.sensors.terms import library as library
-    from imubayes.study import check as check
-    from imubayes.study import run as run
+    from imubayes.study.method import check as check
+    from imubayes.study.method import run as run
 
 _HOME = {
     "read_runs": "config",

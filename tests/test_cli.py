@@ -10,7 +10,7 @@ from typing import get_args, get_type_hints
 import pytest
 
 import imubayes
-from imubayes.campaign import Sampling, Study
+from imubayes.campaign.study import Sampling, Study
 from imubayes.cli import Method, main
 from imubayes.config.shapes import HeaderTable
 from imubayes.errors import ConvergenceError, InputError
@@ -115,7 +115,7 @@ def _sampling(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Sampling:
         came.append(study.sampling)
         raise InputError("seen enough")
 
-    monkeypatch.setattr("imubayes.study.run", caught)
+    monkeypatch.setattr("imubayes.study.method.run", caught)
     assert _call(monkeypatch, "run", *arguments) == 2
     (sampling,) = came
     return sampling

@@ -7,10 +7,10 @@ import pytest
 
 from imubayes.cli import main
 from imubayes.config import read, read_study
-from imubayes.lots.measure import measure
+from imubayes.population.lots.measure import measure
 from imubayes.reporting.document import write_results
 from imubayes.reporting.lots_results import lots_json
-from imubayes.study import run
+from imubayes.study.method import run
 
 STUDY = """
 [study]

@@ -2,7 +2,7 @@
 
 import time
 
-from imubayes.console import waiting
+from imubayes.cli.console import waiting
 
 
 def test_long_work_says_what_it_does_and_what_would_be_quicker_where_stderr_is_a_file(capfd):

@@ -11,9 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.factor import (
+    EXTENDED_ROWS,
+    Factor,
+    add,
+    factor_of,
+    least_squares,
+    reorder,
+    with_prior_rows,
+)
 from imubayes.errors import UnobservableError
-from imubayes.factor import EXTENDED_ROWS, Factor, add, factor_of, least_squares, reorder, with_prior_rows
 from imubayes.inference.summary import Summary
 
 IDENTITY = 1e-10

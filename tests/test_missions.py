@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imubayes.campaign import Mission, SensorSpec
-from imubayes.missions import component_library, required
+from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.scenes import Scene
 from imubayes.selection.kernels import Budget
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
+from imubayes.study.scenes import component_library, required
 
 LIB = library("accelerometer", powers=2, asymmetry=-1, temperature=1)
 UP = {"f_i": np.full(50, 2.0), "f_j": np.full(50, 3.0), "f_k": np.full(50, 5.0)}

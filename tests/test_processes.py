@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.processes import Lost, as_done, shared
+from imubayes.population.processes import Lost, as_done, shared
 
 
 def whoami(number: int) -> tuple[int, int]:
@@ -75,7 +75,7 @@ def endless(folder: str, number: int) -> None:
 
 PARENT = """
 from test_processes import endless
-from imubayes.processes import shared
+from imubayes.population.processes import shared
 
 if __name__ == "__main__":
     shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
@@ -110,7 +110,7 @@ import time
 from pathlib import Path
 
 from test_processes import endless
-from imubayes.processes import shared
+from imubayes.population.processes import shared
 
 if __name__ == "__mp_main__" and {starting}:
     Path({folder!r}, "starts.pid").write_text("1")

@@ -15,8 +15,7 @@ import pytest
 from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
-from imubayes.campaign import ExtraPosterior, Mission, Sampling
-from imubayes.classes import in_common
+from imubayes.campaign.study import ExtraPosterior, Mission, Sampling
 from imubayes.config import (
     read,
     read_study,
@@ -39,7 +38,8 @@ from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
 from imubayes.rig.scenes import recorded
 from imubayes.selection.kernels import Budget
-from imubayes.study import run
+from imubayes.study.classes import in_common
+from imubayes.study.method import run
 from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.refinement import refined, worth_refining
 from imubayes.extremes import exact
 from imubayes.extremes.digits import of_coefficients
 from imubayes.inference.linear import Linear, whitened_factor
 from imubayes.inference.whiten import Processes
-from imubayes.refinement import refined, worth_refining
 from imubayes.sensors.noise import Noise
 
 NAMES = ("a", "b", "c")

@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.config import read_study, record_study
-from imubayes.preparation import prepare, runs_of
 from imubayes.reporting.document import report_html, write_results
 from imubayes.reporting.export.formats import exported
 from imubayes.reporting.results import result_dict
 from imubayes.sensors.terms import columns
-from imubayes.study import run
+from imubayes.study.method import run
 
 STUDY = """
 [study]

@@ -8,19 +8,18 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes import preparation
-from imubayes import study as method
-from imubayes.campaign import Sampling, SensorSpec, Study
+from imubayes.campaign.preparation import simulate_sensor
+from imubayes.campaign.study import Sampling, SensorSpec, Study, preparation
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
-from imubayes.preparation import simulate_sensor
 from imubayes.reporting.words import answer
 from imubayes.rig.inputs import TriadRun
 from imubayes.rig.record import write_run
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.study.method import method
 
 QUICKSTART = Path(__file__).parents[1] / "studies" / "quickstart.toml"
 TUMBLE = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 10.0, "rate": 1.0}

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign.preparation import Prepared, prepare, runs_of
+from imubayes.campaign.study import SensorSpec
 from imubayes.config import read_study
 from imubayes.inference.linear import residuals
 from imubayes.inference.misfit import Misfit, find_misfit
-from imubayes.preparation import Prepared, prepare, runs_of
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
 

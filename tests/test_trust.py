@@ -7,11 +7,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.digits import HALF_UNIT, bounds, rounding_of
+from imubayes.algebra.factor import EXTENDED_ROWS, factor_of, least_squares
 from imubayes.errors import UnobservableError
 from imubayes.extremes.digits import of_coefficients
-from imubayes.factor import EXTENDED_ROWS, factor_of, least_squares
-from imubayes.trust import HALF_UNIT, bounds, rounding_of
 
 
 def _rational(X: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from imubayes.campaign import Appendix
+from imubayes.campaign.study import Appendix
 from imubayes.config.run_tables import located
 from imubayes.config.shapes import AppendixTable, Place, shaped
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from imubayes.campaign import Mission, SensorSpec
+from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.config.scene_tables import scenes_of
 from imubayes.config.sensor_tables import own_classes, sensor_spec
 from imubayes.config.shapes import (
@@ -20,7 +20,7 @@ from imubayes.config.shapes import (
     shaped,
     unique,
 )
-from imubayes.lots.plan import Against, LotStudy
+from imubayes.population.lots.plan import Against, LotStudy
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind

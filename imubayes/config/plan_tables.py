@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass as shape
 
-from imubayes.campaign import Mission, SensorSpec
+from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.config.measured import STRICT, Count, Hertz, Seconds, Settle, Several, Text
 from imubayes.config.scene_tables import scenes_of
 from imubayes.config.sensor_tables import own_classes, sensor_spec
 from imubayes.config.shapes import HeaderTable, Place, StudyFile, Table, hint, shaped
-from imubayes.offers import Offer, PlanStudy
 from imubayes.planning.candidates import Handling
+from imubayes.planning.menu import Offer, PlanStudy
 
 PLANNED = ("tumble", "rate-table", "centrifuge")
 """Procedures whose dwells have constant inputs."""

@@ -13,7 +13,7 @@ from imubayes.planning.candidates import pauses, runs_of
 
 if TYPE_CHECKING:
     from imubayes.planning.candidates import Step
-    from imubayes.proposal import Proposal
+    from imubayes.planning.proposal import Proposal
 
 PLANNED = "plan.toml"
 """Name of the study of the planned runs."""

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign import Sampling, SensorSpec, Study
+from imubayes.campaign.preparation import AnyRun, runs_of
+from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.config.appendix_tables import appendix
 from imubayes.config.extremes_tables import extremes_study
 from imubayes.config.fleet_tables import fleet_study
@@ -32,10 +33,9 @@ from imubayes.config.shapes import (
 from imubayes.config.speed_tables import speed_study
 from imubayes.errors import StudyError
 from imubayes.extremes.plan import ExtremesStudy
-from imubayes.fleet.plan import FleetStudy
-from imubayes.lots.plan import LotStudy
-from imubayes.offers import PlanStudy
-from imubayes.preparation import AnyRun, runs_of
+from imubayes.planning.menu import PlanStudy
+from imubayes.population.fleet.plan import FleetStudy
+from imubayes.population.lots.plan import LotStudy
 from imubayes.quality.trials import QualityStudy
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs

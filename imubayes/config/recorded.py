@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign import SensorSpec, Study, file_name
+from imubayes.campaign.preparation import simulate_sensor
+from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.config.run_tables import located
 from imubayes.errors import StudyError
-from imubayes.preparation import simulate_sensor
 from imubayes.rig.inputs import KnownRun, Run
 from imubayes.rig.record import write_imu_run, write_run
 

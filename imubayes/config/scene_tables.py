@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from imubayes.campaign import Mission
+from imubayes.campaign.study import Mission
 from imubayes.config.run_tables import columns_of, located
 from imubayes.config.shapes import Place, SceneTable, hint, quantity, shaped
 from imubayes.errors import StudyError

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign.study import SensorSpec
 from imubayes.config.imu_tables import KINDS_OF_IMU, check_imu, half, truths_of, without_component
 from imubayes.config.run_tables import located, noise_rule, run_spec
 from imubayes.config.shapes import LibraryTable, Place, SensorTable, hint, quantity, shaped, shown, unique

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.prior import GFamily, GPrior, HyperG, ZellnerSiow
 from imubayes.inference.whiten import Processes, Rows
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, gains, library
-
-FloatArray = NDArray[np.float64]
 
 ROWS = 48
 """Rows of most cases: few enough for exact arithmetic."""

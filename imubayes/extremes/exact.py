@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import StudyError
 from imubayes.extremes.cases import Stamps
 
@@ -27,8 +28,6 @@ except ModuleNotFoundError:
 mp: Any = _mp
 """The context makes its functions when it is made, so that its types know none of them."""
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 DIGITS = 100
 """Decimal digits: the Gram matrix squares a condition number of 1e16 and a signal of 1e15 noise sd."""

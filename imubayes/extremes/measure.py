@@ -8,17 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.factor import LeastSquares
 from imubayes.errors import InputError
 from imubayes.extremes import exact, exact_g
 from imubayes.extremes.cases import Case, Stamps, cases
 from imubayes.extremes.digits import digits_of, of_coefficients, of_log_evidence
 from imubayes.extremes.plan import ExtremesStudy
-from imubayes.factor import LeastSquares
 from imubayes.inference.linear import Linear, whitened_factor
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.processes import Progress
+from imubayes.population.processes import Progress
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import Models
 

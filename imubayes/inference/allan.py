@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.inputs import between_gaps
-
-FloatArray = NDArray[np.float64]
 
 PER_DECADE = 5
 """Averaging times a decade; whole decades of the interval are among them."""

@@ -17,14 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import allan_deviation, confidence_band
 from imubayes.inference.noise_limits import Spectrum, density
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise_processes import NoiseProcesses, shares
-
-FloatArray = NDArray[np.float64]
 
 EVERY = 4096
 """Fourier frequencies that are all taken; above them as many stand for their neighbours."""

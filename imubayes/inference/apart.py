@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, add, noise_scale, reorder, with_prior_rows
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, add, noise_scale, reorder, with_prior_rows
 from imubayes.inference.layout import narrowed
 from imubayes.inference.linear import Linear
 from imubayes.inference.summary import RunSummary, Summary
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

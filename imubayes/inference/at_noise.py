@@ -8,17 +8,15 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, add, noise_scale, with_prior_rows
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
 from imubayes.inference.linear import Linear, whitened_factor
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import mattering
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 
 def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: FloatArray) -> NoiseDraw:
@@ -44,7 +42,7 @@ def log_marginal(f: Factor, sd: FloatArray) -> float:
 
     Examples
     --------
-    >>> from imubayes.factor import factor_of
+    >>> from imubayes.algebra.factor import factor_of
     >>> f = factor_of(np.array([[1.0]]), np.array([2.0]), ("b0",))
     >>> round(log_marginal(f, np.array([1.0])), 6)  # y ~ N(0, 2)
     -2.265512

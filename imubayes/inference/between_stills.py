@@ -26,6 +26,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Linear
 from imubayes.inference.stills import Stills
@@ -33,8 +34,6 @@ from imubayes.inference.strapdown import cross_matrix, onward
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import GAP, ImuRun, durations
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 TURNS = "turns"
 """Part of a run's name that stands for the turns between its stills."""

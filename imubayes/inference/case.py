@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.layout import narrowed
 from imubayes.inference.linear import Linear
 from imubayes.inference.norm_only import FreeTumble
@@ -18,8 +16,6 @@ from imubayes.inference.triad_angles import Angle
 from imubayes.rig.inputs import Facts
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Library
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.dwells import Dwells
 from imubayes.inference.whiten import whiten, whitener
 from imubayes.sensors.noise import Noise
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SHARE = (1.0, 49.0)

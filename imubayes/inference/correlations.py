@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, invert_triangular, noise_scale, posterior_root, with_prior_rows
-
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, invert_triangular, noise_scale, posterior_root, with_prior_rows
 
 
 def correlation(f: Factor, sd: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -17,7 +15,7 @@ def correlation(f: Factor, sd: FloatArray, names: Sequence[str]) -> FloatArray:
 
     Examples
     --------
-    >>> from imubayes.factor import factor_of
+    >>> from imubayes.algebra.factor import factor_of
     >>> f = factor_of(np.array([[1.0, 1.0], [0.0, 1.0]]), np.zeros(2), ("a", "b"))
     >>> correlation(f, np.full(2, 1e9), ("a", "b")).round(3).tolist()
     [[1.0, -0.707], [-0.707, 1.0]]
@@ -39,7 +37,7 @@ def pulls(f: Factor, sd: FloatArray, names: Sequence[str]) -> Mapping[str, Float
 
     Examples
     --------
-    >>> from imubayes.factor import factor_of
+    >>> from imubayes.algebra.factor import factor_of
     >>> f = factor_of(np.ones((4, 2)), np.array([1.0, -1.0, 1.0, -1.0]), ("a", "b"))
     >>> {name: pull.round(2).tolist() for name, pull in pulls(f, np.array([3.0, 1.0]), ("a",)).items()}
     {'a': [0.37], 'b': [-0.88]}

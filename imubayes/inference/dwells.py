@@ -10,11 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear, reach_of
 from imubayes.inference.whiten import Rows
 from imubayes.rig.inputs import Run, Source, between_gaps
-
-FloatArray = NDArray[np.float64]
 
 LONG = 8
 """A part between gaps that is longer than one in so many rows of its run is a log, not a dwell: it is cut."""

@@ -13,14 +13,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
 from imubayes.inference.whiten import Rows, averaged_variance, mattering
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 
 def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]) -> float:

@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import add, posterior
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.factor import add, posterior
 from imubayes.inference.case import Asked, Case, Component, along, components_of
 from imubayes.inference.layout import widened
 from imubayes.inference.linear import Extra, Linear, averaged, blocks_of, residuals, whitened_factor
@@ -34,8 +34,6 @@ from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.reml import Blocks
 from imubayes.inference.summary import RunSummary
-
-FloatArray = NDArray[np.float64]
 
 BLOCKS = 400
 """Blocks that a run is averaged to: enough to follow an input, few enough to judge the noise many times."""

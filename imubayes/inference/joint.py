@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, add, posterior, posterior_root
 from imubayes.errors import ConvergenceError
-from imubayes.factor import Factor, add, posterior, posterior_root
 from imubayes.inference.between_stills import (
     Directions,
     directions,
@@ -37,8 +37,6 @@ from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.rig.inputs import ImuRun
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
-
-FloatArray = NDArray[np.float64]
 
 SETTLED = 1e-5
 """Change of a coefficient, in posterior sd, at which the linearisation has settled."""

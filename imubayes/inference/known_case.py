@@ -18,7 +18,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import add, posterior
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import add, posterior
 from imubayes.inference.case import Asked, Case, Component
 from imubayes.inference.layout import widened, widened_factor
 from imubayes.inference.linear import Extra, Linear, residuals
@@ -33,8 +34,6 @@ from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
 from imubayes.sensors.terms import AXES, Kind, Library
-
-FloatArray = NDArray[np.float64]
 
 
 def solve_known_case(

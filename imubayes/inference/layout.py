@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, triangular
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, triangular
 from imubayes.inference.linear import Linear
-
-FloatArray = NDArray[np.float64]
 
 
 def widened(rows: Linear, names: Sequence[str]) -> Linear:

@@ -24,11 +24,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.sessions import without_prior
-
-FloatArray = NDArray[np.float64]
 
 NOISELESS = 1e-4
 """Smallest share of an error's variance that is left to the noise, against rounding."""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from imubayes.inference.whiten import Processes, Rows
     from imubayes.rig.streams import Stream
 
-FloatArray = NDArray[np.float64]
 
 BLOCKS = 1500
 """Blocks that a run is averaged to: N is then known to 2 %, and an evaluation takes milliseconds."""

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import f as f_test
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.reml import estimate, span
@@ -21,8 +22,6 @@ from imubayes.inference.summary import RunSummary, Summary
 from imubayes.inference.whiten import whiten, whitener
 from imubayes.rig.runs import OUTPUT_UNIT
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

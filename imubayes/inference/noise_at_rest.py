@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.case import Case, own_rows
 from imubayes.inference.linear import Linear
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, TriadRun, durations
-
-FloatArray = NDArray[np.float64]
 
 
 def rows_at_rest(runs: Sequence[CaseRun], case: Case) -> dict[str, tuple[Linear, ...]]:

@@ -13,14 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_draws import Hump, drawn_until
 from imubayes.inference.noise_models import Likelihood, NoiseData, likelihood
 from imubayes.inference.reml import REACH, STEP
 from imubayes.sensors.noise_processes import NoiseProcesses
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

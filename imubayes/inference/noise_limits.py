@@ -13,12 +13,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_models import NoiseData, likelihood
 from imubayes.sensors.noise_processes import NoiseProcesses, ProcessPrior
-
-FloatArray = NDArray[np.float64]
 
 EVIDENCE = math.log(19.0)
 """Nats of evidence that make a process needed."""

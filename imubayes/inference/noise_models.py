@@ -19,15 +19,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_rows import NoiseRows
 from imubayes.inference.reml import span
 from imubayes.inference.whiten import averaged_variance
 from imubayes.sensors.noise import flicker
 from imubayes.sensors.noise_processes import NoiseProcesses, ProcessPrior
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

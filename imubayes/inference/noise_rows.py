@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.reml import block_edges
 
 if TYPE_CHECKING:
     from imubayes.rig.streams import Stream
 
-FloatArray = NDArray[np.float64]
 
 COARSE = 1000
 """Blocks that the run is averaged to."""

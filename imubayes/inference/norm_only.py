@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, add, posterior, row_blocks, triangular
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.factor import Factor, add, posterior, row_blocks, triangular
 from imubayes.inference.linear import Extra, Linear, blocks_of, residuals, whitened_factor
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reml import Blocks, NoiseEstimate, estimate
@@ -33,8 +33,6 @@ from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import STANDARD_GRAVITY, counted
-
-FloatArray = NDArray[np.float64]
 
 FEWEST = 9
 """Stills below which bias, scale factor and non-orthogonality (9 parameters) are not determined."""

@@ -18,10 +18,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, invert_triangular, noise_scale, posterior, with_prior_rows
 from imubayes.errors import ConvergenceError
-from imubayes.factor import Factor, invert_triangular, noise_scale, posterior, with_prior_rows
 from imubayes.inference.linear import Extra, Linear, blocks_of
 from imubayes.inference.summary import Rules, RunSummary, Summary, summarize
 from imubayes.inference.tangent import tangent
@@ -31,8 +31,6 @@ from imubayes.rig.reference import TILT, errors_of, for_sensor, kind_of
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
-
-FloatArray = NDArray[np.float64]
 
 SETTLED = 1e-3
 """Change of a coefficient, in posterior sd, at which the linearisation has settled."""
@@ -278,7 +276,7 @@ def _settled(tangents: _Tangents, at: FloatArray) -> tuple[Summary, tuple[Linear
 
 
 def _polished(tangents: _Tangents, at: FloatArray) -> tuple[Summary, tuple[Linear, ...], FloatArray]:
-    """Follow the linear problem from nearly the peak, the tilt leaning on each place, while its steps shrink."""
+    """Follow the linear problem from near the peak while its steps shrink; a tilt leans on each place."""
     summary, rows = tangents.at(at)
     step = np.inf
     for _ in range(FEW_ROUNDS):

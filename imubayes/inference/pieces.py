@@ -13,15 +13,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import CHUNK, Linear
 from imubayes.inference.whiten import whiten, whitener
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
-
 
 ROUNDING = 1e-15
 """A direction of a dwell that is smaller, beside the columns of all dwells, is rounding."""

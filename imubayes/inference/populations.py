@@ -15,13 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import UNKNOWN, Share, of_cells, of_mixture
 from imubayes.inference.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
 from imubayes.inference.sessions import SUSPECT
-
-FloatArray = NDArray[np.float64]
 
 FEWEST = 4
 """Units from which they say something of their population."""

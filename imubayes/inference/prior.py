@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue import SensorClass, prior_sd
 from imubayes.sensors.terms import Library
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)

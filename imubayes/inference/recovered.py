@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import posterior_root
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import posterior_root
 from imubayes.inference.between_stills import TURNS, closures, directions, lasting
 from imubayes.inference.case import Case
 from imubayes.inference.effective import marginal_variance
@@ -28,7 +29,6 @@ from imubayes.inference.whiten import Rows
 from imubayes.rig.inputs import ImuRun, Section, TriadRun
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 
-FloatArray = NDArray[np.float64]
 Times = Sequence[tuple[float, float]]
 """(start, stop), s."""
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import BLOCKS
 from imubayes.inference.whiten import Processes, Rows, processes, whiten, whitener
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import Noise
 
-FloatArray = NDArray[np.float64]
 LogNormal = tuple[float, float]
 
 VAGUE = math.log(30.0)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, linear_of, residuals
 from imubayes.inference.reml import block_edges
@@ -23,8 +24,6 @@ from imubayes.inference.whiten import Rows, whiten, whitener
 from imubayes.rig.inputs import Run
 from imubayes.rig.streams import Stream
 from imubayes.sensors.noise import allan_variance
-
-FloatArray = NDArray[np.float64]
 
 LAGS = 20
 """Lags of the Ljung-Box test and of the autocorrelation that is shown."""

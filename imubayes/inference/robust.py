@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.contamination import Evidence, Offsets, evidence, log_posterior, sample
 from imubayes.inference.dwells import Dwells, dwells_of, rows_kept, rows_outside, run_kept
@@ -33,7 +34,6 @@ from imubayes.inference.suspects import first_suspects
 from imubayes.rig.inputs import Run
 from imubayes.sensors.noise import Noise
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 NoiseOf = Callable[[Sequence[Run], Sequence[Linear]], Sequence[Noise]]
 """How the noise of each run is known, from runs and their rows."""

@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
 from imubayes.inference.whiten import whiten, whitener
 from imubayes.rig.inputs import KnownRun, durations
@@ -24,8 +25,6 @@ from imubayes.sensors.imu import case_channel, kind_of
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Factor as Input
 from imubayes.sensors.terms import Kind, Library, Term, columns, tied
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

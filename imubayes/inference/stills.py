@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.rig.inputs import TriadRun
 
-FloatArray = NDArray[np.float64]
 Stills = tuple[tuple[int, int], ...]
 """(start, stop) sample indices of each still."""
 

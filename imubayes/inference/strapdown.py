@@ -11,9 +11,8 @@ whose second part (coning) makes the step right to the fourth order. The rotatio
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
 
 SMALL = 1e-4
 """rad: below it the sines of a rotation are taken from their series, good to 1e-16 there."""

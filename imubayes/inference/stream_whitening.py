@@ -12,12 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.whiten import Processes, averaged_variance, averaging, common
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 NEARLY = 1e-5
 """Change of an exponent that is followed by a series of second order: its error is below a rounding."""

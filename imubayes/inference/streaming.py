@@ -15,8 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.pieces import Pieces
@@ -27,8 +28,6 @@ from imubayes.rig.inputs import Run
 from imubayes.rig.streams import Part, Stream
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
-
-FloatArray = NDArray[np.float64]
 
 TILE = 8192
 """Rows whose columns are made, whitened and factored at a time: they stay in the cache."""

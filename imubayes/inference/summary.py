@@ -9,11 +9,12 @@ from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, LeastSquares
 from imubayes.errors import InputError, StudyError, UnobservableError
-from imubayes.factor import Factor, LeastSquares
 from imubayes.inference.linear import Extra, Linear, blocks_of, linear_of, whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
@@ -23,7 +24,6 @@ from imubayes.sensors.terms import Library
 if TYPE_CHECKING:
     from imubayes.inference.reml import Blocks
 
-FloatArray = NDArray[np.float64]
 Rules = Mapping[str, NoiseRule]
 
 VAGUE = math.log(30.0)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.dwells import Dwells
 from imubayes.inference.linear import Linear, residuals
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 WIDE = 100.0

@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import CHUNK, Linear, linear_of
 from imubayes.rig.bench import Bench, Errors, bench_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.reference import OFFSET, TILT, Error, kind_of
 from imubayes.sensors.terms import Library, columns
-
-FloatArray = NDArray[np.float64]
 
 MOST_HELD = 10_000_000
 """Numbers of a run's columns that are held at a time; longer ones are made a part of the run at a time."""

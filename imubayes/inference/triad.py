@@ -12,13 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES, PERMUTATION
 from imubayes.sensors.terms import Kind, Library, columns
-
-FloatArray = NDArray[np.float64]
 
 COMPONENTS = ACCELEROMETERS
 

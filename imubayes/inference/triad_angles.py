@@ -19,15 +19,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import posterior_root
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import posterior_root
 from imubayes.inference.summary import Summary
 from imubayes.inference.triad import Triad
 from imubayes.sensors.imu import PERMUTATION
 from imubayes.sensors.terms import Kind
-
-FloatArray = NDArray[np.float64]
 
 LINEAR = ("b1", "m_j", "m_k")
 """Terms of a row of the gain, along i, j, k."""
@@ -68,7 +66,7 @@ def angles_of(triads: Sequence[Triad], summary: Summary, sd: FloatArray) -> tupl
 
     Examples
     --------
-    >>> from imubayes.factor import Factor
+    >>> from imubayes.algebra.factor import Factor
     >>> from imubayes.inference.triad import triad_of
     >>> from imubayes.sensors.terms import library
     >>> triad = triad_of(library("gyroscope", powers=1, asymmetry=-1), referenced=True)

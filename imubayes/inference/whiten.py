@@ -16,11 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from celerite2 import driver  # pyright: ignore[reportAttributeAccessIssue]: a compiled module without stubs
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.sensors.noise import Noise, flicker
-
-FloatArray = NDArray[np.float64]
 
 FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.fidelity import RungName
+from imubayes.campaign.preparation import Prepared
 from imubayes.inference.mcmc.chains import Chains, NoiseDraw
-from imubayes.planning.fidelity import RungName
-from imubayes.preparation import Prepared
 from imubayes.selection.decision import Selection
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,10 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from imubayes.factor import posterior
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import posterior
+from imubayes.campaign.preparation import Prepared
 from imubayes.inference.at_noise import at_noise
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
@@ -23,11 +24,8 @@ from imubayes.inference.mcmc.split import log_likelihood, splits_of
 from imubayes.ladder.answer import Answer, answer_of
 from imubayes.ladder.problem import Ground, once, prepared
 from imubayes.ladder.shared_noise import groups_of, noises_of
-from imubayes.preparation import Prepared
 from imubayes.selection.decision import select
 from imubayes.units import counted
-
-FloatArray = NDArray[np.float64]
 
 PROPOSED = 24
 """Noises at which all rows are whitened; about half as many count."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from imubayes.campaign.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rungs_for
 from imubayes.errors import ConvergenceError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.answer import Answer, change
@@ -14,7 +15,6 @@ from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.foresight import Foresight, foresee
 from imubayes.ladder.problem import Ground, Problem, Tell, ground_of, size_of
 from imubayes.ladder.rungs import stand
-from imubayes.planning.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rungs_for
 
 NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
 

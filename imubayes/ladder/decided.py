@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.planning.observability import Observability, carried
+from imubayes.algebra.arrays import BoolArray
+from imubayes.inference.observability import Observability, carried
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
@@ -26,9 +26,6 @@ from imubayes.selection.verdicts import (
 )
 from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import Library, Term
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 Moments = tuple[float, float]
 

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from imubayes.factor import Factor, add, factor_of, noise_scale, posterior, reorder
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posterior, reorder
+from imubayes.campaign.fidelity import RungName
+from imubayes.campaign.preparation import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import blocks_of, linear_of
 from imubayes.inference.prior import ScalePrior
@@ -25,15 +27,11 @@ from imubayes.ladder.answer import Answer
 from imubayes.ladder.averaged import weighted
 from imubayes.ladder.means import EXHAUSTIVE, by_bic
 from imubayes.ladder.problem import Ground, Problem, prepared
-from imubayes.planning.fidelity import RungName
-from imubayes.preparation import Prepared
 from imubayes.selection.effects import effects_of, log_evidence, refitted
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_prior import log_model_prior
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 BLOCKS = 400
 """Blocks that a run is averaged to where the noise is moved: it is the change that counts."""

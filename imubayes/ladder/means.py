@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import Factor, factor_of, reorder
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import Factor, factor_of, reorder
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
+from imubayes.inference.observability import observe
 from imubayes.ladder.answer import Answer, answer_of
 from imubayes.ladder.decided import Basis, Moments, allowed, decided
 from imubayes.ladder.problem import Ground, Problem
-from imubayes.planning.observability import observe
 from imubayes.rig.inputs import Facts, facts_of
 from imubayes.selection.masks import sizes
 from imubayes.selection.mixture import Components, candidates
@@ -26,9 +27,6 @@ from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
 from imubayes.selection.moments import solutions
 from imubayes.selection.spaces import Every, listed
 from imubayes.selection.tree import walk
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 EXHAUSTIVE = 18
 """Most candidates of which every subset is looked at; with more, terms are taken and dropped singly."""

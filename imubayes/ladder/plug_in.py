@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from imubayes.campaign.preparation import Prepared
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.ladder.answer import Answer, answer_of
 from imubayes.ladder.problem import Ground, prepared
-from imubayes.preparation import Prepared
 from imubayes.selection.decision import select
 
 

@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign.fidelity import LADDER, Size
+from imubayes.campaign.preparation import AnyRun, Prepared, component_prior, prepare
+from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
-from imubayes.planning.fidelity import LADDER, Size
-from imubayes.preparation import AnyRun, Prepared, component_prior, prepare
 from imubayes.rig.inputs import Run
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.noise import NoiseRule

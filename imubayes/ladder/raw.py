@@ -12,8 +12,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.fidelity import NEEDS_ROWS, rungs_for
+from imubayes.campaign.preparation import Prepared
 from imubayes.errors import InputError
 from imubayes.inference.at_noise import at_noise
 from imubayes.inference.linear import Linear
@@ -31,11 +33,7 @@ from imubayes.ladder.problem import Ground, chained, prepared, size_of
 from imubayes.ladder.sampled import by_chains
 from imubayes.ladder.shared_noise import groups_of, noises_of
 from imubayes.ladder.walkers import run_slowly
-from imubayes.planning.fidelity import NEEDS_ROWS, rungs_for
-from imubayes.preparation import Prepared
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
 """Shares of the two moves."""

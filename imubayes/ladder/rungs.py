@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imubayes.campaign.fidelity import RungName, rung_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.answer import Answer
 from imubayes.ladder.averaged import averaged
@@ -17,7 +18,6 @@ from imubayes.ladder.problem import Ground, Problem, Tell, ground_of
 from imubayes.ladder.raw import raw
 from imubayes.ladder.sampled import collapsed, full
 from imubayes.ladder.sparse import sparse
-from imubayes.planning.fidelity import RungName, rung_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from imubayes.campaign.fidelity import RungName
 from imubayes.inference.mcmc.run import Sampled
 from imubayes.ladder.answer import Answer, answer_of
 from imubayes.ladder.problem import Ground, chained, prepared
-from imubayes.planning.fidelity import RungName
 from imubayes.selection.decision import select
 from imubayes.units import counted
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.preparation import Prepared
-
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.preparation import Prepared
 
 
 def groups_of(ready: Prepared) -> tuple[tuple[str, int], ...]:

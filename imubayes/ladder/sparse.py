@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.factor import noise_scale, posterior
+from imubayes.algebra.factor import noise_scale, posterior
+from imubayes.campaign.preparation import Prepared
+from imubayes.inference.observability import observe
 from imubayes.ladder.answer import Answer, answer_of
 from imubayes.ladder.decided import Basis, allowed, decided
 from imubayes.ladder.plug_in import noise_of
 from imubayes.ladder.problem import Ground, prepared
-from imubayes.planning.observability import observe
-from imubayes.preparation import Prepared
 from imubayes.selection.effects import best_of, effects_of, log_evidence
 from imubayes.selection.mixture import candidates, scale_components
 from imubayes.selection.models import Models, Weighed, posterior_of

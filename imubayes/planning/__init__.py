@@ -1,1 +1,1 @@
-"""What a test can tell, before and after it is run."""
+"""What to test: the best plan of what a bench offers."""

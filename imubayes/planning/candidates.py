@@ -15,11 +15,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import invert_triangular
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import invert_triangular
 from imubayes.inference.whiten import Rows, mattering, whiten, whitener
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 POWER = 16.0
 """Order of the power mean that stands for the worst of several: smooth, and above 0.84 of the worst of 15."""

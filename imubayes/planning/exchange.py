@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.planning.candidates import (
     Menu,
     Problem,
@@ -28,8 +28,6 @@ from imubayes.planning.candidates import (
     whitening,
     worth,
 )
-
-FloatArray = NDArray[np.float64]
 
 GAIN = 1e-6
 """Relative gain below which a plan is no better."""

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import solve_triangular
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import solve_triangular
 from imubayes.inference.whiten import Rows, whiten, whitener
 from imubayes.planning.candidates import Menu, Problem, Step, runs_of, starts
 from imubayes.rig.simulate import synthesise
-
-FloatArray = NDArray[np.float64]
 
 INTERVAL = 5.0
 """s; averaging time of a simulated sample."""

@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from imubayes.processes import Progress
+from imubayes.population.processes import Progress
 from imubayes.quality.scores import Scores, scores
 from imubayes.quality.trials import QualityStudy, Trial, trials
 from imubayes.sensors.terms import Kind

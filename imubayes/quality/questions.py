@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.quality.trials import Trial
 from imubayes.selection.verdicts import EQUAL, ODDS, Costs
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 OPEN = 1.0 / (1.0 + ODDS)
 """Cost of leaving a term open over that of a wrong choice: the one at which the thresholds of the verdicts,

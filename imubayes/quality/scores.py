@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.errors import InputError
 from imubayes.quality.questions import OPEN, Interval, Questions, questions, with_groups
 from imubayes.quality.trials import STRONG, Trial
 from imubayes.selection.verdicts import Costs
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 EDGES = (0.0, 1.0, 2.0, 4.0, STRONG, np.inf)
 """Bins of effect over noise."""

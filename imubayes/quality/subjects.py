@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import true_inputs
@@ -20,8 +19,6 @@ from imubayes.sensors.catalogue import SensorClass, classes, coupled, noise_prio
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 PARTIAL = 5
 """Of so many accelerometers one has no centrifuge: what |f| = g hides is then inseparable."""

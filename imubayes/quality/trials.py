@@ -8,22 +8,20 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import Summary, summarize
-from imubayes.processes import Progress, shared
+from imubayes.population.processes import Progress, shared
 from imubayes.quality.subjects import Subject, runs_of, subject
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import LOOSE, Selection, select
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
-
-FloatArray = NDArray[np.float64]
 
 MODELLED = "as modelled"
 WHITE = "noise assumed white"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from imubayes.reporting.rounding import Measured, measured, per_unit
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
 
 UNIT = "urad"
 

@@ -18,7 +18,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import FloatArray
 
 __all__ = [
     "Axes",
@@ -35,7 +36,6 @@ __all__ = [
     "sticks",
 ]
 
-FloatArray = NDArray[np.float64]
 
 INK = "#20242a"
 GREY = "#7d838c"

@@ -21,7 +21,7 @@ from imubayes.reporting.rounding import Measured, measured, per_unit
 from imubayes.selection.verdicts import EQUAL, Costs
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.recovered import Recovered
     from imubayes.reporting.canvas import Panel
 

@@ -8,8 +8,8 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -28,10 +28,9 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, per_unit, pretty
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.mcmc.chains import Chains
 
-FloatArray = NDArray[np.float64]
 
 TRACED = 80
 """Draws of each ensemble that a trace shows: more are not seen in 300 px."""

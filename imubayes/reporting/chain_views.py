@@ -13,7 +13,7 @@ from imubayes.reporting.rows import bench_label, label
 from imubayes.sensors.imu import COMPONENTS
 
 if TYPE_CHECKING:
-    from imubayes.campaign import Distrusted, ExtraPosterior, SensorResult
+    from imubayes.campaign.study import Distrusted, ExtraPosterior, SensorResult
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
 

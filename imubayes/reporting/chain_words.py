@@ -12,7 +12,7 @@ from imubayes.reporting.rows import plug_in_inclusion
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.mcmc.chains import Chains
 
 HOW = {

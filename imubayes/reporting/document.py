@@ -18,7 +18,7 @@ from imubayes.reporting.session_views import session_view
 from imubayes.reporting.views import MANY, overview, run_groups, sensor_views, sources
 
 if TYPE_CHECKING:
-    from imubayes.campaign import StudyResult
+    from imubayes.campaign.study import StudyResult
 
 
 def write_results(result: StudyResult, out: Path) -> tuple[Path, ...]:

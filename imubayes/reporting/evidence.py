@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.factor import add, with_prior_rows
+from imubayes.algebra.factor import add, with_prior_rows
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
 
 
 def exact_evidence(sensor: SensorResult) -> float | None:

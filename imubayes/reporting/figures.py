@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting import rows
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -29,10 +29,9 @@ from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.selection.verdicts import TermVerdict
 
-FloatArray = NDArray[np.float64]
 
 ROW = 19
 """px between the rows of a panel that has a row a term."""

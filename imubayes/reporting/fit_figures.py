@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -28,11 +29,10 @@ from imubayes.reporting.rows import channel_unit
 from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.sensors.terms import Kind
 
-FloatArray = NDArray[np.float64]
 
 MOST_POINTS = 300
 """Points a curve; more are not seen in 350 px."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.lots.needs import NEEDED, UNTOLD, of_class
+from imubayes.population.lots.needs import NEEDED, UNTOLD, of_class
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import (
     NOISE_SI,
@@ -19,10 +19,10 @@ from imubayes.reporting.rounding import (
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.fleet.measure import FleetResult
-    from imubayes.fleet.population import Pull
-    from imubayes.fleet.units import Broken
     from imubayes.inference.intervals import Share
+    from imubayes.population.fleet.measure import FleetResult
+    from imubayes.population.fleet.population import Pull
+    from imubayes.population.fleet.units import Broken
     from imubayes.sensors.terms import Library
 
 NAMED = 5
@@ -94,7 +94,7 @@ def broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from imubayes.fleet.units import Broken
+    >>> from imubayes.population.fleet.units import Broken
     >>> broken_sentence([Broken(3, "A4", "A4/t.csv: is empty")], 1000)
     ('1 unit of 1,000 could not be read: A4: A4/t.csv: is empty.',)
     """

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from imubayes.planning.fidelity import rung_of
+from imubayes.campaign.fidelity import rung_of
 from imubayes.reporting.chain_words import sentence
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
-    from imubayes.planning.fidelity import Choice
+    from imubayes.campaign.fidelity import Choice
 
 NOT_ASKED = (
     "Left out for the sake of time: the residual checks, the other methods, and the search for what the"
@@ -23,7 +23,7 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from imubayes.planning.fidelity import Choice
+    >>> from imubayes.campaign.fidelity import Choice
     >>> given = ("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
     >>> choice_sentences(Choice(*given, budget=1.0))[0]
     'Method: whitened factor, sparse regression along its path, the best that fits a budget of 1 s (0.4 s).'

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.lots.needs import NEEDED, UNTOLD, WOULD_MATTER, in_scene, of_class, terms_in, terms_of
+from imubayes.population.lots.needs import (
+    NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    in_scene,
+    of_class,
+    terms_in,
+    terms_of,
+)
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -34,7 +42,13 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, MissionTerm, PopulationTerm
+    from imubayes.population.lots.answers import (
+        ClassFound,
+        LotResult,
+        MissionFound,
+        MissionTerm,
+        PopulationTerm,
+    )
     from imubayes.sensors.terms import Library
 
 OPEN = "#E69F00"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imubayes.lots.needs import (
+from imubayes.population.lots.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
@@ -61,7 +61,7 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
-    from imubayes.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm
+    from imubayes.population.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
 

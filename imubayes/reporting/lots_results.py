@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
-from imubayes.lots.needs import (
+from imubayes.population.lots.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
@@ -26,7 +26,7 @@ from imubayes.reporting.results import versions
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.lots.answers import ClassFound, LotResult, MissionFound, UnitFound
+    from imubayes.population.lots.answers import ClassFound, LotResult, MissionFound, UnitFound
 
 
 def lots_json(result: LotResult) -> str:

@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.misfit import TIME
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from imubayes.selection.verdicts import Costs
     from imubayes.sensors.terms import Kind
 
-FloatArray = NDArray[np.float64]
 
 LINE = 13
 """px between labels that stand below each other."""

@@ -8,8 +8,8 @@ from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.canvas import (
     GREY,
     INK,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from imubayes.selection.verdicts import TermVerdict
     from imubayes.selection.votes import Votes
 
-FloatArray = NDArray[np.float64]
 
 ROW = 18
 """px of a row."""

@@ -9,7 +9,7 @@ from imubayes.reporting.rows import own_names
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.misfit import Dependence, Misfit
     from imubayes.selection.criteria import Criterion
     from imubayes.selection.panel import Panel

@@ -30,7 +30,7 @@ from imubayes.reporting.rows import own_names
 from imubayes.reporting.words import models_text
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.reporting.canvas import Panel
     from imubayes.selection.criteria import Criterion
     from imubayes.selection.panel import Panel as Methods

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.misfit import HYSTERESIS, TIME
 from imubayes.inference.residuals import SUSPECT
 from imubayes.reporting.chain_words import sentence
@@ -25,7 +26,7 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.misfit import Dependence, Misfit
     from imubayes.selection.decision import Selection
     from imubayes.selection.panel import Unasked
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from imubayes.selection.votes import Votes
     from imubayes.sensors.terms import Kind
 
-FloatArray = NDArray[np.float64]
 
 METHODS = {
     "evidence": "evidence",

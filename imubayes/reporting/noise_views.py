@@ -22,7 +22,7 @@ from imubayes.selection.verdicts import listed
 from imubayes.sensors.noise_processes import NAMES
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.allan_fit import AllanFit
     from imubayes.reporting.canvas import Panel
     from imubayes.selection.noise_choice import NoiseChoice, ProcessSize

@@ -25,7 +25,7 @@ from imubayes.reporting.plan_words import CALLED
 from imubayes.reporting.rounding import OUTPUT_SI, per_unit
 
 if TYPE_CHECKING:
-    from imubayes.proposal import Proposal
+    from imubayes.planning.proposal import Proposal
 
 OWN = {"accelerometer": "g", "gyroscope": "deg/s"}
 """Unit of the own input."""

@@ -27,7 +27,7 @@ from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, pretty
 
 if TYPE_CHECKING:
-    from imubayes.proposal import Outcome, Proposal
+    from imubayes.planning.proposal import Outcome, Proposal
 
 
 @dataclass(frozen=True, slots=True)

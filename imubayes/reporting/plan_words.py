@@ -16,9 +16,9 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.inference.observability import Confounded
     from imubayes.planning.candidates import Step
-    from imubayes.planning.observability import Confounded
-    from imubayes.proposal import Outcome, Proposal
+    from imubayes.planning.proposal import Outcome, Proposal
 
 AIMS = {
     "worst": "the worst-determined of the needed terms",

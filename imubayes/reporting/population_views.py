@@ -21,7 +21,7 @@ from imubayes.reporting.population_words import (
 from imubayes.reporting.rounding import Measured, measured, per_unit, percent, percents, pretty
 
 if TYPE_CHECKING:
-    from imubayes.campaign import StudyResult
+    from imubayes.campaign.study import StudyResult
     from imubayes.reporting.canvas import Panel
     from imubayes.selection.class_needs import ClassInCommon, TermInClass
 

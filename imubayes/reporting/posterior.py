@@ -22,18 +22,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import imubayes
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.rounding import NOISE_SI, OUTPUT_SI
 
 if TYPE_CHECKING:
     import xarray
 
-    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.mcmc.chains import Chains
 
-FloatArray = NDArray[np.float64]
 Variable = tuple[tuple[str, ...], Any, dict[str, Any]]
 """Dimensions, values and attributes, as xarray takes them."""
 

@@ -32,10 +32,10 @@ from imubayes.reporting.scene_views import scene_record
 from imubayes.reporting.standard_views import standards_record
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, Study, StudyResult
+    from imubayes.campaign.study import SensorResult, Study, StudyResult
+    from imubayes.inference.observability import Confounded
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.inference.summary import RunSummary
-    from imubayes.planning.observability import Confounded
     from imubayes.selection.verdicts import TermVerdict
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
     NOISE_SI,
@@ -25,15 +25,14 @@ from imubayes.sensors.terms import CHANNEL_UNITS, Kind
 from imubayes.units import factor, offset
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.linear import Extra
     from imubayes.inference.mcmc.chains import Chains
+    from imubayes.inference.observability import Confounded
     from imubayes.inference.summary import RunSummary
-    from imubayes.planning.observability import Confounded
     from imubayes.selection.decision import Selection
     from imubayes.selection.verdicts import TermVerdict
 
-FloatArray = NDArray[np.float64]
 
 MARKS = {
     "needed": ("●", "*", "bold green"),

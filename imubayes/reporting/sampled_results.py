@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.evidence import exact_evidence
 
 if TYPE_CHECKING:
-    from imubayes.campaign import Distrusted, ExtraPosterior, SensorResult
+    from imubayes.campaign.study import Distrusted, ExtraPosterior, SensorResult
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.sessions import Repeatability
-
-FloatArray = NDArray[np.float64]
 
 
 def mcmc_block(sensor: SensorResult) -> dict[str, Any]:

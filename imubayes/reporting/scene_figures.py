@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -28,7 +28,6 @@ from imubayes.selection.relevance import MATTERS, QUADRANTS, THERE
 if TYPE_CHECKING:
     from imubayes.selection.relevance import Relevance, TermRelevance
 
-FloatArray = NDArray[np.float64]
 
 HEIGHT = 330
 """px of the panel of quadrants."""

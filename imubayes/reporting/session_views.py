@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.reporting.canvas import GREY, SERIES, Axes, Margins, Panel, draw, few_ticks, sticks
 from imubayes.reporting.rounding import Measured, measured, per_unit, pretty
@@ -15,10 +14,9 @@ from imubayes.reporting.session_words import amount, session_sentence, together
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign import StudyResult
+    from imubayes.campaign.study import StudyResult
     from imubayes.inference.sessions import Repeatability
 
-FloatArray = NDArray[np.float64]
 
 MOST_DRAWN = 12
 """Parameters that are drawn: those that change most between sessions."""

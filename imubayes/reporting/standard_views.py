@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
-from imubayes.factor import reorder
-from imubayes.missions import component_library
 from imubayes.reporting.rounding import CHANNEL_UNIT, OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit
 from imubayes.sensors.equations.mapping import absorbing
 from imubayes.sensors.equations.standards import StandardValue, in_standard, standard, standards_for
+from imubayes.study.scenes import component_library
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, SensorSpec, Study
+    from imubayes.campaign.study import SensorResult, SensorSpec, Study
     from imubayes.selection.verdicts import TermVerdict
     from imubayes.sensors.terms import Library
 

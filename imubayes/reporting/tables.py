@@ -34,9 +34,9 @@ from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorCheck, SensorResult, StudyResult
+    from imubayes.campaign.study import SensorCheck, SensorResult, StudyResult
     from imubayes.inference.linear import Extra
-    from imubayes.planning.observability import Observability
+    from imubayes.inference.observability import Observability
     from imubayes.sensors.terms import Library
 
 MOST_RUNS = 6

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.planning.fidelity import RungName
+from imubayes.campaign.fidelity import RungName
+from imubayes.ladder.trade.plan import DEFAULT
+from imubayes.ladder.trade.recommend import SURE, allowed
+from imubayes.ladder.trade.score import INTERVAL
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -25,12 +28,9 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.rounding import duration
 from imubayes.reporting.trade_words import error_text
-from imubayes.trade.plan import DEFAULT
-from imubayes.trade.recommend import SURE, allowed
-from imubayes.trade.score import INTERVAL
 
 if TYPE_CHECKING:
-    from imubayes.trade.record import Place, Traded
+    from imubayes.ladder.trade.record import Place, Traded
 
 HEIGHT = 270
 """px."""

@@ -10,21 +10,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import imubayes
-from imubayes.planning.fidelity import rung_of
+from imubayes.campaign.fidelity import rung_of
+from imubayes.ladder.trade.plan import DEFAULT, NAMES
+from imubayes.ladder.trade.recommend import allowed
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.rounding import duration
 from imubayes.reporting.trade_figures import trade_panels
 from imubayes.reporting.trade_words import bytes_text, error_text, rate_text, seconds_of, trade_answer
-from imubayes.trade.plan import DEFAULT, NAMES
-from imubayes.trade.recommend import allowed
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.trade.alone import Measured
-    from imubayes.trade.differ import Difference
-    from imubayes.trade.record import Place, Standing, Traded
-    from imubayes.trade.score import Score
+    from imubayes.ladder.trade.alone import Measured
+    from imubayes.ladder.trade.differ import Difference
+    from imubayes.ladder.trade.record import Place, Standing, Traded
+    from imubayes.ladder.trade.score import Score
 
 HEADS = ("time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw", "inclusion off",
          "other verdicts")  # fmt: skip

@@ -6,15 +6,15 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from imubayes.planning.fidelity import rung_of
+from imubayes.campaign.fidelity import rung_of
+from imubayes.ladder.trade.plan import DEFAULT
+from imubayes.ladder.trade.recommend import allowed, faults
 from imubayes.reporting.rounding import duration
 from imubayes.reporting.speed_words import times
-from imubayes.trade.plan import DEFAULT
-from imubayes.trade.recommend import allowed, faults
 
 if TYPE_CHECKING:
-    from imubayes.trade.record import Place, Traded
-    from imubayes.trade.score import Rate, Score
+    from imubayes.ladder.trade.record import Place, Traded
+    from imubayes.ladder.trade.score import Rate, Score
 
 
 def trade_answer(found: Traded) -> tuple[str, ...]:
@@ -155,7 +155,7 @@ def rate_text(rate: Rate) -> str:
     Examples
     --------
     >>> from imubayes.inference.intervals import frequency
-    >>> from imubayes.trade.score import Rate
+    >>> from imubayes.ladder.trade.score import Rate
     >>> rate_text(Rate(18, 20, frequency(18, 20)))
     '90 % (75 to 97 %)'
     """

@@ -31,7 +31,7 @@ from imubayes.reporting.words import answer, averaged_text, fit_sentence, sensor
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, StudyResult
+    from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.inference.summary import RunSummary
     from imubayes.reporting.canvas import Panel

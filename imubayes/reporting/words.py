@@ -22,10 +22,10 @@ from imubayes.selection.verdicts import STRAINED, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
+    from imubayes.campaign.study import SensorResult
     from imubayes.inference.linear import Extra
+    from imubayes.inference.observability import Confounded
     from imubayes.inference.residuals import ResidualCheck
-    from imubayes.planning.observability import Confounded
     from imubayes.selection.models import Models
     from imubayes.selection.verdicts import TermVerdict
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, TermError, UnobservableError
 from imubayes.rig.inputs import GAP, Inputs, Run, facts_of
 from imubayes.rig.latency import delayed
@@ -20,7 +21,6 @@ from imubayes.rig.reference import HEADS, KINDS, TURNING, Error, Kind, errors_of
 from imubayes.sensors.terms import AXES
 from imubayes.units import STANDARD_GRAVITY
 
-FloatArray = NDArray[np.float64]
 Errors = Mapping[str, FloatArray]
 """Size of each kind of error in each mount of a run: arrays (mounts, parts) by kind."""
 

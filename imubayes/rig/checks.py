@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
 from imubayes.rig.formats import Table
 from imubayes.rig.inputs import GAP, Inputs
 from imubayes.rig.plans import EARTH_RATE
-
-FloatArray = NDArray[np.float64]
 
 LARGEST = 1e100
 """In the file's own unit: beyond it a number is a placeholder, and its square leaves double precision."""

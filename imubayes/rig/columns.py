@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes import units
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, UnitError
 from imubayes.rig.formats import Table, bare, bracketed
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.terms import CHANNEL_UNITS
-
-FloatArray = NDArray[np.float64]
 
 NEARLY = 0.85
 """Likeness of two names (difflib's ratio) that are meant to be one."""

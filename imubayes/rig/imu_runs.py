@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.checks import check_output, earth_left_out
@@ -50,9 +50,6 @@ from imubayes.rig.streams import MOST_WHOLE
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES, kind_of
 from imubayes.sensors.terms import Kind, Library
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 SAME_TIME = 0.01
 """Share of the interval by which time stamps of two files of one run may differ."""

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.sensors.imu import COMPONENTS, case_channel
 from imubayes.sensors.terms import CHANNELS
 
 if TYPE_CHECKING:
     from imubayes.rig.streams import Stream
 
-FloatArray = NDArray[np.float64]
 Number = TypeVar("Number", bound=np.generic)
 
 GAP = 1.5

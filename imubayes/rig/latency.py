@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.inputs import GAP, Inputs
-
-FloatArray = NDArray[np.float64]
 
 
 def delayed(inputs: Inputs, latency: float, start: int, stop: int) -> dict[str, FloatArray]:

@@ -9,11 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.sensors.terms import AXES
 
-FloatArray = NDArray[np.float64]
 Channels = Mapping[str, FloatArray]
 
 SLOW = 1e-3

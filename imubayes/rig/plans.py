@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 
-FloatArray = NDArray[np.float64]
 Direction = tuple[float, float, float]
 Mount = tuple[Direction, Direction]
 """Two directions in case axes, any length: outward or shaken, and the vertical."""

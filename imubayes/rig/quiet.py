@@ -7,15 +7,13 @@ above the white noise would then count as white noise too.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.noise_processes import NoiseProcesses
-
-FloatArray = NDArray[np.float64]
 
 
 def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.random.Generator) -> FloatArray:

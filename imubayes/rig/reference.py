@@ -22,15 +22,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.motion import Motion, faster, heavier, in_fixture, longer, on_table, stretched
 from imubayes.rig.profiles import Plan
 from imubayes.sensors import terms
 
-FloatArray = NDArray[np.float64]
 OFFSET = "turn_on"
 """The kind of error that is none of the inputs."""
 

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError, StudyError
 from imubayes.rig.checks import check_output, check_time, check_values, earth_left_out, gaps, interval_jump
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
@@ -36,8 +37,6 @@ from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import counted
-
-FloatArray = NDArray[np.float64]
 
 Procedure = Literal[
     "tumble",

@@ -13,13 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
 from imubayes.rig.inputs import Source
 from imubayes.units import counted
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Stretches = NDArray[np.int64]
 
 LEVELS = 32
@@ -116,16 +115,17 @@ def refuse_stuck(file: str, column: Column, output: FloatArray, own: FloatArray)
 
     Raises
     ------
-    DataError : if the output has less than `LEVELS` values, whose span is `STUCK` times less than the input's.
+    DataError : if the output has less than `LEVELS` values, `STUCK` times closer together than the input's.
     """
     found = Levels()
     found.add(output)
     moved, told = float(np.ptp(own)), float(np.ptp(output))
     if len(found.distinct) < LEVELS and STUCK * told < moved:
+        told, moved = (span / abs(column.scale) for span in (told, moved))
         raise DataError(
             f"{file}: column '{column.address}' has only {counted(len(found.distinct), 'value')}, within"
-            f" {told / abs(column.scale):.3g} {column.unit}, while its input moves by {moved / abs(column.scale):.3g}"
-            f" {column.unit}: expected an output that follows its input; test the sensor within its range, or"
+            f" {told:.3g} {column.unit}, while its input moves by {moved:.3g} {column.unit}:"
+            " expected an output that follows its input; test the sensor within its range, or"
             " correct the column's unit, its scale or the axis of the input"
         )
 

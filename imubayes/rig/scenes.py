@@ -17,15 +17,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.rig.checks import check_time, check_values
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import Inputs, sampling_interval
-
-FloatArray = NDArray[np.float64]
 
 AXES: Mapping[str, str] = {"x": "xyz", "y": "yzx", "z": "zxy"}
 """Case axes along (i, j, k) of the component whose input axis is the key."""

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.motion import motion_of
 from imubayes.rig.plans import Plan
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 ALIKE = 1e-6
 """Difference of two components of a direction that is rounding."""

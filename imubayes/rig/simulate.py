@@ -10,9 +10,9 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Inputs, Run, Source
@@ -21,8 +21,6 @@ from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.noise import Noise, flicker
 from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, library
-
-FloatArray = NDArray[np.float64]
 
 _RATIO = 4.0
 """Ratio of neighbouring time constants: the Allan variance is flat to 0.1 %."""

@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, jump_note
 from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps
 from imubayes.rig.runs import RunSpec, assumed, frozen, source_of
@@ -18,8 +18,6 @@ from imubayes.rig.saturation import Levels, Stretches, check_left, saturation_no
 from imubayes.rig.streams import Part, Reader, Stream, Tell, first_interval, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
-
-FloatArray = NDArray[np.float64]
 
 BLOCKS = 1500
 """Blocks that a run is averaged to, about: as many as the noise of a run in memory is judged by."""

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import check_time, check_values
 from imubayes.rig.columns import Column, resolve, unwrapped
@@ -24,7 +25,6 @@ from imubayes.rig.saturation import NEAR, Stretches, beyond, stretches_of
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.sensors.terms import Kind, Library
 
-FloatArray = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 STREAMED = 1_000_000

@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.profiles import Plan
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 _DIAGONAL = math.sqrt(0.5)
 

@@ -24,15 +24,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.scene_ranges import Ranges
 from imubayes.rig.scenes import BODY, Course, Scene
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 FEWEST, MOST = 2_000, 30_000
 """Rows of a record."""

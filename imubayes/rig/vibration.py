@@ -10,12 +10,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.inputs import Inputs
 from imubayes.sensors.terms import Factor, Library, Term, column
-
-FloatArray = NDArray[np.float64]
 
 
 def mean_columns(lib: Library, inputs: Inputs, vibration: float) -> FloatArray:

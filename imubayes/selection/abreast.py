@@ -15,14 +15,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.selection.model_prior import Needs
 from imubayes.selection.passes import ones
 from imubayes.selection.threads import pieces
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LANE_BITS = 5
 """Columns that the lanes decide: 32 numbers are four to eight registers, and the leaves' factors fit in the

@@ -14,11 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from imubayes.factor import solve_triangular
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import solve_triangular
 from imubayes.selection.mixture import Candidates, Components
 from imubayes.selection.moments import submodel
-
-FloatArray = NDArray[np.float64]
 
 
 def always_moments(c: Candidates, parts: Components) -> tuple[FloatArray, FloatArray]:

@@ -12,16 +12,14 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.digits import HALF_UNIT
 from imubayes.inference.prior import GFamily, g_step_error
 from imubayes.selection.masks import BLOCK_BITS, sizes
 from imubayes.selection.mixture import Candidates
 from imubayes.selection.model_prior import Needs
 from imubayes.selection.threads import pieces
-from imubayes.trust import HALF_UNIT
-
-FloatArray = NDArray[np.float64]
 
 CURVES = 13
 """Candidates from which on the integrals over g are read off curves: cheaper than one by one."""

@@ -6,16 +6,14 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, noise_scale
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, noise_scale
 from imubayes.selection.mixture import Candidates, log_flat, scale_components
 from imubayes.selection.model_prior import Needs
 from imubayes.selection.models import Models, Weighed, posterior_of
 from imubayes.selection.search import Found, search
 from imubayes.selection.spaces import listed
-
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """Posterior probability that the models which are not listed may carry together."""

@@ -32,7 +32,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
 
 SWEEPS = 8
 """Sweeps over the columns in the semidefinite programme; what they leave, the slack makes up."""

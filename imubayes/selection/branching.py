@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.bounds import (
     FAR,
     Problem,
@@ -34,8 +35,6 @@ from imubayes.selection.bounds import (
     put_bit,
     within,
 )
-
-FloatArray = NDArray[np.float64]
 
 LOOSE = 1.15
 """Where a decided column had m below its own G^-1 by this factor, m is worked out anew."""

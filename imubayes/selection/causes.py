@@ -7,14 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.sensitivity import Sensitivity, usual
 from imubayes.selection.verdicts import UNRESOLVED, TermVerdict, listed
-
-FloatArray = NDArray[np.float64]
 
 ALIKE = 0.7
 """Correlation of two estimates from which one term can take the other's place: half of each variance."""
@@ -334,7 +331,7 @@ def _line_of_evidence(ratio: float, keep: float, against: float) -> float:
 
 def _alike(selection: Selection, column: str) -> tuple[tuple[str, float], ...]:
     """Candidates whose estimates under the full library are strongly correlated with that of a column."""
-    from imubayes.factor import invert_triangular
+    from imubayes.algebra.factor import invert_triangular
 
     c = selection.models.candidates
     scale = abs(float(c.whole[-1, -1])) / math.sqrt(max(c.dof - len(c.columns), 1)) or 1.0

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
+
 if TYPE_CHECKING:
     from imubayes.selection.bounds import Problem
     from imubayes.selection.model_walk import Moves, Record, State
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 WordArray = NDArray[np.uint64]
 
 CHAINS = 4

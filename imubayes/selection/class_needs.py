@@ -13,17 +13,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import Share, frequency
 from imubayes.inference.populations import Spreads
 from imubayes.inference.sessions import Parameter
 from imubayes.selection.verdicts import LIKELY, NEEDED
 from imubayes.sensors.terms import Kind
 from imubayes.units import counted
-
-FloatArray = NDArray[np.float64]
 
 CANNOT_TELL = frozenset({"inseparable", "unresolved", "untested"})
 """Verdicts by which a test has no answer."""

@@ -22,19 +22,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
+from imubayes.algebra.factor import Factor, noise_scale, with_prior_rows
 from imubayes.errors import TermError
-from imubayes.factor import Factor, noise_scale, with_prior_rows
 from imubayes.inference.pieces import Pieces
 from imubayes.selection.descent import descended
 from imubayes.selection.mixture import Candidates, candidates
 from imubayes.selection.predictive import RELIABLE, Held, by_dwell, by_run, fits, leave_out, psis_loo, waic
 from imubayes.selection.spaces import Every, Listed, Space
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 Needs = tuple[tuple[str, str], ...]
 
 LARGEST = 22
@@ -131,7 +128,7 @@ def criteria(
 
     Examples
     --------
-    >>> from imubayes.factor import factor_of
+    >>> from imubayes.algebra.factor import factor_of
     >>> rng = np.random.default_rng(1)
     >>> X = rng.normal(size=(50, 2))
     >>> f = factor_of(X, 2.0 * X[:, 0] + rng.normal(size=50), ("a", "b"))

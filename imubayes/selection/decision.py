@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.digits import Digits
+from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.errors import TermError
-from imubayes.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.inference.mcmc.chains import NoiseDraw
+from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.planning.observability import Observability, carried, observe
 from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
@@ -33,9 +35,6 @@ from imubayes.selection.verdicts import (
 )
 from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.terms import Library, Term
-from imubayes.trust import Digits
-
-FloatArray = NDArray[np.float64]
 
 WIDTHS = (1.0 / 3.0, 1.0, 3.0)
 """Factors on every prior sd that a verdict is checked at."""

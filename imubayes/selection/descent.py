@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.selection.spaces import Listed, Space
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 STEPS = 60
 """Most steps on the way to a score's best subset."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.decision import Selection
 from imubayes.selection.mixture import draw
 from imubayes.selection.models import Models
-
-FloatArray = NDArray[np.float64]
 
 
 def posterior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:

@@ -20,11 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import Factor
 
 EVEN = 1e-9
 """Log evidences that differ by less are equal: a term that was not excited changes them by rounding."""

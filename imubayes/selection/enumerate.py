@@ -13,8 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.digits import HALF_UNIT
+from imubayes.algebra.factor import vanished
 from imubayes.errors import InputError, TermError, UnobservableError
-from imubayes.factor import vanished
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary, check_names
 from imubayes.selection.bayes_factors import (
@@ -34,9 +36,7 @@ from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 from imubayes.selection.spaces import Every
 from imubayes.selection.weighing import Logs, Products, ways
-from imubayes.trust import HALF_UNIT
 
-FloatArray = NDArray[np.float64]
 LARGEST = 26
 """Most candidates that are enumerated: the weights of 2^26 models, of 8 bytes, are half a gigabyte."""
 

@@ -30,8 +30,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.inputs import Inputs
@@ -39,7 +39,6 @@ from imubayes.sensors.noise import FLOOR, Noise, flicker
 from imubayes.sensors.terms import Kind
 from imubayes.units import STANDARD_GRAVITY
 
-FloatArray = NDArray[np.float64]
 Quantity = Literal["output", "attitude", "velocity", "position"]
 
 STATES = ("attitude", "velocity", "position")

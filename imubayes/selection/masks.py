@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.selection.threads import pieces
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK_BITS = 16
 """A block of 2^16 weights stays in the second cache while it is added up."""

@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from imubayes.factor import Factor, reorder, solve_triangular, with_prior_rows
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import Factor, reorder, solve_triangular, with_prior_rows
 from imubayes.selection.spaces import Space
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 CHOSEN = 2_000
 """Most models that moments are computed for; beyond, a systematic sample of them stands for all."""

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
 
-FloatArray = NDArray[np.float64]
 ModelPrior = str | float
 Needs = Sequence[tuple[int, int]]
 """(child, parent) by number: a model with the child must have the parent. A child has one parent."""

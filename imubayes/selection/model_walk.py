@@ -18,9 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.bounds import Problem, additions, bring, has_bit, invert, put_bit, within
-
-FloatArray = NDArray[np.float64]
 
 SWAPS = 0.25
 """Share of the steps that swap two columns."""

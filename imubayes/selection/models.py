@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.digits import Digits
 from imubayes.selection.masks import Totals, heaviest, standing_for, tally
 from imubayes.selection.mixture import (
     Candidates,
@@ -19,9 +20,6 @@ from imubayes.selection.mixture import (
 )
 from imubayes.selection.spaces import Every, Space, listed, united
 from imubayes.selection.trust import digits_of
-from imubayes.trust import Digits
-
-FloatArray = NDArray[np.float64]
 
 NO_SCALE = np.array([math.nan])
 """In place of the nodes of a noise scale that was integrated out."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import ProcessFit, fit_draws, fit_mode, parameters
 from imubayes.inference.noise_limits import detection_limits
@@ -29,8 +29,6 @@ from imubayes.sensors.noise_processes import (
     vague_prior,
 )
 from imubayes.sensors.sensor_class import SensorClass
-
-FloatArray = NDArray[np.float64]
 
 WORTH = 7.0
 """Nats below the best set beyond which importance draws would change no inclusion by more than 0.001."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan_fit import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.reml import span
@@ -15,8 +15,6 @@ from imubayes.rig.inputs import between_gaps
 from imubayes.selection.noise_choice import NoiseChoice, identify_noise
 from imubayes.sensors.noise_processes import OPTIONAL
 from imubayes.sensors.sensor_class import SensorClass
-
-FloatArray = NDArray[np.float64]
 
 SHORTEST = 100
 """Samples below which a run tells nothing of its noise processes."""

@@ -9,9 +9,9 @@ from functools import partial, reduce
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, add, reorder
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.apart import Apart, apart
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Linear, residuals
@@ -30,8 +30,6 @@ from imubayes.selection.sindy import Sparse, sparse_regressions
 from imubayes.selection.sparse_paths import PATHS
 from imubayes.selection.votes import Votes, votes
 
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
 Answer = TypeVar("Answer")
 
 INFORMATION = ("aic", "aicc", "bic", "hqc", "ebic")

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 ROW_BITS = 5
 """Neighbours that are added up side by side, as vectors."""

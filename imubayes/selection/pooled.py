@@ -10,16 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.decision import Selection
 from imubayes.selection.masks import fold, sizes
 from imubayes.selection.model_prior import log_model_prior
 from imubayes.selection.models import Models
 from imubayes.selection.spaces import Every
 from imubayes.sensors.terms import Kind
-
-FloatArray = NDArray[np.float64]
 
 
 def pooled_inclusion(selections: Sequence[Selection]) -> Mapping[str, float]:

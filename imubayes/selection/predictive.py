@@ -20,13 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.inference.pieces import Pieces, few_rows, stacked
 from imubayes.selection.mixture import Candidates, with_always
 from imubayes.selection.spaces import Every, Space
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 TAIL_SHARE = 0.2
 """Largest share of the weights that counts as their tail (Vehtari et al. 2024, section 2.2)."""

@@ -13,15 +13,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
 from imubayes.selection.decision import Selection
 from imubayes.selection.draws import posterior_draws
-
-FloatArray = NDArray[np.float64]
 
 WALKED = 20
 """Up to so many terms every subset is looked at; beyond, the weakest term leaves one by one."""

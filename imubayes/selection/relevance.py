@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.scenes import Scene, in_case
@@ -30,9 +30,6 @@ from imubayes.selection.scene_effects import (
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 SURE = 0.95
 """Share of the posterior draws that must stay within the budget."""

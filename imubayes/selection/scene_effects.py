@@ -6,18 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import row_blocks, triangular
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import row_blocks, triangular
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.scenes import Scene, in_case
 from imubayes.rig.vibration import mean_columns
 from imubayes.selection.kernels import CELLS, STATES, Budget, functionals, propagation, running_functionals
 from imubayes.sensors.terms import Factor, Kind, Library, columns, tied
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 TIMES = 48
 """Times over the mission at which an error is looked at."""

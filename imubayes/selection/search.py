@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import TermError
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from imubayes.selection.branching import Listing
     from imubayes.selection.chains import Walked
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 WordArray = NDArray[np.uint64]
 
 LARGEST = 128

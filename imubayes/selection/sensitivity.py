@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.factor import Factor, noise_scale, reorder, with_prior_rows
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, noise_scale, reorder, with_prior_rows
 from imubayes.inference.prior import HyperG, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import SCALE_LIMIT, Selection
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.verdicts import EQUAL, Costs
-
-FloatArray = NDArray[np.float64]
 
 WIDTHS = 3.0 ** (np.arange(-4, 5) / 2.0)
 """Factors on every prior sd, from a ninth to nine; every other one is 1/9, 1/3, 1, 3, 9."""

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes import factor as algebra
-from imubayes.factor import Factor
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.inference.pieces import Pieces
 from imubayes.selection.effects import Effects, best_of, effects_of, log_evidence, refitted
 from imubayes.selection.sparse_paths import BY_THRESHOLD, PATHS
@@ -22,9 +22,6 @@ from imubayes.selection.stability import (
     resampled,
     with_replacement,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,13 +20,12 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from pysindy.optimizers import BaseOptimizer
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Path = Callable[[FloatArray, FloatArray, FloatArray], BoolArray]
 
 RIDGE = {"solver": "svd", "check_input": False}

@@ -13,16 +13,14 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from imubayes.factor import invert_triangular
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import invert_triangular
 from imubayes.selection.abreast import LANE_BITS, decide, prefix, ready, shape_of, started
 from imubayes.selection.bayes_factors import Curves
 from imubayes.selection.mixture import Candidates
 from imubayes.selection.passes import cubic, ones
 from imubayes.selection.threads import pieces
-
-FloatArray = NDArray[np.float64]
 
 
 def total_moments(c: Candidates, curves: Curves, weight: FloatArray) -> tuple[FloatArray, FloatArray]:

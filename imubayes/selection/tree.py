@@ -13,9 +13,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
 
 
 def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,8 +1,8 @@
 """Digits of a posterior over submodels that can be trusted, from its full library and what was left out.
 
 The logarithm of a model's joint probability changes by ``rho e / sigma^2`` with the rounding of its residual
-and by that of its determinant (`imubayes.trust`); an inclusion changes by no more than that. The full library
-bounds every submodel: its columns are the least independent.
+and that of its determinant (`imubayes.algebra.digits`); an inclusion changes by no more than that. The full
+library bounds every submodel: its columns are the least independent.
 """
 
 from __future__ import annotations
@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.digits import HALF_UNIT, Bounds, Digits, bounds, digits_within, norms, rounding_of
 from imubayes.selection.mixture import Candidates, Components
-from imubayes.trust import HALF_UNIT, Bounds, Digits, bounds, digits_within, norms, rounding_of
 
 if TYPE_CHECKING:
     from imubayes.inference.summary import Summary
     from imubayes.selection.models import Models
-
-FloatArray = NDArray[np.float64]
 
 
 PEAK = 6.0
@@ -162,7 +160,7 @@ def _log_error(judged: Judged, found: Bounds, left: float, scale: float) -> floa
 
 def _full_size(T: FloatArray, scale: float) -> FloatArray:
     """Larger of size and sd (a + p,) of each coefficient under the full library."""
-    from imubayes.factor import invert_triangular
+    from imubayes.algebra.factor import invert_triangular
 
     inverse = invert_triangular(T[:-1, :-1])
     return np.maximum(np.abs(inverse @ T[:-1, -1]), scale * np.linalg.norm(inverse, axis=1))

@@ -7,15 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.causes import Case, Differing, case_of, cause_of, decided, explained, line_of
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.sensitivity import Sensitivity
 from imubayes.selection.sindy import Sparse
-
-FloatArray = NDArray[np.float64]
 
 ORDER = (
     *("evidence", "g-prior"),

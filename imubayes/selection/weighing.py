@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.masks import sizes
 from imubayes.selection.mixture import Candidates, log_flat
 from imubayes.selection.model_prior import Needs, admissible
-
-FloatArray = NDArray[np.float64]
 
 FAR = 300.0
 """Logarithm by which a scale may stand above the level of the sums before they are brought to it."""

@@ -14,16 +14,14 @@ from difflib import get_close_matches
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue_file import figure_range, packaged_classes, packaged_tables
 from imubayes.sensors.equations.standards import standard, standards_for
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library, Term
-
-FloatArray = NDArray[np.float64]
 
 
 def sensor(id: str, *, kind: str, catalogue: Sequence[SensorClass] = ()) -> SensorClass:

@@ -18,10 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.sensors.terms import CHANNELS, REFERENCE_TEMPERATURE, Kind, Library
-
-FloatArray = NDArray[np.float64]
 
 ACCELEROMETERS = ("ax", "ay", "az")
 GYROSCOPES = ("gx", "gy", "gz")

@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.imu import (
     COMPONENTS,
@@ -30,8 +30,6 @@ from imubayes.sensors.imu import (
 )
 from imubayes.sensors.imu_range import InputRange, described, rounds
 from imubayes.sensors.terms import Factor, Term, column
-
-FloatArray = NDArray[np.float64]
 
 BASIC = ("b0", "b1", "m_j", "m_k")
 """Terms of the basic model."""

@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, axes_of, component_channels, forward
 from imubayes.sensors.imu_compensation import compensate
 from imubayes.sensors.imu_range import InputRange
 from imubayes.sensors.terms import Factor, Term, column, columns
-
-FloatArray = NDArray[np.float64]
 
 
 def remaining_error(truth: Imu, estimate: Imu, inputs: Signals, within: InputRange) -> FloatArray:

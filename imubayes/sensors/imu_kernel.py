@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import FloatArray
 
 if TYPE_CHECKING:
     from imubayes.sensors.imu import Table
 
-FloatArray = NDArray[np.float64]
 
 WIDTH = 11
 """Columns of the case's inputs: f, w, dw along x, y, z, temperature above 25 degC and its rate."""

@@ -14,13 +14,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, case_channel
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Term
 
-FloatArray = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 MOST_ROUNDS = 10_000

@@ -24,15 +24,13 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.catalogue import prior_root
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library
-
-FloatArray = NDArray[np.float64]
 
 TRIMMED = frozenset({"b0", "b1", "b0p", "m_j", "m_k"})
 """Coefficients that a factory trims, or mounts, unit by unit."""

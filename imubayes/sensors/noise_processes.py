@@ -19,13 +19,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import SensorClass
 
-FloatArray = NDArray[np.float64]
 LogNormal = tuple[float, float]
 
 OPTIONAL = ("B", "K", "Q", "R", "G")

@@ -21,12 +21,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
 
 Kind = Literal["accelerometer", "gyroscope"]
-FloatArray = NDArray[np.float64]
 
 AXES = "ijk"
 CHANNELS = (*(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in AXES), "T", "dT")

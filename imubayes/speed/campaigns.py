@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import factor_of, invert_triangular, posterior, with_prior_rows
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import factor_of, invert_triangular, posterior, with_prior_rows
 from imubayes.inference.linear import Linear, blocks_of, linear_of
 from imubayes.inference.prior import prior
 from imubayes.inference.summary import Summary, summarize
@@ -24,8 +24,6 @@ from imubayes.sensors.terms import library
 from imubayes.speed import peers
 from imubayes.speed.contests import Contest, Entrant, Ladder, Self
 from imubayes.speed.problems import LIBRARY, ROWS, drive
-
-FloatArray = NDArray[np.float64]
 
 RATE = 100.0
 """Hz; of a static record."""

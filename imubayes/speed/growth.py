@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.speed.contests import Ladder
-
-FloatArray = NDArray[np.float64]
 
 FEWEST = 3
 """Sizes that an exponent and its error are fitted to, at least."""

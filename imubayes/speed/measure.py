@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.machine import Machine, machine
-from imubayes.processes import Progress
+from imubayes.ladder.trade.machine import Machine, machine
+from imubayes.population.processes import Progress
 from imubayes.speed import campaigns, problems
 from imubayes.speed.contests import Contest, Ladder, Quantity, Self, SpeedStudy, Subject
 from imubayes.speed.growth import Law, fitted

@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.speed.contests import Self
-
-FloatArray = NDArray[np.float64]
 
 LONGEST = 600.0
 """s; that a script of R may take."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import factor_of
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import GPrior, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models
@@ -17,8 +17,6 @@ from imubayes.sensors.terms import Library, columns, library
 from imubayes.speed import peers
 from imubayes.speed.contests import Contest, Entrant, Subject
 from imubayes.units import STANDARD_GRAVITY
-
-FloatArray = NDArray[np.float64]
 
 LIBRARY = library("accelerometer", powers=3, asymmetry=0, set="extended")
 """Of 21 terms, the library of the speed goals."""

@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from celerite2 import driver
 from numba import njit
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.density import Density, condition, log_joint
 from imubayes.inference.whiten import averaged_variance, mattering, whiten, whitener
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,9 +17,8 @@ from unittest.mock import patch
 
 import numpy as np
 from full_data import FullData, OnFactor
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
 
 CORES = 2
 WALKERS_A_PARAMETER = 4

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.campaign import SensorSpec
-from imubayes.fleet.engines import engine
-from imubayes.fleet.measure import lot_of, measure
-from imubayes.fleet.plan import FleetStudy, parts_of, simulated_units
-from imubayes.fleet.units import part_found
+from imubayes.campaign.study import SensorSpec
+from imubayes.population.fleet.engines import engine
+from imubayes.population.fleet.measure import lot_of, measure
+from imubayes.population.fleet.plan import FleetStudy, parts_of, simulated_units
+from imubayes.population.fleet.units import part_found
 from imubayes.rig.runs import RunSpec
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library

@@ -13,7 +13,7 @@ import pytest
 from celerite2 import driver
 from pyarrow import parquet as pq
 
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
 from imubayes.inference.linear import linear_of
 from imubayes.inference.streaming import streamed_pieces
 from imubayes.inference.whiten import Rows, mattering, whitener

@@ -9,7 +9,7 @@ from imubayes.cli import main
 from imubayes.config import record_study
 from imubayes.config.reading import read_runs, read_study
 from imubayes.errors import DataError, StudyError
-from imubayes.study import check, run
+from imubayes.study.method import check, run
 
 CHANNELS = "ax [m/s^2],ay [m/s^2],az [m/s^2]", "gx [deg/s],gy [deg/s],gz [deg/s]"
 

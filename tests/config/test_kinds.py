@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from imubayes import kinds
+from imubayes.cli import kinds
+from imubayes.cli.console import Waiting
 from imubayes.config import read, read_study
 from imubayes.config.reading import FORMS, OF_SENSORS, SENSORS
-from imubayes.console import Waiting
 from imubayes.errors import InputError, StudyError
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -7,8 +7,8 @@ import pytest
 
 from imubayes.config import read, read_study
 from imubayes.errors import StudyError
-from imubayes.lots.measure import measure
-from imubayes.lots.plan import Against
+from imubayes.population.lots.measure import measure
+from imubayes.population.lots.plan import Against
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
 from imubayes.rig.scene_ranges import catalogue_scenes

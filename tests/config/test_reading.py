@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.campaign import Appendix, Sampling
+from imubayes.campaign.study import Appendix, Sampling
 from imubayes.config import read_study
 from imubayes.errors import StudyError
 from imubayes.rig.gravity import normal_gravity

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imubayes.campaign.preparation import simulate_sensor
 from imubayes.config import read_study, record_study
 from imubayes.config.recorded import toml_lines
-from imubayes.preparation import simulate_sensor
 from imubayes.rig.runs import read_run
 
 STUDY = """

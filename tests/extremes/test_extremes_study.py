@@ -11,7 +11,7 @@ import pytest
 
 from imubayes.config import read_study, record_study
 from imubayes.reporting.document import write_results
-from imubayes.study import run
+from imubayes.study.method import run
 
 STUDY = """
 [study]

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign.study import SensorSpec
 from imubayes.config import read
-from imubayes.fleet.engines import Engine
-from imubayes.fleet.plan import FleetStudy, parts_of, simulated_units
-from imubayes.lots.units import simulate_unit
-from imubayes.processes import as_done
+from imubayes.population.fleet.engines import Engine
+from imubayes.population.fleet.plan import FleetStudy, parts_of, simulated_units
+from imubayes.population.lots.units import simulate_unit
+from imubayes.population.processes import as_done
 from imubayes.rig.record import write_run
 from imubayes.rig.runs import RunSpec
 from imubayes.sensors.catalogue import sensor

@@ -7,10 +7,10 @@ import pytest
 from fleet_studies import first_part, fleet
 from pyarrow import parquet
 
-from imubayes.factor import Factor, posterior
-from imubayes.fleet.dataset import marks_of, read_part, records_of, write_part
-from imubayes.fleet.units import part_found
+from imubayes.algebra.factor import Factor, posterior
 from imubayes.inference.prior import class_sd
+from imubayes.population.fleet.dataset import marks_of, read_part, records_of, write_part
+from imubayes.population.fleet.units import part_found
 
 
 @pytest.fixture(scope="module")

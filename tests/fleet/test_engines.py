@@ -15,10 +15,10 @@ from fleet_studies import fleet
 from pyarrow import parquet
 
 from imubayes.errors import InputError
-from imubayes.fleet import engines
-from imubayes.fleet.engines import engine
-from imubayes.fleet.measure import measure
-from imubayes.processes import Lost
+from imubayes.population.fleet import engines
+from imubayes.population.fleet.engines import engine
+from imubayes.population.fleet.measure import measure
+from imubayes.population.processes import Lost
 
 UNITS = 40
 

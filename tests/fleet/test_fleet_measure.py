@@ -8,11 +8,11 @@ from pyarrow import parquet
 
 from imubayes.config import read
 from imubayes.errors import InputError
-from imubayes.fleet.engines import Engine, engine
-from imubayes.fleet.keeping import GROWING, UNITS
-from imubayes.fleet.measure import ENDED, lot_of, measure
-from imubayes.fleet.units import part_found
-from imubayes.processes import Lost, as_done
+from imubayes.population.fleet.engines import Engine, engine
+from imubayes.population.fleet.keeping import GROWING, UNITS
+from imubayes.population.fleet.measure import ENDED, lot_of, measure
+from imubayes.population.fleet.units import part_found
+from imubayes.population.processes import Lost, as_done
 
 
 @pytest.fixture(scope="module")

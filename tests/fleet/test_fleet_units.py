@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from fleet_studies import TUMBLE, first_part, fleet, recorded
 
+from imubayes.algebra.factor import posterior
+from imubayes.campaign.preparation import prepare
 from imubayes.errors import InputError, StudyError
-from imubayes.factor import posterior
-from imubayes.fleet import units
-from imubayes.fleet.plan import Part, lot_of_some, parts_of
-from imubayes.fleet.units import of_terms, part_found, record_of
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.prior import ScalePrior
-from imubayes.lots.units import simulate_unit
-from imubayes.preparation import prepare
+from imubayes.population.fleet import units
+from imubayes.population.fleet.plan import Part, lot_of_some, parts_of
+from imubayes.population.fleet.units import of_terms, part_found, record_of
+from imubayes.population.lots.units import simulate_unit
 from imubayes.rig import streams
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.decision import loose_fit

@@ -5,10 +5,10 @@ from fleet_studies import fleet
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.fleet.measure import lot_of
-from imubayes.fleet.plan import parts_of
-from imubayes.fleet.reduction import VERDICTS, merge, reduced, tally
-from imubayes.fleet.units import Broken, PartFound, Record, part_found
+from imubayes.population.fleet.measure import lot_of
+from imubayes.population.fleet.plan import parts_of
+from imubayes.population.fleet.reduction import VERDICTS, merge, reduced, tally
+from imubayes.population.fleet.units import Broken, PartFound, Record, part_found
 
 P = 2
 

@@ -8,7 +8,7 @@ import hands
 import numpy as np
 import pytest
 
-from imubayes.factor import posterior
+from imubayes.algebra.factor import posterior
 from imubayes.inference.apart import apart
 from imubayes.inference.case import Asked
 from imubayes.inference.joint import solve_imu_tumble

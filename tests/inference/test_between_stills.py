@@ -7,8 +7,8 @@ import hands
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
-from imubayes.factor import posterior
 from imubayes.inference.between_stills import directions, turn_rows
 from imubayes.inference.case import Asked
 from imubayes.inference.joint import solve_imu_tumble

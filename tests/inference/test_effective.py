@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.linalg import inv, solve
 
-from imubayes.factor import add, reorder
+from imubayes.algebra.factor import add, reorder
 from imubayes.inference.effective import effective_samples, marginal_variance, samples_of
 from imubayes.inference.linear import Linear, whitened_factor
 from imubayes.inference.whiten import Rows, whiten, whitener

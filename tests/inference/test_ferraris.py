@@ -6,13 +6,13 @@ import hands
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
-from imubayes.factor import posterior
 from imubayes.inference.case import Asked
 from imubayes.inference.ferraris import solve_ferraris
+from imubayes.inference.observability import observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
-from imubayes.planning.observability import observe
 from imubayes.rig.inputs import ImuRun, Section
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import posterior, posterior_root
 from imubayes.errors import UnobservableError
-from imubayes.factor import posterior, posterior_root
 from imubayes.inference.case import Asked
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.prior import ScalePrior, class_sd

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import rq
 
+from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.factor import invert_triangular, posterior, with_prior_rows
 from imubayes.inference.linear import Extra
 from imubayes.inference.norm_only import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd

@@ -7,8 +7,8 @@ import pytest
 from benches import measured, nominal
 
 import imubayes as ib
+from imubayes.algebra.factor import noise_scale, posterior
 from imubayes.errors import ConvergenceError, TermError, UnobservableError
-from imubayes.factor import noise_scale, posterior
 from imubayes.inference import nuisances as module
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import class_sd

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from imubayes.factor import factor_of, posterior
+from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference.correlations import pulls
 from imubayes.inference.levels import Likelihoods, likelihoods, log_density
 from imubayes.inference.populations import FEWEST, spreads

@@ -11,8 +11,8 @@ import pytest
 from mpmath import mp as _mp
 from scipy.stats import cauchy, norm
 
+from imubayes.algebra.factor import factor_of, posterior_root
 from imubayes.errors import TermError
-from imubayes.factor import factor_of, posterior_root
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import (
     GPrior,

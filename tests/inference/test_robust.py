@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
-from imubayes.factor import posterior
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd

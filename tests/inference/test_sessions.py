@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from imubayes.algebra.factor import Factor, factor_of, posterior
 from imubayes.errors import StudyError
-from imubayes.factor import Factor, factor_of, posterior
 from imubayes.inference.sessions import (
     Parameter,
     Repeatability,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imubayes.factor import posterior, with_prior_rows
+from imubayes.algebra.factor import posterior, with_prior_rows
 from imubayes.inference.linear import Linear, linear_of, whitened_factor
 from imubayes.inference.shared_columns import shared_rows
 from imubayes.rig.inputs import Inputs, KnownRun

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet as pq
 
+from imubayes.algebra.factor import least_squares, reorder
 from imubayes.config import read_runs, read_study
-from imubayes.factor import least_squares, reorder
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import linear_of, whitened_factor, within_blocks
 from imubayes.inference.mcmc.coordinates import coordinates
@@ -29,7 +29,7 @@ from imubayes.rig.simulate import synthesise
 from imubayes.selection.reduced import design_factor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
-from imubayes.study import run as study_run
+from imubayes.study.method import run as study_run
 
 N, INTERVAL = 60_000, 0.01
 NOISE = Noise(1e-3, 3e-4, 2e-6)

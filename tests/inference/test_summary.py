@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imubayes.algebra.factor import Factor, add
 from imubayes.errors import InputError, StudyError, UnobservableError
-from imubayes.factor import Factor, add
 from imubayes.inference import linear as module
 from imubayes.inference.linear import blocks_of, deviation, library_rows, linear_of
 from imubayes.inference.summary import Summary, summarize

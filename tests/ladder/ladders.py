@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign.study import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.rig import stream_files, streams
 from imubayes.rig.runs import RunSpec, read_run, simulate_runs

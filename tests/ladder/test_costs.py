@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from ladders import ground, problem
 
+from imubayes.campaign.fidelity import LADDER, Size
 from imubayes.ladder import law_file
 from imubayes.ladder.costs import REFERENCE, calibrate, foreseen, law_of, measured_speeds, within
 from imubayes.ladder.problem import size_of
 from imubayes.ladder.rungs import stand
-from imubayes.planning.fidelity import LADDER, Size
 
 SIZE = Size(rows=36_000, columns=20, candidates=17, runs=2)
 

@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 from ladders import ground, problem
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
 from imubayes.ladder import means as rung

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from ladders import TRUTH, ground, in_memory_and_streamed, problem
 
+from imubayes.campaign.fidelity import LADDER
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.prior import ScalePrior
@@ -9,7 +10,6 @@ from imubayes.ladder.answer import change
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import ground_of, prepared, problem_of, size_of
 from imubayes.ladder.rungs import RUNGS, stand
-from imubayes.planning.fidelity import LADDER
 from imubayes.rig.inputs import TriadRun
 
 NAMES = [rung.name for rung in LADDER]

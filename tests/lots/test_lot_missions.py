@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from lot_studies import shaken, small
 
-from imubayes.campaign import Mission
-from imubayes.lots.answers import UnitFound
-from imubayes.lots.missions import basic_left, exposures, missions
+from imubayes.campaign.study import Mission
+from imubayes.population.lots.answers import UnitFound
+from imubayes.population.lots.missions import basic_left, exposures, missions
 from imubayes.selection.kernels import Budget
 from imubayes.selection.relevance import exposure
 from imubayes.sensors.terms import columns

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from lot_studies import TUMBLE, small
 
-from imubayes.campaign import SensorSpec
-from imubayes.factor import noise_scale
+from imubayes.algebra.factor import noise_scale
+from imubayes.campaign.preparation import prepare
+from imubayes.campaign.study import SensorSpec
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.linear import linear_of
-from imubayes.lots.units import lot_of, simulate_unit, unit_of
-from imubayes.preparation import prepare
+from imubayes.population.lots.units import lot_of, simulate_unit, unit_of
 from imubayes.selection.decision import LOOSE, loose_fit, select
 from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.noise import Noise

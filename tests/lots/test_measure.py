@@ -5,10 +5,10 @@ import pytest
 from lot_studies import small
 
 from imubayes.inference.intervals import Share
-from imubayes.lots.measure import check, measure
-from imubayes.lots.missions import exposures, missions
-from imubayes.lots.population import population
-from imubayes.lots.units import lot_of, unit_of
+from imubayes.population.lots.measure import check, measure
+from imubayes.population.lots.missions import exposures, missions
+from imubayes.population.lots.population import population
+from imubayes.population.lots.units import lot_of, unit_of
 
 
 @pytest.fixture(scope="module")

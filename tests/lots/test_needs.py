@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.inference.intervals import Share, frequency
-from imubayes.lots.answers import MissionTerm, PopulationTerm
-from imubayes.lots.needs import (
+from imubayes.population.lots.answers import MissionTerm, PopulationTerm
+from imubayes.population.lots.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,

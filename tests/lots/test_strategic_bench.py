@@ -4,10 +4,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign.preparation import prepare
+from imubayes.campaign.study import SensorSpec
 from imubayes.config import read
-from imubayes.lots.units import lot_of, simulate_unit
-from imubayes.preparation import prepare
+from imubayes.population.lots.units import lot_of, simulate_unit
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.catalogue import sensor
 

@@ -5,9 +5,9 @@ import pytest
 
 import imubayes as ib
 from imubayes.inference.nuisances import extras_for, rows_with
+from imubayes.inference.observability import observe
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import summarize
-from imubayes.planning.observability import observe
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.profiles import Plan
 from imubayes.rig.reference import KINDS

@@ -8,8 +8,8 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import invert_triangular
 from imubayes.errors import InputError
-from imubayes.factor import invert_triangular
 from imubayes.planning.candidates import Aim, Handling, Menu, Problem, Step, duration, root, runs_of, worth
 from imubayes.planning.design import best_plan, even_plan, following
 from imubayes.planning.exchange import _promised, _promised_without, additions, with_step

@@ -2,8 +2,8 @@ from typing import get_args
 
 import pytest
 
+from imubayes.campaign.fidelity import LADDER, RungName, rung_of
 from imubayes.errors import InputError
-from imubayes.planning.fidelity import LADDER, RungName, rung_of
 
 
 def test_ladder_has_every_rung_once_in_the_order_of_its_names():

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import imubayes as ib
-from imubayes.factor import add, factor_of, reorder
+from imubayes.algebra.factor import add, factor_of, reorder
+from imubayes.inference.observability import observe
 from imubayes.inference.summary import summarize
-from imubayes.planning.observability import observe
 from imubayes.rig.inputs import UNKNOWN
 from imubayes.sensors.catalogue import classes, typical_noise
 from imubayes.sensors.noise import NoiseRule

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.factor import posterior
+from imubayes.algebra.factor import posterior
+from imubayes.inference.observability import Observability, observe
 from imubayes.inference.prior import class_sd
-from imubayes.planning.observability import Observability, observe
 from imubayes.rig.plans import Plan
 from imubayes.sensors.catalogue import typical_noise
 

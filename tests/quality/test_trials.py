@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.factor import least_squares, reorder
+from imubayes.algebra.factor import least_squares, reorder
 from imubayes.inference.summary import summarize
 from imubayes.quality import trials as trying
 from imubayes.quality.subjects import runs_of, subject

@@ -14,7 +14,7 @@ from results_found import (
     study_result,
 )
 
-from imubayes.campaign import Appendix, SensorResult, StudyResult
+from imubayes.campaign.study import Appendix, SensorResult, StudyResult
 from imubayes.inference.sessions import Repeatability
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign import Mission
+from imubayes.campaign.study import Mission
 from imubayes.inference.intervals import Share
-from imubayes.lots.answers import (
+from imubayes.population.lots.answers import (
     Check,
     ClassFound,
     Coverage,
@@ -18,7 +18,7 @@ from imubayes.lots.answers import (
     PopulationTerm,
     UnitFound,
 )
-from imubayes.lots.plan import LotStudy
+from imubayes.population.lots.plan import LotStudy
 from imubayes.rig.scene_ranges import scene_named
 from imubayes.rig.trajectories import generated
 from imubayes.selection.kernels import Budget

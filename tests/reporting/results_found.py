@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 from panels import misfit_of, panel_of
 
-from imubayes.campaign import (
+from imubayes.algebra.factor import factor_of
+from imubayes.campaign.study import (
     Appendix,
     Distrusted,
     ExtraPosterior,
@@ -19,13 +20,12 @@ from imubayes.campaign import (
     Study,
     StudyResult,
 )
-from imubayes.factor import factor_of
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains, Diagnostics
+from imubayes.inference.observability import Confounded, Observability
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
-from imubayes.planning.observability import Confounded, Observability
 from imubayes.rig.inputs import Source
 from imubayes.selection.decision import Selection
 from imubayes.selection.models import Models

@@ -30,9 +30,9 @@ from test_trade_page import _traded
 
 import imubayes.reporting
 from imubayes.extremes.digits import MOST
-from imubayes.fleet.reduction import VERDICTS
 from imubayes.inference.allan_fit import AllanCurve
 from imubayes.planning.candidates import Step
+from imubayes.population.fleet.reduction import VERDICTS
 from imubayes.reporting import (
     case_figures,
     chain_figures,

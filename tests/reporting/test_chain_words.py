@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from imubayes.planning.fidelity import Choice
-from imubayes.planning.observability import Confounded
+from imubayes.campaign.fidelity import Choice
+from imubayes.inference.observability import Confounded
 from imubayes.reporting.chain_words import changes, diagnoses, distrust_sentence
 from imubayes.reporting.words import answer, sensor_groups
 

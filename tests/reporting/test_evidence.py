@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.reporting.evidence import exact_evidence
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from imubayes.planning.fidelity import NEEDS_ROWS, Choice
+from imubayes.campaign.fidelity import NEEDS_ROWS, Choice
 from imubayes.reporting.ladder_words import choice_record, choice_sentences
 
 CHEAP = Choice(

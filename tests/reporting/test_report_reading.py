@@ -10,7 +10,7 @@ from lots_readings import wrong_lots
 from report_reading import Block, Grid, Reading, agrees, drawn, grids, problems, sentences, tree, written
 
 from imubayes.config import read
-from imubayes.lots.measure import measure
+from imubayes.population.lots.measure import measure
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
 

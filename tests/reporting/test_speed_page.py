@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tool_readings import wrong_speed
 
-from imubayes.machine import Machine
+from imubayes.ladder.trade.machine import Machine
 from imubayes.reporting.speed_page import speed_html, terminal_speed, write_speed
 from imubayes.reporting.speed_words import speed_answer
 from imubayes.speed.contests import Ladder, SpeedStudy

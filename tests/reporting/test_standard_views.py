@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_dict
 from imubayes.reporting.standard_views import standard_views, standards_record

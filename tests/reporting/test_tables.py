@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from imubayes.campaign import SensorCheck
+from imubayes.campaign.study import SensorCheck
 from imubayes.reporting import figures
 from imubayes.reporting.document import report_html
 from imubayes.reporting.rows import MARKS

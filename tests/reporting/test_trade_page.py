@@ -9,13 +9,13 @@ from tool_readings import wrong_trade
 from trades import measured, told, trade
 
 from imubayes.inference.intervals import frequency
-from imubayes.machine import Machine
+from imubayes.ladder.trade.machine import Machine
+from imubayes.ladder.trade.measure import standing_of
+from imubayes.ladder.trade.recommend import front, recommended
+from imubayes.ladder.trade.record import Traded, places
+from imubayes.ladder.trade.score import Rate, Score
 from imubayes.reporting.trade_page import terminal_trade, trade_html, trade_json, write_trade
 from imubayes.reporting.trade_words import trade_answer
-from imubayes.trade.measure import standing_of
-from imubayes.trade.recommend import front, recommended
-from imubayes.trade.record import Traded, places
-from imubayes.trade.score import Rate, Score
 
 RUNGS = ("means", "plug-in", "collapsed", "raw")
 NOTHING = Rate(0, 40, frequency(0, 40))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from imubayes.planning.observability import Confounded
+from imubayes.inference.observability import Confounded
 from imubayes.reporting.words import answer, confounded_sentences, fit_sentence
 from imubayes.sensors.terms import library
 

@@ -283,7 +283,7 @@ def test_run_that_is_saturated_nearly_everywhere_is_refused(tmp_path):
 
 
 def test_run_that_is_beyond_the_range_everywhere_is_refused(tmp_path):
-    with pytest.raises(DataError, match=r"only 2 values, within 10 m/s\^2, while its input moves by .* m/s\^2"):
+    with pytest.raises(DataError, match=r"only 2 values, within 10 m/s\^2, while its input moves by"):
         clipped(tmp_path, 5.0 / G)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
+from imubayes.algebra.factor import factor_of, posterior
 from imubayes.errors import InputError
-from imubayes.factor import factor_of, posterior
 from imubayes.inference.prior import class_sd
 from imubayes.rig.shaking import vibration
 from imubayes.rig.simulate import simulate

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.algebra.factor import posterior
 from imubayes.errors import InputError
-from imubayes.factor import posterior
 from imubayes.inference.prior import class_sd
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.noise import Noise

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba.core import config
 
-from imubayes.factor import factor_of, with_prior_rows
+from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.selection import abreast
 from imubayes.selection.masks import sizes
 from imubayes.selection.model_prior import admissible

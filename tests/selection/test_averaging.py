@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import imubayes as ib
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpmath import mp as _mp
 
-from imubayes.factor import Factor
+from imubayes.algebra.factor import Factor
 from imubayes.inference.prior import HyperG, ZellnerSiow
 from imubayes.inference.summary import Summary
 from imubayes.selection import bayes_factors

@@ -7,7 +7,7 @@ import pytest
 from benches import measured
 
 import imubayes as ib
-from imubayes.factor import reorder
+from imubayes.algebra.factor import reorder
 from imubayes.inference.nuisances import solve
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import Summary

@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import Factor, factor_of, triangular
 from imubayes.errors import TermError
-from imubayes.factor import Factor, factor_of, triangular
 from imubayes.inference.effective import samples_of
 from imubayes.inference.pieces import Pieces
 from imubayes.selection import criteria as module

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
-from imubayes.factor import reorder
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary, summarize
 from imubayes.selection.decision import WIDTHS, select

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.selection.criteria import criteria
 
 NAMES = tuple(f"x{k}" for k in range(12))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.selection.effects import best_of, effects_of, log_evidence, refitted
 
 NAMES = ("bias", "a", "b", "c", "d")

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import Factor
 from imubayes.errors import InputError, TermError, UnobservableError
-from imubayes.factor import Factor
 from imubayes.inference.prior import HyperG, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models

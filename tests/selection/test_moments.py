@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import GPrior, HyperG, ZellnerSiow, g_nodes
 from imubayes.selection.moments import g_integrals, solutions, submodel
 from imubayes.selection.spaces import Every

@@ -11,7 +11,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from imubayes.factor import factor_of, triangular
+from imubayes.algebra.factor import factor_of, triangular
 from imubayes.inference.pieces import Pieces
 from imubayes.selection.mixture import candidates
 from imubayes.selection.predictive import (

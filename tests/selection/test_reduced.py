@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.selection.decision import select
 from imubayes.selection.reduced import design_factor, project, reduced, subsets_by_size
 

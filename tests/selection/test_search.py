@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from imubayes.algebra.factor import with_prior_rows
 from imubayes.errors import TermError
-from imubayes.factor import with_prior_rows
 from imubayes.selection.masks import fold, sizes
 from imubayes.selection.search import search, weigh
 from imubayes.selection.tree import walk

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 import imubayes as ib
-from imubayes.factor import factor_of, reorder
+from imubayes.algebra.factor import factor_of, reorder
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import select

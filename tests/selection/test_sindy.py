@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
 from imubayes.inference.pieces import Pieces, stacked
 from imubayes.selection import sindy
 from imubayes.selection.effects import effects_of

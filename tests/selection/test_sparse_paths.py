@@ -8,7 +8,7 @@ import numpy as np
 import pysindy as ps
 import pytest
 
-from imubayes.factor import factor_of
+from imubayes.algebra.factor import factor_of
 from imubayes.selection.sparse_paths import PATHS
 
 TRUTH = np.array([9.0, 0.0, -3.0, 0.4, 0.0, 1.5, 0.0, 0.0])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes import factor as algebra
+from imubayes.algebra import factor as algebra
 from imubayes.inference.linear import linear_of
 from imubayes.inference.pieces import Pieces, pieces_of, stacked
 from imubayes.selection.stability import dwelled, halves, resampled, with_replacement

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.factor import factor_of, with_prior_rows
+from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.selection.masks import sizes
 from imubayes.selection.tree import walk
 

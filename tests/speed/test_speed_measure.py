@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.machine import machine
+from imubayes.ladder.trade.machine import machine
 from imubayes.speed import peers
 from imubayes.speed.contests import Contest, Entrant, Self, SpeedStudy
 from imubayes.speed.measure import held, measure

@@ -1,8 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.trade.afford import counts
-from imubayes.trade.plan import FEWEST, NAMES
+from imubayes.ladder.trade.afford import counts
+from imubayes.ladder.trade.plan import FEWEST, NAMES
 
 SECONDS = st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=len(NAMES)).map(
     lambda each: dict(zip(NAMES, sorted(each), strict=False))

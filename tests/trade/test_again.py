@@ -2,9 +2,9 @@ import numpy as np
 from trades import SHORT, problem, told
 
 from imubayes.inference.linear import linear_of
+from imubayes.ladder.trade.again import repeat, sensors, simulated_again
+from imubayes.ladder.trade.plan import Subject
 from imubayes.rig.bench import true_inputs
-from imubayes.trade.again import repeat, sensors, simulated_again
-from imubayes.trade.plan import Subject
 
 SILENT = [(0.0, 0.0, 0.0)]
 

@@ -3,7 +3,7 @@ import gc
 import numpy as np
 import pytest
 
-from imubayes.trade.memory import STATUS, with_peak
+from imubayes.ladder.trade.memory import STATUS, with_peak
 
 MB = 1e6
 

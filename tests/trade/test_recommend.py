@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.inference.intervals import frequency
-from imubayes.trade.plan import NAMES
-from imubayes.trade.recommend import allowed, faults, front, recommended
-from imubayes.trade.record import Place
-from imubayes.trade.score import Rate, Score
+from imubayes.ladder.trade.plan import NAMES
+from imubayes.ladder.trade.recommend import allowed, faults, front, recommended
+from imubayes.ladder.trade.record import Place
+from imubayes.ladder.trade.score import Rate, Score
 
 FINE = Place("means", 1.0, 1.0, 1.0, 1e7, 0.05, 0.02, 0.01, 0, 0.0, 0, 0.0, 0.1, 1)
 NOTHING = Rate(0, 10, frequency(0, 10))

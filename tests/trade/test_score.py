@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from trades import told
 
+from imubayes.ladder.trade.again import Repeat
+from imubayes.ladder.trade.score import WIDTH, score
 from imubayes.selection.verdicts import EQUAL, Costs
-from imubayes.trade.again import Repeat
-from imubayes.trade.score import WIDTH, score
 
 NONE = {"<ACC>": {}}
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from trades import SHORT, problem
 
-from imubayes.factor import posterior
+from imubayes.algebra.factor import posterior
 from imubayes.ladder.problem import ground_of
 from imubayes.ladder.rungs import stand
-from imubayes.trade.alone import Measured
-from imubayes.trade.told import monte_carlo, told_of
+from imubayes.ladder.trade.alone import Measured
+from imubayes.ladder.trade.told import monte_carlo, told_of
 
 
 @pytest.fixture(scope="module")

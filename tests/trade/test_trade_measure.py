@@ -6,20 +6,20 @@ import pytest
 from pyarrow import parquet as pq
 from trades import SHORT, in_this_process, measured, mission, problem, told, trade
 
+from imubayes.campaign.fidelity import NEEDS_ROWS
 from imubayes.errors import InputError
 from imubayes.ladder.answer import change
 from imubayes.ladder.problem import ground_of, problem_of
 from imubayes.ladder.rungs import stand
-from imubayes.planning.fidelity import NEEDS_ROWS
+from imubayes.ladder.trade import measure
+from imubayes.ladder.trade.differ import apart, best_of, difference
+from imubayes.ladder.trade.plan import Subject, rungs_of
+from imubayes.ladder.trade.subjects import with_options
+from imubayes.ladder.trade.told import told_of
 from imubayes.reporting.trade_words import trade_answer
 from imubayes.rig import streams
 from imubayes.rig.runs import RunSpec, read_run
 from imubayes.selection.relevance import exposure
-from imubayes.trade import measure
-from imubayes.trade.differ import apart, best_of, difference
-from imubayes.trade.plan import Subject, rungs_of
-from imubayes.trade.subjects import with_options
-from imubayes.trade.told import told_of
 
 
 @pytest.fixture(scope="module")

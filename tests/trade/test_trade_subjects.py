@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from trades import problem
 
-from imubayes.campaign import Study
+from imubayes.campaign.study import Study
 from imubayes.config import read
 from imubayes.errors import InputError
-from imubayes.trade.again import sensors
-from imubayes.trade.subjects import of_lots, of_study
+from imubayes.ladder.trade.again import sensors
+from imubayes.ladder.trade.subjects import of_lots, of_study
 
 LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"
 

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign import Mission, SensorSpec
+from imubayes.campaign.fidelity import RungName
+from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import Problem, problem_of
-from imubayes.planning.fidelity import RungName
+from imubayes.ladder.trade.alone import Measured, here
+from imubayes.ladder.trade.plan import Subject, Trade
+from imubayes.ladder.trade.told import Told
 from imubayes.rig.runs import RunSpec, simulate_runs
 from imubayes.rig.scenes import recorded
 from imubayes.selection.kernels import Budget
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
-from imubayes.trade.alone import Measured, here
-from imubayes.trade.plan import Subject, Trade
-from imubayes.trade.told import Told
 
 TRUTH = {"b0": 0.015, "b1": 3e-4, "m_j": 3.5e-4}
 SHORT = Limits(ess=100.0, time_limit=1.0, seed=1)

@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from imubayes.factor import Factor
-
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)

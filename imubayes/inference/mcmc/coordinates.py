@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.factor import Factor, invert_triangular, with_prior_rows
-
-FloatArray = NDArray[np.float64]
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,11 +7,9 @@ from emcee's autocorrelation time, averaged over the walkers, and R-hat compares
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.mcmc.engine import autocorrelation_time
-
-FloatArray = NDArray[np.float64]
 
 LONG = 50.0
 """Steps in autocorrelation times below which emcee's estimate of that time is not to be trusted."""

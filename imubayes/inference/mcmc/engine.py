@@ -14,12 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
-
-FloatArray = NDArray[np.float64]
-
 
 LOOKED_AT = 16
 """Walkers that the autocorrelation time is taken from."""

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.mcmc.diagnostics import LONG, effective_size, split_rhat
 from imubayes.inference.mcmc.engine import Shape, Target, load, sampler_of, save
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 AT_ONCE, MOST_AT_ONCE = 50, 400

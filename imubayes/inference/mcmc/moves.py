@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.inference.mcmc.density import (
     Density,
@@ -22,8 +22,6 @@ from imubayes.inference.mcmc.density import (
     log_conditional,
     log_marginal,
 )
-
-FloatArray = NDArray[np.float64]
 
 TAIL = 6.0
 """Degrees of freedom of the Student distribution: its tails are heavier than the posterior's."""

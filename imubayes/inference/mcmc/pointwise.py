@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.inference.at_noise import at_noise
 from imubayes.inference.linear import Linear
@@ -42,7 +42,6 @@ from imubayes.inference.mcmc.moves import Student, draw_student, fit_noise, inde
 from imubayes.inference.mcmc.pointwise import by_dwell
 from imubayes.inference.summary import Summary
 
-FloatArray = NDArray[np.float64]
 Method = Literal["collapsed", "full"]
 
 DRAWS = 250

@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import BLOCKS, Linear, blocks_of, whitened_factor, within_blocks
 from imubayes.inference.mcmc.coordinates import Coordinates
 from imubayes.inference.reml import Blocks, block_edges
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten, whitener
 from imubayes.sensors.noise import Noise
-
-FloatArray = NDArray[np.float64]
 
 WHOLE = 4000
 """Rows up to which a run is whitened as it is: each row is its own block."""

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.coordinates import Coordinates
 from imubayes.inference.mcmc.split import (
@@ -29,8 +30,6 @@ from imubayes.inference.mcmc.split import (
     values_at,
 )
 from imubayes.inference.summary import RunSummary
-
-FloatArray = NDArray[np.float64]
 
 SPENT = 18.0
 """Log of the density's fall at which a ratio has been followed far enough: exp(-18) = 1.5e-8."""

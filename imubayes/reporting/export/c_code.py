@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.reporting.export.characterized import UNLIMITED, Characterized
 from imubayes.reporting.export.equations import Language
@@ -13,8 +12,6 @@ from imubayes.reporting.export.heading import identifier
 from imubayes.reporting.export.python_code import compiled
 from imubayes.reporting.export.templating import model_values, rendered
 from imubayes.sensors.imu import Signals, forward, signals
-
-FloatArray = NDArray[np.float64]
 
 ROWS = 20_000
 """Random inputs over the range, from which the error of single precision is measured."""

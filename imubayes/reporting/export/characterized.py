@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.reporting.comparison.result_files import Written, checked, no_result, written
 from imubayes.reporting.export.draws import posterior_covariance
@@ -18,8 +18,6 @@ from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_o
 from imubayes.sensors.imu_range import InputRange
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Kind
-
-FloatArray = NDArray[np.float64]
 
 NEEDED, FULL = "needed", "full"
 """Models that every result has; others are its scenes."""

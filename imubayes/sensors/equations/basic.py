@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from imubayes import factor
+from imubayes.algebra import factor
+from imubayes.algebra.factor import Factor
 from imubayes.errors import TermError
-from imubayes.factor import Factor
 from imubayes.sensors.equations import mapping
 from imubayes.sensors.equations.mapping import Coefficients, FloatArray, Projection, Standard, Symbol, vector
 from imubayes.sensors.terms import Kind, Library

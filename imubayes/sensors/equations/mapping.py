@@ -17,13 +17,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import factor_of, least_squares
 from imubayes.errors import TermError
-from imubayes.factor import factor_of, least_squares
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Kind, Library
 
-FloatArray = NDArray[np.float64]
 Coefficients = dict[str, Any]
 """Generalized coefficients by the name of their term, SI; numbers or arrays of them."""
 

@@ -7,8 +7,8 @@ import pytest
 from campaigns import campaign_of
 
 import imubayes as ib
+from imubayes.algebra.factor import posterior
 from imubayes.errors import ConvergenceError
-from imubayes.factor import posterior
 from imubayes.inference.mcmc.density import log_marginal
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample

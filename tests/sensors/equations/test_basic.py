@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import factor_of
 from imubayes.errors import TermError, UnobservableError
-from imubayes.factor import factor_of
 from imubayes.sensors.equations.basic import (
     TERMS,
     Component,

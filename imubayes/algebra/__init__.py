@@ -1,0 +1,1 @@
+"""Triangular factors of whitened rows, and the digits that their arithmetic keeps."""

@@ -1,0 +1,354 @@
+"""From a sensor's entry in a study to a linear Gaussian problem: runs, priors, noise, and the test bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from imubayes.campaign.study import SensorSpec
+from imubayes.errors import StudyError
+from imubayes.inference.case import Asked, Case, tumble_case
+from imubayes.inference.ferraris import solve_ferraris
+from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.known_case import solve_known_case
+from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
+from imubayes.inference.norm_only import solve_free_tumble
+from imubayes.inference.nuisances import extras_for, rows_with, solve
+from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
+from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
+from imubayes.inference.summary import Summary, summarize
+from imubayes.inference.triad import calibration, triad_of
+from imubayes.inference.triad_angles import angles_of
+from imubayes.rig.bench import effective
+from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
+from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, Run, TriadRun
+from imubayes.rig.reference import KINDS
+from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec, read_run, simulate_runs
+from imubayes.sensors.catalogue import typical_noise
+from imubayes.sensors.imu import ACCELEROMETERS
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import Library
+from imubayes.units import factor
+
+AnyRun = Run | CaseRun
+"""What a run of a study is read as."""
+
+
+def runs_of(
+    spec: SensorSpec, seed: int, index: int, tell: Callable[[str], None] = lambda message: None
+) -> tuple[AnyRun, ...]:
+    """Read the recorded runs of a sensor and simulate the others, in the study's order.
+
+    Long files are read a part at a time, unless errors of the bench or robust dwells need all rows at once;
+    `tell` is told how far that is.
+    """
+    lib = None if spec.reference or spec.robust else spec.library
+    simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
+
+    def read(one: RunSpec) -> AnyRun:
+        return read_imu_run(one) if spec.gyroscope else read_run(one, spec.kind, lib, tell=tell)
+
+    return tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
+
+
+def simulate_sensor(
+    spec: SensorSpec, seed: int, index: int
+) -> tuple[tuple[Run | KnownRun, ...], Mapping[str, float]]:
+    """Simulate the runs of one sensor of a study; give them with what is behind them.
+
+    That is the coefficients by name, of a whole IMU by component and term (``ax.b0``), and the errors of the
+    bench where they are drawn, SI.
+
+    Parameters
+    ----------
+    spec : of the sensor.
+    seed : of the study.
+    index : of the sensor in the study, so that sensors are independent draws.
+
+    Raises
+    ------
+    StudyError : if the options of a run make no run.
+    """
+    wanted = [s for s in spec.runs if s.simulate is not None]
+    if not wanted or spec.sensor_class is None:
+        return (), {}
+    rng = np.random.default_rng([seed, index])
+    if spec.gyroscope and spec.gyroscope.sensor_class:
+        halves = (spec, spec.gyroscope)
+        made = Made(
+            classes={"accelerometer": spec.sensor_class, "gyroscope": spec.gyroscope.sensor_class},
+            libraries={one.kind: one.library for one in halves},
+            truth={**spec.truth, **spec.gyroscope.truth},
+            bench={one.kind: one.reference for one in halves} if spec.bench_drawn else {},
+        )
+        return simulate_imu(wanted, made, rng)
+    bench = spec.reference if spec.bench_drawn else {}
+    return simulate_runs(wanted, spec.sensor_class, spec.library, truth=spec.truth, bench=bench, rng=rng)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """Runs as a linear Gaussian problem: factor, rows, prior of every column, and where it comes from."""
+
+    runs: Sequence[AnyRun]
+    summary: Summary
+    rows: Sequence[Linear]
+    prior: ScalePrior
+    source: str
+    distrusted: tuple[Distrusted, ...] = ()
+
+
+def prepare(
+    spec: SensorSpec, runs: Sequence[Run], tell: Callable[[str], None], rng: np.random.Generator
+) -> Prepared:
+    """Noise, errors of the bench, and distrusted dwells of a component's runs.
+
+    Parameters
+    ----------
+    spec : of the component.
+    runs : its runs.
+    tell : is told what goes on.
+    rng : for the search for distrusted dwells.
+    """
+    prior, source = component_prior(spec, runs)
+    found = _summarized(spec, runs, prior, tell)
+    distrusted: tuple[Distrusted, ...] = ()
+    if spec.robust:
+        tell("dwells that cannot be trusted")
+        kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
+        runs, distrusted = kept.runs, kept.distrusted
+        # a run that is left out takes the errors with it that no other run has
+        kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
+        found = _summarized(spec, runs, prior, tell, kinds)
+        found = replace(found, summary=_noted(found.summary, kept.notes))
+    return replace(found, source=source, distrusted=distrusted)
+
+
+def _summarized(
+    spec: SensorSpec,
+    runs: Sequence[Run],
+    prior: ScalePrior,
+    tell: Callable[[str], None],
+    kinds: Mapping[str, float] | None = None,
+) -> Prepared:
+    """Factor of the runs, with the errors of the bench that the study allows for, or `kinds` of them."""
+    rules = _rules(spec, runs)
+    wanted = spec.reference if kinds is None else kinds
+    if wanted:
+        tell("errors of the test bench")
+        summary, rows = solve(runs, spec.library, prior.sd, wanted, sensor=spec.sensor_class, rules=rules)
+    else:
+        rows = tuple(linear_of(run, spec.library) for run in runs)
+        summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules, rows=rows)
+    return Prepared(tuple(runs), summary, rows, _with_extras(prior, summary.extras), "")
+
+
+def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:
+    """Give the noise of parts of the runs, by the study's rules."""
+
+    def noise_of(runs: Sequence[Run], rows: Sequence[Linear]) -> list[Noise]:
+        summary = summarize(
+            runs,
+            spec.library,
+            sensor=spec.sensor_class,
+            rules=_rules(spec, runs),
+            rows=rows,
+            extras=found.summary.extras,
+        )
+        return [run.noise for run in summary.runs]
+
+    return noise_of
+
+
+def _noted(summary: Summary, notes: tuple[str, ...]) -> Summary:
+    """Summary whose first run's source says what did not go as usual."""
+    if not notes:
+        return summary
+    first, *others = summary.runs
+    source = replace(first.source, notes=(*first.source.notes, *notes))
+    return replace(summary, runs=(replace(first, source=source), *others))
+
+
+def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
+    """Runs as a linear problem without a look at what the sensor said."""
+    prior, source = component_prior(spec, runs)
+    rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
+    extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
+    if extras:
+        rows = rows_with(runs, spec.library, extras, np.zeros(len(prior.sd)), np.zeros(len(extras)))
+    summary = summarize(
+        runs,
+        spec.library,
+        sensor=spec.sensor_class,
+        rules=_noise_before_fit(spec),
+        rows=rows,
+        extras=extras,
+    )
+    return Prepared(runs, summary, rows, _with_extras(prior, extras), source)
+
+
+def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
+    return ScalePrior([*prior.sd, *(extra.sd for extra in extras)])
+
+
+def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = False) -> tuple[Case, Prepared]:
+    """Linearise runs of several components in one case, and give the linear problem that comes of it.
+
+    Parameters
+    ----------
+    spec : of a triad of accelerometers, or of an IMU.
+    runs : free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
+        inputs.
+    blind : do not look at what the sensor said where inputs are known, so that nothing is fitted.
+
+    Raises
+    ------
+    StudyError : if the study names no class.
+    ConvergenceError : if a linearisation does not settle.
+    """
+    prior, source = _triad_prior(spec)
+    if spec.gyroscope:
+        own, beside = _triad_prior(spec.gyroscope)
+        case = _imu_case(spec, runs, (prior, own), blind=blind)
+        prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
+    else:
+        free = [run for run in runs if isinstance(run, TriadRun)]
+        rules = _rules(spec, runs)
+        case = tumble_case(
+            solve_free_tumble(
+                free, spec.library, prior, sensor=spec.sensor_class, rules=rules, gravity=_gravity(spec)
+            )
+        )
+    whole = _with_extras(prior, case.summary.extras)
+    if _referenced(spec):
+        case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
+    return case, Prepared(runs, case.summary, case.rows, whole, source)
+
+
+def _imu_case(
+    spec: SensorSpec, runs: Sequence[CaseRun], priors: tuple[ScalePrior, ScalePrior], *, blind: bool
+) -> Case:
+    """Characterise an IMU in one piece, by what its runs know."""
+    known = [run for run in runs if isinstance(run, KnownRun)]
+    asked = [
+        Asked(
+            one.library,
+            prior,
+            one.sensor_class,
+            _noise_before_fit(one) if blind and known else _rules(one, runs),
+            one.reference,
+        )
+        for one, prior in zip((spec, spec.of("gyroscope")), priors, strict=True)
+    ]
+    if known:
+        return solve_known_case(known, *asked, blind=blind)
+    partly = [run for run in runs if isinstance(run, ImuRun)]
+    if partly[0].procedure == FERRARIS:
+        return solve_ferraris(partly, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
+    return solve_imu_tumble(partly, *asked, gravity=_gravity(spec))
+
+
+def _referenced(spec: SensorSpec) -> bool:
+    """Whether the runs of a case know directions, and not only the size of gravity."""
+    return spec.runs[0].procedure != FREE_TUMBLE
+
+
+def _both(accelerometer: str, gyroscope: str) -> str:
+    """Sources of the priors of both kinds, in words."""
+    if accelerometer == gyroscope:
+        return accelerometer
+    return f"accelerometers: {accelerometer}; gyroscopes: {gyroscope}"
+
+
+def _gravity(spec: SensorSpec) -> Extra | None:
+    """Error of the local gravity of a free tumble, where the study allows for one."""
+    sd = spec.reference.get("gravity")
+    if sd is None:
+        return None
+    kind = KINDS["gravity"]
+    return Extra(kind.name, kind.name, sd, kind.unit, kind.printed, kind.text)
+
+
+def _rules(spec: SensorSpec, runs: Sequence[AnyRun]) -> dict[str, NoiseRule]:
+    """Noise rules of the study; a run whose noise was to be that of a run left out has its own."""
+    there = {run.name for run in runs}
+    return {s.name: s.noise if (s.noise.like or s.name) in there else NoiseRule() for s in spec.runs}
+
+
+def _noise_before_fit(spec: SensorSpec) -> dict[str, NoiseRule]:
+    """Noise rules that need no fit: what the study gives, else the class's typical noise, else white."""
+    typical = typical_noise(spec.sensor_class) if spec.sensor_class else None
+    usual = NoiseRule("fixed", typical) if typical else NoiseRule("white")
+    return {s.name: s.noise if s.noise.rule == "fixed" and s.noise.value else usual for s in spec.runs}
+
+
+def component_prior(spec: SensorSpec, runs: Sequence[Run]) -> tuple[ScalePrior, str]:
+    """Physical prior of a component, and where it comes from in words."""
+    if spec.sensor_class:
+        return _overridden(class_sd(spec.sensor_class, spec.library), spec, [spec.library])
+    swing = max(swing_of(run, spec.library) for run in runs)
+    reach = np.max([reach_of(linear_of(run, spec.library)) for run in runs], axis=0)
+    return _overridden(weak_sd(reach, swing), spec, [spec.library])
+
+
+def _triad_prior(spec: SensorSpec) -> tuple[ScalePrior, str]:
+    """Physical prior of the terms of all three components, and where it comes from in words.
+
+    Raises
+    ------
+    StudyError : if the study names no class.
+    """
+    libraries = triad_of(spec.library, referenced=_referenced(spec)).libraries
+    if spec.sensor_class is None:
+        raise StudyError(
+            f"sensor '{spec.id}': several components in one case need a class, which gives their priors:"
+            ' add class = "..." (imubayes catalogue lists them)'
+        )
+    return _overridden(
+        np.concatenate([class_sd(spec.sensor_class, lib) for lib in libraries]), spec, libraries
+    )
+
+
+def _overridden(sd: np.ndarray, spec: SensorSpec, libraries: Sequence[Library]) -> tuple[ScalePrior, str]:
+    """Prior with the study's own sds in place of the class's."""
+    names = [name for lib in libraries for name in lib.names]
+    values = [spec.prior.get(name, usual) for name, usual in zip(names, sd.tolist(), strict=True)]
+    given = [name for name in dict.fromkeys(names) if name in spec.prior]
+    source = (
+        f"typical magnitudes of class {spec.sensor_class.id}"
+        if spec.sensor_class
+        else "no class is named: each term alone may move the output by its whole range"
+    )
+    return ScalePrior(values), f"{source}; {', '.join(given)} from the study" if given else source
+
+
+def nominal_columns(spec: SensorSpec, component: str) -> tuple[float, float]:
+    """Scale (SI per file unit) and offset (file units) that the study gives a component's column."""
+    column = spec.runs[0].columns.get(component)
+    if column is None:
+        return 1.0, 0.0
+    like = OUTPUT_UNIT["accelerometer" if component in ACCELEROMETERS else "gyroscope"]
+    unit = factor(column.unit, like) if column.unit and column.scale is None else 1.0
+    return column.scale or unit, column.offset or 0.0
+
+
+def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[dict[str, object]]:
+    """Compensation of each component of a case, as calibration tools publish it (see `triad.calibration`).
+
+    Parameters
+    ----------
+    spec : of the sensor, whose columns say what the file's numbers are.
+    case : its components.
+    theta : coefficients of all of them, SI.
+    """
+    parts = np.split(np.asarray(theta, dtype=float), [len(case.triads[0].theta)])
+    angles = {"angles": [asdict(angle) for angle in case.angles]} if case.angles else {}
+    return [
+        row | angles
+        for triad, mean in zip(case.triads, parts, strict=False)
+        for row in calibration(
+            replace(triad, theta=mean), [nominal_columns(spec, name) for name in triad.components]
+        )
+    ]

@@ -1,0 +1,296 @@
+"""A study as its file says, and what comes of it: the values that the stages of `study` exchange."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
+from imubayes.campaign.fidelity import Choice
+from imubayes.inference.linear import Extra
+from imubayes.inference.mcmc.chains import Chains
+from imubayes.inference.misfit import Misfit
+from imubayes.inference.observability import Observability
+from imubayes.inference.recovered import Recovered
+from imubayes.inference.residuals import ResidualCheck
+from imubayes.inference.robust import Distrusted
+from imubayes.inference.sessions import Repeatability
+from imubayes.inference.summary import RunSummary
+from imubayes.rig.runs import RunSpec
+from imubayes.rig.scenes import Scene
+from imubayes.selection.class_needs import ClassInCommon
+from imubayes.selection.decision import Selection
+from imubayes.selection.kernels import Budget
+from imubayes.selection.noise_found import NoiseFound, NoiseQuestion
+from imubayes.selection.panel import Panel
+from imubayes.selection.relevance import Relevance
+from imubayes.selection.verdicts import EQUAL, Costs
+from imubayes.sensors.catalogue import SensorClass
+from imubayes.sensors.terms import Kind, Library
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorSpec:
+    """A sensor of a study, before its runs are read.
+
+    Attributes
+    ----------
+    id : as in the study.
+    kind : accelerometer or gyroscope.
+    sensor_class : of the catalogue; None where the study names none.
+    library : candidate terms.
+    runs : the runs, in the study's order.
+    truth : coefficients in SI by name, for simulated runs; empty draws them from the class.
+    prior : prior sds in SI by name that take the place of the class's.
+    reference : sd in SI of each error of the test bench that is allowed for, by its kind (see
+        `imubayes.rig.reference`).
+    robust : whether dwells may be contaminated by outliers.
+    unit, session : for a unit that was tested in several sessions, which ones are the same unit; empty else.
+    gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its
+        accelerometers. Its truth is by component and term, ``ax.b0``.
+    bench_drawn : whether the bench of simulated runs has errors, drawn from `reference`.
+    """
+
+    id: str
+    kind: Kind
+    sensor_class: SensorClass | None
+    library: Library
+    runs: tuple[RunSpec, ...]
+    truth: Mapping[str, float]
+    prior: Mapping[str, float] = field(default_factory=dict)
+    reference: Mapping[str, float] = field(default_factory=dict)
+    robust: bool = False
+    unit: str = ""
+    session: str = ""
+    gyroscope: SensorSpec | None = None
+    bench_drawn: bool = False
+
+    def of(self, kind: Kind) -> SensorSpec:
+        """What is asked of the components of a kind."""
+        return self.gyroscope if self.gyroscope and kind == "gyroscope" else self
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """How the posterior is computed.
+
+    Attributes
+    ----------
+    method : ``exact``, ``collapsed``, ``full``, or ``auto``: the one that is right for each sensor.
+    ess : effective sample size asked of every parameter.
+    time_limit : s, for each sensor.
+    checkpoints : folder of the chains' files; None keeps none.
+    resume : continue the chains that are in that folder.
+    budget : s of compute that each sensor may take; the best rung of the ladder that fits in is taken.
+    accuracy : posterior sd; the ladder is climbed until a rung changes no coefficient by more.
+    """
+
+    method: str = "auto"
+    ess: float = 1000.0
+    time_limit: float = 600.0
+    checkpoints: Path | None = None
+    resume: bool = False
+    budget: float | None = None
+    accuracy: float | None = None
+
+    @property
+    def climbs(self) -> bool:
+        """Whether the ladder of methods is asked for."""
+        return self.budget is not None or self.accuracy is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Appendix:
+    """A table measured elsewhere that the report shows beside its own results.
+
+    Attributes
+    ----------
+    title, note : in words.
+    command : that made it.
+    header, rows : of the table, as texts.
+    """
+
+    title: str
+    note: str
+    command: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mission:
+    """A scene, and what is asked of the sensors there.
+
+    Attributes
+    ----------
+    name : of the scene.
+    scene : what they will see.
+    budget : of their error.
+    axis : case axis along which a sensor has its input; a component of a triad has its own.
+    kind : of the sensors that the budget is for; None for all.
+    """
+
+    name: str
+    scene: Scene
+    budget: Budget
+    axis: str = "x"
+    kind: Kind | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """A study, as its file says.
+
+    Attributes
+    ----------
+    title, seed : of the study.
+    sensors : what is tested.
+    path : the study's file.
+    text : the file's content, for the report.
+    sampling : how the posterior is computed.
+    appendices : tables from elsewhere.
+    costs : of wrong choices.
+    hierarchical : whether a term may only be in a model that has what it modifies.
+    compare : whether the other methods are run beside the decision.
+    scenes : that the terms of every sensor are held against.
+    noise : which runs are asked for their noise processes.
+    """
+
+    title: str
+    seed: int
+    sensors: tuple[SensorSpec, ...]
+    path: Path
+    text: str
+    sampling: Sampling = field(default_factory=Sampling)
+    appendices: tuple[Appendix, ...] = ()
+    costs: Costs = EQUAL
+    hierarchical: bool = False
+    compare: bool = True
+    scenes: tuple[Mission, ...] = ()
+    noise: NoiseQuestion = field(default_factory=NoiseQuestion)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorCheck:
+    """What the runs of a component can tell of its terms and extras, before anything is fitted.
+
+    Of the runs, `notes` says what is left out as saturated.
+    """
+
+    id: str
+    library: Library
+    observability: Observability
+    extras: tuple[Extra, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ExtraPosterior:
+    """Posterior of a column that is no term, under the full library.
+
+    Attributes
+    ----------
+    extra : the column and its prior.
+    mean, sd : SI.
+    partners : terms and extras that the test sees only in combination with it.
+    """
+
+    extra: Extra
+    mean: float
+    sd: float
+    partners: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorResult:
+    """What a study says of one component.
+
+    Attributes
+    ----------
+    id : sensor's id; ``<sensor>.<component>`` for a component of a triad.
+    kind, class_id : of the component; the class is empty where the study names none.
+    samples : rows used.
+    runs : noise, ranges and source of each run.
+    selection : verdicts and models.
+    checks : residual checks by run.
+    draws : (m, p) exact posterior draws of the coefficients (zero where a draw's model has no such term).
+    prior_draws : (m, p) draws of the prior, in the same form.
+    prior_source : in words, where the priors come from.
+    seconds : compute time.
+    calibration : for a reference-free triad, the component's row of the compensation; else None.
+    method, method_reason : how the posterior was computed, and why so.
+    chains : of the sampler; None for the exact method.
+    extras : what the data say of the columns that are no terms.
+    distrusted : dwells that the robust analysis holds for contaminated, worst first.
+    panel : what every other method says.
+    misfit : what the residuals say that the library does not contain; None where they were not asked.
+    correlation : (p, p) of the coefficients under the full library; None where it was not asked.
+    drive : factor of the library's columns over the samples of the test; None where it was not asked.
+    choice : which rung of the ladder was taken, and what the next would change; None where none was asked.
+    processes : noise processes of the runs that were asked for them.
+    pooled : inclusion of each term in one model for all components of its kind in the case, by name; empty
+        for a single component.
+    recovered : known quantities of the case's runs before and after compensation, alike for all of its
+        components; none where inputs are known.
+    """
+
+    id: str
+    kind: Kind
+    class_id: str
+    samples: int
+    runs: tuple[RunSummary, ...]
+    selection: Selection
+    checks: tuple[ResidualCheck, ...]
+    draws: FloatArray
+    prior_draws: FloatArray
+    prior_source: str
+    seconds: float
+    calibration: Mapping[str, object] | None = None
+    method: str = "exact"
+    method_reason: str = ""
+    chains: Chains | None = None
+    extras: tuple[ExtraPosterior, ...] = ()
+    distrusted: tuple[Distrusted, ...] = ()
+    panel: Panel | None = None
+    misfit: Misfit | None = None
+    correlation: FloatArray | None = None
+    drive: Factor | None = None
+    choice: Choice | None = None
+    processes: tuple[NoiseFound, ...] = ()
+    pooled: Mapping[str, float] = field(default_factory=dict)
+    pulls: Mapping[str, FloatArray] = field(default_factory=dict)
+    recovered: tuple[Recovered, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StudyResult:
+    """Results of a study.
+
+    Attributes
+    ----------
+    study : that was run.
+    sensors : one entry per component.
+    sessions : what sessions of one unit have in common.
+    scenes : (id of a component, what a scene requires of it), scene by scene.
+    classes : what the units of each class have in common.
+    """
+
+    study: Study
+    sensors: tuple[SensorResult, ...]
+    sessions: tuple[Repeatability, ...] = ()
+    scenes: tuple[tuple[str, Relevance], ...] = ()
+    classes: tuple[ClassInCommon, ...] = ()
+
+
+def file_name(name: str) -> str:
+    """Name of a file for a sensor or run: what file systems forbid becomes a dash.
+
+    Examples
+    --------
+    >>> file_name("ACC 07/b"), file_name("..")
+    ('ACC-07-b', 'unnamed')
+    """
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "unnamed"

@@ -1,0 +1,273 @@
+"""The command line: ``imubayes run | check | simulate | plan | trade | compare | export | catalogue``.
+
+Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
+needs is imported when it runs, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from imubayes.cli.console import complete, fail, show, usable, waiting, written
+from imubayes.cli.options import duration
+from imubayes.errors import ConvergenceError, InputError, TermError
+
+if TYPE_CHECKING:
+    from imubayes.cli.kinds import Done
+    from imubayes.sensors.catalogue import SensorClass
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Which terms of the generalized IMU model does this sensor need, and how sure is that?",
+)
+
+
+class Method(StrEnum):
+    """How the posterior is computed."""
+
+    auto = "auto"
+    exact = "exact"
+    collapsed = "collapsed"
+    full = "full"
+
+
+class ExportFormat(StrEnum):
+    """What a result is exported to."""
+
+    kalibr = "kalibr"
+    c = "c"
+    python = "python"
+    matlab = "matlab"
+    json = "json"
+    filter = "filter"
+
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
+
+
+def main() -> None:
+    """Run the command line; the console script's entry point."""
+    try:
+        app()
+    except InputError as error:
+        fail(str(error), 2)
+    except ConvergenceError as error:
+        fail(f"{error}; this is a fault of imubayes, please report it with the study", 1)
+
+
+@app.callback(invoke_without_command=True)
+def _options(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
+) -> None:
+    if version:
+        from imubayes import __version__
+
+        typer.echo(f"imubayes {__version__}")
+        raise typer.Exit
+
+
+@app.command("run")
+def _run(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
+    ] = None,
+    method: Annotated[
+        Method | None, typer.Option(help="How the posterior is computed.", show_default="the study's")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue what is in the folder.")] = False,
+    time_limit: Annotated[
+        str | None, typer.Option(help='Of the chains of a sensor, "5 min".', show_default="the study's")
+    ] = None,
+    ess: Annotated[
+        float | None, typer.Option(help="Effective sample size to reach.", show_default="the study's")
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            help='Compute time of a sensor, "5 s": the best method that fits in.', show_default=False
+        ),
+    ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(help="In posterior sd: the cheapest method that reaches it.", show_default=False),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler, for a fleet.", show_default="local")
+    ] = None,
+) -> None:
+    """Decide which terms each sensor needs; write the report."""
+    from imubayes.cli import kinds
+
+    folder = usable(out or Path("reports") / study.stem)
+    named = None if method is None else method.value
+    asked = kinds.Asked(folder, named, resume, time_limit, ess, budget, accuracy, scheduler)
+    with waiting() as told:
+        done = kinds.run(study, asked, told)
+    _report(done, folder)
+
+
+def _report(done: Done, folder: Path) -> None:
+    """Write what a study came to, and show it."""
+    shown, write = done
+    files = write(folder)
+    show(shown)
+    written(folder, files)
+
+
+@app.command("check")
+def _check(study: StudyFile) -> None:
+    """Say what the runs can tell, before a fit."""
+    from imubayes.config import read_study
+    from imubayes.reporting.tables import terminal_check
+    from imubayes.study.method import check
+
+    for sensor in check(read_study(study)):
+        show(terminal_check(sensor))
+
+
+@app.command("simulate")
+def _simulate(
+    study: StudyFile,
+    out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
+) -> None:
+    """Write simulated runs, and a study of them, as files."""
+    from imubayes.config import read_study, record_study
+
+    folder = usable(out)
+    with complete(folder) as part:
+        files = record_study(read_study(study), part)
+    written(folder, files)
+
+
+@app.command("trade")
+def _trade(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the report.", show_default="reports/<study>-trade")
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="Simulated sensors whose truth is known.")] = 20,
+    rungs: Annotated[
+        str | None, typer.Option(help="Methods, separated by commas.", show_default="all")
+    ] = None,
+    limit: Annotated[str, typer.Option(help="Of the time, about.")] = "5 min",
+    only: Annotated[
+        str | None, typer.Option(help="Sensors or classes, separated by commas.", show_default="all")
+    ] = None,
+) -> None:
+    """Measure what each method costs on a study, and what it gets wrong."""
+    from imubayes.cli import kinds
+
+    folder = usable(out or Path("reports") / f"{study.stem}-trade")
+    asked = [] if rungs is None else rungs.split(",")
+    names = [] if only is None else [name.strip() for name in only.split(",")]
+    lasting = duration(limit, "--limit")
+    with waiting() as told:
+        done = kinds.trade(study, asked, names, told, repeats=repeats, limit=lasting)
+    _report(done, folder)
+
+
+@app.command("plan")
+def _plan(
+    study: StudyFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
+    ] = None,
+) -> None:
+    """Find the best test within a time, before it is run."""
+    from imubayes.config import read_plan
+    from imubayes.config.planned import write_planned
+    from imubayes.planning.proposal import propose
+    from imubayes.reporting.plan_page import terminal_plan, write_plan
+
+    folder = usable(out or Path("reports") / study.stem)
+    with waiting() as told:
+        found = propose(read_plan(study), progress=told)
+    with complete(folder) as part:
+        files = (*write_plan(found, part), write_planned(found, part))
+    show(terminal_plan(found))
+    written(folder, files)
+
+
+@app.command("catalogue")
+def _catalogue(
+    name: Annotated[
+        str | None, typer.Argument(metavar="CLASS", help="A class id.", show_default=False)
+    ] = None,
+    kind: Annotated[str | None, typer.Option(help="accelerometer or gyroscope.", show_default=False)] = None,
+    own: Annotated[Path | None, typer.Option(help="TOML file of own classes.", show_default=False)] = None,
+) -> None:
+    """List the technologies and grades, or one's figures and priors."""
+    from imubayes.reporting.catalogue_tables import bench_list, class_list, class_page
+    from imubayes.sensors.catalogue import classes
+    from imubayes.sensors.catalogue_file import read_catalogue
+
+    known = classes(kind, catalogue=() if own is None else read_catalogue(own))
+    if name is None:
+        show(class_list(known))
+    if name is None and kind is None:
+        show(bench_list())
+    for entry in [] if name is None else _named(name, known):
+        show(class_page(entry))
+
+
+@app.command("compare")
+def _compare(
+    results: Annotated[
+        list[Path], typer.Argument(metavar="RESULT...", help="Files result.json, or their folders.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the comparison's report.", show_default=False)
+    ] = None,
+) -> None:
+    """Set results side by side; say what differs beyond uncertainty."""
+    from imubayes.reporting.comparison.kinds import side_by_side, write_comparison
+    from imubayes.reporting.comparison.view import terminal_page
+
+    folder = None if out is None else usable(out)
+    found = side_by_side(results)
+    files: tuple[Path, ...] = ()
+    if folder is not None:
+        with complete(folder) as part:
+            files = write_comparison(found, part)
+    show(terminal_page(found.page))
+    if folder is not None:
+        written(folder, files)
+
+
+@app.command("export")
+def _export(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="A result, or its folder.")],
+    to: Annotated[ExportFormat, typer.Option(help="What it is for.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
+    model: Annotated[str, typer.Option(help="needed, full, or a scene of the result.")] = "needed",
+    sensor: Annotated[str, typer.Option(help="Id, where the result has several.", show_default=False)] = "",
+) -> None:
+    """Write a compensation, a simulator's model or a filter's parameters."""
+    from imubayes.reporting.export import exported
+
+    folder = usable(out)
+    texts = exported(result, to.value, sensor=sensor, model=model)
+    with complete(folder) as part:
+        for name, text in texts.items():
+            (part / name).write_text(text, encoding="utf-8")
+    written(folder, tuple(folder / name for name in texts))
+
+
+def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
+    found = [entry for entry in known if entry.id == name]
+    if not found:
+        ids = dict.fromkeys(entry.id for entry in known)
+        near = get_close_matches(name, ids, n=1)
+        hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(ids)}"
+        raise TermError(f"class '{name}' is not in the catalogue: {hint}")
+    return found

@@ -1,0 +1,290 @@
+"""What to test, before it is tested: the best plan from a study's candidates, and what it is held against."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, triangular
+from imubayes.campaign.study import Mission
+from imubayes.errors import UnobservableError
+from imubayes.inference.observability import Observability, carried, observe
+from imubayes.planning.candidates import (
+    Aim,
+    Menu,
+    Problem,
+    Step,
+    Steps,
+    duration,
+    root,
+    runs_of,
+    whitened,
+    worth,
+)
+from imubayes.planning.design import best_plan, even_plan, following
+from imubayes.planning.menu import Bench, PlanStudy, bench_columns, own_input, start_of
+from imubayes.planning.rehearsal import rehearsed
+from imubayes.rig.inputs import Facts, facts_of
+from imubayes.rig.settings import Setting, settings_of
+from imubayes.selection.relevance import MATTERS
+from imubayes.selection.scene_effects import SceneEffects, budget_effects
+
+SEEN = 0.9
+"""Posterior over prior sd below which all candidates together tell a term."""
+
+NEXT = 6
+"""Next dwells that are told."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a plan would tell.
+
+    Attributes
+    ----------
+    name : of the plan: ``even``, ``same`` (the best with the same equipment) or ``best``.
+    steps : of the plan.
+    seconds : that it takes.
+    worth : size of the aim; smaller is better.
+    sd : (p,) predicted posterior sd of each term, SI.
+    simulated : (p,) root mean square error over simulated units, SI.
+    share : predicted rms effect of what is not known in the scene, over the budget; NaN without a scene.
+    seen : what it can tell of each term and error of the bench.
+    """
+
+    name: str
+    steps: Steps
+    seconds: float
+    worth: float
+    sd: FloatArray
+    simulated: FloatArray
+    share: float
+    seen: Observability
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """A plan, and what it is held against.
+
+    Attributes
+    ----------
+    study : that asked.
+    prior_sd, known_sd : (p,) sd of each term by the class, and with the runs that are done, SI.
+    need : (p,) sd that the scene needs, SI; infinite for a term that it does not drive, and without a scene.
+    needed : terms that the aim is about.
+    menus : columns, noise and handling of each offer.
+    own : own input at each setting of each offer, SI.
+    settings : words for each setting of each offer.
+    even, same, best : outcomes; `same` is `best` where only one run is offered.
+    following : (offer, setting, dwell, time in s, worth) of the best next dwells after what is done.
+    seconds : of computing.
+    """
+
+    study: PlanStudy
+    prior_sd: FloatArray
+    known_sd: FloatArray
+    need: FloatArray
+    needed: tuple[str, ...]
+    menus: tuple[Menu, ...]
+    own: tuple[FloatArray, ...]
+    settings: tuple[tuple[Setting, ...], ...]
+    even: Outcome
+    same: Outcome
+    best: Outcome
+    following: tuple[tuple[Step, float, float], ...]
+    seconds: float
+
+    def worst(self, outcome: Outcome) -> tuple[str, float]:
+        """Needed term with the largest predicted sd over its need (without a scene: over its prior sd)."""
+        limit = self.need if np.isfinite(self.need).any() else self.prior_sd
+        names = self.study.spec.library.names
+        ratios = {
+            name: float(outcome.sd[k] / limit[k]) for k, name in enumerate(names) if name in self.needed
+        }
+        name = max(ratios, key=lambda one: ratios[one])
+        return name, ratios[name]
+
+
+def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda message: None) -> Proposal:
+    """Find the best plan within the time.
+
+    Parameters
+    ----------
+    study : as `config.plan_tables.plan_study` gives it.
+    progress : is told what goes on.
+
+    Raises
+    ------
+    InputError : if the candidates tell nothing of a needed term, or the time is too short.
+    """
+    start = time.perf_counter()
+    progress("candidates")
+    bench = bench_columns(study)
+    needed = _needed(study, bench)
+    effects = _effects(study)
+    need = _need(study, effects)
+    problem = _problem(study, bench, needed, need, effects)
+    progress("the best plan")
+    even = even_plan(problem, study.even)
+    best = best_plan(problem).steps
+    if worth(problem, even) < worth(problem, best):
+        best = best_plan(problem, [even]).steps
+    alone = replace(problem, menus=tuple(_only(m, k == study.even) for k, m in enumerate(problem.menus)))
+    same = best_plan(alone, [even]).steps if len(problem.menus) > 1 else best
+    if worth(problem, same) < worth(problem, best):
+        best = same
+    progress(f"{study.units} simulated units")
+    told = _Told(study, bench, problem, effects)
+    return Proposal(
+        study=study,
+        prior_sd=bench.sd[: bench.p],
+        known_sd=_sd(bench, root(problem, ()))[_carriers(study)],
+        need=need,
+        needed=needed,
+        menus=bench.menus,
+        own=tuple(own_input(plan, study.spec) for plan in bench.plans),
+        settings=tuple(
+            settings_of(m, o.spec.simulate or {}) for m, o in zip(bench.plans, study.offers, strict=True)
+        ),
+        even=told.of("even", even),
+        same=told.of("same", same),
+        best=told.of("best", best),
+        following=following(problem, (), NEXT),
+        seconds=time.perf_counter() - start,
+    )
+
+
+def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
+    """Terms that the aim is about: as the study says, or all that the candidates together can tell."""
+    every = tuple(
+        Step(k, setting, max(menu.dwells))
+        for k, menu in enumerate(bench.menus)
+        for setting in range(len(menu.X))
+    )
+    whole = Problem(bench.menus, start_of(bench), Aim("D", np.eye(len(bench.sd))), np.inf)
+    ratio = np.linalg.norm(root(whole, every), axis=1)
+    seen = tuple(name for name, r in zip(bench.names[: bench.p], ratio, strict=False) if r < SEEN)
+    idle = np.abs(np.concatenate((bench.known, *(menu.X for menu in bench.menus)))).max(axis=0) == 0.0
+    leader = dict(study.spec.library.tied)
+    asked = tuple(dict.fromkeys(leader.get(name, name) for name in study.needed))
+    lost = tuple(name for name in asked if idle[bench.names.index(name)])
+    if lost or not seen:
+        raise UnobservableError(
+            f"no candidate drives {', '.join(lost) or 'any term beyond its prior'}: offer a run that does"
+            " ('imubayes check' tells which), or leave the term out of needed",
+            lost,
+        )
+    return asked or seen
+
+
+def _carriers(study: PlanStudy) -> list[int]:
+    """Place (p,) of the column that carries each term's coefficient."""
+    lib = study.spec.library
+    return [lib.names.index(name) for name in lib.carriers]
+
+
+def _effects(study: PlanStudy) -> SceneEffects | None:
+    mission = study.mission
+    if mission is None:
+        return None
+    return budget_effects(mission.scene, study.spec.library, mission.budget, mission.axis)
+
+
+def _need(study: PlanStudy, effects: SceneEffects | None) -> FloatArray:
+    """Sd (p,) of each term at which its effect is a tenth of the budget."""
+    p = len(study.spec.library.terms)
+    if effects is None or study.mission is None:
+        return np.full(p, np.inf)
+    single = effects.single(np.ones(p))
+    return np.divide(MATTERS * study.mission.budget.limit, single, out=np.full(p, np.inf), where=single > 0.0)
+
+
+def _problem(
+    study: PlanStudy, bench: Bench, needed: tuple[str, ...], need: FloatArray, effects: SceneEffects | None
+) -> Problem:
+    """Problem with the study's aim."""
+    where = [bench.names.index(name) for name in needed]
+    G = np.eye(len(bench.sd))[where]
+    kind: Literal["D", "worst", "rms"] = "D" if study.aim == "D" else "worst"
+    if study.aim == "worst" and effects is not None:
+        driven = [k for k in where if np.isfinite(need[k])]
+        G = np.eye(len(bench.sd))[driven] * bench.sd / need[driven][:, None]
+    if study.aim == "scene" and effects is not None and study.mission is not None:
+        G = _in_scene(bench, effects, study.mission)
+        kind = "worst" if effects.largest else "rms"
+    return Problem(bench.menus, start_of(bench), Aim(kind, G), study.time)
+
+
+def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArray:
+    """Rows (q, c) of the error in a scene, over its budget."""
+    rows = np.zeros((len(effects.rows), len(bench.sd)))
+    rows[:, : bench.p] = effects.rows * bench.sd[: bench.p] / mission.budget.limit
+    return rows
+
+
+def _only(menu: Menu, offered: bool) -> Menu:
+    """Menu, or nothing of it."""
+    return menu if offered else replace(menu, dwells=())
+
+
+def _sd(bench: Bench, S: FloatArray) -> FloatArray:
+    return np.linalg.norm(S, axis=1) * bench.sd
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """What is told of plans."""
+
+    study: PlanStudy
+    bench: Bench
+    problem: Problem
+    effects: SceneEffects | None
+
+    def of(self, name: str, steps: Steps) -> Outcome:
+        """Outcome of a plan."""
+        bench, problem = self.bench, self.problem
+        S = root(problem, steps)
+        where = _carriers(self.study)
+        errors = rehearsed(problem, steps, self.study.units, np.random.default_rng([self.study.seed, 1]))
+        return Outcome(
+            name=name,
+            steps=steps,
+            seconds=duration(problem, steps),
+            worth=worth(problem, steps),
+            sd=_sd(bench, S)[where],
+            simulated=(np.sqrt(np.mean(errors**2, axis=0)) * bench.sd)[where],
+            share=self._share(S),
+            seen=self._seen(steps),
+        )
+
+    def _share(self, S: FloatArray) -> float:
+        if self.effects is None or self.study.mission is None:
+            return float("nan")
+        spread = np.linalg.norm(_in_scene(self.bench, self.effects, self.study.mission) @ S, axis=1)
+        return float(self.effects.sized(spread))
+
+    def _seen(self, steps: Steps) -> Observability:
+        """What the plan can tell, with the runs that are done."""
+        bench = self.bench
+        rows = [whitened(bench.menus[k], part) for k, part in runs_of(steps)]
+        c = len(bench.sd)
+        R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
+        padded = np.pad(R, ((0, 1), (0, 1)))
+        chosen = [bench.menus[s.menu].X[s.setting] for s in steps]
+        reach = np.abs(np.array([*chosen, *bench.known])).max(axis=0) / bench.sd
+        found = dict(zip(bench.names, reach.tolist(), strict=True))
+        seen = observe(Factor(bench.names, padded, len(steps)), bench.sd, self._facts(steps), reach=found)
+        return carried(seen, dict(self.study.spec.library.tied))
+
+    def _facts(self, steps: Steps) -> Facts:
+        channels = [run.inputs.channels for run in self.bench.done]
+        for k, part in runs_of(steps):
+            where = [step.setting for step in part]
+            chosen = self.bench.plans[k].inputs.channels
+            channels.append({name: values[where] for name, values in chosen.items()})
+        return facts_of(channels, self.study.spec.kind)

@@ -1,0 +1,434 @@
+"""The whole method, in the order a paper would tell it.
+
+Read the runs; estimate each run's noise with the full library in the mean, whiten, and add up one triangular
+factor; weigh every submodel on it; say of each term whether it is needed, not needed, or cannot be told; and
+test whether what is left is noise.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from imubayes.algebra import factor as algebra
+from imubayes.campaign.preparation import (
+    AnyRun,
+    Prepared,
+    before_fit,
+    prepare,
+    prepare_case,
+    runs_of,
+)
+from imubayes.campaign.study import (
+    ExtraPosterior,
+    SensorCheck,
+    SensorResult,
+    SensorSpec,
+    Study,
+    StudyResult,
+    file_name,
+)
+from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.inference.case import Case
+from imubayes.inference.correlations import correlation, pulls
+from imubayes.inference.linear import drive
+from imubayes.inference.mcmc.chains import Chains, of_columns
+from imubayes.inference.mcmc.choice import chosen_method
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.run import Sampled, sample
+from imubayes.inference.misfit import Misfit, find_misfit
+from imubayes.inference.noise_at_rest import rows_at_rest
+from imubayes.inference.observability import Observability, carried, observe
+from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
+from imubayes.ladder.climb import by_accuracy, by_budget
+from imubayes.ladder.costs import calibrate, foreseen, known_law, within
+from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
+from imubayes.rig.inputs import CaseRun, Run
+from imubayes.rig.saturation import saturated
+from imubayes.selection.decision import Selection, loose_fit, select
+from imubayes.selection.draws import posterior_draws, prior_draws
+from imubayes.selection.noise_found import processes_of
+from imubayes.selection.panel import Panel, panel_of
+from imubayes.sensors.terms import Library
+from imubayes.study.case import of_case
+from imubayes.study.classes import of_study
+from imubayes.study.scenes import required
+from imubayes.units import counted
+
+SHORT = 30.0
+"""s: a budget for somebody who does not want to wait."""
+
+DRAWS = 2000
+"""Posterior and prior draws that a result carries."""
+
+
+Tell = Callable[[str], None]
+
+
+def run(
+    study: Study, *, progress: Tell = lambda message: None, quicker: Tell = lambda message: None
+) -> StudyResult:
+    """Characterise every sensor of a study.
+
+    Parameters
+    ----------
+    study : as `config.read_study` gives it.
+    progress : is told what goes on.
+    quicker : is told of each sensor what would take less time, before it is characterised.
+
+    Raises
+    ------
+    InputError : if a run or the study cannot be used; the message says where and why.
+    ConvergenceError : if a free tumble does not settle.
+    """
+    results: list[tuple[SensorSpec, list[SensorResult]]] = []
+    for k, spec in enumerate(study.sensors):
+        job = _Job(spec, study, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
+        job.tell(f"reading {counted(len(spec.runs), 'run')}")
+        runs = runs_of(spec, study.seed, k, job.tell)
+        with _named(spec):
+            case = _of_case(runs)
+            quicker(_quicker(job, case, runs))
+            if study.sampling.climbs:
+                found = [_on_ladder(job, runs)]
+            else:
+                found = _case(job, case) if case else [_single(job, _of_component(runs))]
+            results.append((spec, found))
+    if study.scenes:
+        progress(f"requirements of {counted(len(study.scenes), 'scene')}")
+    return of_study(study, results, required(study.scenes, results))
+
+
+def _quicker(job: _Job, case: Sequence[CaseRun], runs: Sequence[AnyRun]) -> str:
+    """Say what a budget would give; empty where there is no choice of methods."""
+    if case or job.study.sampling.climbs:
+        return ""
+    size, law = size_of(problem_of(job.spec, runs)), known_law()
+    rung = within(SHORT, size, law)
+    seconds = foreseen(rung, size, law).seconds
+    return f'--budget "{SHORT:g} s" would answer by the method {rung}, in about {math.ceil(seconds)} s'
+
+
+def check(study: Study) -> tuple[SensorCheck, ...]:
+    """What the runs of each sensor can tell of each term, before anything is fitted.
+
+    The noise is the class's typical one where the study gives none, so that outputs are not looked at
+    except by a free tumble, whose directions come from nowhere else.
+    """
+    checks: list[SensorCheck] = []
+    for k, spec in enumerate(study.sensors):
+        runs = runs_of(spec, study.seed, k)
+        with _named(spec):
+            case = _of_case(runs)
+            checks += _case_check(spec, case) if case else [_check(spec, _of_component(runs))]
+    return tuple(checks)
+
+
+def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
+    ready = before_fit(spec, runs)
+    return SensorCheck(
+        spec.id,
+        spec.library,
+        _observed(ready, spec.library),
+        ready.summary.extras,
+        saturated({run.name: run.source for run in runs}),
+    )
+
+
+def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
+    case, ready = prepare_case(spec, runs, blind=True)
+    return [
+        SensorCheck(
+            f"{spec.id}.{one.name}",
+            one.library,
+            _observed(replace(ready, summary=replace(ready.summary, facts=one.facts)), one.library, one.name),
+            ready.summary.extras,
+            saturated({run.name: run.source for run in runs}),
+        )
+        for one in case.components
+    ]
+
+
+def _observed(ready: Prepared, lib: Library, component: str = "") -> Observability:
+    """What the runs can tell of every column."""
+    summary, prefix = ready.summary, f"{component}." if component else ""
+    seen = observe(summary.factor, ready.prior.sd, summary.facts, reach=summary.reach)
+    return carried(seen, {f"{prefix}{name}": f"{prefix}{leader}" for name, leader in lib.tied})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Job:
+    """One sensor of a study, and what its stages share."""
+
+    spec: SensorSpec
+    study: Study
+    rng: np.random.Generator
+    seed: tuple[int, int]
+    progress: Callable[[str], None]
+
+    @property
+    def share(self) -> int:
+        """Parts into which the level of the study's residual tests is divided, one for each family."""
+        return FAMILIES * len(self.study.sensors)
+
+    def tell(self, message: str) -> None:
+        """Say what goes on with this sensor."""
+        self.progress(f"{self.spec.id}: {message}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """What is said of one component: the decision, the residuals, the other methods, what is missing."""
+
+    selection: Selection
+    checks: tuple[ResidualCheck, ...]
+    panel: Panel | None
+    misfit: Misfit | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Posterior:
+    """How the noise's uncertainty is dealt with, and the chains where it is sampled."""
+
+    method: str
+    reason: str
+    sampled: Sampled | None
+
+
+def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
+    """Characterise one component with known inputs."""
+    start, spec = time.perf_counter(), job.spec
+    job.tell(f"noise and factor of {counted(sum(run.samples for run in runs), 'sample')}")
+    ready = prepare(spec, runs, job.tell, job.rng)
+    posterior = _sampled(job, ready)
+    job.tell(f"every model of {counted(len(spec.library.terms), 'term')}")
+    selection = select(ready.summary, ready.prior, **_asked(job, posterior))
+    job.tell("residuals")
+    theta, _ = loose_fit(ready.summary, ready.prior)
+    checks = tuple(
+        check_residuals(run, rows, theta, summary, level=level_of(job.share, len(ready.runs)))
+        for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
+        if isinstance(run, Run)
+    )
+    inputs = [run.inputs.channels for run in ready.runs if isinstance(run, Run)]
+    told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
+    processes = processes_of(job.study.noise, ready.rows, spec.sensor_class, theta=theta, **_told_to(job))
+    result = _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
+    return replace(result, processes=processes)
+
+
+def _on_ladder(job: _Job, runs: Sequence[AnyRun]) -> SensorResult:
+    """Characterise one component with known inputs by the rung that a budget or an accuracy asks for.
+
+    What a budget is short of is left out: other methods, residuals, what the library lacks.
+    """
+    start, sampling = time.perf_counter(), job.study.sampling
+    problem = problem_of(job.spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
+    law, limits = calibrate(job.tell), Limits(ess=sampling.ess, time_limit=sampling.time_limit)
+    asked: dict[str, Any] = {"rng": job.rng, "tell": job.tell, "limits": limits}
+    if sampling.budget is not None:
+        found, choice = by_budget(problem, sampling.budget, law, **asked)
+    else:
+        found, choice = by_accuracy(problem, sampling.accuracy or 0.0, law, **asked)
+    ready = found.ready or plainly_prepared(problem)
+    posterior = _Posterior(found.rung, f"{choice.asked} was asked for", None)
+    told = _Told(found.selection, (), None, None)
+    result = _result(job, job.spec.id, ready, posterior, told, time.perf_counter() - start)
+    chains = of_columns(found.chains, *_columns(found.selection, ready)) if found.chains else None
+    return replace(result, choice=choice, chains=chains)
+
+
+def _case(job: _Job, runs: Sequence[CaseRun]) -> list[SensorResult]:
+    """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
+    start, spec = time.perf_counter(), job.spec
+    job.tell("stills, noise and linearisation")
+    case, ready = prepare_case(spec, runs)
+    posterior = _sampled(job, ready)
+    told = _components(job, case, ready, posterior)
+    shared = of_case(spec, case, ready, [one.selection for one in told])
+    resting, asking = rows_at_rest(runs, case), _told_to(job)
+    seconds = (time.perf_counter() - start) / len(told)
+    results = []
+    for one, said, fields in zip(case.components, told, shared, strict=True):
+        own = replace(job, spec=spec.of(one.library.kind))
+        part = _part(ready, one.parts)
+        found = _result(own, f"{spec.id}.{one.name}", part, posterior, said, seconds)
+        noises = processes_of(job.study.noise, resting[one.name], own.spec.sensor_class, **asking)
+        results.append(replace(found, processes=noises, **fields))
+    return results
+
+
+def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -> list[_Told]:
+    """What is said of each component of a case."""
+    every = tuple(dict.fromkeys(one.parts for one in case.components))
+    misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
+    checks = [
+        judge(left, rows.rows, run, inputs, level=level_of(job.share, len(case.rows)))
+        for left, rows, run, inputs in zip(
+            case.residuals, case.rows, case.summary.runs, case.inputs, strict=True
+        )
+    ]
+    told: list[_Told] = []
+    for one in case.components:
+        job.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name}")
+        own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
+        selection = select(own.summary, own.prior, component=one.name, **_asked(job, posterior))
+        panel = _panel(job, own, posterior, selection, one.parts)
+        told.append(_Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts]))
+    return told
+
+
+def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:
+    """Runs and rows of some parts; the factor is that of all."""
+    runs = tuple(ready.summary.runs[k] for k in parts)
+    return replace(ready, summary=replace(ready.summary, runs=runs), rows=[ready.rows[k] for k in parts])
+
+
+def _sampled(job: _Job, ready: Prepared) -> _Posterior:
+    """Sample what is not linear and Gaussian, if the method asks for it."""
+    sampling = job.study.sampling
+    method, reason = chosen_method(sampling.method, ready.summary)
+    if method == "exact":
+        return _Posterior(method, reason, None)
+    folder = sampling.checkpoints
+    checkpoint = folder / f"{file_name(job.spec.id)}.h5" if folder else None
+    limits = Limits(
+        ess=sampling.ess,
+        time_limit=sampling.time_limit,
+        seed=int(np.random.SeedSequence(job.seed).generate_state(1)[0]),
+        checkpoint=checkpoint,
+        # a study that was interrupted at its first sensor has nothing of the second one yet
+        resume=bool(sampling.resume and checkpoint and checkpoint.exists()),
+    )
+    try:
+        sampled = sample(
+            ready.summary, ready.rows, ready.prior.sd, method=method, limits=limits, progress=job.tell
+        )
+    except ConvergenceError as unfinished:
+        if not isinstance(unfinished.estimate, Sampled):
+            return _Posterior(
+                "exact", f"the noise, held at its estimate, cannot be sampled: {unfinished}", None
+            )
+        sampled = unfinished.estimate
+    return _Posterior(method, reason, sampled)
+
+
+def _asked(job: _Job, posterior: _Posterior) -> dict[str, Any]:
+    """What the decision takes into account: costs, hierarchy, and draws of the noise where there are any."""
+    asked = {"costs": job.study.costs, "hierarchical": job.study.hierarchical}
+    if posterior.sampled is None:
+        return asked
+    return asked | {
+        "noises": posterior.sampled.noises,
+        "log_evidence": posterior.sampled.chains.log_evidence[0],
+    }
+
+
+def _panel(
+    job: _Job, ready: Prepared, posterior: _Posterior, selection: Selection, parts: Sequence[int] = ()
+) -> Panel | None:
+    """Ask the other methods, unless the study does without."""
+    if not job.study.compare:
+        return None
+    job.tell("the other methods: criteria, sparse regression, other priors")
+    return panel_of(
+        ready.summary,
+        ready.prior,
+        ready.rows,
+        selection,
+        rng=np.random.default_rng([*job.seed, 2]),
+        chains=posterior.sampled.chains if posterior.sampled else None,
+        hierarchical=job.study.hierarchical,
+        parts=parts,
+    )
+
+
+def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray]], parts: int = 1) -> Misfit:
+    """Ask whether the residuals of one of so many parts of a case depend on an input as no term does."""
+    rng = np.random.default_rng([*job.seed, 3])
+    asked = {"rng": rng, "share": job.share * parts}
+    return find_misfit(ready.rows, inputs, ready.summary, ready.prior.sd, **asked)
+
+
+def _told_to(job: _Job) -> dict[str, Any]:
+    """What the search for noise processes is given: draws of its own, and whom it tells."""
+    return {"rng": np.random.default_rng([*job.seed, 4]), "tell": job.tell}
+
+
+def _result(
+    job: _Job,
+    name: str,
+    ready: Prepared,
+    posterior: _Posterior,
+    told: _Told,
+    seconds: float,
+) -> SensorResult:
+    selection = told.selection
+    spec, summary = job.spec, ready.summary
+    chains = posterior.sampled.chains if posterior.sampled else None
+    columns, carriers = _columns(selection, ready)
+    return SensorResult(
+        id=name,
+        kind=spec.kind,
+        class_id=spec.sensor_class.id if spec.sensor_class else "",
+        samples=sum(r.samples for r in summary.runs),
+        runs=summary.runs,
+        selection=selection,
+        checks=told.checks,
+        draws=posterior_draws(selection, DRAWS, job.rng),
+        prior_draws=prior_draws(selection, DRAWS, job.rng),
+        prior_source=ready.source,
+        seconds=seconds,
+        method=posterior.method,
+        method_reason=posterior.reason,
+        chains=of_columns(chains, columns, carriers) if chains else None,
+        extras=_extras(ready, selection, chains),
+        distrusted=ready.distrusted,
+        panel=told.panel,
+        misfit=told.misfit,
+        correlation=correlation(ready.summary.factor, ready.prior.sd, selection.carriers),
+        drive=drive(ready.rows, selection.columns, [term.name for term in selection.terms]),
+        pulls=pulls(ready.summary.factor, ready.prior.sd, selection.carriers),
+    )
+
+
+def _columns(selection: Selection, ready: Prepared) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Columns that are told of, those of the terms, then the errors of the bench; and which carry these."""
+    extras = tuple(extra.name for extra in ready.summary.extras)
+    return (*selection.columns, *extras), (*selection.carriers, *extras)
+
+
+def _extras(ready: Prepared, selection: Selection, chains: Chains | None) -> tuple[ExtraPosterior, ...]:
+    """What the data say of the columns that are no terms, under the full library."""
+    mean, sd = algebra.posterior(ready.summary.factor, ready.prior.sd)
+    if chains:
+        mean, sd = chains.theta.mean(axis=(0, 1)), chains.theta.std(axis=(0, 1))
+    found = dict(zip(ready.summary.names, zip(mean.tolist(), sd.tolist(), strict=True), strict=True))
+    return tuple(
+        ExtraPosterior(extra, *found[extra.name], selection.observability.partners(extra.name))
+        for extra in ready.summary.extras
+    )
+
+
+@contextmanager
+def _named(spec: SensorSpec) -> Iterator[None]:
+    """Let what a stage cannot do name the sensor that it could not do it for."""
+    try:
+        yield
+    except UnobservableError as error:
+        raise UnobservableError(f"sensor '{spec.id}': {error}", error.terms) from None
+
+
+def _of_case(runs: Sequence[AnyRun]) -> list[CaseRun]:
+    """Runs of several components among the runs; a sensor has all of them or none."""
+    return [run for run in runs if isinstance(run, CaseRun)]
+
+
+def _of_component(runs: Sequence[AnyRun]) -> list[Run]:
+    return [run for run in runs if isinstance(run, Run)]
