@@ -23,11 +23,11 @@ from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from imubayes.config import read_study
 from imubayes.reporting.canvas import INK, VERDICT_COLOURS, WIDTH, Panel
 from imubayes.reporting.figures import inclusion
 from imubayes.reporting.rows import MARKS
 from imubayes.study.method import run
+from imubayes.study.schema import read_study
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"

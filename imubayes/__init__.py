@@ -21,8 +21,6 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from imubayes.config import read_runs as read_runs
-    from imubayes.config import read_study as read_study
     from imubayes.inference.linear import linear_of as linear_of
     from imubayes.inference.mcmc.ensembles import Limits as Limits
     from imubayes.inference.mcmc.run import sample as sample
@@ -51,12 +49,14 @@ if TYPE_CHECKING:
     from imubayes.sensors.terms import library as library
     from imubayes.study.method import check as check
     from imubayes.study.method import run as run
+    from imubayes.study.schema import read_runs as read_runs
+    from imubayes.study.schema import read_study as read_study
 
 _HOME = {
-    "read_runs": "config",
-    "read_study": "config",
-    "run": "study",
-    "check": "study",
+    "read_runs": "study.schema",
+    "read_study": "study.schema",
+    "run": "study.method",
+    "check": "study.method",
     "linear_of": "inference.linear",
     "Limits": "inference.mcmc.ensembles",
     "sample": "inference.mcmc.run",

@@ -12,10 +12,10 @@ import pytest
 import imubayes
 from imubayes.campaign.study import Sampling, Study
 from imubayes.cli import Method, main
-from imubayes.config.shapes import HeaderTable
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.terms import library
+from imubayes.study.schema.shapes import HeaderTable
 
 HEAVY = {
     *("arviz", "celerite2", "h5py", "jinja2", "matplotlib", "numba", "numpy", "pint"),
@@ -261,6 +261,6 @@ def test_fault_of_ours_exits_with_one(study, monkeypatch, capsys):
     def unsettled(*_: object) -> None:
         raise ConvergenceError("REML did not settle", estimate=1.0)
 
-    monkeypatch.setattr("imubayes.config.read_study", unsettled)
+    monkeypatch.setattr("imubayes.study.schema.read_study", unsettled)
     assert _call(monkeypatch, "check", str(study)) == 1
     assert "REML did not settle" in capsys.readouterr().err

@@ -6,11 +6,11 @@ import sys
 import pytest
 
 from imubayes.cli import main
-from imubayes.config import read, read_study
 from imubayes.population.lots.measure import measure
 from imubayes.reporting.document import write_results
 from imubayes.reporting.lots_results import lots_json
 from imubayes.study.method import run
+from imubayes.study.schema import read, read_study
 
 STUDY = """
 [study]

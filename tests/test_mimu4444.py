@@ -13,13 +13,13 @@ from scipy.optimize import least_squares
 
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.study import SensorSpec
-from imubayes.config import read_runs, read_study
 from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.sessions import SessionEstimate, repeatability
 from imubayes.inference.triad import COMPONENTS, triad_of
 from imubayes.rig.inputs import TriadRun
 from imubayes.study.method import run
+from imubayes.study.schema import read_runs, read_study
 
 STUDY = Path(__file__).parents[1] / "studies" / "mimu4444.toml"
 MG, PPM = 9.80665e-3, 1e-6

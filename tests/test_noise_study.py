@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from study_readings import wrong_study
 
-from imubayes.config import read_study
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run
+from imubayes.study.schema import read_study
 
 DT, REST, TURNING, G = 0.01, 400, 100, 9.81
 UP = ("x", "-x", "y", "-y", "z", "-z")

@@ -11,12 +11,12 @@ import pytest
 from bench_readings import wrong_plan
 
 from imubayes.campaign.preparation import before_fit, runs_of
-from imubayes.config.planned import write_planned
-from imubayes.config.reading import read_plan, read_study
 from imubayes.errors import InputError, StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import plan_html, plan_json, term_rows, terminal_plan, write_plan
 from imubayes.reporting.plan_words import inseparable, plan_answer
+from imubayes.study.schema.planned import write_planned
+from imubayes.study.schema.reading import read_plan, read_study
 
 TUMBLE = """
 [study]

@@ -16,13 +16,6 @@ from pydantic.dataclasses import is_pydantic_dataclass
 
 import imubayes as ib
 from imubayes.campaign.study import ExtraPosterior, Mission, Sampling
-from imubayes.config import (
-    read,
-    read_study,
-    shapes,
-    simulated,
-)
-from imubayes.config.recorded import toml_lines
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
 from imubayes.inference.recovered import Recovered
@@ -40,6 +33,13 @@ from imubayes.rig.scenes import recorded
 from imubayes.selection.kernels import Budget
 from imubayes.study.classes import in_common
 from imubayes.study.method import run
+from imubayes.study.schema import (
+    read,
+    read_study,
+    shapes,
+    simulated,
+)
+from imubayes.study.schema.recorded import toml_lines
 from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]

@@ -7,12 +7,12 @@ import pytest
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
-from imubayes.config import read_study, record_study
 from imubayes.reporting.document import report_html, write_results
 from imubayes.reporting.export.formats import exported
 from imubayes.reporting.results import result_dict
 from imubayes.sensors.terms import columns
 from imubayes.study.method import run
+from imubayes.study.schema import read_study, record_study
 
 STUDY = """
 [study]

@@ -11,11 +11,11 @@ import pytest
 
 from imubayes.campaign.preparation import Prepared, prepare, runs_of
 from imubayes.campaign.study import SensorSpec
-from imubayes.config import read_study
 from imubayes.inference.linear import residuals
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
+from imubayes.study.schema import read_study
 
 STUDY = Path(__file__).parents[1] / "studies" / "tofupilot_thermal.toml"
 

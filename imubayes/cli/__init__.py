@@ -127,9 +127,9 @@ def _report(done: Done, folder: Path) -> None:
 @app.command("check")
 def _check(study: StudyFile) -> None:
     """Say what the runs can tell, before a fit."""
-    from imubayes.config import read_study
     from imubayes.reporting.tables import terminal_check
     from imubayes.study.method import check
+    from imubayes.study.schema import read_study
 
     for sensor in check(read_study(study)):
         show(terminal_check(sensor))
@@ -141,7 +141,7 @@ def _simulate(
     out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
 ) -> None:
     """Write simulated runs, and a study of them, as files."""
-    from imubayes.config import read_study, record_study
+    from imubayes.study.schema import read_study, record_study
 
     folder = usable(out)
     with complete(folder) as part:
@@ -184,10 +184,10 @@ def _plan(
     ] = None,
 ) -> None:
     """Find the best test within a time, before it is run."""
-    from imubayes.config import read_plan
-    from imubayes.config.planned import write_planned
     from imubayes.planning.proposal import propose
     from imubayes.reporting.plan_page import terminal_plan, write_plan
+    from imubayes.study.schema import read_plan
+    from imubayes.study.schema.planned import write_planned
 
     folder = usable(out or Path("reports") / study.stem)
     with waiting() as told:

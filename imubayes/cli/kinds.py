@@ -1,4 +1,4 @@
-"""The kinds of study: how each is run, shown, written and traded; `imubayes.config` says how it is read.
+"""The kinds of study: how each is run, shown, written and traded (`imubayes.study.schema` reads it).
 
 What a kind needs is imported when it is asked for.
 """
@@ -64,7 +64,7 @@ def run(path: Path, asked: Asked, told: Waiting) -> Done:
     ------
     InputError : if the study cannot be read, or has no use for an option.
     """
-    from imubayes.config import read
+    from imubayes.study.schema import read
 
     kind, study = read(path)
     if asked.scheduler is not None and kind != "fleet":
@@ -96,11 +96,11 @@ def trade(
     ------
     InputError : if the study cannot be read, or has nothing of what was asked.
     """
-    from imubayes.config import read
     from imubayes.ladder.trade.measure import measure
     from imubayes.ladder.trade.plan import NAMES, rungs_of
     from imubayes.ladder.trade.subjects import with_options
     from imubayes.reporting.trade_page import terminal_trade, write_trade
+    from imubayes.study.schema import read
 
     asked = rungs_of(rungs) if rungs else NAMES
     kind, study = read(path)
@@ -213,4 +213,4 @@ KINDS: Mapping[str, Kind] = {
     "fleet": Kind(_fleet),
     "speed": Kind(_speed),
 }
-"""Kinds of study by the table that makes them: the keys of `imubayes.config.reading.FORMS`, and sensors."""
+"""Kinds of study by the table that makes them: the keys of `schema.reading.FORMS`, and sensors."""

@@ -22,7 +22,6 @@ from full_data import FreeNoise, GivenNoise, OnFactor, free_noise, given_noise, 
 from numpy.typing import NDArray
 from peers import Sampled, nuts, nuts_ess, stretch, stretch_ess
 
-from imubayes.config import read_runs, read_study
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.mcmc.density import density_of
@@ -33,6 +32,7 @@ from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.study.schema import read_runs, read_study
 
 pytestmark = pytest.mark.benchmark
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 from imubayes.extremes.cases import FAMILIES, cases
+from imubayes.study.schema import read, read_study
 
 
 def _written(folder, table: str):

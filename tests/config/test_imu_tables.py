@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from imubayes.cli import main
-from imubayes.config import record_study
-from imubayes.config.reading import read_runs, read_study
 from imubayes.errors import DataError, StudyError
 from imubayes.study.method import check, run
+from imubayes.study.schema import record_study
+from imubayes.study.schema.reading import read_runs, read_study
 
 CHANNELS = "ax [m/s^2],ay [m/s^2],az [m/s^2]", "gx [deg/s],gy [deg/s],gz [deg/s]"
 

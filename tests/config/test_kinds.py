@@ -7,9 +7,9 @@ import pytest
 
 from imubayes.cli import kinds
 from imubayes.cli.console import Waiting
-from imubayes.config import read, read_study
-from imubayes.config.reading import FORMS, OF_SENSORS, SENSORS
 from imubayes.errors import InputError, StudyError
+from imubayes.study.schema import read, read_study
+from imubayes.study.schema.reading import FORMS, OF_SENSORS, SENSORS
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SENSOR = '[[sensor]]\nid = "A"\nkind = "accelerometer"\n'

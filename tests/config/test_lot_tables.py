@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 from imubayes.population.lots.measure import measure
 from imubayes.population.lots.plan import Against
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
 from imubayes.rig.scene_ranges import catalogue_scenes
+from imubayes.study.schema import read, read_study
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from imubayes.config import read_study
 from imubayes.errors import StudyError
+from imubayes.study.schema import read_study
 
 STUDY = """
 [[sensor]]

@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.config import read, read_study
 from imubayes.errors import StudyError
 from imubayes.quality.trials import MODELLED, TREATMENTS
+from imubayes.study.schema import read, read_study
 
 
 def _read(folder: Path, text: str):

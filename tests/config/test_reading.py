@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from imubayes.campaign.study import Appendix, Sampling
-from imubayes.config import read_study
 from imubayes.errors import StudyError
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
+from imubayes.study.schema import read_study
 from imubayes.units import factor
 
 G = 9.80665

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.campaign.preparation import simulate_sensor
-from imubayes.config import read_study, record_study
-from imubayes.config.recorded import toml_lines
 from imubayes.rig.runs import read_run
+from imubayes.study.schema import read_study, record_study
+from imubayes.study.schema.recorded import toml_lines
 
 STUDY = """
 [study]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from imubayes.config import read_study
 from imubayes.errors import StudyError
 from imubayes.rig.trajectories import MANNERS
+from imubayes.study.schema import read_study
 
 G = 9.80665
 SENSOR = """

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from imubayes.config import read_study
 from imubayes.errors import StudyError
 from imubayes.rig.runs import plan_run
+from imubayes.study.schema import read_study
 
 STUDY = """
 [[sensor]]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.config import read, read_study
 from imubayes.errors import StudyError
+from imubayes.study.schema import read, read_study
 
 PROJECT = Path(__file__).parents[2]
 

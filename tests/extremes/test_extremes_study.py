@@ -9,9 +9,9 @@ import math
 import numpy as np
 import pytest
 
-from imubayes.config import read_study, record_study
 from imubayes.reporting.document import write_results
 from imubayes.study.method import run
+from imubayes.study.schema import read_study, record_study
 
 STUDY = """
 [study]

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.config import read
 from imubayes.population.fleet.engines import Engine
 from imubayes.population.fleet.plan import FleetStudy, parts_of, simulated_units
 from imubayes.population.lots.units import simulate_unit
@@ -19,6 +18,7 @@ from imubayes.rig.runs import RunSpec
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
+from imubayes.study.schema import read
 
 CLASS = sensor("mems_tactical", kind="accelerometer")
 

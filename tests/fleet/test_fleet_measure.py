@@ -6,13 +6,13 @@ import pytest
 from fleet_studies import backwards, fleet, here, recorded
 from pyarrow import parquet
 
-from imubayes.config import read
 from imubayes.errors import InputError
 from imubayes.population.fleet.engines import Engine, engine
 from imubayes.population.fleet.keeping import GROWING, UNITS
 from imubayes.population.fleet.measure import ENDED, lot_of, measure
 from imubayes.population.fleet.units import part_found
 from imubayes.population.processes import Lost, as_done
+from imubayes.study.schema import read
 
 
 @pytest.fixture(scope="module")

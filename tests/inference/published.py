@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign.preparation import nominal_columns
-from imubayes.config import read_runs, read_study
 from imubayes.inference.between_stills import directions
 from imubayes.inference.stills import find_stills
 from imubayes.inference.triad import Triad, calibration, triad_of
 from imubayes.reporting.rounding import measured
 from imubayes.rig.inputs import ImuRun
+from imubayes.study.schema import read_runs, read_study
 
 ROOT = Path(__file__).parents[2]
 

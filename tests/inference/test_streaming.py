@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from pyarrow import parquet as pq
 
 from imubayes.algebra.factor import least_squares, reorder
-from imubayes.config import read_runs, read_study
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import linear_of, whitened_factor, within_blocks
 from imubayes.inference.mcmc.coordinates import coordinates
@@ -30,6 +29,7 @@ from imubayes.selection.reduced import design_factor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
 from imubayes.study.method import run as study_run
+from imubayes.study.schema import read_runs, read_study
 
 N, INTERVAL = 60_000, 0.01
 NOISE = Noise(1e-3, 3e-4, 2e-6)

@@ -6,10 +6,10 @@ import pytest
 
 from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import SensorSpec
-from imubayes.config import read
 from imubayes.population.lots.units import lot_of, simulate_unit
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.catalogue import sensor
+from imubayes.study.schema import read
 
 SCENES = read(Path(__file__).parents[2] / "studies" / "scenes.toml")[1]
 ARCSECOND = np.pi / 180.0 / 3600.0

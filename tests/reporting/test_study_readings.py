@@ -7,10 +7,10 @@ import json
 import pytest
 from study_readings import wrong_study
 
-from imubayes.config import read_study
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run
+from imubayes.study.schema import read_study
 
 STUDY = """
 [study]

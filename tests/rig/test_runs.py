@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.config.simulated import CALLED
 from imubayes.errors import DataError, StudyError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run, TriadRun
@@ -20,6 +19,7 @@ from imubayes.rig.simulate import simulate
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
+from imubayes.study.schema.simulated import CALLED
 
 G = 9.80665
 DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))

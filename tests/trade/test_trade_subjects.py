@@ -6,10 +6,10 @@ import pytest
 from trades import problem
 
 from imubayes.campaign.study import Study
-from imubayes.config import read
 from imubayes.errors import InputError
 from imubayes.ladder.trade.again import sensors
 from imubayes.ladder.trade.subjects import of_lots, of_study
+from imubayes.study.schema import read
 
 LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"
 

@@ -12,9 +12,9 @@ import pytest
 from compiling import built, call
 from scipy.spatial.transform import Rotation
 
-from imubayes.config import read_runs
 from imubayes.reporting.export.characterized import characterized
 from imubayes.reporting.export.heading import identifier
+from imubayes.study.schema import read_runs
 
 ROOT = Path(__file__).parents[3]
 STUDIES = ("imu_tk_xsens", "imucal_ferraris")

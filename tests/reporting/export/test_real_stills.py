@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from compiling import built, call
 
-from imubayes.config import read_runs
 from imubayes.reporting.export.characterized import characterized
 from imubayes.sensors.noise import flicker
+from imubayes.study.schema import read_runs
 
 ROOT = Path(__file__).parents[3]
 

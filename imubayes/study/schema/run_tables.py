@@ -10,18 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from imubayes import units
-from imubayes.config.shapes import (
-    ColumnTable,
-    Place,
-    RunTable,
-    SectionTable,
-    SiteTable,
-    hint,
-    quantity,
-    shaped,
-    shown,
-)
-from imubayes.config.simulated import CALLED, SIMULATED
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.inputs import Section
@@ -38,6 +26,18 @@ from imubayes.rig.runs import (
 )
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Kind
+from imubayes.study.schema.shapes import (
+    ColumnTable,
+    Place,
+    RunTable,
+    SectionTable,
+    SiteTable,
+    hint,
+    quantity,
+    shaped,
+    shown,
+)
+from imubayes.study.schema.simulated import CALLED, SIMULATED
 
 DATA_VARIABLE = "IMUBAYES_DATA"
 """Environment variable that names the folder of public data; a file may start with ``$IMUBAYES_DATA/``."""

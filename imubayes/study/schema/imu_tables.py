@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from imubayes.config.shapes import Place, SensorTable, hint
 from imubayes.rig.reference import OFFSET
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.terms import Kind
+from imubayes.study.schema.shapes import Place, SensorTable, hint
 
 KINDS_OF_IMU: tuple[Kind, Kind] = ("accelerometer", "gyroscope")
 

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.dataclasses import dataclass as shape
 
 from imubayes import units
-from imubayes.config.measured import (
+from imubayes.study.schema.measured import (
     STRICT,
     Acceleration,
     Angle,

@@ -10,12 +10,12 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.config.measured import STRICT, Count, Hertz, Seconds, Settle, Several, Text
-from imubayes.config.scene_tables import scenes_of
-from imubayes.config.sensor_tables import own_classes, sensor_spec
-from imubayes.config.shapes import HeaderTable, Place, StudyFile, Table, hint, shaped
 from imubayes.planning.candidates import Handling
 from imubayes.planning.menu import Offer, PlanStudy
+from imubayes.study.schema.measured import STRICT, Count, Hertz, Seconds, Settle, Several, Text
+from imubayes.study.schema.scene_tables import scenes_of
+from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
+from imubayes.study.schema.shapes import HeaderTable, Place, StudyFile, Table, hint, shaped
 
 PLANNED = ("tumble", "rate-table", "centrifuge")
 """Procedures whose dwells have constant inputs."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 from pathlib import Path
 
-from imubayes.config.shapes import GrowthTable, HeaderTable, Place, SpeedTable, StudyFile, shaped
 from imubayes.speed.contests import Quantity, SpeedStudy, Subject
 from imubayes.speed.growth import FEWEST
+from imubayes.study.schema.shapes import GrowthTable, HeaderTable, Place, SpeedTable, StudyFile, shaped
 
 SMALLEST: dict[Subject, tuple[int, int]] = {
     "least squares": (100, 10_000_000),

@@ -6,8 +6,8 @@ import csv
 from pathlib import Path
 
 from imubayes.campaign.study import Appendix
-from imubayes.config.run_tables import located
-from imubayes.config.shapes import AppendixTable, Place, shaped
+from imubayes.study.schema.run_tables import located
+from imubayes.study.schema.shapes import AppendixTable, Place, shaped
 
 LONGEST = 200
 """Rows of a table that a report can show; a longer one is data."""

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, Field, ValidationError
 from pydantic.dataclasses import dataclass as shape
 
-from imubayes.config.measured import STRICT, Angle, Count, Metres, Seconds, Several, Text, measured
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.runs import Procedure
+from imubayes.study.schema.measured import STRICT, Angle, Count, Metres, Seconds, Several, Text, measured
 
 Table = dict[str, Any]
 

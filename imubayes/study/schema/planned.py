@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imubayes.config.recorded import named_files, toml_lines
-from imubayes.config.run_tables import located
 from imubayes.planning.candidates import pauses, runs_of
+from imubayes.study.schema.recorded import named_files, toml_lines
+from imubayes.study.schema.run_tables import located
 
 if TYPE_CHECKING:
     from imubayes.planning.candidates import Step

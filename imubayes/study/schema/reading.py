@@ -11,26 +11,6 @@ from typing import Any
 
 from imubayes.campaign.preparation import AnyRun, runs_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
-from imubayes.config.appendix_tables import appendix
-from imubayes.config.extremes_tables import extremes_study
-from imubayes.config.fleet_tables import fleet_study
-from imubayes.config.lot_tables import lot_study
-from imubayes.config.plan_tables import plan_study
-from imubayes.config.quality_tables import quality_study
-from imubayes.config.scene_tables import scenes_of
-from imubayes.config.sensor_tables import own_classes, sensor_spec
-from imubayes.config.shapes import (
-    DecisionTable,
-    HeaderTable,
-    NoiseTable,
-    Place,
-    SamplingTable,
-    StudyFile,
-    hint,
-    shaped,
-    unique,
-)
-from imubayes.config.speed_tables import speed_study
 from imubayes.errors import StudyError
 from imubayes.extremes.plan import ExtremesStudy
 from imubayes.planning.menu import PlanStudy
@@ -41,6 +21,26 @@ from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
 from imubayes.speed.contests import SpeedStudy
+from imubayes.study.schema.appendix_tables import appendix
+from imubayes.study.schema.extremes_tables import extremes_study
+from imubayes.study.schema.fleet_tables import fleet_study
+from imubayes.study.schema.lot_tables import lot_study
+from imubayes.study.schema.plan_tables import plan_study
+from imubayes.study.schema.quality_tables import quality_study
+from imubayes.study.schema.scene_tables import scenes_of
+from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
+from imubayes.study.schema.shapes import (
+    DecisionTable,
+    HeaderTable,
+    NoiseTable,
+    Place,
+    SamplingTable,
+    StudyFile,
+    hint,
+    shaped,
+    unique,
+)
+from imubayes.study.schema.speed_tables import speed_study
 
 AnyStudy = Study | LotStudy | QualityStudy | ExtremesStudy | FleetStudy | SpeedStudy
 """What a study file becomes."""

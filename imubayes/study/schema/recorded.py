@@ -11,10 +11,10 @@ from typing import Any
 
 from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
-from imubayes.config.run_tables import located
 from imubayes.errors import StudyError
 from imubayes.rig.inputs import KnownRun, Run
 from imubayes.rig.record import write_imu_run, write_run
+from imubayes.study.schema.run_tables import located
 
 TRUTH = "truth.json"
 """Coefficients of the simulated sensors, SI, by sensor and term."""

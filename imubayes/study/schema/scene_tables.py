@@ -10,8 +10,6 @@ from typing import Any, get_args
 import numpy as np
 
 from imubayes.campaign.study import Mission
-from imubayes.config.run_tables import columns_of, located
-from imubayes.config.shapes import Place, SceneTable, hint, quantity, shaped
 from imubayes.errors import StudyError
 from imubayes.rig.runs import OUTPUT_UNIT
 from imubayes.rig.scene_ranges import scene_named
@@ -19,6 +17,8 @@ from imubayes.rig.scenes import BODY, Scene, read_scene
 from imubayes.rig.trajectories import MANNERS, generated
 from imubayes.selection.kernels import BUDGET_UNITS, Budget, Quantity
 from imubayes.sensors.terms import Kind
+from imubayes.study.schema.run_tables import columns_of, located
+from imubayes.study.schema.shapes import Place, SceneTable, hint, quantity, shaped
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T")
 """Channels of a log."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imubayes.config.shapes import ExtremesTable, HeaderTable, Place, StudyFile, hint, shaped
 from imubayes.extremes.cases import FAMILIES
 from imubayes.extremes.plan import ExtremesStudy
+from imubayes.study.schema.shapes import ExtremesTable, HeaderTable, Place, StudyFile, hint, shaped
 
 
 def extremes_study(tables: StudyFile, path: Path, text: str) -> ExtremesStudy:

@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.config.scene_tables import scenes_of
-from imubayes.config.sensor_tables import own_classes, sensor_spec
-from imubayes.config.shapes import (
+from imubayes.population.lots.plan import Against, LotStudy
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Kind
+from imubayes.study.schema.scene_tables import scenes_of
+from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
+from imubayes.study.schema.shapes import (
     AgainstTable,
     HeaderTable,
     LotsTable,
@@ -20,10 +24,6 @@ from imubayes.config.shapes import (
     shaped,
     unique,
 )
-from imubayes.population.lots.plan import Against, LotStudy
-from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.sensor_class import SensorClass
-from imubayes.sensors.terms import Kind
 
 
 def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import get_args
 
-from imubayes.config.shapes import HeaderTable, Place, QualityTable, StudyFile, hint, shaped
 from imubayes.quality.trials import MODELLED, TREATMENTS, QualityStudy
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.terms import Kind, library
+from imubayes.study.schema.shapes import HeaderTable, Place, QualityTable, StudyFile, hint, shaped
 
 
 def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:

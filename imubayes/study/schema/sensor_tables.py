@@ -8,9 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.config.imu_tables import KINDS_OF_IMU, check_imu, half, truths_of, without_component
-from imubayes.config.run_tables import located, noise_rule, run_spec
-from imubayes.config.shapes import LibraryTable, Place, SensorTable, hint, quantity, shaped, shown, unique
 from imubayes.rig.reference import KINDS, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, RunSpec
@@ -20,6 +17,18 @@ from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library, library
+from imubayes.study.schema.imu_tables import KINDS_OF_IMU, check_imu, half, truths_of, without_component
+from imubayes.study.schema.run_tables import located, noise_rule, run_spec
+from imubayes.study.schema.shapes import (
+    LibraryTable,
+    Place,
+    SensorTable,
+    hint,
+    quantity,
+    shaped,
+    shown,
+    unique,
+)
 
 LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
 """Errors of the reference that runs of several components in one case can allow for."""

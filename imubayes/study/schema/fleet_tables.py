@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.config.run_tables import located
-from imubayes.config.sensor_tables import own_classes, sensor_spec
-from imubayes.config.shapes import FleetTable, HeaderTable, Place, StudyFile, shaped, shown
 from imubayes.population.fleet.plan import FleetStudy, Unit, recorded_units, simulated_units
 from imubayes.rig.runs import FREE_TUMBLE, plan_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
+from imubayes.study.schema.run_tables import located
+from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
+from imubayes.study.schema.shapes import FleetTable, HeaderTable, Place, StudyFile, shaped, shown
 
 FEWEST = 2
 """Units below which nothing can be said of a population."""
