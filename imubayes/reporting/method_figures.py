@@ -243,11 +243,11 @@ def reduced_path(found: Reduced, kind: Kind, key: str) -> Panel:
     path = found.path[: len(found.terms) + BEYOND + 1]
     lost = np.array([rms for _, rms in path]) / scale
     labels = _added([terms for terms, _ in path])
-    count = counted(len(found.terms), "term")
+    count = "1 term predicts" if len(found.terms) == 1 else f"{len(found.terms)} terms predict"
     within = pretty(str(measured(found.budget / scale, 0.0, unit)))
     return draw(
         lambda axes: _paint_reduced(axes, lost, labels, (found.budget / scale, len(found.terms)), unit),
-        title=f"{count} predict within {within} of the whole posterior",
+        title=f"{count} within {within} of the whole posterior",
         alt="Rms lost by number of terms: "
         + ", ".join(f"{label} {rms:.3g}" for label, rms in zip(labels, lost, strict=True)),
         key=key,

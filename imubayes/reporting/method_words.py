@@ -234,9 +234,12 @@ def reduced_sentence(reduced: Reduced, kind: Kind) -> str:
         return (
             f"No term is worth keeping for predictions: without any, {lost} rms is lost of {budget} allowed."
         )
-    count = f"{len(reduced.terms)} term{' predicts' if len(reduced.terms) == 1 else 's predict'}"
+    one = len(reduced.terms) == 1
+    count, together = (
+        ("1 term predicts", "loses") if one else (f"{len(reduced.terms)} terms predict", "together lose")
+    )
     return (
-        f"{count} the test as well as the whole posterior: {listed(reduced.terms)} together lose {lost} rms, "
+        f"{count} the test as well as the whole posterior: {listed(reduced.terms)} {together} {lost} rms, "
         f"of {budget} that the posterior itself leaves open."
     )
 

@@ -138,6 +138,8 @@ def test_path_of_the_reduced_model_names_what_each_row_adds(make_judged) -> None
     sensor = make_judged()
     reduced = sensor.panel.reduced
     panel = method_figures.reduced_path(reduced, sensor.kind, "e")
+    one = method_figures.reduced_path(replace(reduced, terms=reduced.terms[:1]), sensor.kind, "e")
+    assert panel.title.startswith("4 terms predict within") and one.title.startswith("1 term predicts within")
     named = [text.text for text in ElementTree.fromstring(panel.svg).iter("text")]
     assert {"none", "+ b0", "+ b1", "+ b2", "+ m_j", "+ m_k"} <= set(named)
     # the same sizes, but the pair has none of the single one

@@ -122,6 +122,8 @@ def test_reduced_model_is_said_in_printed_units(make_judged) -> None:
     told = reduced_sentence(sensor.panel.reduced, sensor.kind)
     # 9e-4 * 0.2^4 and 2e-6 m/s^2, of 9.80665e-6 each
     assert "4 terms predict" in told and "lose 0.15 µg rms, of 0.20 µg" in told
+    one = reduced_sentence(replace(sensor.panel.reduced, terms=("b0",)), sensor.kind)
+    assert one.startswith("1 term predicts") and "b0 loses 0.15" in one
     nothing = replace(sensor.panel.reduced, terms=(), lost=1e-6)
     assert reduced_sentence(nothing, sensor.kind).startswith("No term is worth keeping")
 
