@@ -3,6 +3,7 @@
 import contextlib
 import inspect
 import io
+import json
 import re
 import subprocess
 import tomllib
@@ -10,13 +11,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
+import jsonschema
 import numpy as np
 import pytest
-from pydantic.dataclasses import is_pydantic_dataclass
+import update_study
 
 import imubayes as ib
-from imubayes.campaign.study import ExtraPosterior, Mission, Sampling
-from imubayes.errors import StudyError
+from imubayes.campaign.study import ExtraPosterior, Mission
 from imubayes.inference.linear import Extra
 from imubayes.inference.recovered import Recovered
 from imubayes.inference.sessions import Repeatability
@@ -34,6 +35,7 @@ from imubayes.selection.kernels import Budget
 from imubayes.study.classes import in_common
 from imubayes.study.method import run
 from imubayes.study.schema import (
+    described,
     read,
     read_study,
     shapes,
@@ -46,31 +48,23 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 STUDY = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
+SHIPPED = [
+    study
+    for study in sorted((ROOT / "studies").glob("*.toml"))
+    if study.stem not in ("decision_quality", "extremes", "speed", "sampler_speed")
+]
 
-SHAPES = {
-    "[study]": shapes.HeaderTable,
-    "[sampling]": shapes.SamplingTable,
-    "[decision]": shapes.DecisionTable,
-    "[[sensor]]": shapes.SensorTable,
-    "[sensor.library]": shapes.LibraryTable,
-    "[[sensor.run]]": shapes.RunTable,
-    "gravity": shapes.SiteTable,
-    "sections": shapes.SectionTable,
-    "[sensor.run.columns]": shapes.ColumnTable,
-    **simulated.SIMULATED,
-    "steps": simulated.StepOptions,
-    "[noise]": shapes.NoiseTable,
+HAND_WRITTEN = {
     "[extremes]": shapes.ExtremesTable,
     "[quality]": shapes.QualityTable,
-    "[lots]": shapes.LotsTable,
-    "[lots.asks]": shapes.AgainstTable,
-    "[fleet]": shapes.FleetTable,
     "[speed]": shapes.SpeedTable,
     "[speed.growth]": shapes.GrowthTable,
-    "[[scene]]": shapes.SceneTable,
-    "[[appendix]]": shapes.AppendixTable,
 }
-"""Shape of the table that each section of docs/study.md describes."""
+"""Tables of keys in docs/study.md that are not made by docs/update_study.py."""
+
+
+def tables_of_keys() -> dict[str, str]:
+    return dict(update_study.keyed(described.study_schema()["$defs"]))
 
 
 def _between(name: str) -> str:
@@ -93,7 +87,11 @@ def _sections() -> dict[str, list[list[str]]]:
 
 
 SECTIONS = _sections()
-KEYS = [(section, *row) for section in (*SHAPES, "noise", "[sensor.reference]") for row in SECTIONS[section]]
+KEYS = [
+    (section, *row)
+    for section in (*tables_of_keys(), *HAND_WRITTEN, "[sensor.reference]")
+    for row in SECTIONS.get(section, [])
+]
 """(section, key, value, default, meaning, example) of every documented key."""
 
 
@@ -170,25 +168,38 @@ def _anchor(title: str) -> str:
 # docs/study.md
 
 
-def test_every_shape_of_a_study_has_its_section():
-    named = (vars(shapes) | vars(simulated)).values()
-    there = {one for one in named if inspect.isclass(one) and is_pydantic_dataclass(one)}
-    assert there == {*SHAPES.values(), shapes.StudyFile}
-    assert {field.name for field in fields(shapes.StudyFile)} == {
-        "study", "sampling", "decision", "sensor", "noise", "extremes", "quality", "lots", "fleet", "speed",
-        "plan", "scene", "appendix",
-    }  # fmt: skip
+def test_tables_of_keys_and_schema_are_those_of_the_code():
+    for name, text in update_study.made().items():
+        assert (ROOT / "docs" / name).read_text(encoding="utf-8") == text, "run docs/update_study.py"
 
 
-@pytest.mark.parametrize("section", SHAPES)
+def test_every_table_of_a_study_has_its_section():
+    there = SECTIONS.keys() | set(re.findall(r"^#+ `(.*)`$", (ROOT / "docs" / "plan.md").read_text(), re.M))
+    assert set(tables_of_keys()) <= there
+
+
+@pytest.mark.parametrize("section", HAND_WRITTEN)
 def test_documented_keys_are_those_that_a_table_takes(section):
-    assert _names(section) == {field.name.rstrip("_") for field in fields(SHAPES[section])}
+    assert _names(section) == {field.name.rstrip("_") for field in fields(HAND_WRITTEN[section])}
 
 
-def test_documented_keys_of_noise_are_those_that_it_takes(tmp_path):
-    names = ", ".join(name for row in SECTIONS["noise"] for name in _code(row[0]))
-    with pytest.raises(StudyError, match=f"expected one of {names}$"):
-        _read(tmp_path, _hosted("noise", {"zzz": "1"}))
+@pytest.mark.parametrize("profile", PROFILES)
+def test_usual_value_of_an_option_reads_back_to_that_of_the_profile(profile):
+    parameters = inspect.signature(PROFILES[profile]).parameters
+    shape = simulated.SIMULATED[profile]
+    stated = described.study_schema()["$defs"][shape.__name__]["properties"]
+    for key, one in stated.items():
+        if "default" in one:
+            values = {k: v["examples"][0] for k, v in stated.items()} | {key: one["default"]}
+            assert getattr(shape(**values), key) == pytest.approx(parameters[key].default, rel=1e-14)
+
+
+@pytest.mark.parametrize("study", SHIPPED, ids=lambda study: study.stem)
+def test_shipped_study_names_the_schema_and_keeps_to_it(study):
+    text = study.read_text(encoding="utf-8")
+    named = text.partition("\n")[0].removeprefix("#:schema ")
+    schema = json.loads((study.parent / named).read_text(encoding="utf-8"))
+    jsonschema.validate(tomllib.loads(text), schema)
 
 
 def test_documented_errors_of_the_bench_have_the_catalogues_sizes():
@@ -305,27 +316,6 @@ def test_documented_example_of_a_key_is_accepted(section, example, tmp_path):
     (key,) = table
     assert [f"`{key}`", example] in ([row[1], row[-1]] for row in KEYS if row[0] == section)
     _read(tmp_path, _hosted(section, table))
-
-
-@pytest.mark.parametrize(
-    ("section", "key", "default"),
-    [
-        (section, *_code(key), *_code(default))
-        for section, key, _, default, *_ in KEYS
-        if section in (*PROFILES, "[study]", "[sampling]", "[sensor.library]") and _code(default)
-    ],
-)
-def test_documented_default_is_the_one_that_is_taken(section, key, default, tmp_path):
-    value = tomllib.loads(f"{key} = {default}")[key]
-    if section in PROFILES:
-        (sensor,) = _read(tmp_path, _hosted(section, {key: value})).sensors
-        taken = inspect.signature(PROFILES[section]).parameters[key].default
-        assert (sensor.runs[0].simulate or {})[key] == pytest.approx(taken, rel=1e-14)
-    elif section == "[sampling]":
-        assert _read(tmp_path, _hosted(section, {key: value})).sampling == Sampling()
-    else:
-        taken = {field.name: field.default for field in fields(SHAPES[section])}[key]
-        assert (tuple(value) if isinstance(value, list) else value) == taken
 
 
 def test_documented_procedures_channels_formats_units_and_verdicts_are_those_that_there_are():

@@ -1,4 +1,4 @@
-"""The command line: ``imubayes run | check | simulate | plan | trade | compare | export | catalogue``.
+"""The command line: run, check, simulate, plan, trade, compare, export, catalogue, schema.
 
 Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
 needs is imported when it runs, so that ``--help`` answers at once.
@@ -38,6 +38,12 @@ class Method(StrEnum):
     exact = "exact"
     collapsed = "collapsed"
     full = "full"
+
+
+class Document(StrEnum):
+    """What a JSON Schema is of."""
+
+    study = "study"
 
 
 class ExportFormat(StrEnum):
@@ -261,6 +267,16 @@ def _export(
         for name, text in texts.items():
             (part / name).write_text(text, encoding="utf-8")
     written(folder, tuple(folder / name for name in texts))
+
+
+@app.command("schema")
+def _schema(
+    document: Annotated[Document, typer.Argument(help="What it is of.", show_default=False)],
+) -> None:
+    """Print the JSON Schema of a study file, for editors."""
+    from imubayes.study.schema.described import schema_text
+
+    typer.echo(schema_text(), nl=False)
 
 
 def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from imubayes.campaign.study import Appendix
 from imubayes.study.schema.run_tables import located
-from imubayes.study.schema.shapes import AppendixTable, Place, shaped
+from imubayes.study.schema.shapes import Place, shaped
+from imubayes.study.schema.tables import AppendixTable
 
 LONGEST = 200
 """Rows of a table that a report can show; a longer one is data."""

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from imubayes.extremes.cases import FAMILIES
 from imubayes.extremes.plan import ExtremesStudy
-from imubayes.study.schema.shapes import ExtremesTable, HeaderTable, Place, StudyFile, hint, shaped
+from imubayes.study.schema.shapes import ExtremesTable, Place, hint, shaped
+from imubayes.study.schema.tables import HeaderTable, StudyFile
 
 
 def extremes_study(tables: StudyFile, path: Path, text: str) -> ExtremesStudy:

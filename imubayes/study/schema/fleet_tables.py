@@ -15,7 +15,8 @@ from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
-from imubayes.study.schema.shapes import FleetTable, HeaderTable, Place, StudyFile, shaped, shown
+from imubayes.study.schema.shapes import Place, shaped, shown
+from imubayes.study.schema.tables import FleetTable, HeaderTable, StudyFile
 
 FEWEST = 2
 """Units below which nothing can be said of a population."""

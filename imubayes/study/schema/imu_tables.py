@@ -7,7 +7,8 @@ from typing import Any
 from imubayes.rig.reference import OFFSET
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.terms import Kind
-from imubayes.study.schema.shapes import Place, SensorTable, hint
+from imubayes.study.schema.shapes import Place, hint
+from imubayes.study.schema.tables import SensorTable
 
 KINDS_OF_IMU: tuple[Kind, Kind] = ("accelerometer", "gyroscope")
 

@@ -14,16 +14,8 @@ from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
-from imubayes.study.schema.shapes import (
-    AgainstTable,
-    HeaderTable,
-    LotsTable,
-    Place,
-    StudyFile,
-    hint,
-    shaped,
-    unique,
-)
+from imubayes.study.schema.shapes import Place, hint, shaped, unique
+from imubayes.study.schema.tables import AgainstTable, HeaderTable, LotsTable, StudyFile
 
 
 def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:

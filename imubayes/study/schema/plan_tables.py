@@ -4,50 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import Field
-from pydantic.dataclasses import dataclass as shape
+from typing import Any
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.planning.candidates import Handling
 from imubayes.planning.menu import Offer, PlanStudy
-from imubayes.study.schema.measured import STRICT, Count, Hertz, Seconds, Settle, Several, Text
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
-from imubayes.study.schema.shapes import HeaderTable, Place, StudyFile, Table, hint, shaped
+from imubayes.study.schema.shapes import Place, hint, shaped
+from imubayes.study.schema.tables import HeaderTable, OfferTable, PlanTable, StudyFile
 
 PLANNED = ("tumble", "rate-table", "centrifuge")
 """Procedures whose dwells have constant inputs."""
 
 IN_PLANE = ("table_zero", "plane_zero")
 """Errors that need a whole plane of a tumble, of which a plan may take a few positions."""
-
-
-@shape(config=STRICT, frozen=True)
-class PlanTable:
-    """``[plan]``."""
-
-    time: Seconds
-    run: list[Table] = Field(default_factory=list)
-    aim: Literal["worst", "D", "scene"] = "worst"
-    needed: Annotated[tuple[Text, ...], Several] = ()
-    even: Text | None = None
-    units: Count = 200
-
-
-@shape(config=STRICT, frozen=True)
-class OfferTable:
-    """``[[plan.run]]``."""
-
-    name: Text
-    procedure: Text
-    candidates: Table
-    dwell: Annotated[tuple[Seconds, ...], Several]
-    rate: Hertz = 10.0
-    settle: Settle = 5.0
-    mount: Settle = 0.0
-    setup: Settle = 0.0
 
 
 def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:

@@ -8,7 +8,8 @@ from typing import get_args
 from imubayes.quality.trials import MODELLED, TREATMENTS, QualityStudy
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.terms import Kind, library
-from imubayes.study.schema.shapes import HeaderTable, Place, QualityTable, StudyFile, hint, shaped
+from imubayes.study.schema.shapes import Place, QualityTable, hint, shaped
+from imubayes.study.schema.tables import HeaderTable, StudyFile
 
 
 def quality_study(tables: StudyFile, path: Path, text: str) -> QualityStudy:

@@ -29,18 +29,9 @@ from imubayes.study.schema.plan_tables import plan_study
 from imubayes.study.schema.quality_tables import quality_study
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
-from imubayes.study.schema.shapes import (
-    DecisionTable,
-    HeaderTable,
-    NoiseTable,
-    Place,
-    SamplingTable,
-    StudyFile,
-    hint,
-    shaped,
-    unique,
-)
+from imubayes.study.schema.shapes import Place, hint, shaped, unique
 from imubayes.study.schema.speed_tables import speed_study
+from imubayes.study.schema.tables import DecisionTable, HeaderTable, NoiseTable, SamplingTable, StudyFile
 
 AnyStudy = Study | LotStudy | QualityStudy | ExtremesStudy | FleetStudy | SpeedStudy
 """What a study file becomes."""

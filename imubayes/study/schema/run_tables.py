@@ -26,18 +26,9 @@ from imubayes.rig.runs import (
 )
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Kind
-from imubayes.study.schema.shapes import (
-    ColumnTable,
-    Place,
-    RunTable,
-    SectionTable,
-    SiteTable,
-    hint,
-    quantity,
-    shaped,
-    shown,
-)
+from imubayes.study.schema.shapes import Place, hint, quantity, shaped, shown
 from imubayes.study.schema.simulated import CALLED, SIMULATED
+from imubayes.study.schema.tables import ColumnTable, FixedNoiseTable, RunTable, SectionTable, SiteTable
 
 DATA_VARIABLE = "IMUBAYES_DATA"
 """Environment variable that names the folder of public data; a file may start with ``$IMUBAYES_DATA/``."""
@@ -131,9 +122,7 @@ def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
 
 def _noise(raw: dict[str, Any], unit: str, place: Place) -> Noise:
     likes = {"N": f"{unit}/sqrt(Hz)", "B": unit, "K": f"{unit}/sqrt(s)"}
-    for key in raw:
-        if key not in likes:
-            raise place.at(key).error(f"unknown key: {hint(key, [*likes, 'run'])}")
+    shaped(FixedNoiseTable, raw, place)
     N, B, K = (quantity(raw[key], like, place.at(key)) if key in raw else 0.0 for key, like in likes.items())
     if not N > 0.0 or min(B, K) < 0.0:
         raise place.error("expected white noise N above zero, and neither B nor K below zero")

@@ -18,7 +18,8 @@ from imubayes.rig.trajectories import MANNERS, generated
 from imubayes.selection.kernels import BUDGET_UNITS, Budget, Quantity
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import columns_of, located
-from imubayes.study.schema.shapes import Place, SceneTable, hint, quantity, shaped
+from imubayes.study.schema.shapes import Place, hint, quantity, shaped
+from imubayes.study.schema.tables import SceneTable
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T")
 """Channels of a log."""

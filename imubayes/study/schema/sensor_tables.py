@@ -19,16 +19,8 @@ from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library, library
 from imubayes.study.schema.imu_tables import KINDS_OF_IMU, check_imu, half, truths_of, without_component
 from imubayes.study.schema.run_tables import located, noise_rule, run_spec
-from imubayes.study.schema.shapes import (
-    LibraryTable,
-    Place,
-    SensorTable,
-    hint,
-    quantity,
-    shaped,
-    shown,
-    unique,
-)
+from imubayes.study.schema.shapes import Place, hint, quantity, shaped, shown, unique
+from imubayes.study.schema.tables import LibraryTable, SensorTable
 
 LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
 """Errors of the reference that runs of several components in one case can allow for."""

@@ -1,7 +1,4 @@
-"""Shapes of the tables of a study file: the keys of each, and what a value of each may be.
-
-An error becomes one sentence that names the file and the key.
-"""
+"""A table of a study is checked against its shape; an error becomes a sentence that names file and key."""
 
 from __future__ import annotations
 
@@ -9,16 +6,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, TypeVar
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import Field, ValidationError
 from pydantic.dataclasses import dataclass as shape
 
 from imubayes.errors import InputError, StudyError
-from imubayes.rig.runs import Procedure
-from imubayes.study.schema.measured import STRICT, Angle, Count, Metres, Seconds, Several, Text, measured
-
-Table = dict[str, Any]
+from imubayes.study.schema.measured import STRICT, Count, Several, measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,67 +41,6 @@ class Place:
             raise self.error(str(error)) from None
 
 
-def _column_name(value: Any) -> str | int:
-    if isinstance(value, bool) or not isinstance(value, str | int) or value == "":
-        raise ValueError("expected a column's name, or its number counted from 0")
-    return value
-
-
-@shape(config=STRICT, frozen=True)
-class StudyFile:
-    """A study file."""
-
-    sensor: list[Table] = Field(default_factory=list)
-    study: Table = Field(default_factory=dict)
-    sampling: Table = Field(default_factory=dict)
-    decision: Table = Field(default_factory=dict)
-    scene: list[Table] = Field(default_factory=list)
-    appendix: list[Table] = Field(default_factory=list)
-    noise: Table = Field(default_factory=dict)
-    quality: Table | None = None
-    lots: Table | None = None
-    extremes: Table | None = None
-    fleet: Table | None = None
-    speed: Table | None = None
-    plan: Table | None = None
-
-
-@shape(config=STRICT, frozen=True)
-class HeaderTable:
-    """``[study]``."""
-
-    title: str = ""
-    seed: Annotated[int, Field(ge=0)] = 0
-    catalogue: Text | None = None
-    method: Literal["auto", "exact", "collapsed", "full"] = "auto"
-
-
-@shape(config=STRICT, frozen=True)
-class SamplingTable:
-    """``[sampling]``."""
-
-    ess: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
-    time_limit: Seconds = 600.0
-
-
-@shape(config=STRICT, frozen=True)
-class NoiseTable:
-    """``[noise]``: the arguments of `imubayes.selection.noise_found.NoiseQuestion`."""
-
-    identify: Literal["static", "all", "none"] = "static"
-    candidates: Annotated[tuple[Literal["B", "K", "Q", "R", "G"], ...], Several] = ("B", "K", "Q", "R", "G")
-
-
-@shape(config=STRICT, frozen=True)
-class DecisionTable:
-    """``[decision]``."""
-
-    false_keep: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
-    false_drop: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
-    hierarchy: bool = False
-    compare: bool = True
-
-
 @shape(config=STRICT, frozen=True)
 class ExtremesTable:
     """``[extremes]``."""
@@ -131,46 +64,6 @@ class QualityTable:
 
 
 @shape(config=STRICT, frozen=True)
-class LotsTable:
-    """``[lots]``."""
-
-    kind: Literal["accelerometer", "gyroscope"]
-    classes: Annotated[tuple[Text, ...], Several]
-    units: Annotated[int, Field(ge=2)] = 8
-    basic: bool = False
-    asks: Any = "classes"
-    processes: Count = 2
-    library: Table = Field(default_factory=dict)
-    reference: Table = Field(default_factory=dict)
-    run: list[Table] = Field(default_factory=list)
-
-
-@shape(config=STRICT, frozen=True)
-class AgainstTable:
-    """``[lots.asks]``."""
-
-    needed_by: Annotated[tuple[Text, ...], Several]
-    not_by: Annotated[tuple[Text, ...], Several]
-
-
-@shape(config=STRICT, frozen=True)
-class FleetTable:
-    """``[fleet]``."""
-
-    units: Any
-    kind: Literal["accelerometer", "gyroscope"]
-    class_: Annotated[Text, Field(alias="class")]
-    part: Count = 8
-    processes: Count = 2
-    library: Table = Field(default_factory=dict)
-    noise: Any = None
-    prior: Table = Field(default_factory=dict)
-    reference: Table = Field(default_factory=dict)
-    robust: bool = False
-    run: list[Table] = Field(default_factory=list)
-
-
-@shape(config=STRICT, frozen=True)
 class SpeedTable:
     """``[speed]``."""
 
@@ -182,7 +75,7 @@ class SpeedTable:
     enumeration: Annotated[tuple[int, ...], Several] = ()
     noise: Annotated[tuple[int, ...], Several] = ()
     posterior: Annotated[tuple[int, ...], Several] = ()
-    growth: Table = Field(default_factory=dict)
+    growth: dict = Field(default_factory=dict)
 
 
 @shape(config=STRICT, frozen=True)
@@ -194,107 +87,6 @@ class GrowthTable:
     models: Annotated[tuple[int, ...], Several] = ()
     runs: Annotated[tuple[int, ...], Several] = ()
     units: Annotated[tuple[int, ...], Several] = ()
-
-
-@shape(config=STRICT, frozen=True)
-class SceneTable:
-    """``[[scene]]``."""
-
-    budget: Table
-    name: Text | None = None
-    scene: Text | None = None
-    file: Text | None = None
-    columns: Table = Field(default_factory=dict)
-    ignore: Annotated[tuple[str, ...], Several] = ()
-    duration: Seconds | None = None
-    axis: Literal["x", "y", "z"] = "x"
-    free_flight: bool | None = None
-
-
-@shape(config=STRICT, frozen=True)
-class AppendixTable:
-    """``[[appendix]]``."""
-
-    title: Text
-    file: Text
-    note: str = ""
-    command: str = ""
-
-
-@shape(config=STRICT, frozen=True)
-class SensorTable:
-    """``[[sensor]]``."""
-
-    id: Text
-    kind: Literal["accelerometer", "gyroscope", "imu"]
-    run: list[Table] = Field(default_factory=list)
-    class_: Annotated[Text | Table | None, Field(alias="class")] = None
-    library: Table = Field(default_factory=dict)
-    noise: Any = None
-    truth: Table = Field(default_factory=dict)
-    prior: Table = Field(default_factory=dict)
-    reference: Table = Field(default_factory=dict)
-    bench: Literal["exact", "drawn"] = "exact"
-    robust: bool = False
-    unit: Text | None = None
-    session: Text | None = None
-
-
-@shape(config=STRICT, frozen=True)
-class LibraryTable:
-    """``[sensor.library]``: the arguments of `imubayes.sensors.terms.library`."""
-
-    powers: int = 3
-    asymmetry: int = 2
-    set: Literal["slide", "extended"] = "slide"
-    temperature: int = 0
-    temperature_of: Annotated[tuple[str, ...], Several] = ("b0", "b1")
-    rate_of: Annotated[tuple[str, ...], Several] = ("b0",)
-
-
-@shape(config=STRICT, frozen=True)
-class RunTable:
-    """``[[sensor.run]]``."""
-
-    name: Text
-    procedure: Procedure
-    file: Text | None = None
-    columns: Table = Field(default_factory=dict)
-    ignore: Annotated[tuple[str, ...], Several] = ()
-    gravity: Any = None
-    noise: Any = None
-    simulate: Table | None = None
-    source: str = ""
-    gyroscope_file: Text | None = None
-    sections: list[Table] = Field(default_factory=list)
-
-
-@shape(config=STRICT, frozen=True)
-class SectionTable:
-    """One of the ``sections`` of a run of an IMU."""
-
-    rows: Annotated[tuple[int, int], Several]
-    up: Literal["x", "-x", "y", "-y", "z", "-z"]
-    turn: Any = None
-
-
-@shape(config=STRICT, frozen=True)
-class SiteTable:
-    """``gravity`` of a run by place."""
-
-    latitude: Angle
-    height: Metres
-
-
-@shape(config=STRICT, frozen=True)
-class ColumnTable:
-    """A channel of ``[sensor.run.columns]``."""
-
-    column: Annotated[Any, AfterValidator(_column_name)] = None
-    unit: Text | None = None
-    scale: Text | None = None
-    offset: Text | None = None
-    wraps: Text | None = None
 
 
 _Shape = TypeVar("_Shape")

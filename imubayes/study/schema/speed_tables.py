@@ -7,7 +7,8 @@ from pathlib import Path
 
 from imubayes.speed.contests import Quantity, SpeedStudy, Subject
 from imubayes.speed.growth import FEWEST
-from imubayes.study.schema.shapes import GrowthTable, HeaderTable, Place, SpeedTable, StudyFile, shaped
+from imubayes.study.schema.shapes import GrowthTable, Place, SpeedTable, shaped
+from imubayes.study.schema.tables import HeaderTable, StudyFile
 
 SMALLEST: dict[Subject, tuple[int, int]] = {
     "least squares": (100, 10_000_000),

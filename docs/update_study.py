@@ -1,0 +1,119 @@
+"""Make the tables of keys in docs/study.md and docs/plan.md, and docs/study.schema.json.
+
+Run it by ``python docs/update_study.py`` where imubayes is installed. It prints nothing. The first table of
+keys under a heading that is a table of a study (``### `[sampling]` ``) is replaced.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from imubayes.study.schema.described import SHAPES, schema_text
+
+DOCS = Path(__file__).resolve().parent
+PAGES = ("study.md", "plan.md")
+HEADER = "| key | value | default | meaning | example |\n|---|---|---|---|---|\n"
+SORTS = {
+    "string": "text",
+    "integer": "integer",
+    "number": "number",
+    "boolean": "true or false",
+    "object": "table",
+}
+MANY = {"text": "texts", "table": "tables", "integer": "integers", "number": "numbers"}
+
+
+def main() -> None:
+    """Write the schema and the pages."""
+    for name, text in made().items():
+        (DOCS / name).write_text(text, encoding="utf-8")
+
+
+def made() -> dict[str, str]:
+    """Texts of the files, by their names."""
+    tables = dict(keyed(json.loads(schema_text())["$defs"]))
+    pages = {name: (DOCS / name).read_text(encoding="utf-8") for name in PAGES}
+    return {
+        "study.schema.json": schema_text(),
+        **{name: filled(page, tables) for name, page in pages.items()},
+    }
+
+
+def keyed(shapes: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Heading of each table of a study, and its keys as Markdown."""
+    for name, shape in shapes.items():
+        heading = re.match(r"``(.*?)``", SHAPES[name].__doc__)
+        if heading:
+            yield (
+                heading[1],
+                HEADER + "".join(row(key, one, shape) for key, one in shape["properties"].items()),
+            )
+
+
+def filled(page: str, tables: dict[str, str]) -> str:
+    """Page with its tables of keys made again."""
+    parts = re.split(r"(^#+ .*\n)", page, flags=re.M)
+    for k in range(1, len(parts), 2):
+        table = tables.get(parts[k].strip("#` \n"))
+        if table:
+            parts[k + 1] = re.sub(
+                rf"{re.escape(HEADER)}(\|.*\n)*", lambda _, table=table: table, parts[k + 1], count=1
+            )
+    return "".join(parts)
+
+
+def row(key: str, one: dict[str, Any], shape: dict[str, Any]) -> str:
+    """One key: what it takes, what it is without it, what it means."""
+    default = "needed" if key in shape.get("required", ()) else usual(one)
+    example = f"`{key} = {toml(one['examples'][0])}`" if "examples" in one else ""
+    return f"| `{key}` | {sort(one)} | {default} | {one.get('description', '')} | {example} |\n"
+
+
+def usual(one: dict[str, Any]) -> str:
+    """Default in words, or as it would stand in the file."""
+    return one.get("usual") or (f"`{toml(one['default'])}`" if "default" in one else "none")
+
+
+def sort(one: dict[str, Any]) -> str:
+    """What a value may be, in words.
+
+    Examples
+    --------
+    >>> sort({"type": "integer", "minimum": 1}), sort({"type": "array", "items": {"type": "string"}})
+    ('integer, 1 or more', 'list of texts')
+    """
+    if "anyOf" in one:
+        return " or ".join(dict.fromkeys(sort(way).partition(",")[0] for way in one["anyOf"]))
+    if one.get("type") == "array":
+        items = sort(one["prefixItems"][0] if "prefixItems" in one else one.get("items", {}))
+        size = f"{one['minItems']} " if "minItems" in one else ""
+        return f"list of {size}{MANY.get(items) or items.replace('quantity', 'quantities')}"
+    if "format" in one:
+        return one["format"]
+    words = SORTS[one.get("type", "object" if "$ref" in one else "string")]
+    if "minimum" in one:
+        return f"{words}, {one['minimum']} or more"
+    return f"{words} above {one['exclusiveMinimum']}" if "exclusiveMinimum" in one else words
+
+
+def toml(value: Any) -> str:
+    """Value as it stands in a study.
+
+    Examples
+    --------
+    >>> toml({"at": 1, "dwell": "1 min"})
+    '{ at = 1, dwell = "1 min" }'
+    """
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {toml(one)}' for key, one in value.items())} }}"
+    if isinstance(value, list):
+        return f"[{', '.join(toml(one) for one in value)}]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""JSON Schema of a study file: editors complete and check studies with it, and docs/ is made of it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from pydantic import TypeAdapter
+from pydantic.dataclasses import is_pydantic_dataclass
+
+from imubayes.study.schema import tables
+from imubayes.study.schema.simulated import SIMULATED, StepOptions
+
+SHAPES: dict[str, Any] = {
+    shape.__name__: shape
+    for shape in (*vars(tables).values(), StepOptions, *SIMULATED.values())
+    if isinstance(shape, type) and is_pydantic_dataclass(shape)
+}
+"""Tables of a study file, by the name of their shape."""
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON Schema of a study file; ``usual`` is a default in words, ``quantity (s)`` a text with a unit."""
+    defined = {name: _tidy(TypeAdapter(shape).json_schema()) for name, shape in SHAPES.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **defined.pop(tables.StudyFile.__name__),
+        "$defs": defined,
+    }
+
+
+def schema_text() -> str:
+    """Text of the JSON Schema: the same bytes each time."""
+    return json.dumps(study_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def _tidy(value: Any) -> Any:
+    """Leave out what TOML has not (null), and what only repeats a key; refer to tables by their shapes."""
+    if isinstance(value, list):
+        return [_tidy(one) for one in value]
+    if not isinstance(value, dict):
+        return value
+    if ways := [one for one in value.pop("anyOf", []) if one != {"type": "null"}]:
+        value = {**value, "anyOf": ways} if len(ways) > 1 else {**ways[0], **value}
+    if isinstance(value.get("table"), str):
+        value["$ref"] = f"#/$defs/{value.pop('table')}"
+    empty = "default" in value and value["default"] in (None, "", [], {})
+    left_out = {"$defs", "default" if empty else "", "title" if isinstance(value.get("title"), str) else ""}
+    return {key: _tidy(one) for key, one in value.items() if key not in left_out}

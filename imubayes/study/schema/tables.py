@@ -1,0 +1,563 @@
+"""Tables of a study file: the keys of each, what a value of each may be, and what it means.
+
+Each table is described once, here: `docs/study.md`, `docs/plan.md` and the JSON Schema are made of it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass as shape
+
+from imubayes.rig.runs import Procedure
+from imubayes.study.schema.measured import (
+    STRICT,
+    Angle,
+    Cost,
+    Count,
+    Hertz,
+    Holds,
+    Metres,
+    Seconds,
+    Settle,
+    Several,
+    Table,
+    Text,
+    key,
+    quantities,
+)
+from imubayes.study.schema.simulated import SIMULATED
+
+Texts = Annotated[tuple[str, ...], Several]
+Names = Annotated[tuple[Text, ...], Several]
+Kind = Literal["accelerometer", "gyroscope"]
+
+_TEXT = {"type": "string"}
+_TABLE = {"type": "object"}
+_ESTIMATED = {"enum": ["estimate", "white"]}
+
+
+def _by_kind(one: dict[str, Any]) -> dict[str, Any]:
+    """JSON Schema of a table with a value for each kind of component."""
+    return {
+        "type": "object",
+        "properties": {"accelerometer": one, "gyroscope": one},
+        "additionalProperties": False,
+    }
+
+
+def _column_name(value: Any) -> str | int:
+    if isinstance(value, bool) or not isinstance(value, str | int) or value == "":
+        raise ValueError("expected a column's name, or its number counted from 0")
+    return value
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class HeaderTable:
+    """``[study]``."""
+
+    title: str = key("heading of the report", "ACC-07 acceptance", "", "name of the file")
+    seed: Annotated[int, Field(ge=0)] = key(
+        "of simulated runs, of generated scenes and of posterior draws", 1, 0
+    )
+    catalogue: Text | None = key(
+        "TOML file of [own classes](#own-classes), for the `class` of a sensor", "own.toml", None
+    )
+    method: Literal["auto", "exact", "collapsed", "full"] = key(
+        "[how the posterior is computed](#how-the-posterior-is-computed): `exact`, `collapsed`, `full`, or"
+        " the one that is right for each sensor, as the report says",
+        "collapsed",
+        "auto",
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class SamplingTable:
+    """``[sampling]``."""
+
+    ess: Cost = key(
+        "effective sample size at which the chains of a sensor stop, reached by every parameter", 400, 1000.0
+    )
+    time_limit: Seconds = key(
+        "for each sensor; chains that are not done by then are reported as not converged", "1 h", "10 min"
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class DecisionTable:
+    """``[decision]``."""
+
+    false_keep: Cost = key(
+        "cost of a term kept that is zero; only its ratio to `false_drop` counts", 1.0, 1.0
+    )
+    false_drop: Cost = key("cost of a term dropped that is not zero", 4.0, 1.0)
+    hierarchy: bool = key(
+        "a term may only be in a model that has what it modifies: `b3` calls for `b1`, `b1p` for `b1`,"
+        " `b0*T2` for `b0*T`",
+        True,
+        False,
+    )
+    compare: bool = key(
+        "run the other methods too (criteria, sparse regression, other priors), beside the decision",
+        False,
+        True,
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class NoiseTable:
+    """``[noise]``: the arguments of `imubayes.selection.noise_found.NoiseQuestion`."""
+
+    identify: Literal["static", "all", "none"] = key(
+        "which runs are asked for their noise processes: `static` (quiet logs), `all` (tests too; of a triad"
+        " or a whole IMU the samples at rest), or `none` ([docs/noise.md](noise.md))",
+        "all",
+        "static",
+    )
+    candidates: Annotated[tuple[Literal["B", "K", "Q", "R", "G"], ...], Several] = key(
+        "processes beside white noise that a run may show", ["B", "K", "Q"], ["B", "K", "Q", "R", "G"]
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class LibraryTable:
+    """``[sensor.library]``: the arguments of `imubayes.sensors.terms.library`."""
+
+    powers: int = key("highest power of the own input, 1 to 12", 4, 3)
+    asymmetry: int = key(
+        "highest power that also comes times the sign of the input, up to 12; -1 for none", -1, 2
+    )
+    set: Literal["slide", "extended"] = key(
+        "`extended` adds `S_ii S_jj S_kk` and, for a gyroscope, `g_i g_j g_k` and `s_i s_j s_k`",
+        "extended",
+        "slide",
+    )
+    temperature: int = key(
+        "highest power of T - 25 degC that multiplies the terms of `temperature_of`, up to 12; 0 for no term"
+        " of temperature",
+        2,
+        0,
+    )
+    temperature_of: Texts = key("terms that may depend on temperature", ["b0", "b1", "m_j"], ["b0", "b1"])
+    rate_of: Texts = key(
+        "terms that may depend on the rate of temperature (`b0*dT`), where `temperature` is 1 or more",
+        ["b0", "b1"],
+        ["b0"],
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class SiteTable:
+    """``gravity`` of a run by place."""
+
+    latitude: Angle = key("geodetic, north positive", "45.4 deg")
+    height: Metres = key("above the ellipsoid", "12 m")
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class SectionTable:
+    """``sections``: one of those of a run of an IMU."""
+
+    rows: Annotated[tuple[int, int], Several] = key(
+        "first row, and the row after the last, counted from 0", [540, 1271]
+    )
+    up: Literal["x", "-x", "y", "-y", "z", "-z"] = key(
+        "the case axis that points up: `x`, `-x`, `y`, `-y`, `z` or `-z`", "-x"
+    )
+    turn: Annotated[Any, Holds(quantities("rad"))] = key(
+        "angle of the turn, right-handed about the axis that points up", "-360 deg", None, "at rest"
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class ColumnTable:
+    """``[sensor.run.columns]``: a channel of it."""
+
+    column: Annotated[Any, AfterValidator(_column_name), Holds(_TEXT, {"type": "integer"})] = key(
+        "name in the file, with or without its unit; number counted from 0; `raw[:,0,3]` for a column of an"
+        " array",
+        "adc",
+        None,
+        "the channel's name",
+    )
+    unit: Text | None = key(
+        "unit of the file's numbers; one that does not measure the channel, like `count` or `V`, needs a"
+        " `scale`",
+        "g",
+        None,
+        "the one in the header",
+    )
+    scale: Annotated[Text | None, Holds(quantities("channel's unit per `unit`"))] = key(
+        "needs `unit`", "2.4e-3 m/s^2/count", None, "that of `unit`"
+    )
+    offset: Annotated[Text | None, Holds(quantities("like `unit`"))] = key(
+        "subtracted first; needs `unit`", "33124 count", None, "0"
+    )
+    wraps: Annotated[Text | None, Holds(quantities("like `unit`"))] = key(
+        "of `t` only: where the clock starts again from its lowest value, so that each step counts modulo"
+        " it; a step must be shorter than it. Needs `unit`",
+        "4294967296 count",
+        None,
+    )
+
+
+Columns = Annotated[Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, many="name")]
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class FixedNoiseTable:
+    """``noise`` that is given, or another run's."""
+
+    N: Annotated[Any, Holds(quantities("output/sqrt(Hz)"))] = key(
+        "white noise: velocity or angle random walk; two-sided, so a one-sided noise density over sqrt(2)",
+        "60 ug/sqrt(Hz)",
+        None,
+        "needed",
+    )
+    B: Annotated[Any, Holds(quantities("output"))] = key(
+        "bias instability: the Allan deviation's floor over 0.664", "40 ug", None, "0"
+    )
+    K: Annotated[Any, Holds(quantities("output/sqrt(s)"))] = key(
+        "random walk of the output", "0.3 ug/sqrt(s)", None, "0"
+    )
+    run: Annotated[Any, Holds(_TEXT)] = key(
+        "alone: a run of the sensor with a noise of its own, such as a static log", "log", None, "-"
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class RunTable:
+    """``[[sensor.run]]``."""
+
+    name: Text = key("name in the report, unique in the sensor", "tumble")
+    procedure: Procedure = key(
+        "`tumble`, `centrifuge`, `rate-table`, `oscillation`, `thermal`, `static`, `other`: inputs are"
+        " known. `free-tumble`: held in many positions by hand, only gravity is known; an accelerometer"
+        " triad or an IMU, and no other procedure in the same sensor. `ferraris`: known positions and turns"
+        " of an IMU",
+        "centrifuge",
+    )
+    file: Text | None = key(
+        "recording; `$IMUBAYES_DATA/...` is in the folder that this variable names; where it is not set, in"
+        " `../../shared/data` from the study",
+        "tumble.csv",
+        None,
+    )
+    columns: Columns = key("`[sensor.run.columns]`", {"output": "adc [g]"}, dict, "the file's own")
+    ignore: Texts = key(
+        "columns of the file that are no channel, though their names are nearly those of one that the file"
+        " does not have",
+        ["f_q"],
+        [],
+    )
+    gravity: Annotated[Any, Holds(quantities("m/s^2"), SiteTable)] = key(
+        "local gravity, or the place",
+        "9.8123 m/s^2",
+        None,
+        "needed by `free-tumble` and `ferraris`, else refused",
+    )
+    noise: Annotated[Any, Holds(_ESTIMATED, FixedNoiseTable, _by_kind(_TABLE))] = key(
+        "[noise](#noise) of this run", {"run": "log"}, None, "the sensor's"
+    )
+    simulate: Annotated[Table | None, Holds(*SIMULATED.values())] = key(
+        "makes the run in place of a file, see [simulate](#simulate)", {"angles": 12}, None
+    )
+    source: str = key(
+        "where a public file comes from, for the message when it is missing",
+        "github.com/Kyle-ak/imu_tk (BSD)",
+        "",
+    )
+    gyroscope_file: Text | None = key(
+        "of an IMU whose gyroscopes have a file of their own, with the same time stamps", "gyro.csv", None
+    )
+    sections: Annotated[list[Table], Holds(SectionTable, many="list")] = key(
+        "[positions and turns](#sections)",
+        [{"rows": [0, 500], "up": "x"}],
+        list,
+        "needed by `ferraris`, else refused",
+    )
+
+
+Runs = Annotated[list[Table], Holds(RunTable, many="list")]
+_Library = Annotated[Table, Holds(LibraryTable)]
+_Prior = Annotated[Table, Holds(quantities("like the term"), _TABLE, many="name")]
+_Reference = Annotated[
+    Table, Holds({"type": "boolean"}, quantities("of the error"), _by_kind(_TEXT), many="name")
+]
+_CAMPAIGN = [{"name": "A", "procedure": "tumble", "simulate": {"angles": 12}}]
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class SensorTable:
+    """``[[sensor]]``."""
+
+    id: Text = key("name in the report, unique", "ACC-07")
+    kind: Literal["accelerometer", "gyroscope", "imu"] = key(
+        "`accelerometer`, `gyroscope`, or `imu` for [six components in one case](#a-whole-imu)",
+        "accelerometer",
+    )
+    class_: Annotated[Text | Table | None, Holds(_TEXT, _by_kind(_TEXT))] = key(
+        "class of the catalogue (`imubayes catalogue`): gives the priors of coefficients and noise. Without"
+        " one, each term alone may move the output by its whole range, and the noise prior is vague;"
+        " simulated runs, free tumbles and whole IMUs need one. Of an IMU also one for each kind,"
+        ' `{ accelerometer = "...", gyroscope = "..." }`',
+        "mems_tactical",
+        None,
+        alias="class",
+    )
+    library: Annotated[Table, Holds(LibraryTable, _by_kind(_TABLE))] = key(
+        "candidate terms, `[sensor.library]`", {"powers": 2}, dict, "its defaults"
+    )
+    noise: Annotated[Any, Holds(_ESTIMATED, FixedNoiseTable, _by_kind(_TABLE))] = key(
+        "[noise](#noise) of the runs that have no `noise` of their own", "white", None, '`"estimate"`'
+    )
+    prior: _Prior = key(
+        "prior sd of terms, in place of the class's (`imubayes catalogue CLASS` lists these, with units):"
+        " what this lot may have",
+        {"b0": "100 mg", "m_j": "20 mrad"},
+        dict,
+        "from the class",
+    )
+    truth: _Prior = key(
+        "coefficients of *simulated* runs; the analysis does not see them. A term that is not named is zero;"
+        " terms outside the library are allowed. Of an IMU by component, `ax.b0`. Empty: a unit is drawn"
+        " from the class",
+        {"b0": "1.5 mg", "b2": "42 ug/g^2"},
+        dict,
+        "drawn from the class",
+    )
+    reference: _Reference = key(
+        "[errors of the test bench](#sensorreference) that are allowed for", {"gravity": True}, dict
+    )
+    bench: Literal["exact", "drawn"] = key(
+        "of *simulated* runs: `drawn` makes them on a bench whose errors are drawn once from `reference`;"
+        " the inputs of the runs do not say so",
+        "drawn",
+        "exact",
+    )
+    robust: bool = key(
+        "lets single dwells be contaminated (a knock, a wrong position, a spike): they lose their weight,"
+        " and the report lists them. Not for free tumbles",
+        True,
+        False,
+    )
+    unit: Text | None = key(
+        "the physical unit, where several sensors of the study are sessions of one; they need the same kind"
+        " and library. The report then compares the sessions; of four units of a class or more it says what"
+        " they have in common",
+        "ACC-07",
+        None,
+    )
+    session: Text | None = key(
+        "which session of the `unit`; both or neither, and each pair once", "Monday", None
+    )
+    run: Runs = key(
+        "one `[[sensor.run]]` for each recording",
+        [{"name": "A", "procedure": "static", "file": "a.csv"}],
+        list,
+        "needed",
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class AgainstTable:
+    """``[lots.asks]``."""
+
+    needed_by: Names = key("the first of two groups: which terms these need", ["fog_tactical"])
+    not_by: Names = key("and these do not", ["mems_tactical"])
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class LotsTable:
+    """``[lots]``."""
+
+    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
+    classes: Names = key(
+        "classes of the catalogue (`imubayes catalogue`), in the order of the report",
+        ["mems_tactical", "strategic_piga"],
+    )
+    units: Annotated[int, Field(ge=2)] = key("simulated of each class", 10, 8)
+    basic: bool = key(
+        "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
+    )
+    asks: Annotated[Any, Holds({"enum": ["classes", "scenes", "triad"]}, AgainstTable)] = key(
+        "what the report answers first, as its title asks: what each class needs (`classes`), what each"
+        " scene requires (`scenes`), whether the basic triad is enough (`triad`), or what some classes need"
+        " and others do not (a table `[lots.asks]`)",
+        "classes",
+        "classes",
+    )
+    processes: Count = key("that share the work", 4, 2)
+    library: _Library = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
+    reference: _Reference = key(
+        "errors of the test bench, as `[sensor.reference]`: drawn anew for each unit, and allowed for in its"
+        " analysis",
+        {"gravity": True},
+        dict,
+    )
+    run: Runs = key("the campaign, as `[[sensor.run]]` with `simulate`", _CAMPAIGN, list, "needed")
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class FleetTable:
+    """``[fleet]``."""
+
+    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
+    class_: Text = key("class of the catalogue, or of the study's own", "mems_tactical", alias="class")
+    units: Annotated[Any, Holds({"type": "integer", "minimum": 2}, _TEXT)] = key(
+        "number of simulated units, 2 or more; or a pattern of folders (or files, where no folder matches),"
+        ' each a unit named by it, such as `units = "lot7/*"`',
+        1000,
+    )
+    part: Count = key("units that are done, and kept, together", 20, 8)
+    processes: Count = key("of this machine that share the work; with `--scheduler` the workers do", 8, 2)
+    library: _Library = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
+    reference: _Reference = key(
+        "errors of the test bench, as `[sensor.reference]`; of simulated units drawn anew for each",
+        {"gravity": True},
+        dict,
+    )
+    noise: Annotated[Any, Holds(_ESTIMATED, FixedNoiseTable)] = key(
+        "of every unit, as in `[[sensor]]`", "white", None, '`"estimate"`'
+    )
+    prior: _Prior = key("of every unit, as in `[[sensor]]`", {"b2": "100 ug/g^2"}, dict, "the class's")
+    robust: bool = key("dwells of every unit that outliers have contaminated are left out", True, False)
+    run: Runs = key(
+        "the campaign, as `[[sensor.run]]`: with `simulate`, or with a `file` in each unit's folder",
+        _CAMPAIGN,
+        list,
+        "needed",
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class BudgetTable:
+    """What the error in a scene may come to: one of these."""
+
+    output: Annotated[Any, Holds(quantities("output"))] = None
+    attitude: Annotated[Any, Holds(quantities("rad"))] = None
+    velocity: Annotated[Any, Holds(quantities("m/s"))] = None
+    position: Annotated[Any, Holds(quantities("m"))] = None
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class SceneTable:
+    """``[[scene]]``."""
+
+    name: Text | None = key(
+        "catalogue scene; with `scene` or `file`, what to call it. In a class-level study each scene has"
+        " another",
+        "quadrotor",
+        None,
+        "needed, or `file`",
+    )
+    scene: Text | None = key(
+        "catalogue scene, where `name` is another: so that one scene can stand twice, with the same motion"
+        " and another budget",
+        "helicopter",
+        None,
+        "`name`",
+    )
+    file: Text | None = key(
+        "log of `t` and any of `f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T`, along the case axes x, y, z, in"
+        " any format of a run. Forces are specific forces: at rest +g upwards",
+        "flight.csv",
+        None,
+    )
+    columns: Columns = key(
+        "as `[sensor.run.columns]`, with `file` only", {"f_k": "az [g]"}, dict, "the file's own"
+    )
+    ignore: Texts = key("as in `[[sensor.run]]`, with `file` only", ["f_0"], [])
+    duration: Seconds | None = key(
+        "of the mission; the motion of a shorter record is repeated, its temperature runs on (of a log:"
+        " stays)",
+        "10 min",
+        None,
+        "the record's; of a catalogue scene the middle of its range",
+    )
+    budget: Annotated[Table, Holds(BudgetTable)] = key(
+        "what the error may come to, one quantity: `output` (rms, in the unit of one kind of sensor, and"
+        " only for this kind), `attitude`, `velocity` or `position` (largest over the mission)",
+        {"position": "100 m"},
+    )
+    axis: Literal["x", "y", "z"] = key(
+        "case axis that a sensor's input axis lies along; the components of a triad have their own", "z", "x"
+    )
+    free_flight: bool | None = key(
+        "the navigator keeps no local level, so that errors are not held by gravity (Schuler); true for"
+        " `gun_projectile`, `reentry_spin` and `spacecraft`",
+        True,
+        None,
+        "by the scene",
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class AppendixTable:
+    """``[[appendix]]``."""
+
+    title: Text = key("heading", "Effective samples a second")
+    file: Text = key("CSV, UTF-8, commas: a line of headings and at most 200 rows", "speed.csv")
+    note: str = key("what it shows, in words", "Two cores.", "")
+    command: str = key("that made it", "pytest -m benchmark", "")
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class OfferTable:
+    """``[[plan.run]]``."""
+
+    name: Text = key("of the run", "tumble")
+    procedure: Text = key("`tumble`, `rate-table` or `centrifuge`: dwells with constant inputs", "tumble")
+    candidates: Table = key(
+        "what could be set, as the procedure's `simulate` without its times", {"angles": 24, "planes": 3}
+    )
+    dwell: Annotated[tuple[Seconds, ...], Several] = key("that a dwell may take", ["60 s", "180 s"])
+    rate: Hertz = key("of the samples", "1 Hz", "10 Hz")
+    settle: Settle = key("before every dwell", "10 s", "5 s")
+    mount: Settle = key("more of it for another mount", "5 min", "0 s")
+    setup: Settle = key("once, if the run is made at all", "30 min", "0 s")
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class PlanTable:
+    """``[plan]``."""
+
+    time: Seconds = key("for all of it, handling included", "4 h")
+    aim: Literal["worst", "D", "scene"] = key(
+        "what to make small: `worst`, the worst-determined needed term (over what the scene needs of it, or"
+        " else over its prior sd); `D`, the volume of what is left open of them; `scene`, the error that is"
+        " left open in the `[[scene]]`",
+        "scene",
+        "worst",
+    )
+    needed: Names = key("terms that the aim is about", ["b0", "b1"], [], "what the candidates can tell")
+    even: Text | None = key(
+        "the run that the plan is held against: all its positions in order, evenly, in the same time",
+        "tumble",
+        None,
+        "the first",
+    )
+    units: Count = key("simulated to check the prediction", 1000, 200)
+    run: Annotated[list[Table], Holds(OfferTable, many="list")] = key(
+        "what could be done: one `[[plan.run]]` for each", [{"name": "tumble"}], list, "needed"
+    )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class StudyFile:
+    """A study file."""
+
+    study: Annotated[Table, Holds(HeaderTable)] = Field(default_factory=dict)
+    sampling: Annotated[Table, Holds(SamplingTable)] = Field(default_factory=dict)
+    decision: Annotated[Table, Holds(DecisionTable)] = Field(default_factory=dict)
+    noise: Annotated[Table, Holds(NoiseTable)] = Field(default_factory=dict)
+    sensor: Annotated[list[Table], Holds(SensorTable, many="list")] = Field(default_factory=list)
+    quality: Table | None = None
+    extremes: Table | None = None
+    speed: Table | None = None
+    lots: Annotated[Table | None, Holds(LotsTable)] = None
+    fleet: Annotated[Table | None, Holds(FleetTable)] = None
+    plan: Annotated[Table | None, Holds(PlanTable)] = None
+    scene: Annotated[list[Table], Holds(SceneTable, many="list")] = Field(default_factory=list)
+    appendix: Annotated[list[Table], Holds(AppendixTable, many="list")] = Field(default_factory=list)
