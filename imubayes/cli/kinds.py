@@ -134,8 +134,8 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
-    from imubayes.population.fleet.engines import engine
-    from imubayes.population.fleet.measure import measure
+    from imubayes.population.fleet import measure
+    from imubayes.population.engines import engine
     from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
 
     if asked.computing:
@@ -152,7 +152,7 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
 
 
 def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
-    from imubayes.population.lots.measure import measure
+    from imubayes.population.lots import measure
     from imubayes.reporting.lots_page import terminal_lots, write_lots
 
     found = measure(_left_alone(study, asked), progress=told)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.population.fleet.reduction import VERDICTS
-from imubayes.population.lots.answers import ClassFound
-from imubayes.population.lots.needs import NEEDED, of_class
+from imubayes.population.lots import ClassFound
+from imubayes.population.needs import NEEDED, of_class
+from imubayes.population.tally import VERDICTS
 from imubayes.reporting.canvas import (
     ACCENT,
     PALE,
@@ -23,7 +23,7 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.lots_figures import LETTER, LINE, population_panel
 
 if TYPE_CHECKING:
-    from imubayes.population.fleet.measure import FleetResult
+    from imubayes.population.fleet import FleetResult
 
 SHOWN = (
     (("needed",), ACCENT),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import imubayes
-from imubayes.population.fleet.reduction import VERDICTS
+from imubayes.population.tally import VERDICTS
 from imubayes.reporting.fleet_figures import fleet_population_panel, verdict_panel
 from imubayes.reporting.fleet_words import fleet_answer, noise_range, plain, pull_value
 from imubayes.reporting.lots_words import class_name
@@ -23,7 +23,7 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.population.fleet.measure import FleetResult
+    from imubayes.population.fleet import FleetResult
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.population.lots.needs import NEEDED, UNTOLD, of_class
+from imubayes.population.needs import NEEDED, UNTOLD, of_class
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import (
     NOISE_SI,
@@ -20,9 +20,8 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.fleet.measure import FleetResult
-    from imubayes.population.fleet.population import Pull
-    from imubayes.population.fleet.units import Broken
+    from imubayes.population.fleet import FleetResult, Pull
+    from imubayes.population.records import Broken
     from imubayes.sensors.terms import Library
 
 NAMED = 5
@@ -94,7 +93,7 @@ def broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from imubayes.population.fleet.units import Broken
+    >>> from imubayes.population.parts import Broken
     >>> broken_sentence([Broken(3, "A4", "A4/t.csv: is empty")], 1000)
     ('1 unit of 1,000 could not be read: A4: A4/t.csv: is empty.',)
     """

@@ -13,15 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.population.lots.needs import (
-    NEEDED,
-    UNTOLD,
-    WOULD_MATTER,
-    in_scene,
-    of_class,
-    terms_in,
-    terms_of,
-)
+from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, in_scene, of_class, terms_in, terms_of
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -42,13 +34,9 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.population.lots.answers import (
-        ClassFound,
-        LotResult,
-        MissionFound,
-        MissionTerm,
-        PopulationTerm,
-    )
+    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.scenes import MissionFound, MissionTerm
+    from imubayes.population.terms import PopulationTerm
     from imubayes.sensors.terms import Library
 
 OPEN = "#E69F00"

@@ -6,15 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from imubayes.population.lots.needs import NEEDED, NOT_NEEDED, UNTOLD, could_change, terms_in, terms_of
-from imubayes.population.lots.plan import Against
+from imubayes.population.lots import Against
+from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, could_change, terms_in, terms_of
 from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.population.lots.answers import ClassFound, LotResult
+    from imubayes.population.lots import ClassFound, LotResult
 
 MOST_WORDS = 60
 """Words of an answer."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imubayes.population.lots.needs import (
+from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
@@ -61,7 +61,8 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
-    from imubayes.population.lots.answers import ClassFound, Coverage, LotResult, MissionFound, MissionTerm
+    from imubayes.population.lots import ClassFound, Coverage, LotResult
+    from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
 

@@ -6,10 +6,8 @@ import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import imubayes
-from imubayes.population.lots.needs import (
+from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
@@ -26,7 +24,9 @@ from imubayes.reporting.results import versions
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots.answers import ClassFound, LotResult, MissionFound, UnitFound
+    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.records import Record
+    from imubayes.population.scenes import MissionFound
 
 
 def lots_json(result: LotResult) -> str:
@@ -96,13 +96,11 @@ def _class_entry(found: ClassFound) -> dict[str, Any]:
     }
 
 
-def _unit_entry(unit: UnitFound) -> dict[str, Any]:
-    arrays = {"truth": unit.truth, "mean": unit.average, "sd": unit.sd, "inclusion": unit.inclusion}
+def _unit_entry(unit: Record) -> dict[str, Any]:
+    arrays = ("truth", "mean", "sd", "inclusion", "full_mean", "full_sd")
     return {
         "number": unit.number,
-        **{name: np.asarray(values).tolist() for name, values in arrays.items()},
-        "full_mean": unit.mean.tolist(),
-        "full_sd": np.sqrt(np.diagonal(unit.cov)).tolist(),
+        **{name: getattr(unit, name).tolist() for name in arrays},
         "verdicts": unit.verdicts,
         "noise": dict(zip("NBK", unit.noise, strict=True)),
     }

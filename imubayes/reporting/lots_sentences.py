@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from imubayes.population.lots.needs import (
+from imubayes.population.needs import (
     HALF,
     NEEDED,
     NOT_NEEDED,
@@ -28,7 +28,8 @@ from imubayes.sensors.equations.basic import TERMS
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots.answers import ClassFound, LotResult, MissionFound
+    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.scenes import MissionFound
 
 MOST_TERMS = 8
 """Terms that a sentence names."""

@@ -12,7 +12,8 @@ from imubayes.selection.relevance import MATTERS
 if TYPE_CHECKING:
     from imubayes.campaign.study import Mission
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots.answers import Coverage, MissionTerm
+    from imubayes.population.lots import Coverage
+    from imubayes.population.scenes import MissionTerm
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind
 
@@ -72,7 +73,7 @@ def covered(found: Coverage) -> str:
     Examples
     --------
     >>> from imubayes.inference.intervals import Share
-    >>> from imubayes.population.lots.answers import Coverage
+    >>> from imubayes.population.lots import Coverage
     >>> covered(Coverage(9, 10, Share(0.9, 0.64, 0.98)))
     '9 of 10 cases, 90\xa0% (64 to 98)'
     """

@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.population.fleet.engines import engine
-from imubayes.population.fleet.measure import lot_of, measure
-from imubayes.population.fleet.plan import FleetStudy, parts_of, simulated_units
-from imubayes.population.fleet.units import part_found
+from imubayes.population.engines import engine
+from imubayes.population.fleet import lot_of, measure
+from imubayes.population.parts import FleetStudy, part_found, parts_of, simulated_units
 from imubayes.rig.runs import RunSpec
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from imubayes.errors import StudyError
-from imubayes.population.lots.measure import measure
-from imubayes.population.lots.plan import Against
+from imubayes.population import lots as measure
+from imubayes.population.lots import Against
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
 from imubayes.rig.scene_ranges import catalogue_scenes

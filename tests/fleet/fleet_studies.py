@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.population.fleet.engines import Engine
-from imubayes.population.fleet.plan import FleetStudy, parts_of, simulated_units
-from imubayes.population.lots.units import simulate_unit
+from imubayes.population.engines import Engine
+from imubayes.population.parts import FleetStudy, parts_of, simulated_units
 from imubayes.population.processes import as_done
+from imubayes.population.records import simulate_unit
 from imubayes.rig.record import write_run
 from imubayes.rig.runs import RunSpec
 from imubayes.sensors.catalogue import sensor

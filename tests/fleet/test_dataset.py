@@ -9,8 +9,8 @@ from pyarrow import parquet
 
 from imubayes.algebra.factor import Factor, posterior
 from imubayes.inference.prior import class_sd
-from imubayes.population.fleet.dataset import marks_of, read_part, records_of, write_part
-from imubayes.population.fleet.units import part_found
+from imubayes.population.dataset import marks_of, read_part, records_of, write_part
+from imubayes.population.parts import part_found
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from fleet_studies import fleet
 from pyarrow import parquet
 
 from imubayes.errors import InputError
-from imubayes.population.fleet import engines
-from imubayes.population.fleet.engines import engine
-from imubayes.population.fleet.measure import measure
+from imubayes.population import engines
+from imubayes.population.fleet import measure
+from imubayes.population.engines import engine
 from imubayes.population.processes import Lost
 
 UNITS = 40

@@ -89,7 +89,7 @@ def test_interrupt_is_said_in_one_line_and_resume_goes_on(tmp_path, monkeypatch,
 
         return stop
 
-    monkeypatch.setattr("imubayes.population.fleet.measure.pace", once)
+    monkeypatch.setattr("imubayes.population.fleet.pace", once)
     assert _run(monkeypatch, str(path), "--out", str(out)) == 130
     assert capsys.readouterr().err == (
         "imubayes: interrupted: the same command with --resume goes on, and keeps what is finished\n"

@@ -7,10 +7,10 @@ from fleet_studies import backwards, fleet, here, recorded
 from pyarrow import parquet
 
 from imubayes.errors import InputError
-from imubayes.population.fleet.engines import Engine, engine
-from imubayes.population.fleet.keeping import GROWING, UNITS
-from imubayes.population.fleet.measure import ENDED, lot_of, measure
-from imubayes.population.fleet.units import part_found
+from imubayes.population.engines import Engine, engine
+from imubayes.population.fleet import ENDED, lot_of, measure
+from imubayes.population.keeping import GROWING, UNITS
+from imubayes.population.parts import part_found
 from imubayes.population.processes import Lost, as_done
 from imubayes.study.schema import read
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from fleet_studies import fleet
 
-from imubayes.population.fleet.population import ALARM, answer
-from imubayes.population.fleet.reduction import Tally
-from imubayes.population.lots.population import lot_sizes, spread
+from imubayes.population.fleet import ALARM, answer
+from imubayes.population.tally import Tally
+from imubayes.population.terms import lot_sizes, spread
 
 
 def _tally(estimate: np.ndarray, variance: np.ndarray, rng: np.random.Generator) -> Tally:

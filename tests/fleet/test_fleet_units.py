@@ -9,10 +9,10 @@ from imubayes.campaign.preparation import prepare
 from imubayes.errors import InputError, StudyError
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.prior import ScalePrior
-from imubayes.population.fleet import units
-from imubayes.population.fleet.plan import Part, lot_of_some, parts_of
-from imubayes.population.fleet.units import of_terms, part_found, record_of
-from imubayes.population.lots.units import simulate_unit
+from imubayes.population import parts as units
+from imubayes.population import records
+from imubayes.population.parts import Part, lot_of_some, part_found, parts_of, unit_record
+from imubayes.population.records import of_terms, simulate_unit
 from imubayes.rig import streams
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.decision import loose_fit
@@ -73,7 +73,7 @@ def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrat
 
 def test_without_errors_of_the_bench_the_factor_is_the_whole_one():
     study = fleet(2)
-    record = record_of(study, first_part(study).only([0]))
+    record = unit_record(study, first_part(study).only([0]))
     p = len(study.spec.library.terms)
     summary = replace(_summary(study), extras=())
     mean, cov = loose_fit(summary, ScalePrior(np.ones(p)))
@@ -94,7 +94,7 @@ def _summary(study):
 
 
 def test_fault_in_one_unit_leaves_the_others(monkeypatch):
-    study, usual = fleet(3), units.record_of
+    study, usual = fleet(3), units.unit_record
 
     def faulty(study, alone):
         if alone.units[0].number == 1:
@@ -103,7 +103,7 @@ def test_fault_in_one_unit_leaves_the_others(monkeypatch):
             raise ZeroDivisionError("oh")
         return usual(study, alone)
 
-    monkeypatch.setattr(units, "record_of", faulty)
+    monkeypatch.setattr(units, "unit_record", faulty)
     found = part_found(study, first_part(study))
     assert [one.number for one in found.records] == [0]
     assert [(one.number, one.error.partition(";")[0]) for one in found.broken] == [
@@ -120,10 +120,10 @@ def test_random_numbers_of_recorded_units_hang_on_their_names_and_differ(tmp_pat
         drawn[spec.id, len(drawn)] = rng.random()
         return prepare(spec, runs, tell, rng)
 
-    monkeypatch.setattr(units, "prepare", note)
+    monkeypatch.setattr(records, "prepare", note)
     (part,) = parts_of(study, None)
     for unit in (*part.units, replace(part.units[0], number=7)):
-        record_of(study, Part(0, (unit,)))
+        unit_record(study, Part(0, (unit,)))
     assert drawn["A1", 0] == drawn["A1", 2] != drawn["A2", 1]
 
 
@@ -132,10 +132,10 @@ def test_long_file_of_a_unit_is_read_a_part_at_a_time_and_says_the_same(tmp_path
     study = recorded(tmp_path, ("A1", "A2"), fast)
     study = replace(study, spec=replace(study.spec, runs=(replace(study.spec.runs[0], noise=KNOWN),)))
     (part,) = parts_of(study, None)
-    whole = record_of(study, part.only([0]))
+    whole = unit_record(study, part.only([0]))
     monkeypatch.setattr(streams, "STREAMED", 1000)
     monkeypatch.setattr(streams, "MOST_WHOLE", 1000)
-    streamed = record_of(study, part.only([0]))
+    streamed = unit_record(study, part.only([0]))
     assert streamed.samples == whole.samples == 6000
     assert streamed.verdicts == whole.verdicts
     np.testing.assert_allclose((streamed.full_mean - whole.full_mean) / whole.full_sd, 0.0, atol=1e-4)
@@ -149,10 +149,10 @@ def test_long_file_is_refused_where_dwells_may_be_left_out(tmp_path, monkeypatch
     monkeypatch.setattr(streams, "STREAMED", 10)
     monkeypatch.setattr(streams, "MOST_WHOLE", 10)
     with pytest.raises(InputError, match=r"\(reference\) or robust"):
-        record_of(replace(study, spec=replace(study.spec, robust=True)), part.only([0]))
+        unit_record(replace(study, spec=replace(study.spec, robust=True)), part.only([0]))
 
 
 def test_unit_that_is_asked_for_alone_says_what_is_wrong():
     study = fleet(3, spec=replace(fleet().spec, runs=(RunSpec("x", "tumble"),)))
     with pytest.raises(StudyError, match="'x'"):
-        record_of(study, first_part(study).only([0]))
+        unit_record(study, first_part(study).only([0]))

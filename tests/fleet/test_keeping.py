@@ -8,7 +8,7 @@ from fleet_studies import first_part, fleet, recorded
 from pyarrow import parquet
 
 from imubayes.errors import InputError
-from imubayes.population.fleet.keeping import (
+from imubayes.population.keeping import (
     GROWING,
     UNITS,
     fingerprint,
@@ -18,7 +18,7 @@ from imubayes.population.fleet.keeping import (
     part_file,
     publish,
 )
-from imubayes.population.fleet.units import part_found
+from imubayes.population.parts import part_found
 
 
 @pytest.fixture(scope="module")

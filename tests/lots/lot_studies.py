@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign.study import Mission
-from imubayes.population.lots.plan import LotStudy
+from imubayes.population.lots import LotStudy
 from imubayes.rig.runs import RunSpec
 from imubayes.rig.scenes import recorded
 from imubayes.selection.kernels import Budget

@@ -5,8 +5,8 @@ import pytest
 from lot_studies import shaken, small
 
 from imubayes.campaign.study import Mission
-from imubayes.population.lots.answers import UnitFound
-from imubayes.population.lots.missions import basic_left, exposures, missions
+from imubayes.population.records import Record
+from imubayes.population.scenes import basic_left, exposures, missions
 from imubayes.selection.kernels import Budget
 from imubayes.selection.relevance import exposure
 from imubayes.sensors.terms import columns
@@ -15,18 +15,31 @@ STUDY = small()
 LIB = STUDY.library
 
 
-def unit(theta, number=0, scatter=0.0) -> UnitFound:
+def unit(theta, number=0, scatter=0.0) -> Record:
     """A unit whose test says the truth, but for a scatter of the draws."""
     p = len(theta)
     noise = scatter * np.random.default_rng(number).standard_normal((200, p))
-    return UnitFound(
-        "any", number, theta, theta, np.eye(p), theta, np.ones(p), np.ones(p), ("needed",) * p,
-        theta + noise * np.abs(theta), (1e-4, 0.0, 0.0),
-    )  # fmt: skip
+    draws, ones = theta + noise * np.abs(theta), np.ones(p)
+    return Record(
+        number,
+        "any",
+        theta,
+        ones,
+        theta,
+        ones,
+        ones,
+        ("needed",) * p,
+        (1e-4, 0.0, 0.0),
+        1,
+        np.eye(p + 1),
+        theta,
+        draws,
+    )
 
 
 def weighed(units, study=STUDY):
-    return missions(units, study, exposures(study))
+    exposed = exposures(study.missions, study.library)
+    return missions(units, study.missions, exposed, basic=study.basic)
 
 
 def outputs(scene) -> np.ndarray:

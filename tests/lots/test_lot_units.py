@@ -6,35 +6,24 @@ from lot_studies import TUMBLE, small
 
 from imubayes.algebra.factor import noise_scale
 from imubayes.campaign.preparation import prepare
-from imubayes.campaign.study import SensorSpec
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.linear import linear_of
-from imubayes.population.lots.units import lot_of, simulate_unit, unit_of
+from imubayes.inference.prior import class_sd
+from imubayes.population.lots import lot_of, spec_of, unit_of
+from imubayes.population.records import simulate_unit
 from imubayes.selection.decision import LOOSE, loose_fit, select
 from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.noise import Noise
 
 STUDY = small()
 LOT = lot_of(STUDY, 0)
-
-
-def spec_of(study, lot, number=0):
-    entry = lot.sensor_class
-    return SensorSpec(
-        entry.id,
-        study.kind,
-        entry,
-        study.library,
-        study.runs,
-        lot.truth(number),
-        reference=dict(study.reference),
-    )
+SPEC = replace(spec_of(STUDY, LOT.sensor_class), library=STUDY.library, truth=LOT.truth(0))
 
 
 @pytest.fixture(scope="module")
 def ready():
-    runs = simulate_unit(spec_of(STUDY, LOT), LOT, 0, np.random.default_rng(1))
-    return prepare(spec_of(STUDY, LOT), runs, lambda message: None, np.random.default_rng(2))
+    runs = simulate_unit(SPEC, LOT, 0, np.random.default_rng(1))
+    return prepare(SPEC, runs, lambda message: None, np.random.default_rng(2))
 
 
 def test_estimates_without_shrinkage_are_ridge_regression_with_the_bench_held_to_its_prior(ready):
@@ -72,8 +61,10 @@ def test_truths_lie_within_what_the_test_says_of_them():
     for number in range(6):
         unit = unit_of(study, 0, number, lot)
         # untested terms have a prior a thousand times as wide as they are
-        left = (unit.mean - unit.truth)[own]
-        sizes.append(float(left @ np.linalg.solve(unit.cov[np.ix_(own, own)], left)))
+        left = (unit.full_mean - unit.truth)[own]
+        loose = np.diag(1.0 / (LOOSE * class_sd(study.classes[0], lib)) ** 2)
+        cov = np.linalg.inv(unit.R[:-1, :-1].T @ unit.R[:-1, :-1] + loose)
+        sizes.append(float(left @ np.linalg.solve(cov[np.ix_(own, own)], left)))
     p = sum(own)
     assert 0.3 * p < np.mean(sizes) < p + 4.0 * np.sqrt(2.0 * p / 6.0)
 
@@ -81,7 +72,9 @@ def test_truths_lie_within_what_the_test_says_of_them():
 def test_errors_of_the_bench_move_the_output_and_not_what_the_rig_says():
     study = small(runs=(TUMBLE,), reference={"gravity": 1.0, "turn_on": 100.0})
     lot = replace(LOT, noise=tuple(Noise(0.0, 0.0, 0.0) for _ in LOT.noise), theta=np.zeros_like(LOT.theta))
-    (run,) = simulate_unit(spec_of(study, lot), lot, 0, np.random.default_rng(4))
+    (run,) = simulate_unit(
+        replace(spec_of(study, lot.sensor_class), truth=lot.truth(0)), lot, 0, np.random.default_rng(4)
+    )
     own = linear_of(run, study.library)
     drawn = np.random.default_rng(4).standard_normal(2) * [1.0, 100.0]
     up = run.inputs.channels["f_i"] / 9.80665
@@ -91,7 +84,7 @@ def test_errors_of_the_bench_move_the_output_and_not_what_the_rig_says():
 def test_units_differ_and_each_is_the_same_whenever_it_is_tested():
     first, again, second = (unit_of(STUDY, 0, number, LOT) for number in (0, 0, 1))
     np.testing.assert_array_equal(first.draws, again.draws)
-    assert (first.class_id, first.number) == ("mems_tactical", 0)
+    assert (first.name, first.number) == ("mems_tactical", 0)
     excited = np.array(first.verdicts) != "untested"
-    assert not np.any(first.mean[excited] == second.mean[excited])
+    assert not np.any(first.full_mean[excited] == second.full_mean[excited])
     np.testing.assert_array_equal(second.truth, LOT.theta[1])

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.inference.intervals import Share, frequency
-from imubayes.population.lots.answers import MissionTerm, PopulationTerm
-from imubayes.population.lots.needs import (
+from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
@@ -15,6 +14,8 @@ from imubayes.population.lots.needs import (
     in_scene,
     of_class,
 )
+from imubayes.population.scenes import MissionTerm
+from imubayes.population.terms import PopulationTerm
 
 NOTHING = Share(0.0, 0.0, 0.0)
 

@@ -7,7 +7,7 @@ from scipy.integrate import dblquad
 from scipy.stats import beta, chi2
 
 from imubayes.inference.intervals import frequency
-from imubayes.population.lots.population import lot_sizes, spread
+from imubayes.population.terms import lot_sizes, spread
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library

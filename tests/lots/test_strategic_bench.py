@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from imubayes.campaign.preparation import prepare
-from imubayes.campaign.study import SensorSpec
-from imubayes.population.lots.units import lot_of, simulate_unit
+from imubayes.population.lots import lot_of, spec_of
+from imubayes.population.records import simulate_unit
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.catalogue import sensor
 from imubayes.study.schema import read
@@ -26,10 +26,7 @@ def test_errors_of_a_bench_settle_where_they_are_thousands_of_times_the_noise(cl
         reference={**SCENES.reference, "fixture": arcseconds * ARCSECOND},
     )
     lot = lot_of(study, 0)
-    entry, truth = study.classes[0], lot.truth(number)
-    spec = SensorSpec(
-        entry.id, "gyroscope", entry, study.library, study.runs, truth, reference=dict(study.reference)
-    )
+    spec = replace(spec_of(study, study.classes[0]), truth=lot.truth(number))
     runs = simulate_unit(spec, lot, number, np.random.default_rng(7))
     ready = prepare(spec, runs, lambda message: None, np.random.default_rng(8))
     mean, cov = loose_fit(ready.summary, ready.prior)

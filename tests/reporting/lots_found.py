@@ -8,17 +8,10 @@ import numpy as np
 
 from imubayes.campaign.study import Mission
 from imubayes.inference.intervals import Share
-from imubayes.population.lots.answers import (
-    Check,
-    ClassFound,
-    Coverage,
-    LotResult,
-    MissionFound,
-    MissionTerm,
-    PopulationTerm,
-    UnitFound,
-)
-from imubayes.population.lots.plan import LotStudy
+from imubayes.population.lots import Check, ClassFound, Coverage, LotResult, LotStudy
+from imubayes.population.records import Record
+from imubayes.population.scenes import MissionFound, MissionTerm
+from imubayes.population.terms import PopulationTerm
 from imubayes.rig.scene_ranges import scene_named
 from imubayes.rig.trajectories import generated
 from imubayes.selection.kernels import Budget
@@ -103,11 +96,11 @@ def _in_scene(name: str, size: float) -> MissionTerm:
     )
 
 
-def _unit(entry: SensorClass, lib: Library, number: int) -> UnitFound:
+def _unit(entry: SensorClass, lib: Library, number: int) -> Record:
     sd = np.array([prior_sd(entry, term)[0] for term in lib.terms])
     rng = np.random.default_rng(number)
     truth = sd * rng.standard_normal(len(sd))
-    return UnitFound(
-        entry.id, number, truth, truth, np.diag(1e-4 * sd**2), truth, 0.01 * sd, np.full(len(sd), 0.9),
-        ("needed",) * len(sd), np.tile(truth, (8, 1)), (1e-5, 1e-6, 1e-7),
+    return Record(
+        number, entry.id, truth, 0.01 * sd, truth, 0.01 * sd, np.full(len(sd), 0.9), ("needed",) * len(sd),
+        (1e-5, 1e-6, 1e-7), 100, np.eye(len(sd) + 1), truth, np.tile(truth, (8, 1)),
     )  # fmt: skip

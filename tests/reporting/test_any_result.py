@@ -32,7 +32,7 @@ import imubayes.reporting
 from imubayes.extremes.digits import MOST
 from imubayes.inference.allan_fit import AllanCurve
 from imubayes.planning.candidates import Step
-from imubayes.population.fleet.reduction import VERDICTS
+from imubayes.population.tally import VERDICTS
 from imubayes.reporting import (
     case_figures,
     chain_figures,

@@ -10,11 +10,10 @@ from rich.console import Console
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.intervals import Share
-from imubayes.population.fleet.measure import FleetResult
-from imubayes.population.fleet.plan import FleetStudy, recorded_units, simulated_units
-from imubayes.population.fleet.population import FleetAnswer, Pull
-from imubayes.population.fleet.units import Broken
-from imubayes.population.lots.answers import PopulationTerm
+from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
+from imubayes.population.parts import FleetStudy, recorded_units, simulated_units
+from imubayes.population.records import Broken
+from imubayes.population.terms import PopulationTerm
 from imubayes.reporting.fleet_page import fleet_html, terminal_fleet, write_fleet
 from imubayes.reporting.fleet_words import NAMED, fleet_answer, standing_out
 from imubayes.sensors.catalogue import sensor

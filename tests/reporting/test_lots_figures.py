@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 import pytest
 from lots_found import lot_result
 
-from imubayes.population.lots.needs import NEEDED, UNTOLD, WOULD_MATTER, answers_in, terms_of
+from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, answers_in, terms_of
 from imubayes.reporting.lots_figures import (
     ACCENT,
     EMPTY,

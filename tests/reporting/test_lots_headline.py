@@ -5,8 +5,8 @@ import pytest
 from lots_found import SIZES, lot_result
 
 from imubayes.inference.intervals import Share
-from imubayes.population.lots.needs import NEEDED, NOT_NEEDED, UNTOLD, terms_of
-from imubayes.population.lots.plan import Against
+from imubayes.population.lots import Against
+from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, terms_of
 from imubayes.reporting.lots_headline import MOST_WORDS, counts_by_class, headline, simulated, status
 
 FOG_OR_MEMS = Against(("fog_navigation",), ("mems_consumer", "mems_tactical"))

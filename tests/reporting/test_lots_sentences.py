@@ -4,7 +4,7 @@ import pytest
 from lots_found import lot_result
 
 from imubayes.inference.intervals import Share
-from imubayes.population.lots.answers import Coverage
+from imubayes.population.lots import Coverage
 from imubayes.reporting.lots_sentences import (
     basic_sentences,
     check_sentences,

@@ -9,7 +9,7 @@ import pytest
 from lots_readings import wrong_lots
 from report_reading import Block, Grid, Reading, agrees, drawn, grids, problems, sentences, tree, written
 
-from imubayes.population.lots.measure import measure
+from imubayes.population import lots as measure
 from imubayes.reporting.lots_page import lots_html
 from imubayes.reporting.lots_results import lots_json
 from imubayes.study.schema import read

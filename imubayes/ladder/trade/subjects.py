@@ -15,10 +15,9 @@ from imubayes.campaign.study import SensorSpec, Study
 from imubayes.errors import InputError
 from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade.plan import ESS, LIMIT, NAMES, REPEATS, Subject, Trade, cores
-from imubayes.population.lots.plan import LotStudy
-from imubayes.population.lots.units import lot_of, simulate_unit
+from imubayes.population.lots import LotStudy, lot_of, spec_of
+from imubayes.population.records import simulate_unit
 from imubayes.rig.inputs import ImuRun, TriadRun
-from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import Lot
 
 FREE = "free tumbles and whole IMUs have one method, and no ladder"
@@ -74,7 +73,9 @@ def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS)
     subjects = []
     for k in chosen:
         lot = lot_of(larger, k)
-        subjects.append(unit(lot, 0, _spec(study, lot), np.random.default_rng([study.seed, k, 1, 0, 0])))
+        subjects.append(
+            unit(lot, 0, spec_of(study, lot.sensor_class), np.random.default_rng([study.seed, k, 1, 0, 0]))
+        )
     return Trade(
         title=study.title,
         seed=study.seed,
@@ -118,13 +119,6 @@ def unit(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> S
     """
     own = replace(spec, truth=lot.truth(number))
     return Subject(lot.sensor_class.id, problem_of(own, simulate_unit(own, lot, number, rng)), lot)
-
-
-def _spec(study: LotStudy, lot: Lot) -> SensorSpec:
-    entry = lot.sensor_class
-    bench = dict(study.reference)
-    lib = coupled(study.library, entry)
-    return SensorSpec(entry.id, study.kind, entry, lib, study.runs, {}, reference=bench)
 
 
 def _check_named(only: Collection[str], known: Sequence[str], what: str) -> None:

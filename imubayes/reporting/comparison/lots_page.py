@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from imubayes.inference.intervals import Share
-from imubayes.population.lots.needs import HALF
+from imubayes.population.needs import HALF
 from imubayes.reporting.comparison.lot_files import PopulationFile, unit_of_term
 from imubayes.reporting.comparison.lots import (
     ClassComparison,

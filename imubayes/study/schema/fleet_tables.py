@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.population.fleet.plan import FleetStudy, Unit, recorded_units, simulated_units
+from imubayes.population.parts import FleetStudy, Unit, recorded_units, simulated_units
 from imubayes.rig.runs import FREE_TUMBLE, plan_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass

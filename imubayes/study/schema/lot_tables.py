@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.population.lots.plan import Against, LotStudy
+from imubayes.population.lots import Against, LotStudy
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind

@@ -14,8 +14,8 @@ from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
 from imubayes.extremes.plan import ExtremesStudy
 from imubayes.planning.menu import PlanStudy
-from imubayes.population.fleet.plan import FleetStudy
-from imubayes.population.lots.plan import LotStudy
+from imubayes.population.lots import LotStudy
+from imubayes.population.parts import FleetStudy
 from imubayes.quality.trials import QualityStudy
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs

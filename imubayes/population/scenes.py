@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,40 +13,80 @@ from imubayes.algebra.factor import Factor
 from imubayes.campaign.study import Mission
 from imubayes.errors import UnobservableError
 from imubayes.inference.intervals import Share
-from imubayes.population.lots.answers import MissionFound, MissionTerm, UnitFound
-from imubayes.population.lots.plan import LotStudy
+from imubayes.population.records import Record
+from imubayes.population.tally import over_units
 from imubayes.selection.relevance import SURE, Exposure, Knowledge, Relevance, exposure, weigh
 from imubayes.sensors.equations.basic import TERMS, project
 from imubayes.sensors.noise import Noise
-
-RANGE = (0.5, 0.05, 0.95)
-"""Quantiles over units: median and 90 % range."""
+from imubayes.sensors.terms import Library
 
 
-def exposures(study: LotStudy) -> tuple[Exposure, ...]:
+@dataclass(frozen=True, slots=True)
+class MissionTerm:
+    """One term of a class in one scene.
+
+    Attributes
+    ----------
+    name : of the term.
+    rms : median over units of its rms effect on the output, SI.
+    share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
+    required : share of the units whose smallest model for the scene has it, shown by the test or not.
+    true_share : median over units of the share of the budget of the simulated truth.
+    """
+
+    name: str
+    rms: float
+    share: Share
+    required: float
+    true_share: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionFound:
+    """A class in one scene.
+
+    Attributes
+    ----------
+    mission : name of the scene.
+    terms : every term of the library.
+    order : number of terms that a unit's own smallest model has: median and 90 % range over units.
+    within : share of the units for which a model within the budget was found.
+    noise_share : noise's share of the budget, median over units.
+    basic_share : median share of the budget that a triad of twelve parameters leaves; NaN where not asked.
+    """
+
+    mission: str
+    terms: tuple[MissionTerm, ...]
+    order: Share
+    within: float
+    noise_share: float
+    basic_share: float
+
+
+def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
     """Work out the effects of the library's terms in each scene, once for all classes."""
-    return tuple(exposure(m.scene, study.library, m.budget, axis=m.axis) for m in study.missions)
+    return tuple(exposure(m.scene, lib, m.budget, axis=m.axis) for m in scenes)
 
 
 def missions(
-    units: Sequence[UnitFound], study: LotStudy, exposed: Sequence[Exposure]
+    units: Sequence[Record], scenes: Sequence[Mission], exposed: Sequence[Exposure], *, basic: bool
 ) -> tuple[MissionFound, ...]:
-    """Weigh the units of one class in every scene of a study.
+    """Weigh the units of one class in every scene.
 
     Parameters
     ----------
     units : of one class.
-    study : names the scenes, and says whether it is asked what the triad of twelve parameters leaves.
-    exposed : what each scene makes of the library's terms (see `exposures`).
+    scenes, exposed : each, and what it makes of the library's terms (see `exposures`).
+    basic : whether it is asked what the triad of twelve parameters leaves.
     """
-    pairs = zip(study.missions, exposed, strict=True)
-    return tuple(_mission(units, mission, seen, study.basic) for mission, seen in pairs)
+    pairs = zip(scenes, exposed, strict=True)
+    return tuple(_mission(units, mission, seen, basic) for mission, seen in pairs)
 
 
-def _mission(units: Sequence[UnitFound], mission: Mission, seen: Exposure, basic: bool) -> MissionFound:
+def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: bool) -> MissionFound:
     weighed = [weigh(seen, _knowledge(unit), noise=Noise(*unit.noise)) for unit in units]
     limit = mission.budget.limit
-    left = [basic_left(seen, unit.average, unit.draws) / limit for unit in units] if basic else [math.nan]
+    left = [basic_left(seen, unit.mean, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         mission=mission.name,
         terms=_terms(units, weighed, seen),
@@ -56,19 +97,12 @@ def _mission(units: Sequence[UnitFound], mission: Mission, seen: Exposure, basic
     )
 
 
-def over_units(values: Sequence[float] | FloatArray) -> Share:
-    """Median and 90 % range over units."""
-    return Share(*np.quantile(values, RANGE).tolist())
-
-
-def _knowledge(unit: UnitFound) -> Knowledge:
+def _knowledge(unit: Record) -> Knowledge:
     """What is known of a unit; its limits, and draws, are those of all models together."""
     return Knowledge(unit.draws, unit.inclusion, np.quantile(np.abs(unit.draws), SURE, axis=0))
 
 
-def _terms(
-    units: Sequence[UnitFound], weighed: Sequence[Relevance], seen: Exposure
-) -> tuple[MissionTerm, ...]:
+def _terms(units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure) -> tuple[MissionTerm, ...]:
     rms, share, kept = (
         np.array([[value(term) for term in one.terms] for one in weighed])
         for value in (lambda t: t.rms, lambda t: t.share[1], lambda t: t.kept)

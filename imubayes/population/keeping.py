@@ -14,9 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from imubayes.errors import InputError
-from imubayes.population.fleet.dataset import Marks, marks_of, read_part, write_part
-from imubayes.population.fleet.plan import FleetStudy, Unit
-from imubayes.population.fleet.units import PartFound, Record, run_file
+from imubayes.population.dataset import Marks, marks_of, read_part, write_part
+from imubayes.population.parts import FleetStudy, PartFound, Unit, run_file
+from imubayes.population.records import Record
 
 UNITS = "units"
 """Folder of the dataset, in that of the results."""

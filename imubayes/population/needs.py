@@ -16,7 +16,9 @@ from imubayes.selection.class_needs import CANNOT_TELL
 from imubayes.selection.relevance import MATTERS
 
 if TYPE_CHECKING:
-    from imubayes.population.lots.answers import ClassFound, MissionFound, MissionTerm, PopulationTerm
+    from imubayes.population.lots import ClassFound
+    from imubayes.population.scenes import MissionFound, MissionTerm
+    from imubayes.population.terms import PopulationTerm
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"
 

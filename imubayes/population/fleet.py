@@ -1,28 +1,94 @@
-"""The whole study of a fleet: every unit, in parts that are kept as they are done, and what all say."""
+"""A study of a fleet: every unit, in parts that are kept as they are done, and what all say together."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 
+from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.errors import InputError
-from imubayes.population.fleet.dataset import Marks
-from imubayes.population.fleet.engines import Engine
-from imubayes.population.fleet.keeping import fingerprint, keep, kept_records, leave, make_room, publish
-from imubayes.population.fleet.plan import FleetStudy, Part, parts_of
-from imubayes.population.fleet.population import FleetAnswer, answer
-from imubayes.population.fleet.reduction import Tally, reduced, tally
-from imubayes.population.fleet.units import Broken, PartFound, Record, part_found
+from imubayes.inference.intervals import Share
+from imubayes.population.dataset import Marks
+from imubayes.population.engines import Engine
+from imubayes.population.keeping import fingerprint, keep, kept_records, leave, make_room, publish
+from imubayes.population.parts import FleetStudy, Part, PartFound, part_found, parts_of
 from imubayes.population.processes import Lost, Progress, pace
+from imubayes.population.records import Broken, Record
+from imubayes.population.tally import Tally, over_units, tally, together
+from imubayes.population.terms import PopulationTerm, population
 from imubayes.sensors.lots import Lot, draw_lot
 
 ENDED = (
     "its analysis ended the process that did it, each time: is its file too large for the memory of a worker?"
 )
+
+ALARM = 0.01
+"""Probability that any unit of a fleet of one population stands out in any term."""
+
+WORST = 20
+"""Units that are named, those farthest from the population first."""
+
+NOISE = ("N", "B", "K")
+
+MAD_TO_SD = 1.0 / NormalDist().inv_cdf(0.75)
+"""Standard deviation of a normal over its median absolute deviation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """How far a unit is from the others, in the term in which it is farthest.
+
+    Attributes
+    ----------
+    unit : its name.
+    term : of the library, or ``N``.
+    value : that was found of it, SI.
+    pull : distance from the population's mean over the sd that the population and the unit's error give;
+        for ``N``, of its logarithm from the median, over the fleet's scatter.
+    outlier : whether so far a unit is not expected anywhere in the fleet.
+    """
+
+    unit: str
+    term: str
+    value: float
+    pull: float
+    outlier: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetAnswer:
+    """What the units say together.
+
+    Attributes
+    ----------
+    units : number of units that could be read.
+    samples : rows that were used.
+    terms : population of each term, SI; true values are NaN for recorded units.
+    counts : (6, p) units with each verdict, in the order of `tally.VERDICTS`.
+    order : number of needed terms of a unit, median and 90 % range.
+    noise : N, B, K over the units, SI: median and 90 % range.
+    worst : the units that are farthest from the population, farthest first.
+    outliers : number of units that are farther than expected.
+    limit : pull from which that is.
+    broken : units that could not be read.
+    """
+
+    units: int
+    samples: int
+    terms: tuple[PopulationTerm, ...]
+    counts: IntArray
+    order: Share
+    noise: tuple[Share, Share, Share]
+    worst: tuple[Pull, ...]
+    outliers: int
+    limit: float
+    broken: tuple[Broken, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +123,7 @@ def measure(
 
     Parameters
     ----------
-    study : as `config.read` gives it.
+    study : as `study.schema` reads it.
     folder : of the results; a part is kept there as soon as it is done, and all become its dataset ``units``
         when none is left.
     engine : who does the work.
@@ -77,25 +143,23 @@ def measure(
     finished = dict[int, Marks]()
     tell = pace(len(study.units) - len(kept), "units", progress)
 
-    def leaves() -> Iterator[tuple[int, Tally]]:
-        done = 0
+    done, tallies = 0, dict[int, Tally]()
+    try:
         for new in _missing(replace(study, units=()), parts, kept, engine):
             whole, count = _with_kept(new, parts[new.index], kept), len(new.records) + len(new.broken)
             finished[new.index] = keep(
                 folder, whole, study.spec.library.names, prints, changed=bool(new.records)
             )
+            tallies[new.index] = tally(whole.records, p, whole.broken)
             done += count
             if count:
                 tell(done)
-            yield new.index, tally(whole, p)
-
-    try:
-        whole = reduced(leaves(), len(parts))
-        _check_any(whole, study)
+        units = together([tallies[k] for k in range(len(parts))])
+        _check_any(units, study)
     finally:
         leave(folder)
     publish(folder, finished)
-    found = answer(whole, study, lot)
+    found = answer(units, study, lot)
     return FleetResult(study, found, engine.name, len(kept), time.perf_counter() - start)
 
 
@@ -158,3 +222,55 @@ def _check_any(whole: Tally, study: FleetStudy) -> None:
     if not whole.names:
         first = whole.broken[0]
         raise InputError(f"none of {len(study.units)} units could be read; {first.name}: {first.error}")
+
+
+def answer(whole: Tally, study: FleetStudy, lot: Lot | None) -> FleetAnswer:
+    """Put the units of a fleet together.
+
+    Parameters
+    ----------
+    whole : tally of all units.
+    study : of the fleet.
+    lot : that simulated units are of: the truth to set beside.
+    """
+    terms = population(whole, study.sensor_class, study.spec.library, lot)
+    N, B, K = (over_units(whole.noise[:, k]) for k in range(3))
+    pulls = _pulls(whole, terms)
+    limit = NormalDist().inv_cdf(1.0 - 0.5 * ALARM / pulls.size)
+    farthest = np.abs(pulls).max(axis=1)
+    order = np.argsort(-farthest, kind="stable")[:WORST]
+    return FleetAnswer(
+        units=len(whole.names),
+        samples=whole.samples,
+        terms=terms,
+        counts=whole.counts,
+        order=over_units(whole.order),
+        noise=(N, B, K),
+        worst=tuple(_pull(whole, study.spec.library.names, pulls, int(k), limit) for k in order),
+        outliers=int(np.sum(farthest > limit)),
+        limit=limit,
+        broken=whole.broken,
+    )
+
+
+def _pulls(whole: Tally, terms: Sequence[PopulationTerm]) -> FloatArray:
+    """Pull (n, p + 1) of each unit in each term, and in its white noise."""
+    mean = np.array([term.mean.value for term in terms])
+    spreads = np.array([term.spread.value for term in terms])
+    of_terms = (whole.estimate - mean) / np.sqrt(spreads**2 + whole.variance)
+    log_noise = np.log(whole.noise[:, 0])
+    away = log_noise - np.median(log_noise)
+    scatter = MAD_TO_SD * float(np.median(np.abs(away))) or math.inf
+    return np.column_stack((of_terms, away / scatter))
+
+
+def _pull(whole: Tally, names: Sequence[str], pulls: FloatArray, k: int, limit: float) -> Pull:
+    j = int(np.argmax(np.abs(pulls[k])))
+    at_noise = j == len(names)
+    return Pull(
+        unit=whole.names[k],
+        term=NOISE[0] if at_noise else names[j],
+        value=float(whole.noise[k, 0] if at_noise else whole.estimate[k, j]),
+        pull=float(pulls[k, j]),
+        outlier=bool(abs(pulls[k, j]) > limit),
+    )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from imubayes.population.fleet.units import Record
+from imubayes.population.records import Record
 from imubayes.rig.record import write_whole
 
 if TYPE_CHECKING:

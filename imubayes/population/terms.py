@@ -14,15 +14,14 @@ on a grid.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.inference.intervals import TAIL, Share, frequency, of_mixture
-from imubayes.population.lots.answers import PopulationTerm, UnitFound
-from imubayes.population.lots.needs import OPEN
+from imubayes.population.needs import OPEN
+from imubayes.population.tally import VERDICTS, Tally
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
@@ -33,6 +32,28 @@ CELLS = 400
 
 
 @dataclass(frozen=True, slots=True)
+class PopulationTerm:
+    """One term over the units of a class, SI.
+
+    Attributes
+    ----------
+    name : of the term.
+    needed : share of the units in which it is needed.
+    open : share of the units whose test cannot tell, or leaves it undecided.
+    mean, spread : of the population: a hierarchical posterior over units.
+    true_mean, true_spread : of the lot that was simulated.
+    """
+
+    name: str
+    needed: Share
+    open: float
+    mean: Share
+    spread: Share
+    true_mean: float
+    true_spread: float
+
+
+@dataclass(frozen=True, slots=True)
 class Spread:
     """Mean mu and spread tau of a population: posterior medians, with 90 % intervals."""
 
@@ -40,36 +61,36 @@ class Spread:
     spread: Share
 
 
-def population(units: Sequence[UnitFound], lib: Library, lot: Lot) -> tuple[PopulationTerm, ...]:
+def population(
+    whole: Tally, entry: SensorClass, lib: Library, lot: Lot | None = None
+) -> tuple[PopulationTerm, ...]:
     """Put the units of a class together.
 
     Parameters
     ----------
-    units : of one class.
+    whole : tally of the units.
+    entry : their class: it gives the priors.
     lib : their library.
-    lot : that they are of: the class gives the priors, the lot the truth to set beside.
+    lot : that simulated units are of: the truth to set beside.
     """
-    low, high = lot_sizes(lot.sensor_class, lib)
-    found = [
-        spread(
-            np.array([unit.mean[j] for unit in units]),
-            np.array([unit.cov[j, j] for unit in units]),
-            (low[j] / math.sqrt(2.0), high[j]),
+    low, high = lot_sizes(entry, lib)
+    n = len(whole.names)
+    shares: dict[str, IntArray] = dict(zip(VERDICTS, whole.counts, strict=True))
+    found: list[PopulationTerm] = []
+    for j, name in enumerate(lib.names):
+        of_all = spread(whole.estimate[:, j], whole.variance[:, j], (low[j] / math.sqrt(2.0), high[j]))
+        found.append(
+            PopulationTerm(
+                name=name,
+                needed=frequency(int(shares["needed"][j]), n),
+                open=sum(int(shares[verdict][j]) for verdict in OPEN) / n,
+                mean=of_all.mean,
+                spread=of_all.spread,
+                true_mean=math.nan if lot is None else float(lot.mean[j]),
+                true_spread=math.nan if lot is None else float(lot.sd[j]),
+            )
         )
-        for j in range(len(lib.terms))
-    ]
-    return tuple(
-        PopulationTerm(
-            name=name,
-            needed=frequency(sum(unit.verdicts[j] == "needed" for unit in units), len(units)),
-            open=sum(unit.verdicts[j] in OPEN for unit in units) / len(units),
-            mean=found[j].mean,
-            spread=found[j].spread,
-            true_mean=float(lot.mean[j]),
-            true_spread=float(lot.sd[j]),
-        )
-        for j, name in enumerate(lib.names)
-    )
+    return tuple(found)
 
 
 def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]:

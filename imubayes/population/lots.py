@@ -1,0 +1,251 @@
+"""A class-level study: lots of simulated units, put together and held against the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.inference.intervals import Share, frequency
+from imubayes.population.needs import UNTOLD, WOULD_MATTER, in_scene
+from imubayes.population.processes import Progress, shared
+from imubayes.population.records import Record, record_of, simulate_unit
+from imubayes.population.scenes import MissionFound, exposures, missions
+from imubayes.population.tally import over_units, tally
+from imubayes.population.terms import PopulationTerm, population
+from imubayes.rig.runs import RunSpec
+from imubayes.selection.relevance import MATTERS
+from imubayes.sensors.catalogue import coupled
+from imubayes.sensors.lots import Lot, draw_lot
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Kind, Library
+
+DRAWS = 500
+"""Posterior draws of a unit: quantiles over them scatter by less than units do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Against:
+    """The question which terms some classes need that others do not.
+
+    Attributes
+    ----------
+    needed_by, not_by : ids of the classes.
+    """
+
+    needed_by: tuple[str, ...]
+    not_by: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LotStudy:
+    """A class-level study.
+
+    Attributes
+    ----------
+    title, seed : of the study.
+    kind : of all its sensors.
+    classes : of the catalogue, in the order of the report.
+    units : simulated of each class.
+    library : candidate terms, of every class.
+    runs : the test campaign that each unit goes through, simulated.
+    reference : sd in SI of each error of the test bench, by kind: drawn for each unit, and allowed for in its
+        analysis.
+    missions : scenes that the terms are held against.
+    basic : whether the report asks what the twelve-parameter triad would cost.
+    asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
+        triad is enough, or what some classes need and others do not.
+    processes : that share the work.
+    path, text : of the file.
+    """
+
+    title: str
+    seed: int
+    kind: Kind
+    classes: tuple[SensorClass, ...]
+    units: int
+    library: Library
+    runs: tuple[RunSpec, ...]
+    reference: Mapping[str, float]
+    missions: tuple[Mission, ...]
+    basic: bool
+    processes: int
+    path: Path
+    text: str
+    asks: Literal["classes", "scenes", "triad"] | Against = "classes"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassFound:
+    """What the units of a class say of it.
+
+    Attributes
+    ----------
+    sensor_class : which.
+    units : one by one.
+    terms : of the population.
+    order : number of needed terms a unit, median and 90 % range over units.
+    missions : by scene.
+    """
+
+    sensor_class: SensorClass
+    units: tuple[Record, ...]
+    terms: tuple[PopulationTerm, ...]
+    order: Share
+    missions: tuple[MissionFound, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """How many of the truths their 90 % intervals hold.
+
+    Attributes
+    ----------
+    held, of : count of them, and of all.
+    share : of the truths that are held, with its 90 % interval.
+    """
+
+    held: int
+    of: int
+    share: Share
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """The class-level answers against the simulated truth.
+
+    Attributes
+    ----------
+    precision, recall : of "required in this scene by this class", over all terms, classes and scenes.
+    cells : how many of these the tests tell, and how many of them are truly required.
+    population_mean, population_spread : what the 90 % intervals hold of the lots' means and spreads.
+    untold : cells beside these, which the tests cannot tell.
+    """
+
+    precision: Share
+    recall: Share
+    cells: tuple[int, int]
+    population_mean: Coverage
+    population_spread: Coverage
+    untold: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LotResult:
+    """Result of a class-level study."""
+
+    study: LotStudy
+    classes: tuple[ClassFound, ...]
+    check: Check
+    seconds: float
+
+
+def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> LotResult:
+    """Measure what the classes of a study need.
+
+    Parameters
+    ----------
+    study : as `study.schema` reads it.
+    progress : is told how many units are done.
+    """
+    start = time.perf_counter()
+    lots = [lot_of(study, k) for k in range(len(study.classes))]
+    units = _units(study, lots, progress)
+    progress("scenes")
+    exposed = exposures(study.missions, study.library)
+    classes = tuple(
+        ClassFound(
+            sensor_class=lot.sensor_class,
+            units=own,
+            terms=population(tally(own, len(study.library.terms)), lot.sensor_class, study.library, lot),
+            order=over_units([unit.verdicts.count("needed") for unit in own]),
+            missions=missions(own, study.missions, exposed, basic=study.basic),
+        )
+        for lot, own in zip(lots, units, strict=True)
+    )
+    return LotResult(study, classes, check(classes), time.perf_counter() - start)
+
+
+def lot_of(study: LotStudy, class_index: int) -> Lot:
+    """Draw the lot of one class of a study."""
+    rng = np.random.default_rng([study.seed, class_index, 0])
+    return draw_lot(study.classes[class_index], study.library, study.units, rng)
+
+
+def _units(study: LotStudy, lots: Sequence[Lot], progress: Progress) -> list[tuple[Record, ...]]:
+    """Units of each class; scenes stay behind, as no unit needs them and they are large."""
+    slim = replace(study, missions=())
+    jobs = [(slim, k, number, lot) for k, lot in enumerate(lots) for number in range(study.units)]
+    found = shared(unit_of, jobs, study.processes, things="units", progress=progress)
+    return [tuple(found[k * study.units : (k + 1) * study.units]) for k in range(len(lots))]
+
+
+def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
+    """Test and analyse one unit.
+
+    Parameters
+    ----------
+    study : says the campaign, and how well the bench is known.
+    class_index, number : of the class in the study, and of the unit in its lot.
+    lot : that the unit is of.
+
+    Raises
+    ------
+    StudyError : if the options of a run make no run.
+    ConvergenceError : if the errors of the bench do not settle.
+    """
+    seed = (study.seed, class_index, 1, number)
+    spec = replace(spec_of(study, lot.sensor_class), truth=lot.truth(number))
+    runs = simulate_unit(spec, lot, number, np.random.default_rng([*seed, 0]))
+    return record_of(number, spec, runs, lot.theta[number], [*seed, 1], draws=DRAWS)
+
+
+def spec_of(study: LotStudy, entry: SensorClass) -> SensorSpec:
+    """Entry of a unit of a class: the study's campaign, the library as the class couples it."""
+    lib, bench = coupled(study.library, entry), dict(study.reference)
+    return SensorSpec(entry.id, study.kind, entry, lib, study.runs, {}, reference=bench)
+
+
+def check(classes: Sequence[ClassFound]) -> Check:
+    """Hold the class-level answers against the simulated truth.
+
+    A cell is a term of a class in a scene. It is *required* where its median share of the budget over the
+    units is `relevance.MATTERS` or more: of the estimates for what the study says, of the simulated
+    coefficients for the truth. Cells that the tests cannot tell (`needs.in_scene`) are counted apart. The
+    coverage of means and of spreads is that of the terms that the test excites: of the others the interval is
+    the prior's.
+    """
+    cells = [
+        (term.share.value >= MATTERS, term.true_share >= MATTERS)
+        for one in classes
+        for scene in one.missions
+        for known, term in zip(one.terms, scene.terms, strict=True)
+        if in_scene(known, term) not in (UNTOLD, WOULD_MATTER)
+    ]
+    both = sum(said and true for said, true in cells)
+    said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
+    tested = [
+        term
+        for one in classes
+        for j, term in enumerate(one.terms)
+        if any(unit.verdicts[j] != "untested" for unit in one.units)
+    ]
+    return Check(
+        precision=frequency(both, said),
+        recall=frequency(both, true),
+        cells=(len(cells), true),
+        population_mean=_coverage([(term.mean, term.true_mean) for term in tested]),
+        population_spread=_coverage([(term.spread, term.true_spread) for term in tested]),
+        untold=sum(len(scene.terms) for one in classes for scene in one.missions) - len(cells),
+    )
+
+
+def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:
+    """Count the truths that lie within their intervals."""
+    held = sum(found.low <= truth <= found.high for found, truth in pairs)
+    return Coverage(held, len(pairs), frequency(held, len(pairs)))
