@@ -16,8 +16,8 @@ from pyarrow import parquet
 
 from imubayes.errors import InputError
 from imubayes.population import engines
-from imubayes.population.fleet import measure
 from imubayes.population.engines import engine
+from imubayes.population.fleet import measure
 from imubayes.population.processes import Lost
 
 UNITS = 40
