@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from imubayes.study.schema.described import SHAPES, schema_text
+from imubayes.study.schema.described import SHAPES, study_schema
 
 DOCS = Path(__file__).resolve().parent
 PAGES = ("study.md", "plan.md")
@@ -35,12 +35,10 @@ def main() -> None:
 
 def made() -> dict[str, str]:
     """Texts of the files, by their names."""
-    tables = dict(keyed(json.loads(schema_text())["$defs"]))
-    pages = {name: (DOCS / name).read_text(encoding="utf-8") for name in PAGES}
-    return {
-        "study.schema.json": schema_text(),
-        **{name: filled(page, tables) for name, page in pages.items()},
-    }
+    schema = study_schema()
+    tables = dict(keyed(schema["$defs"]))
+    pages = {name: filled((DOCS / name).read_text(encoding="utf-8"), tables) for name in PAGES}
+    return {"study.schema.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n", **pages}
 
 
 def keyed(shapes: dict[str, Any]) -> Iterator[tuple[str, str]]:

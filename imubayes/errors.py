@@ -10,9 +10,16 @@
     │   ├── TermError          a term, library, class or scene that is not known
     │   └── UnobservableError  too few rows or no information; carries the terms
     └── ConvergenceError       an iteration that did not settle; carries the estimate so far
+
+`Place` names a key of a file, and `said` what pydantic found there.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
 
 class ImubayesError(Exception):
@@ -63,3 +70,54 @@ class ConvergenceError(ImubayesError):
     def __init__(self, message: str, estimate: object = None) -> None:
         super().__init__(message)
         self.estimate = estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A key of a file, by its dotted path (``sensor[0].run[1].file``)."""
+
+    file: str
+    key: str = ""
+
+    def at(self, key: str | int) -> Place:
+        """Go to a key of the table here, or to an entry of the list here."""
+        if isinstance(key, int):
+            return Place(self.file, f"{self.key}[{key}]")
+        return Place(self.file, f"{self.key}.{key}" if self.key else key)
+
+    def error(self, text: str) -> StudyError:
+        """Give the error that says `text` of this place."""
+        return StudyError(f"{self.file}: {self.key}: {text}" if self.key else f"{self.file}: {text}")
+
+    @contextmanager
+    def blamed(self) -> Iterator[None]:
+        """Name this place in whatever input error the block raises."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error(str(error)) from None
+
+
+MISSING = ("missing", "missing_argument")
+"""Errors of pydantic for a key that is not there."""
+
+
+def shown(value: object) -> str:
+    """Show a value of the file, shortened.
+
+    Examples
+    --------
+    >>> shown("x" * 100)
+    "'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx..."
+    """
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def said(error: Mapping[str, Any]) -> str:
+    """Say in the house's words what pydantic found."""
+    if error["type"] in MISSING:
+        return "the key is missing"
+    message = error["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    message = message.replace("a valid integer", "an integer").replace("a valid ", "a ")
+    return f"{message[:1].lower()}{message[1:]}, came {shown(error['input'])}"

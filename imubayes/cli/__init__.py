@@ -6,6 +6,7 @@ needs is imported when it runs, so that ``--help`` answers at once.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from difflib import get_close_matches
 from enum import StrEnum
@@ -44,6 +45,7 @@ class Document(StrEnum):
     """What a JSON Schema is of."""
 
     study = "study"
+    result = "result"
 
 
 class ExportFormat(StrEnum):
@@ -273,10 +275,12 @@ def _export(
 def _schema(
     document: Annotated[Document, typer.Argument(help="What it is of.", show_default=False)],
 ) -> None:
-    """Print the JSON Schema of a study file, for editors."""
-    from imubayes.study.schema.described import schema_text
-
-    typer.echo(schema_text(), nl=False)
+    """Print the JSON Schema of a study file or of result.json."""
+    if document is Document.study:
+        from imubayes.study.schema.described import study_schema as schema
+    else:
+        from imubayes.reporting.result.file import result_schema as schema
+    typer.echo(json.dumps(schema(), indent=1, ensure_ascii=False))
 
 
 def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:

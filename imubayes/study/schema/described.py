@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -27,11 +26,6 @@ def study_schema() -> dict[str, Any]:
         **defined.pop(tables.StudyFile.__name__),
         "$defs": defined,
     }
-
-
-def schema_text() -> str:
-    """Text of the JSON Schema: the same bytes each time."""
-    return json.dumps(study_schema(), indent=1, ensure_ascii=False) + "\n"
 
 
 def _tidy(value: Any) -> Any:

@@ -2,43 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import fields
 from difflib import get_close_matches
 from typing import Annotated, TypeVar
 
 from pydantic import Field, ValidationError
 from pydantic.dataclasses import dataclass as shape
 
-from imubayes.errors import InputError, StudyError
+from imubayes.errors import MISSING, Place, said, shown
 from imubayes.study.schema.measured import STRICT, Count, Several, measured
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A key of a file, by its dotted path (``sensor[0].run[1].file``)."""
-
-    file: str
-    key: str = ""
-
-    def at(self, key: str | int) -> Place:
-        """Go to a key of the table here, or to an entry of the list here."""
-        if isinstance(key, int):
-            return Place(self.file, f"{self.key}[{key}]")
-        return Place(self.file, f"{self.key}.{key}" if self.key else key)
-
-    def error(self, text: str) -> StudyError:
-        """Give the error that says `text` of this place."""
-        return StudyError(f"{self.file}: {self.key}: {text}" if self.key else f"{self.file}: {text}")
-
-    @contextmanager
-    def blamed(self) -> Iterator[None]:
-        """Name this place in whatever input error the block raises."""
-        try:
-            yield
-        except InputError as error:
-            raise self.error(str(error)) from None
 
 
 @shape(config=STRICT, frozen=True)
@@ -111,7 +84,7 @@ def shaped(wanted: type[_Shape], raw: object, place: Place) -> _Shape:
         first = error.errors(include_url=False)[0]
         for step in first["loc"]:
             place = place.at(step)
-        raise place.error(_said(first["type"], first["msg"], first["input"])) from None
+        raise place.error(f"{said(first)}: add it" if first["type"] in MISSING else said(first)) from None
 
 
 def quantity(text: object, like: str, place: Place, *, positive: bool = False) -> float:
@@ -150,24 +123,3 @@ def hint(key: str, known: Sequence[str]) -> str:
     """
     near = get_close_matches(key, known, n=1)
     return f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(known)}"
-
-
-def shown(value: object) -> str:
-    """Show a value of the file, shortened.
-
-    Examples
-    --------
-    >>> shown("x" * 100)
-    "'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx..."
-    """
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
-def _said(sort: str, message: str, value: object) -> str:
-    """Say in the house's words what pydantic found."""
-    if sort in ("missing", "missing_argument"):
-        return "the key is missing: add it"
-    message = message.removeprefix("Value error, ").replace("Input should be", "expected")
-    message = message.replace("a valid integer", "an integer").replace("a valid ", "a ")
-    return f"{message[:1].lower()}{message[1:]}, came {shown(value)}"

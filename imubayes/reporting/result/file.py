@@ -1,0 +1,135 @@
+"""``result.json``: every result is written and read here, by one adapter."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
+
+from imubayes.errors import DataError, Place, said
+from imubayes.reporting.result.many import FleetResult, LotsResult
+from imubayes.reporting.result.sensors import SensorsResult
+
+RESULT = "result.json"
+"""Name of the file in a folder of results."""
+
+TAGS = {SensorsResult: "sensors", LotsResult: "lots", FleetResult: "fleet"}
+"""Key that only the results of a kind of study have."""
+
+
+def _tag(value: Any) -> str | None:
+    if isinstance(value, Mapping):
+        return next((tag for tag in TAGS.values() if tag in value), None)
+    return TAGS.get(type(value))
+
+
+Result = Annotated[
+    Annotated[SensorsResult, Tag("sensors")]
+    | Annotated[LotsResult, Tag("lots")]
+    | Annotated[FleetResult, Tag("fleet")],
+    Discriminator(_tag),
+]
+"""Result of a study."""
+
+
+@cache
+def adapter() -> TypeAdapter[Any]:
+    """Reader and writer of results."""
+    return TypeAdapter(Result)
+
+
+def result_schema() -> dict[str, Any]:
+    """JSON Schema of ``result.json``."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **adapter().json_schema()}
+
+
+def result_text(result: Result) -> str:
+    """Text of ``result.json``: the same bytes for the same result; what is not finite is null."""
+    plain = adapter().dump_python(result, by_alias=True)
+    return json.dumps(plain, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """A ``result.json`` as it is.
+
+    Attributes
+    ----------
+    path : of the file.
+    sha256 : of its bytes.
+    study : title.
+    version : of imubayes that wrote it.
+    raw : its values.
+    """
+
+    path: Path
+    sha256: str
+    study: str
+    version: str
+    raw: Mapping[str, Any]
+
+
+def written(path: Path) -> Written:
+    """Read a ``result.json`` that ``imubayes run`` wrote, of whatever kind of study.
+
+    Parameters
+    ----------
+    path : of the file, or of the folder that holds it.
+
+    Raises
+    ------
+    DataError : if there is none, or it is no result.
+    """
+    file = path / RESULT if path.is_dir() else path
+    try:
+        content = file.read_bytes()
+        raw = json.loads(content.decode("utf-8"))
+    except FileNotFoundError:
+        raise DataError(f"{file}: there is no such file: expected a {RESULT} or its folder") from None
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror}): check its permissions") from None
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        raise no_result(file, "it is not JSON") from None
+    if not isinstance(raw, dict) or "imubayes" not in raw:
+        raise no_result(file, "it lacks the key 'imubayes'")
+    digest = hashlib.sha256(content).hexdigest()
+    return Written(file, digest, str(raw.get("study", "")), str(raw["imubayes"]), raw)
+
+
+def no_result(file: Path, why: str) -> DataError:
+    """Error of a file that is no result."""
+    return DataError(f"{file}: is no result of 'imubayes run' ({why}): expected one")
+
+
+_Kind = TypeVar("_Kind", SensorsResult, LotsResult, FleetResult)
+
+
+def read(one: Written, kind: type[_Kind], what: str) -> _Kind:
+    """Check a result of one kind of study.
+
+    Parameters
+    ----------
+    one : the file.
+    kind : that it has to be of.
+    what : it has to hold, in words.
+
+    Raises
+    ------
+    DataError : naming the file, the key, and what came.
+    """
+    if not one.raw.get(TAGS[kind]):
+        raise no_result(one.path, f"it holds no {what}, as of another kind of study")
+    try:
+        return adapter().validate_python(one.raw)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = Place("")
+        for step in first["loc"][1:]:  # behind the tag
+            place = place.at(step)
+        raise no_result(one.path, f"{place.key}: {said(first)}") from None

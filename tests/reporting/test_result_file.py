@@ -1,0 +1,59 @@
+"""The published result: written and read by one adapter."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from imubayes.errors import DataError
+from imubayes.reporting.result.file import TAGS, adapter, read, result_schema, result_text, written
+from imubayes.reporting.result.many import LotsResult
+from imubayes.reporting.result.sensors import SensorsResult
+
+REPORTS = Path(__file__).parents[2] / "reports"
+COMMITTED = [
+    path.parent.name
+    for path in sorted(REPORTS.glob("*/result.json"))
+    if set(TAGS.values()) & json.loads(path.read_text(encoding="utf-8")).keys()
+]
+
+
+@pytest.mark.parametrize("report", COMMITTED)
+def test_committed_result_is_written_as_it_was_read(report):
+    text = (REPORTS / report / "result.json").read_text(encoding="utf-8")
+    assert result_text(adapter().validate_python(json.loads(text))) == text
+
+
+@pytest.mark.parametrize("report", ["quickstart", "imu_tactical", "fleet", "accelerometer_grades"])
+def test_committed_result_keeps_to_the_schema(report):
+    schema = result_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    raw = json.loads((REPORTS / report / "result.json").read_text(encoding="utf-8"))
+    (tag,) = set(TAGS.values()) & raw.keys()
+    one = next(way for way in schema["oneOf"] if tag in schema["$defs"][way["$ref"][8:]]["properties"])
+    jsonschema.validate(raw, {**schema, "oneOf": [one]})
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        (lambda raw: raw["sensors"][0].pop("terms"), r"sensors\[0\]\.terms: the key is missing"),
+        (lambda raw: raw["sensors"][0]["terms"][2].update(mean="1"),
+         r"sensors\[0\]\.terms\[2\]\.mean: expected a number or null, came '1'"),
+        (lambda raw: raw["sensors"][0].update(kind="compass"),
+         r"sensors\[0\]\.kind: expected 'accelerometer' or 'gyroscope', came 'compass'"),
+    ],
+)  # fmt: skip
+def test_broken_result_is_refused_with_file_key_and_what_came(broken, said, tmp_path):
+    raw = json.loads((REPORTS / "quickstart" / "result.json").read_text(encoding="utf-8"))
+    broken(raw)
+    (tmp_path / "result.json").write_text(json.dumps(raw))
+    with pytest.raises(DataError, match=said) as error:
+        read(written(tmp_path), SensorsResult, "sensors")
+    assert str(tmp_path / "result.json") in str(error.value)
+
+
+def test_result_of_another_kind_is_refused():
+    with pytest.raises(DataError, match="another kind of study"):
+        read(written(REPORTS / "quickstart"), LotsResult, "classes")
