@@ -239,7 +239,7 @@ def _compare(
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
     from imubayes.reporting.comparison.kinds import side_by_side, write_comparison
-    from imubayes.reporting.comparison.view import terminal_page
+    from imubayes.reporting.terminal import terminal_page
 
     folder = None if out is None else usable(out)
     found = side_by_side(results)

@@ -5,18 +5,23 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
+
 import imubayes
 from imubayes.population.tally import VERDICTS
+from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat, swatch
 from imubayes.reporting.fleet_figures import fleet_population_panel, verdict_panel
 from imubayes.reporting.fleet_words import fleet_answer, noise_range, plain, pull_value
+from imubayes.reporting.html import write_page
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, ranged
+from imubayes.reporting.terminal import terminal
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
@@ -26,63 +31,115 @@ if TYPE_CHECKING:
     from imubayes.population.fleet import FleetResult
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A line of a table: its name and its cells as texts."""
+WORST_HEAD = ("unit", "term", "value", "pull, sd", "stands out")
 
-    name: str
-    cells: tuple[str, ...]
+KEY = Markup(
+    "Left, from the left: {}units in which the term is needed, {}undecided, {}units whose test cannot"
+    " tell (inseparable, unresolved, untested), {}not needed. Right: dot and line, the mean of the"
+    " population with 90 %; pale band, the spread of the units about it; beyond three typical sizes of"
+    " the class they are drawn at the end."
+).format(*map(swatch, ("#0072B2", "#E69F00", "#CC79A7", "#d5d9df")))
+
+DATASET = Markup(
+    "The folder <code>units</code> beside this page is a Parquet dataset with a row for each unit and term:"
+    " model-averaged and full-library mean and sd, inclusion, verdict, N, B, K, and a row of the unit's"
+    " triangular factor, from which every model of the unit can be weighed again without its runs."
+)
 
 
 def write_fleet(result: FleetResult, folder: Path) -> tuple[Path, ...]:
     """Write ``report.html`` and ``result.json`` into a folder."""
-    report, values = folder / "report.html", folder / "result.json"
-    report.write_text(fleet_html(result), encoding="utf-8")
-    values.write_text(fleet_json(result), encoding="utf-8")
-    return report, values
+    return write_page(fleet_page(result), fleet_json(result), folder)
 
 
-def fleet_html(result: FleetResult) -> str:
-    """Text of the report; names that come from the study and its files are escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    page = Environment(
-        loader=PackageLoader("imubayes", "reporting"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    ).get_template("fleet.html.j2")
-    study, answer = result.study, result.answer
-    return page.render(
-        study=study,
-        title=f"{class_name(study.sensor_class)} {study.spec.kind}s",
-        answer=fleet_answer(result),
-        panels=(verdict_panel(result, "v"), fleet_population_panel(result, "p")),
-        populations=tuple(_population_rows(result)),
-        verdicts=VERDICTS,
-        counts=tuple(_count_rows(result)),
-        worst=tuple(_worst_rows(result)),
-        limit=f"{answer.limit:.1f}",
-        noise=tuple(
-            Row(name, (noise_range(found, study.spec.library, k),))
-            for k, (name, found) in enumerate(zip("NBK", answer.noise, strict=True))
-        ),
-        broken=answer.broken,
-        samples=f"{answer.samples:,}",
-        done=_done(result),
-        versions=versions(),
-        command=f"imubayes run {study.path}",
+def fleet_page(result: FleetResult) -> Page:
+    """Page of a fleet."""
+    study, found = result.study, result.answer
+    how = "simulated" if study.simulated else "recorded"
+    kind = f"{class_name(study.sensor_class)} {study.spec.kind}s"
+    counts = Table(
+        "Units with each verdict", ("term", *VERDICTS), _count_rows(result), "tn", "Number of units."
+    )
+    noise = [
+        (name, noise_range(one, study.spec.library, k))
+        for k, (name, one) in enumerate(zip("NBK", found.noise, strict=True))
+    ]
+    over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
+    return Page(
+        study.title,
+        f"{len(study.units):,} {how} {kind}, each through the same test and decided on its own;"
+        f" {found.samples:,} samples.",
+        first=[answer(fleet_answer(result))],
+        blocks=[
+            Section("The population", [*_population(result)], "population"),
+            Section("Verdicts", [counts], "verdicts"),
+            Section("Units that stand out", [_worst(result)], "worst"),
+            Section("Noise", [over], "noise"),
+            *_broken(result),
+            repeat(
+                f"imubayes run {study.path}",
+                study.text,
+                f"Done by {_done(result)}. Seed {study.seed}.",
+                DATASET,
+            ),
+        ],
     )
 
 
-def _population_rows(result: FleetResult) -> Iterator[Row]:
+def _population(result: FleetResult) -> Iterator[Block]:
+    """Population of each term, drawn and in numbers."""
+    true, told = (("true",), " True: of the lot that was simulated.") if result.study.simulated else ((), "")
+    yield Figure((verdict_panel(result, "v"), fleet_population_panel(result, "p")), KEY)
+    yield Table(
+        "Population of the units",
+        ("term", "symbol", "mean", *true, "spread", *true, "unit", "needed", "open"),
+        _population_rows(result),
+        "ttn",
+        "Mean and spread of the units: a hierarchical posterior with 90 % intervals, which does not take"
+        f" the error of each unit's test for the spread of the units.{told} Needed, open (undecided, or"
+        " the test cannot tell): shares of the units. Of a term that is open everywhere mean and spread"
+        " are those of the catalogue.",
+    )
+
+
+def _worst(result: FleetResult) -> Table:
+    """Units that are farthest from the population."""
+    lib, rows = result.study.spec.library, []
+    for one in result.answer.worst:
+        pull = f"{one.pull:+.1f}".replace("-", "−")
+        rows.append((one.unit, one.term, pull_value(one, lib), pull, "yes" if one.outlier else ""))
+    return Table(
+        "Units farthest from the population",
+        WORST_HEAD,
+        rows,
+        "ttn",
+        "The units that are farthest from the population, each in the term in which it is farthest:"
+        " distance from the mean over the sd that the population's spread and the unit's own error give;"
+        " for N, of its logarithm from the median. Of units that are alike, one fleet in a hundred has"
+        f" any beyond {result.answer.limit:.1f} sd. A unit beyond is not one of the population that the"
+        " others are of: look at its test, then at the unit.",
+    )
+
+
+def _broken(result: FleetResult) -> Iterator[Section]:
+    """Units that could not be read, if any."""
+    if broken := result.answer.broken:
+        title, rows = "Units that could not be read", [(one.name, one.error) for one in broken]
+        note = (
+            "They are in no number of this page. With their files mended, the same command with --resume"
+            " reads them and leaves the others as they are."
+        )
+        yield Section(title, [Table(title, (), rows, "tw", note)], "broken")
+
+
+def _population_rows(result: FleetResult) -> list[tuple[str, ...]]:
     """Population of each term, with the truth where the units are simulated."""
-    simulated, spelt = result.study.simulated, symbols(result.study.spec.library)
+    rows, simulated, spelt = [], result.study.simulated, symbols(result.study.spec.library)
     for term, one in zip(result.study.spec.library.terms, result.answer.terms, strict=True):
         size = per_unit(term.printed, term.unit)
         truth = [(_number(value / size),) if simulated else () for value in (one.true_mean, one.true_spread)]
         cells = (
+            one.name,
             spelt[term.name],
             ranged(one.mean, size=size),
             *truth[0],
@@ -92,24 +149,19 @@ def _population_rows(result: FleetResult) -> Iterator[Row]:
             percents(one.needed),
             percent(one.open),
         )
-        yield Row(one.name, cells)
+        rows.append(cells)
+    return rows
 
 
 def _number(value: float) -> str:
     return plain(measured(value, 0.0))
 
 
-def _count_rows(result: FleetResult) -> Iterator[Row]:
-    for j, name in enumerate(result.study.spec.library.names):
-        yield Row(name, tuple(f"{count:,}" if count else "" for count in result.answer.counts[:, j].tolist()))
-
-
-def _worst_rows(result: FleetResult) -> Iterator[Row]:
-    for one in result.answer.worst:
-        value = pull_value(one, result.study.spec.library)
-        yield Row(
-            one.unit, (one.term, value, f"{one.pull:+.1f}".replace("-", "−"), "yes" if one.outlier else "")
-        )
+def _count_rows(result: FleetResult) -> list[tuple[str, ...]]:
+    return [
+        (name, *(f"{count:,}" if count else "" for count in result.answer.counts[:, j].tolist()))
+        for j, name in enumerate(result.study.spec.library.names)
+    ]
 
 
 def _done(result: FleetResult) -> str:
@@ -170,21 +222,16 @@ def _term_entry(result: FleetResult, j: int) -> dict[str, Any]:
 
 def terminal_fleet(result: FleetResult) -> Group:
     """The answer and the population, for a console."""
-    from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False)
-    for name in ("term", "mean", "spread", "needed", "open"):
-        table.add_column(name, justify="left" if name == "term" else "right")
+    rows = []
     for term, one in zip(result.study.spec.library.terms, result.answer.terms, strict=True):
         size = per_unit(term.printed, term.unit)
         mean, spread = (
-            measured(x.value / size, _half(x.low / size, x.high / size), term.printed)
+            str(measured(x.value / size, _half(x.low / size, x.high / size), term.printed))
             for x in (one.mean, one.spread)
         )
-        table.add_row(one.name, str(mean), str(spread), percent(one.needed.value), percent(one.open))
-    return Group(*(Text(text) for text in fleet_answer(result)), "", table, _done(result))
+        rows.append((one.name, mean, spread, percent(one.needed.value), percent(one.open)))
+    table = Table("", ("term", "mean", "spread", "needed", "open"), rows)
+    return terminal([Prose(fleet_answer(result)), table, Prose(_done(result))])
 
 
 def _half(low: float, high: float) -> float:

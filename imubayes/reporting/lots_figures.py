@@ -27,7 +27,7 @@ from imubayes.reporting.canvas import (
     draw,
     few_ticks,
 )
-from imubayes.reporting.lots_words import amid, class_name, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import amid, capitalised, class_name, of_budget, scene_name, slug
 from imubayes.reporting.rounding import percent, percents
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.catalogue import prior_sd
@@ -128,7 +128,7 @@ def class_matrix(one: ClassFound, key: str) -> Panel:
     columns = [scene_name(found.mission) for found in one.missions]
     needs = sum(bool(terms_in(one, found, NEEDED)) for found in one.missions)
     title = f"{class_name(one.sensor_class)} needs a model in {needs} of {counted(len(columns), 'scene')}"
-    title = f"{title[:1].upper()}{title[1:]}"
+    title = capitalised(title)
     return Panel(title, _share_matrix(key, one.missions, columns, [one] * len(columns)))
 
 

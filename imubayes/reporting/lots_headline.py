@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from imubayes.population.lots import Against
 from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, could_change, terms_in, terms_of
-from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import capitalised, class_name, of_budget, scene_name, slug
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.units import counted
@@ -74,7 +74,7 @@ def _rest(classes: Sequence[ClassFound]) -> str:
     without = [f"{name} {listed(terms)}" for name, terms in idle.items() if terms]
     told = f"Not needed: {'; '.join(without)}" if without else "No term is shown not to be needed"
     if len(told.split()) > FEW_WORDS:
-        told = f"{_capital(listed(name for name, terms in idle.items() if terms))} do without others"
+        told = f"{capitalised(listed(name for name, terms in idle.items() if terms))} do without others"
     untold = any(terms_of(one, UNTOLD) for one in classes)
     return f"{told}; of the rest the tests cannot tell." if untold else f"{told}."
 
@@ -107,9 +107,9 @@ def _owned(
     if not missing:
         return f"Every {one} {need}s {listed(terms)}."
     if len(owners) == 1:
-        return f"{_capital(owners[0])} {need}s {listed(terms)}."
+        return f"{capitalised(owners[0])} {need}s {listed(terms)}."
     if len(owners) <= MOST_NAMES:
-        return f"{_capital(listed(owners))} {need} {listed(terms)}."
+        return f"{capitalised(listed(owners))} {need} {listed(terms)}."
     if len(missing) <= MOST_NAMES:
         return f"All but {listed(missing)} {need} {listed(terms)}."
     return f"{len(owners)} of {len(every)} {many} {need} {listed(terms)}."
@@ -125,7 +125,7 @@ def _of_scenes(result: LotResult) -> list[str]:
         )
     said = _by_owner(result.study.library.names, needed, ("scene", "scenes", "require"))
     idle = [name for name, terms in needed.items() if not terms]
-    none = [f"{_capital(listed(idle))} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
+    none = [f"{capitalised(listed(idle))} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
     return [f"Of half of the classes or more: {said[0][:1].lower()}{said[0][1:]}", *said[1:], *none]
 
 
@@ -172,7 +172,7 @@ def _against(result: LotResult, asks: Against) -> list[str]:
         ([n for n in more if n not in untold], f"{need} {{}}, and {me} does not."),
         (untold, f"{need} {{}}; of {me} the tests cannot tell."),
     )
-    said = [_capital(text.format(listed(terms))) for terms, text in groups if terms]
+    said = [capitalised(text.format(listed(terms))) for terms, text in groups if terms]
     return said if only else [f"None is shown to be needed by {me} alone.", *said]
 
 
@@ -189,10 +189,6 @@ def _called(classes: Sequence[ClassFound]) -> str:
     names = [class_name(one.sensor_class) for one in classes]
     shared = [word for word in names[0].split() if all(word in name.split() for name in names)]
     return " ".join(shared) or listed(names)
-
-
-def _capital(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"
 
 
 def status(result: LotResult) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from markupsafe import Markup
 
 from imubayes.population.needs import (
     NEEDED,
@@ -17,6 +19,21 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
+from imubayes.reporting.blocks import (
+    Block,
+    Figure,
+    Page,
+    Prose,
+    Row,
+    Section,
+    Table,
+    joined,
+    link,
+    repeat,
+    strong,
+    swatch,
+)
+from imubayes.reporting.html import write_page
 from imubayes.reporting.lots_figures import (
     class_matrix,
     needed_matrix,
@@ -38,12 +55,12 @@ from imubayes.reporting.lots_sentences import (
 from imubayes.reporting.lots_words import (
     amid,
     budget,
+    capitalised,
     class_name,
     counts,
     scene_name,
     slug,
 )
-from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
@@ -57,161 +74,190 @@ from imubayes.reporting.rounding import (
     share,
     share_range,
 )
+from imubayes.reporting.terminal import terminal
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
+    from rich.console import Group
+
     from imubayes.population.lots import ClassFound, Coverage, LotResult
     from imubayes.population.scenes import MissionFound, MissionTerm
-    from imubayes.reporting.canvas import Panel
+    from imubayes.reporting.lots_headline import Said
     from imubayes.sensors.terms import Kind
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A line of a table: its anchor (if anything leads there), name, where that leads, and numbers."""
+NEEDED_KEY = Markup(
+    "Each bar is the lot of a class: {}units in which the term is needed, {}units whose test cannot tell"
+    " it or leaves it undecided, {}units in which it is not needed. ?: half of the units or more cannot"
+    " tell, so that of the class the tests cannot tell; else the class is what most of the others are."
+    " Each bar leads to its numbers. Right: terms needed, median unit and 90 % of the units."
+).format(*map(swatch, ("#0072B2", "#E69F00", "#eceef1")))
 
-    anchor: str
-    name: str
-    leads: str
-    cells: tuple[str, ...]
+ORDER_NOTE = (
+    "Counted unit by unit: median unit, and 90 % of the units. Needed: terms that the unit's test shows"
+    " to be there; in a scene: terms of the unit's smallest model for its budget, shown or not. Units"
+    " need different terms, so that this is not the count of what the class needs. 0: without any term"
+    " the error stays within the budget."
+)
 
+SCENES_KEY = Markup(
+    "A square is a term's share of the budget in the median unit, its side a logarithm: a point below 1"
+    " %, {}below 10 %, {}below the budget, {}the budget or more. A frame: needed, which the tests show,"
+    " and the smallest model of half of the units or more has it. Hatched, and ?: the tests cannot tell;"
+    " hatched, it would matter by the sizes of the catalogue. A term whose share is below 1 % in every"
+    " class is left out."
+).format(*map(swatch, ("#7d838c", "#0072B2", "#D55E00")))
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SceneView:
-    """A scene over the classes, or within one.
+TRIAD = (
+    "Bias, scale and misalignment take up what the other terms do over a scene as well as they can; the"
+    " table has what is left, as a share of the budget, in the median unit."
+)
 
-    Attributes
-    ----------
-    anchor, title : of the scene.
-    terms : of the study's budget, in words.
-    said : sentences made from the numbers.
-    panel : matrix of terms by class; None within a class.
-    rows : of the table of its terms; empty over the classes.
-    """
+CLASS_NOTE = (
+    "Population: dot and line, its mean with 90 %; pale band, the spread of the units about it; beyond"
+    " three typical sizes they are drawn at the end. Scenes: squares as above."
+)
 
-    anchor: str
-    title: str
-    terms: str
-    said: tuple[str, ...]
-    panel: Panel | None
-    rows: tuple[Row, ...]
+POPULATION_HEAD = ("term", "symbol", "mean", "true", "spread", "true", "unit", "typical", "needed", "open",
+                   "class")  # fmt: skip
 
+POPULATION_NOTE = (
+    "Mean and spread of the units, a hierarchical posterior with 90 % intervals; true: of the lot that"
+    " was simulated; typical: size in the catalogue; needed, open: shares of the units; class: what that"
+    " says of it."
+)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ClassView:
-    """A class's page."""
-
-    anchor: str
-    title: str
-    told: str
-    said: tuple[str, ...]
-    rows: tuple[Row, ...]
-    panels: tuple[Panel, ...]
-    scenes: tuple[SceneView, ...]
+SCENE_NOTE = (
+    "Rms of the effect on the output, and share of the budget: median unit, and 5 to 95 % of the units;"
+    " required: share of the units whose smallest model has the term, shown or not. Terms that no unit"
+    " requires and that take below 1 % are left out."
+)
 
 
 def write_lots(result: LotResult, folder: Path) -> tuple[Path, ...]:
     """Write ``report.html`` and ``result.json`` into a folder."""
-    report, values = folder / "report.html", folder / "result.json"
-    report.write_text(lots_html(result), encoding="utf-8")
-    values.write_text(lots_json(result), encoding="utf-8")
-    return report, values
+    return write_page(lots_page(result), lots_json(result), folder)
 
 
-def lots_html(result: LotResult) -> str:
-    """Text of the report; names that come from the study file are escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    page = Environment(
-        loader=PackageLoader("imubayes", "reporting"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    ).get_template("lots.html.j2")
-    study = result.study
-    return page.render(
-        study=study,
-        answer=lots_answer(result),
-        status=status(result),
-        simulated=simulated(result),
-        caution=SIMULATED,
-        names=tuple(class_name(one.sensor_class) for one in result.classes),
-        orders=_orders(result),
-        matrix=needed_matrix(result, "needed-matrix"),
-        order=order_panel(result, "order-panel"),
-        scenes=tuple(_scene_view(result, k) for k in range(len(study.missions))),
-        classes=tuple(_class_view(result, k) for k in range(len(result.classes))),
-        check=check_sentences(result),
-        checked=_checked(result),
-        basic=basic_sentences(result) if study.basic else (),
-        basic_rows=tuple(_by_scene(result, "basic", lambda scene: share(scene.basic_share))),
-        took=duration(result.seconds),
-        unit=pretty(OUTPUT_UNIT[study.kind]),
-        versions=versions(),
-        command=f"imubayes run {study.path}",
+def lots_page(result: LotResult) -> Page:
+    """Page of a class-level study."""
+    study, answers = result.study, lots_answer(result)
+    said = f"It took {duration(result.seconds)} with {study.processes} processes. Seed {study.seed}."
+    return Page(
+        study.title,
+        f"{study.units} simulated {study.kind}s of each of {len(result.classes)} classes, each through a test"
+        " campaign with coloured noise and an imperfect bench.",
+        first=[
+            Prose(joined(strong(answers[0].text), _numbers(answers[0])), "answer"),
+            Prose(status(result)),
+            Prose(simulated(result), "note"),
+        ],
+        blocks=[
+            Section("Which terms each class needs", [*_needed(result, answers[1:])], "needed-terms"),
+            *([_scenes(result)] if study.missions else []),
+            *([_basic(result)] if study.basic else []),
+            _check(result),
+            *(_class(result, k) for k in range(len(result.classes))),
+            repeat(f"imubayes run {study.path}", study.text, said),
+        ],
     )
 
 
-def _orders(result: LotResult) -> tuple[Row, ...]:
-    """Sizes of the models, a class a column: what the test shows, and what each scene requires."""
-    shown = Row("order-shown", "needed", "needed-terms", tuple(amid(one.order) for one in result.classes))
-    return (shown, *_by_scene(result, "order", lambda scene: amid(scene.order)))
+def _numbers(said: Said) -> Markup:
+    return link("numbers", said.anchor)
+
+
+def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
+    """Verdicts of each class, and the sizes of its models."""
+    yield Figure((needed_matrix(result, "needed-matrix"), order_panel(result, "order-panel")), NEEDED_KEY)
+    yield Prose(joined(*(text for one in answers for text in (one.text, _numbers(one)))))
+    shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
+    rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
+    table = Table("Size of the models by class and scene", ("terms", *_names(result)), rows, "tn", ORDER_NOTE)
+    yield Section("Size of the models", [table], "order")
+
+
+def _names(result: LotResult) -> tuple[str, ...]:
+    return tuple(class_name(one.sensor_class) for one in result.classes)
 
 
 def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str]) -> Iterator[Row]:
     """Tell something of each scene, a class a column."""
     for k, mission in enumerate(result.study.missions):
-        cells = tuple(told(one.missions[k]) for one in result.classes)
-        yield Row(slug(what, mission.name), scene_name(mission.name), slug("scene", mission.name), cells)
+        name = link(scene_name(mission.name), slug("scene", mission.name))
+        cells = (name, *(told(one.missions[k]) for one in result.classes))
+        yield Row(cells, slug(what, mission.name))
 
 
-def _checked(result: LotResult) -> tuple[Row, ...]:
-    """The answers against the simulated truth in numbers."""
+def _scenes(result: LotResult) -> Section:
+    """What each scene requires of each class."""
+    each = [
+        Section(
+            capitalised(scene_name(mission.name)),
+            [Figure([scene_matrix(result, k, f"scene{k}")]), Prose(scene_sentences(result, k), "list")],
+            slug("scene", mission.name),
+            budget(mission, result.study.kind),
+            listed=scene_name(mission.name),
+        )
+        for k, mission in enumerate(result.study.missions)
+    ]
+    return Section("Which terms each scene requires", [Prose(SCENES_KEY, "note"), *each], "scenes")
+
+
+def _basic(result: LotResult) -> Section:
+    """What the basic triad leaves."""
+    rows = list(_by_scene(result, "basic", lambda scene: share(scene.basic_share)))
+    table = Table("What the basic triad leaves", ("scene", *_names(result)), rows)
+    said = [Prose(TRIAD), Prose(basic_sentences(result), "list"), table]
+    return Section("What the basic triad of 12 parameters costs", said, "basic", listed="The basic triad")
+
+
+def _check(result: LotResult) -> Section:
+    """Answers against the simulated truth."""
+    said = f"{' '.join(check_sentences(result))} Intervals hold 90 %."
+    rows = [Row((link(row[0], "check"), *row[1:]), slug("check", row[0])) for row in _checked(result)]
+    table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), rows)
+    blocks = [Prose(said), table, Prose(SIMULATED)]
+    return Section("Against the simulated truth", blocks, "check", listed="Against the truth")
+
+
+def _checked(result: LotResult) -> list[tuple[str, str, str]]:
+    """Answers against the simulated truth in numbers: what, how many are counted, and the share."""
     check = result.check
     cells, true = check.cells
-    rows = [
-        ("precision", f"{cells:,} cells", check.precision),
-        ("recall", f"{true:,} required", check.recall),
-        ("population mean", _counted(check.population_mean), check.population_mean.share),
-        ("population spread", _counted(check.population_spread), check.population_spread.share),
+    return [
+        ("precision", f"{cells:,} cells", percents(check.precision)),
+        ("recall", f"{true:,} required", percents(check.recall)),
+        ("population mean", _counted(check.population_mean), percents(check.population_mean.share)),
+        ("population spread", _counted(check.population_spread), percents(check.population_spread.share)),
     ]
-    return tuple(
-        Row(slug("check", name), name, "check", (count, percents(found))) for name, count, found in rows
-    )
 
 
 def _counted(found: Coverage) -> str:
     return f"{found.held:,} of {found.of:,} held"
 
 
-def _scene_view(result: LotResult, k: int) -> SceneView:
-    mission = result.study.missions[k]
-    return SceneView(
-        anchor=slug("scene", mission.name),
-        title=scene_name(mission.name),
-        terms=budget(mission, result.study.kind),
-        said=scene_sentences(result, k),
-        panel=scene_matrix(result, k, f"scene{k}"),
-        rows=(),
-    )
-
-
-def _class_view(result: LotResult, k: int) -> ClassView:
-    found, study = result.classes[k], result.study
-    entry, name = found.sensor_class, class_name(found.sensor_class)
-    panels = [population_panel(found, study.library, f"population{k}")]
+def _class(result: LotResult, k: int) -> Section:
+    """Page of a class."""
+    found, lib = result.classes[k], result.study.library
+    entry, title = found.sensor_class, capitalised(class_name(found.sensor_class))
+    panels = [population_panel(found, lib, f"population{k}")]
     if found.missions:
         panels.append(class_matrix(found, f"class{k}"))
-    return ClassView(
-        anchor=slug("class", entry.id),
-        title=f"{name[:1].upper()}{name[1:]}",
-        told=f"{entry.technology}, {entry.grade} ({', '.join(entry.examples[:3])})",
-        said=class_sentences(found, len(study.library.terms)),
-        rows=tuple(_population_rows(result, found)),
-        panels=tuple(panels),
-        scenes=tuple(_own_scene(result, found, m) for m in range(len(found.missions))),
+    rows = _population_rows(result, found)
+    table = Table(f"Population of {title}", POPULATION_HEAD, rows, "ttn", POPULATION_NOTE)
+    return Section(
+        title,
+        [
+            Prose(" ".join(class_sentences(found, len(lib.terms)))),
+            Figure(panels, CLASS_NOTE),
+            Section("The population", [table]),
+            *(_own_scene(result, found, m) for m in range(len(found.missions))),
+        ],
+        slug("class", entry.id),
+        f"{entry.technology}, {entry.grade} ({', '.join(entry.examples[:3])})",
+        sheet=True,
     )
 
 
@@ -221,6 +267,7 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
         size = per_unit(term.printed, term.unit)
         typical = prior_sd(found.sensor_class, term)[0]
         cells = (
+            link(one.name, "needed-terms"),
             spelt[term.name],
             ranged(one.mean, size=size),
             _plain(one.true_mean / size),
@@ -232,7 +279,7 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
             percent(one.open),
             of_class(one),
         )
-        rows.append(Row(slug("class", found.sensor_class.id, one.name), one.name, "needed-terms", cells))
+        rows.append(Row(cells, slug("class", found.sensor_class.id, one.name)))
     return rows
 
 
@@ -240,47 +287,57 @@ def _plain(value: float) -> str:
     return str(measured(value, 0.0)).replace("-", "−")
 
 
-def _own_scene(result: LotResult, found: ClassFound, k: int) -> SceneView:
+def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
     """One scene on the page of a class."""
     mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
-    anchor = slug("class", found.sensor_class.id, scene.mission)
-    return SceneView(
-        anchor=anchor,
-        title=scene_name(scene.mission),
-        terms=budget(mission, kind),
-        said=own_scene_sentences(found, scene),
-        panel=None,
-        rows=tuple(
-            _scene_row(term, answer, mission.name, kind)
-            for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
-            if counts(term) or answer == WOULD_MATTER
-        ),
+    rows = [
+        _scene_row(term, answer, mission.name, kind)
+        for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
+        if counts(term) or answer == WOULD_MATTER
+    ]
+    name = scene_name(scene.mission)
+    label = f"{capitalised(class_name(found.sensor_class))} in the scene {name}"
+    rms = f"rms, {pretty(OUTPUT_UNIT[kind])}"
+    table = Table(label, ("term", rms, "share of the budget", "true share", "required", "class"), rows)
+    last = k == len(found.missions) - 1
+    return Section(
+        capitalised(name),
+        [
+            Prose(" ".join(own_scene_sentences(found, scene))),
+            *([table] if rows else []),
+            *([Prose(SCENE_NOTE, "note")] if last else []),
+        ],
+        slug("class", found.sensor_class.id, scene.mission),
+        budget(mission, kind),
     )
 
 
-def _scene_row(term: MissionTerm, answer: str, scene: str, kind: Kind) -> Row:
+def _scene_row(term: MissionTerm, answer: str, scene: str, kind: Kind) -> tuple[str, ...]:
     size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
-    cells = (
+    return (
+        link(term.name, slug("scene", scene)),
         _plain(term.rms / size),
         share_range(term.share),
         share(term.true_share),
         percent(term.required),
         answer,
     )
-    return Row("", term.name, slug("scene", scene), cells)
 
 
-def terminal_lots(result: LotResult) -> str:
+def terminal_lots(result: LotResult) -> Group:
     """Lines for a terminal: the answer, how many terms each class needs, and how well truths are met."""
-    lines = [f"{'class':24} {'needed':>7} {'not needed':>11} {'cannot tell':>12} {'scenes with a need':>20}"]
+    rows = []
     for one in result.classes:
         needs = sum(bool(terms_in(one, scene, NEEDED)) for scene in one.missions)
-        counted = [len(terms_of(one, answer)) for answer in (NEEDED, NOT_NEEDED, UNTOLD)]
-        lines.append(
-            f"{class_name(one.sensor_class):24} {counted[0]:>7} {counted[1]:>11} {counted[2]:>12}"
-            f" {f'{needs} of {len(one.missions)}':>20}"
-        )
-    lines += ["", "against the simulated truth"]
-    lines += [f"{row.name:24} {row.cells[0]:>16} {row.cells[1]:>32}" for row in _checked(result)]
-    said = (headline(result).text, status(result), simulated(result))
-    return "\n".join((*said, "", *(one.text for one in lots_answer(result)[2:]), "", *lines))
+        counted = [str(len(terms_of(one, answer))) for answer in (NEEDED, NOT_NEEDED, UNTOLD)]
+        rows.append((class_name(one.sensor_class), *counted, f"{needs} of {len(one.missions)}"))
+    head = ("class", "needed", "not needed", "cannot tell", "scenes with a need")
+    return terminal(
+        [
+            Prose([headline(result).text, status(result), simulated(result)]),
+            Prose([one.text for one in lots_answer(result)[2:]]),
+            Table("", head, rows),
+            Prose("against the simulated truth"),
+            Table("", (), _checked(result)),
+        ]
+    )

@@ -20,7 +20,7 @@ from imubayes.population.needs import (
     terms_of,
 )
 from imubayes.reporting.lots_headline import Said, counts_by_class, headline
-from imubayes.reporting.lots_words import amid, class_name, covered, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import amid, capitalised, class_name, covered, of_budget, scene_name, slug
 from imubayes.reporting.rounding import NARROW, percent
 from imubayes.selection.relevance import MATTERS
 from imubayes.selection.verdicts import listed
@@ -162,7 +162,7 @@ def contrast_sentence(one: Contrast) -> str:
 
 def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     """Say what a scene requires of the classes."""
-    said = [text[:1].upper() + text[1:] for text in map(contrast_sentence, contrasts(result, k))]
+    said = [capitalised(contrast_sentence(one)) for one in contrasts(result, k)]
     said = said or ["No class is shown to need any term."]
     said += _catalogued(result, k)
     open_classes = [one for one in result.classes if one.missions[k].within < HALF]
@@ -272,7 +272,7 @@ def basic_sentences(result: LotResult) -> tuple[str, ...]:
         ]
         name = class_name(one.sensor_class)
         text = f"is not enough in {listed(short)}" if short else "is enough in every scene"
-        said.append(f"{name[:1].upper()}{name[1:]}: the triad {text}.")
+        said.append(f"{capitalised(name)}: the triad {text}.")
     return tuple(said)
 
 

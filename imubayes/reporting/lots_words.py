@@ -50,6 +50,17 @@ def slug(*parts: str) -> str:
     return "-".join(re.sub(r"[^\w]+", "-", part).strip("-") for part in parts)
 
 
+def capitalised(text: str) -> str:
+    """Text that begins a sentence.
+
+    Examples
+    --------
+    >>> capitalised("consumer MEMS")
+    'Consumer MEMS'
+    """
+    return f"{text[:1].upper()}{text[1:]}"
+
+
 def scene_name(name: str) -> str:
     """Name of a scene in a sentence."""
     return name.replace("_", " ")

@@ -32,31 +32,21 @@ CALLED = {"even": "evenly", "same": "same equipment", "best": "best plan"}
 
 
 @dataclass(frozen=True, slots=True)
-class DwellRow:
-    """A dwell of the plan: its number, when its record starts, what is set, and for how long, as texts."""
-
-    number: int
-    start: str
-    at: str
-    dwell: str
-
-
-@dataclass(frozen=True, slots=True)
-class Block:
+class Mount:
     """Dwells in one mount.
 
     Attributes
     ----------
     run, mount : of the plan.
     todo : what comes before its first dwell, in words.
-    rows : its dwells.
+    rows : its dwells: number, when its record starts, what is set, and for how long.
     time : s, with handling.
     """
 
     run: str
     mount: str
     todo: str
-    rows: tuple[DwellRow, ...]
+    rows: tuple[tuple[str, ...], ...]
     time: float
 
 
@@ -137,20 +127,20 @@ def _left(found: Proposal, outcome: Outcome, name: str) -> str:
     return f"{name} an sd of {sd} (prior {prior})"
 
 
-def blocks(found: Proposal, outcome: Outcome) -> tuple[Block, ...]:
+def mounts(found: Proposal, outcome: Outcome) -> tuple[Mount, ...]:
     """Dwells of a plan in order, mount by mount."""
     begin = starts(found.menus, outcome.steps).tolist()
     entries = list(zip(range(1, len(begin) + 1), begin, outcome.steps, strict=True))
-    made, clock, last = list[Block](), 0.0, -1
+    made, clock, last = list[Mount](), 0.0, -1
     for (offer, mount), part in groupby(entries, key=lambda one: _place(found, one[2])):
         dwells = list(part)
         rows = tuple(
-            DwellRow(number, at_clock(start), found.settings[offer][step.setting].at, lasting(step.dwell))
+            (str(number), at_clock(start), found.settings[offer][step.setting].at, lasting(step.dwell))
             for number, start, step in dwells
         )
         end = dwells[-1][1] + dwells[-1][2].dwell
         todo = _todo(found, offer, first=offer != last)
-        made.append(Block(found.study.offers[offer].spec.name, mount, todo, rows, end - clock))
+        made.append(Mount(found.study.offers[offer].spec.name, mount, todo, rows, end - clock))
         clock, last = end, offer
     return tuple(made)
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,11 @@ import imubayes
 from imubayes.campaign.fidelity import rung_of
 from imubayes.ladder.trade.plan import DEFAULT, NAMES
 from imubayes.ladder.trade.recommend import allowed
+from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
+from imubayes.reporting.html import write_page
 from imubayes.reporting.quality_page import finite
 from imubayes.reporting.rounding import duration
+from imubayes.reporting.terminal import terminal
 from imubayes.reporting.trade_figures import trade_panels
 from imubayes.reporting.trade_words import bytes_text, error_text, rate_text, seconds_of, trade_answer
 
@@ -26,60 +30,125 @@ if TYPE_CHECKING:
     from imubayes.ladder.trade.record import Place, Standing, Traded
     from imubayes.ladder.trade.score import Score
 
-HEADS = ("time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw", "inclusion off",
-         "other verdicts")  # fmt: skip
+HEADS = ("rung", "time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw",
+         "inclusion off", "other verdicts")  # fmt: skip
 
-SCORE_HEADS = ("sensors", "90 % intervals hold", "error", "false needed", "false not needed", "missed",
-               "cost a sensor")  # fmt: skip
+SCORE_HEADS = ("rung", "sensors", "90 % intervals hold", "error", "false needed", "false not needed",
+               "missed", "cost a sensor")  # fmt: skip
 
-SCENE_HEAD = "terms off a scene"
+COMPONENT_HEADS = ("component", "rung", "time", "off, rms", "largest", "in", "inclusion off",
+                   "other verdicts")  # fmt: skip
 
-SCENE_HEADS = ("budgets off", "terms off")
+OWN_PROCESS = (
+    "Each rung has a process of its own, warmed up on a small problem, so that imports and compilation do not"
+    " count. Of a rung that takes less than two seconds the fastest of up to five turns counts. Memory is the"
+    " peak of the first turn, beside what the process held before."
+)
 
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A line of a table: its name, and its numbers as texts."""
-
-    name: str
-    cells: tuple[str, ...]
+COUNTED = (
+    "Intervals are counted over the terms that the test can tell. Error: rms of coefficients under the"
+    " full library against the truth, in posterior sd of the best rung that answered the same sensor."
+    " False needed: of terms that are zero or below one posterior sd. False not needed: of terms above a"
+    " tenth of their prior sd. Missed: left out of the model though above eight posterior sd. Beside a"
+    " rate stands its 90 % interval, by the Beta posterior, as if terms were independent."
+)
 
 
 def write_trade(found: Traded, folder: Path) -> tuple[Path, ...]:
     """Write ``report.html`` and ``result.json`` into a folder."""
-    report, values = folder / "report.html", folder / "result.json"
-    report.write_text(trade_html(found), encoding="utf-8")
-    values.write_text(trade_json(found), encoding="utf-8")
-    return report, values
+    return write_page(trade_page(found), trade_json(found), folder)
 
 
-def trade_html(found: Traded) -> str:
-    """Text of the report; names that come from the study file are escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    page = Environment(
-        loader=PackageLoader("imubayes", "reporting"), autoescape=True, undefined=StrictUndefined
-    ).get_template("trade.html.j2")
-    scenes = (SCENE_HEAD,) if found.trade.missions else ()
-    return page.render(
-        trade=found.trade,
-        what=_counted(len(found.standings)),
-        answer=trade_answer(found),
-        panels=trade_panels(found),
-        best=found.best,
-        ladder=tuple(rung_of(place.rung) for place in found.places),
-        allowed=f"{allowed(found.floor[0]):.2g}",
-        heads=(*HEADS, *(SCENE_HEADS if scenes else ())),
-        rows=tuple(_row(place, bool(scenes)) for place in found.places),
-        score_heads=(*SCORE_HEADS, *scenes),
-        scores=tuple(_score_row(one, bool(scenes)) for one in found.scores),
-        drawn=_drawn(found),
-        components=tuple(_component_rows(found)),
-        machine=found.machine,
-        took=duration(found.seconds),
-        version=imubayes.__version__,
-        command=command(found),
+def trade_page(found: Traded) -> Page:
+    """Page of a trade."""
+    first, *rest = trade_answer(found)
+    on = ", and on sensors simulated from what was found" if found.scores else ""
+    what = _counted(len(found.standings))
+    components = Table(
+        "Component by component",
+        (*COMPONENT_HEADS, *(["other needs of scenes"] if found.trade.missions else [])),
+        list(_component_rows(found)),
+        "ttnnntnw",
     )
+    return Page(
+        f"{found.trade.title}: speed for accuracy",
+        f"Every method of the ladder on this study’s own {what}{on}.",
+        first=[Prose(strong(first), "answer"), Prose(rest, "list")],
+        blocks=[
+            Section("Time and error", [_figure(found)], "figure"),
+            Section("The rungs", [*_rungs(found)], "rungs"),
+            *([Section("Simulated repeats", [_scores(found)], "repeats")] if found.scores else []),
+            Section("Component by component", [components], "components"),
+            Section("How to read this", [_meaning(found)], "meaning"),
+            _repeat(found),
+        ],
+    )
+
+
+def _figure(found: Traded) -> Figure:
+    best = found.best
+    return Figure(
+        trade_panels(found),
+        f"First figure: the dot is the coefficient that differs most from {best}’s, the stick goes down to"
+        f" the rms of all; {best} itself is hollow and stands at its own Monte Carlo error, below which"
+        " (shaded) a difference means nothing. The default has the other colour. The stairs are the"
+        " front: no rung beside it is faster and no worse. Dashed: what is good enough.",
+    )
+
+
+def _rungs(found: Traded) -> Iterator[Block]:
+    """Each rung in numbers, and what it is."""
+    scenes = (
+        " Budgets off: largest change of what a term takes of a scene’s budget, in such budgets; terms"
+        " off: by how many terms the models that the scenes require differ, over all components."
+        if found.trade.missions
+        else ""
+    )
+    yield Table(
+        "The rungs",
+        (*HEADS, *(("budgets off", "terms off") if scenes else ())),
+        [_row(place, bool(scenes)) for place in found.places],
+        note=f"Off: coefficients against {found.best}’s, in its posterior sd, the rms and the largest over"
+        " tested terms. Monte Carlo: what the rung’s own few draws leave, rms. Foresaw: what a rung says"
+        f" itself that the next one would change, at most.{scenes} Times of chains that were cut short are"
+        " extrapolated to what was asked of them and marked “about”.",
+    )
+    rungs = [rung_of(place.rung) for place in found.places]
+    lacks = [f"; it {rung.leaves_out}" if rung.leaves_out else "." for rung in rungs]
+    told = [strong(rung.name) + f": {rung.title}{lack}" for rung, lack in zip(rungs, lacks, strict=True)]
+    yield Prose(told, "list")
+
+
+def _scores(found: Traded) -> Table:
+    scenes = bool(found.trade.missions)
+    rows = [_score_row(one, scenes) for one in found.scores]
+    head = (*SCORE_HEADS, *(["terms off a scene"] if scenes else []))
+    return Table("Simulated repeats", head, rows, note=f"{_drawn(found)} {COUNTED}")
+
+
+def _meaning(found: Traded) -> Prose:
+    good = (
+        f"Good enough: no coefficient off by more than {allowed(found.floor[0]):.2g} posterior sd (a"
+        " tenth, or twice the Monte Carlo error of a difference), no inclusion by more than 0.1, and 90 %"
+        " intervals that hold 90 % of the truths, or more."
+    )
+    best = (
+        f"The rungs are compared with {found.best}, the highest with long enough chains. What all of them"
+        " take for granted, that the model is linear and the noise is made of N, B and K, is not tested"
+        " here."
+    )
+    return Prose([OWN_PROCESS, good, best], "list")
+
+
+def _repeat(found: Traded) -> Section:
+    machine = found.machine
+    load = "" if math.isnan(machine.load) else f" Load at the end: {machine.load:.1f}."
+    said = (
+        f"{machine.processor}, {machine.cores} cores; {machine.system}.{load} It took"
+        f" {duration(found.seconds)}. Seed {found.trade.seed}."
+    )
+    versions = {"imubayes": imubayes.__version__, **machine.versions}
+    return repeat(command(found), found.trade.text, said, made_with=versions)
 
 
 def command(found: Traded) -> str:
@@ -98,9 +167,10 @@ def _counted(components: int) -> str:
     return "component" if components == 1 else f"{components} components"
 
 
-def _row(place: Place, scenes: bool) -> Row:
+def _row(place: Place, scenes: bool) -> tuple[str, ...]:
     name = f"{place.rung} (default)" if place.rung == DEFAULT else place.rung
     cells = (
+        name,
         seconds_of(place),
         f"{place.processor_seconds:.2g} s",
         bytes_text(place.memory),
@@ -112,11 +182,12 @@ def _row(place: Place, scenes: bool) -> Row:
         str(place.verdicts),
     )
     needs = (error_text(place.scene_share), str(place.scene_terms)) if scenes else ()
-    return Row(name, (*cells, *needs))
+    return (*cells, *needs)
 
 
-def _score_row(one: Score, scenes: bool) -> Row:
+def _score_row(one: Score, scenes: bool) -> tuple[str, ...]:
     cells = (
+        one.rung,
         str(one.repeats),
         rate_text(one.coverage),
         error_text(one.error),
@@ -125,7 +196,7 @@ def _score_row(one: Score, scenes: bool) -> Row:
         f"{one.missed_large.events} of {one.missed_large.of}",
         f"{one.cost:.2f}",
     )
-    return Row(one.rung, (*cells, f"{one.scene_terms:.1f}") if scenes else cells)
+    return (*cells, f"{one.scene_terms:.1f}") if scenes else cells
 
 
 def _drawn(found: Traded) -> str:
@@ -139,17 +210,18 @@ def _drawn(found: Traded) -> str:
     )
 
 
-def _component_rows(found: Traded) -> Iterator[Row]:
+def _component_rows(found: Traded) -> Iterator[tuple[str, ...]]:
     for standing in found.standings:
         for one, apart in zip(standing.measured, standing.differences, strict=True):
             yield _component_row(standing, one, apart, scenes=bool(found.trade.missions))
 
 
-def _component_row(standing: Standing, one: Measured, apart: Difference, *, scenes: bool) -> Row:
+def _component_row(standing: Standing, one: Measured, apart: Difference, *, scenes: bool) -> tuple[str, ...]:
     verdicts = "; ".join(f"{name}: {said}, not {right}" for name, said, right in apart.verdicts)
     needs = "; ".join(f"{scene.scene}: {', '.join(scene.terms)}" for scene in apart.scenes if scene.terms)
     best = one.told.rung == standing.best
     cells = (
+        standing.subject,
         one.told.rung,
         f"{one.seconds:.2g} s",
         "" if best else error_text(apart.rms),
@@ -158,7 +230,7 @@ def _component_row(standing: Standing, one: Measured, apart: Difference, *, scen
         "" if best else error_text(apart.inclusion),
         "held against" if best else verdicts,
     )
-    return Row(standing.subject, (*cells, needs) if scenes else cells)
+    return (*cells, needs) if scenes else cells
 
 
 def trade_json(found: Traded) -> str:
@@ -231,18 +303,11 @@ def _plain(term: tuple[Any, ...]) -> Iterator[Any]:
 
 def terminal_trade(found: Traded) -> Group:
     """Table and answer for a console of 80 columns."""
-    from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, padding=(0, 1), header_style="bold")
     heads = ("rung", "time", "memory", "off rms", "largest", "incl.", "verd.", "90 % holds", "cost")
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="right" if k else "left", no_wrap=True)
+    rows = []
     for place in found.places:
         score = found.score(place.rung)
-        held = f"{score.coverage.share.value:.0%}" if score and score.coverage.of else ""
-        table.add_row(
+        cells = (
             place.rung,
             seconds_of(place).replace("about ", "~"),
             bytes_text(place.memory),
@@ -250,8 +315,9 @@ def terminal_trade(found: Traded) -> Group:
             error_text(place.largest),
             error_text(place.inclusion),
             str(place.verdicts),
-            held,
+            f"{score.coverage.share.value:.0%}" if score and score.coverage.of else "",
             f"{score.cost:.2f}" if score else "",
         )
+        rows.append(cells)
     first, *rest = trade_answer(found)
-    return Group(table, Text(), Text(first, style="bold"), *map(Text, rest))
+    return terminal([Table("", heads, rows), Prose(first, "answer"), Prose(rest)])

@@ -8,7 +8,8 @@ import pytest
 from imubayes.errors import StudyError
 from imubayes.population import lots as measure
 from imubayes.population.lots import Against
-from imubayes.reporting.lots_page import lots_html
+from imubayes.reporting.html import page_html
+from imubayes.reporting.lots_page import lots_page
 from imubayes.reporting.lots_results import lots_json
 from imubayes.rig.scene_ranges import catalogue_scenes
 from imubayes.study.schema import read, read_study
@@ -69,7 +70,7 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     assert [one["name"] for one in scenes] == ["helicopter", "helicopter, position"]
     attitude, position = ([term["share_of_budget"] for term in one["terms"]] for one in scenes)
     assert attitude != position
-    html = lots_html(result)
+    html = page_html(lots_page(result))
     for anchor in ("scene-helicopter", "scene-helicopter-position"):
         assert html.count(f'id="{anchor}"') == 1 and f'href="#{anchor}"' in html
     assert "In the scene helicopter, position it needs" in html

@@ -14,8 +14,9 @@ from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
 from imubayes.population.parts import FleetStudy, recorded_units, simulated_units
 from imubayes.population.records import Broken
 from imubayes.population.terms import PopulationTerm
-from imubayes.reporting.fleet_page import fleet_html, terminal_fleet, write_fleet
+from imubayes.reporting.fleet_page import fleet_page, terminal_fleet, write_fleet
 from imubayes.reporting.fleet_words import NAMED, fleet_answer, standing_out
+from imubayes.reporting.html import page_html
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 
@@ -69,7 +70,7 @@ def _pull(k: int, pull: float) -> Pull:
 
 @pytest.fixture(scope="module")
 def html() -> str:
-    return fleet_html(_result())
+    return page_html(fleet_page(_result()))
 
 
 def test_names_of_the_study_and_its_files_are_escaped(html):
@@ -113,7 +114,7 @@ def test_recorded_units_have_no_column_of_the_truth(html):
     result = _result()
     names = [f"A{k}" for k in range(10)]
     recorded = replace(result.study, units=recorded_units(names, [Path(name) for name in names]))
-    other = fleet_html(replace(result, study=recorded))
+    other = page_html(fleet_page(replace(result, study=recorded)))
     assert ">true</th>" in html
     assert ">true</th>" not in other
     assert "10 recorded tactical MEMS" in other
@@ -121,7 +122,7 @@ def test_recorded_units_have_no_column_of_the_truth(html):
 
 def test_units_that_are_all_read_need_no_section_of_broken_ones(html):
     assert '<h2 id="broken">' in html
-    assert 'id="broken"' not in fleet_html(_result(broken=()))
+    assert 'id="broken"' not in page_html(fleet_page(_result(broken=())))
 
 
 def test_numbers_lie_beside_the_page_and_the_terminal_has_a_line_a_term(tmp_path):

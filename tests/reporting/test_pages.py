@@ -11,7 +11,8 @@ import pytest
 from lots_found import SIZES, lot_result
 
 from imubayes.reporting.document import report_html
-from imubayes.reporting.lots_page import lots_html
+from imubayes.reporting.html import page_html
+from imubayes.reporting.lots_page import lots_page
 
 WIDTHS = (1280, 390)
 """px: a desk, and a telephone."""
@@ -105,7 +106,9 @@ def _shown(html: str, folder: Path) -> tuple[dict, list[str]]:
 @pytest.fixture(params=["lots", "sensors"])
 def html(request) -> str:
     return (
-        lots_html(lot_result()) if request.param == "lots" else report_html(request.getfixturevalue("result"))
+        page_html(lots_page(lot_result()))
+        if request.param == "lots"
+        else report_html(request.getfixturevalue("result"))
     )
 
 
@@ -130,7 +133,7 @@ def test_page_that_is_too_wide_and_labels_that_overlap_are_seen(tmp_path):
 
 def test_page_prints_with_a_sheet_for_each_class(tmp_path):
     page, paper = tmp_path / "report.html", tmp_path / "report.pdf"
-    page.write_text(lots_html(lot_result()), encoding="utf-8")
+    page.write_text(page_html(lots_page(lot_result())), encoding="utf-8")
     _run(tmp_path, f"--print-to-pdf={paper}", page.as_uri())
     printed = paper.read_bytes()
     assert printed.startswith(b"%PDF")

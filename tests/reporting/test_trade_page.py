@@ -14,7 +14,8 @@ from imubayes.ladder.trade.measure import standing_of
 from imubayes.ladder.trade.recommend import front, recommended
 from imubayes.ladder.trade.record import Traded, places
 from imubayes.ladder.trade.score import Rate, Score
-from imubayes.reporting.trade_page import terminal_trade, trade_html, trade_json, write_trade
+from imubayes.reporting.html import page_html
+from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page, write_trade
 from imubayes.reporting.trade_words import trade_answer
 
 RUNGS = ("means", "plug-in", "collapsed", "raw")
@@ -73,11 +74,11 @@ def test_the_answer_names_the_recommended_rung_with_its_reasons(found):
 def test_intervals_that_are_too_short_rule_rungs_out():
     found = _traded(held=120)
     assert found.recommended == "raw"  # it answered no repeat, and nothing is known against it
-    assert "too short: means, plug-in, collapsed" in trade_html(found)
+    assert "too short: means, plug-in, collapsed" in page_html(trade_page(found))
 
 
 def test_the_page_is_whole_and_names_are_escaped(found, tmp_path):
-    page = trade_html(found)
+    page = page_html(trade_page(found))
     assert "<b>small" not in page
     assert "&lt;ACC&gt;" in page
     assert len(re.findall(r"<figure", page)) == 4
@@ -108,4 +109,4 @@ def test_the_table_fits_a_console_of_eighty_columns(found):
 
 
 def test_every_number_of_the_page_is_one_of_the_result(found):
-    assert wrong_trade(trade_html(found), json.loads(trade_json(found))) == []
+    assert wrong_trade(page_html(trade_page(found)), json.loads(trade_json(found))) == []

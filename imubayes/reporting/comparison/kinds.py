@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.errors import InputError
+from imubayes.reporting.blocks import Page
 from imubayes.reporting.comparison.lot_files import lots_of
 from imubayes.reporting.comparison.lots import lots_compared
 from imubayes.reporting.comparison.lots_page import lots_page, lots_record
@@ -16,10 +17,10 @@ from imubayes.reporting.comparison.quality import quality_compared, quality_of
 from imubayes.reporting.comparison.quality_page import quality_page, quality_record
 from imubayes.reporting.comparison.result_files import Written, no_result, sensors_of, written
 from imubayes.reporting.comparison.results import compared
-from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
+from imubayes.reporting.comparison.results_page import comparison_record, results_page
 from imubayes.reporting.comparison.units import units_compared
 from imubayes.reporting.comparison.units_page import units_page, units_record
-from imubayes.reporting.comparison.view import Page, page_html
+from imubayes.reporting.html import write_page
 from imubayes.reporting.quality_page import finite
 
 SENSORS, LOTS, QUALITY = "a study of sensors", "a class-level study", "a study of the decision's quality"
@@ -53,7 +54,7 @@ def side_by_side(paths: Sequence[Path]) -> SideBySide:
     kinds = [_kind(one) for one in files]
     if set(kinds) == {SENSORS}:
         found = compared([sensors_of(one) for one in files])
-        return SideBySide(comparison_page(found), comparison_record(found))
+        return SideBySide(results_page(found), comparison_record(found))
     if set(kinds) == {LOTS}:
         lots = lots_compared([lots_of(one) for one in files])
         return SideBySide(lots_page(lots), lots_record(lots))
@@ -84,10 +85,7 @@ def _mixed(files: Sequence[Written], kinds: Sequence[str]) -> str:
 
 def write_comparison(found: SideBySide, folder: Path) -> tuple[Path, ...]:
     """Write ``report.html`` and ``result.json`` into a folder."""
-    report, values = folder / "report.html", folder / "result.json"
-    report.write_text(page_html(found.page), encoding="utf-8")
-    values.write_text(comparison_json(found.record), encoding="utf-8")
-    return report, values
+    return write_page(found.page, comparison_json(found.record), folder)
 
 
 def comparison_json(record: Mapping[str, Any]) -> str:

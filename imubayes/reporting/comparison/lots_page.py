@@ -8,6 +8,7 @@ from typing import Any
 
 from imubayes.inference.intervals import Share
 from imubayes.population.needs import HALF
+from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset
 from imubayes.reporting.comparison.lot_files import PopulationFile, unit_of_term
 from imubayes.reporting.comparison.lots import (
     ClassComparison,
@@ -16,17 +17,17 @@ from imubayes.reporting.comparison.lots import (
     PopulationComparison,
     RequiredComparison,
 )
-from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence, normal_of
-from imubayes.reporting.comparison.records import head_record, labelled, pull_record
+from imubayes.reporting.comparison.pulls import Pull, is_beyond, normal_of
+from imubayes.reporting.comparison.records import head_record, pull_record
 from imubayes.reporting.comparison.view import (
-    Line,
-    Page,
-    Section,
-    Table,
+    DIFFERENCE,
+    RESULT,
+    comparison_page,
     counted,
+    difference,
     headed,
     largest_first,
-    pull_text,
+    titled,
 )
 from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.rounding import measured, percent, percents, share_range
@@ -41,8 +42,9 @@ HOW = (
     " other seeds they are other batches of their class, which may truly differ."
 )
 
-HEAD = ("term", "result", "needed", "mean", "spread", "difference")
-SCENE_HEAD = ("term", "result", "required", "share of the budget", "difference")
+ORDER_HEAD = ("terms of", RESULT, "median (90 % of the units)")
+HEAD = ("term", RESULT, "needed", "mean", "spread", DIFFERENCE)
+SCENE_HEAD = ("term", RESULT, "required", "share of the budget", DIFFERENCE)
 
 LITTLE = 0.01
 """Share of a budget below which a term that no unit requires is left out."""
@@ -51,13 +53,13 @@ LITTLE = 0.01
 def lots_page(found: LotComparison) -> Page:
     """Say and show what differs between lots."""
     alone = ", ".join(f"{name} ({label})" for label, name in found.alone)
-    return Page(
-        question=QUESTION,
-        answer=tuple(_answer(found)),
-        files=labelled(found.results, found.labels),
-        method=method_sentence(found.threshold, found.tests, HOW),
-        notes=(f"Classes in one result only: {alone}.",) if alone else (),
-        sections=tuple(_section(one, found) for one in found.classes),
+    return comparison_page(
+        found,
+        QUESTION,
+        answer=_answer(found),
+        how=HOW,
+        alone=f"Classes in one result only: {alone}." if alone else "",
+        sections=(_section(one, found) for one in found.classes),
     )
 
 
@@ -88,13 +90,14 @@ def _differing(one: ClassComparison) -> list[tuple[str, Pull]]:
 def _section(one: ClassComparison, found: LotComparison) -> Section:
     kind, labels = found.results[0].kind, found.labels
     whole = len(found.classes) == 1
-    terms = tuple(line for term in one.terms for line in _lines(term, labels, kind, whole))
-    tables = [
-        Table("Model order", ("terms of", "result", "median (90 % of the units)"), _order_lines(one, labels)),
-        Table("The population", HEAD, terms),
-        *(_scene_table(scene, labels) for scene in one.scenes),
-    ]
-    return Section(slug("class", one.id), one.id, f"{kind}s", tuple(_sentences(one, found)), tuple(tables))
+    terms = [row for term in one.terms for row in _rows(term, labels, kind, whole)]
+    blocks = (
+        Prose(" ".join(_sentences(one, found))),
+        titled("Model order", one.id, ORDER_HEAD, _order_rows(one, labels), "ttt"),
+        titled("The population", one.id, HEAD, terms, "tttffn"),
+        *(_scene_section(scene, one.id, labels) for scene in one.scenes),
+    )
+    return Section(one.id, blocks, slug("class", one.id), f"{kind}s")
 
 
 def _sentences(one: ClassComparison, found: LotComparison) -> Iterator[str]:
@@ -119,12 +122,12 @@ def _divides(term: RequiredComparison) -> bool:
     return len({count >= HALF * of for count, of in filter(None, term.required)}) > 1
 
 
-def _order_lines(one: ClassComparison, labels: Sequence[str]) -> tuple[Line, ...]:
+def _order_rows(one: ClassComparison, labels: Sequence[str]) -> tuple[Row, ...]:
     """Numbers of terms: needed, and of the smallest model of each scene."""
     rows = [("needed", [m.order if m else None for m in one.members])]
     rows += [(scene_name(s.name), [m.order if m else None for m in s.members]) for s in one.scenes]
     return tuple(
-        Line((*headed(k, name), label, _range(order)), brief=name == "needed")
+        Row((*headed(k, name), label, _range(order)), brief=name == "needed")
         for name, orders in rows
         for k, (label, order) in enumerate(zip(labels, orders, strict=True))
     )
@@ -134,20 +137,21 @@ def _range(order: Share | None) -> str:
     return amid(order) if order else "not there"
 
 
-def _lines(term: PopulationComparison, labels: Sequence[str], kind: Kind, whole: bool) -> Iterator[Line]:
+def _rows(term: PopulationComparison, labels: Sequence[str], kind: Kind, whole: bool) -> Iterator[Row]:
     there = [(what, pull) for what, pull in term.pulls if pull]
     what, largest = max(there, key=lambda pair: pair[1].size, default=("", None))
     beyond = any(is_beyond(pull) for _, pull in there)
     for k, (label, value) in enumerate(zip(labels, term.values, strict=True)):
-        name, pull = headed(k, term.name, pull_text(largest, len(labels), what))
+        name, pull = headed(k, term.name, difference(largest, len(labels), what))
         told = _population(value, term.name, kind) if value else ("not there", "", "")
-        yield Line((name, label, *told, pull), beyond, beyond or whole)
+        yield Row((name, label, *told, pull), strong=beyond, brief=beyond or whole)
 
 
-def _population(value: PopulationFile, name: str, kind: Kind) -> tuple[str, str, str]:
+def _population(value: PopulationFile, name: str, kind: Kind) -> tuple[Text, ...]:
     if not value.tested:
         return "not tested", "", ""
-    return percents(value.share), estimate(value.mean, name, kind), estimate(value.spread, name, kind)
+    mean, spread = (typeset(estimate(one, name, kind)) for one in (value.mean, value.spread))
+    return percents(value.share), mean, spread
 
 
 def estimate(found: Share, name: str, kind: Kind) -> str:
@@ -162,9 +166,9 @@ def estimate(found: Share, name: str, kind: Kind) -> str:
     return str(measured(found.value / size, normal_of(found.low, found.high) / size, unit))
 
 
-def _scene_table(scene: LotSceneComparison, labels: Sequence[str]) -> Table:
-    lines = tuple(line for term in scene.terms if _counts(term) for line in _scene_lines(term, labels))
-    return Table(f"Scene {scene_name(scene.name)}", SCENE_HEAD, lines)
+def _scene_section(scene: LotSceneComparison, of: str, labels: Sequence[str]) -> Section:
+    rows = [row for term in scene.terms if _counts(term) for row in _scene_rows(term, labels)]
+    return titled(f"Scene {scene_name(scene.name)}", of, SCENE_HEAD, rows, "ttttn")
 
 
 def _counts(term: RequiredComparison) -> bool:
@@ -172,19 +176,19 @@ def _counts(term: RequiredComparison) -> bool:
     return wanted or any(one and one.value >= LITTLE for one in term.shares)
 
 
-def _scene_lines(term: RequiredComparison, labels: Sequence[str]) -> Iterator[Line]:
+def _scene_rows(term: RequiredComparison, labels: Sequence[str]) -> Iterator[Row]:
     beyond = is_beyond(term.pull)
     for k, (label, count, taken) in enumerate(zip(labels, term.required, term.shares, strict=True)):
-        name, pull = headed(k, term.name, pull_text(term.pull, len(labels)))
+        name, pull = headed(k, term.name, difference(term.pull, len(labels)))
         required = f"{percent(count[0] / count[1])}" if count else "not there"
         of = share_range(taken) if taken else ""
-        yield Line((name, label, required, of, pull), beyond, beyond or _divides(term))
+        yield Row((name, label, required, of, pull), strong=beyond, brief=beyond or _divides(term))
 
 
 def lots_record(found: LotComparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
     return {
-        **head_record(found.results, found.labels, found.tests, found.threshold),
+        **head_record(found),
         "kind": found.results[0].kind,
         "units": [one.units for one in found.results],
         "classes": [_class_record(one) for one in found.classes],

@@ -8,18 +8,19 @@ from dataclasses import asdict
 from typing import Any
 
 from imubayes.quality.questions import Interval
-from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence
+from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, Text
+from imubayes.reporting.comparison.pulls import Pull, is_beyond
 from imubayes.reporting.comparison.quality import SCORES, MethodComparison, QualityComparison
-from imubayes.reporting.comparison.records import head_record, labelled, pull_record
+from imubayes.reporting.comparison.records import head_record, pull_record
 from imubayes.reporting.comparison.view import (
-    Line,
-    Page,
-    Section,
-    Table,
+    DIFFERENCE,
+    RESULT,
+    comparison_page,
     counted,
+    difference,
     headed,
     largest_first,
-    pull_text,
+    titled,
 )
 from imubayes.reporting.lots_words import slug
 from imubayes.reporting.method_words import called
@@ -28,7 +29,10 @@ from imubayes.selection.verdicts import listed
 
 QUESTION = "How good is the decision: which scores of which methods differ beyond uncertainty?"
 
-NARROW = ("method", "result", "false keeps", "drops", "cost", "Brier", "log", "difference")
+NARROW = ("false keeps", "drops", "cost", "Brier", "log")
+"""Scores as a terminal has them."""
+
+HEAD = ("method", RESULT, *map(Both, SCORES, NARROW), DIFFERENCE)
 
 HOW = "Scores are compared by their bootstrap intervals (95 %), and the studies as independent."
 
@@ -36,13 +40,13 @@ HOW = "Scores are compared by their bootstrap intervals (95 %), and the studies 
 def quality_page(found: QualityComparison) -> Page:
     """Say and show which scores differ."""
     alone = "; ".join(f"{called_as(name)} ({label})" for label, name in found.alone)
-    return Page(
-        question=QUESTION,
-        answer=(_answer(found),),
-        files=labelled(found.results, found.labels),
-        method=method_sentence(found.threshold, found.tests, HOW),
-        notes=(f"In one result only: {alone}.",) if alone else (),
-        sections=tuple(_section(name, methods, found) for name, methods in found.treatments.items()),
+    return comparison_page(
+        found,
+        QUESTION,
+        answer=[_answer(found)],
+        how=HOW,
+        alone=f"In one result only: {alone}." if alone else "",
+        sections=(_section(name, methods, found) for name, methods in found.treatments.items()),
     )
 
 
@@ -77,23 +81,24 @@ def _differing(methods: Sequence[MethodComparison]) -> list[tuple[str, Pull]]:
 def _section(treatment: str, methods: Sequence[MethodComparison], found: QualityComparison) -> Section:
     far = [f"{what} ({pull.size:.1f} sd)" for what, pull in _differing(methods)]
     said = f"Beyond uncertainty: {listed(far)}." if far else "No score differs beyond uncertainty."
-    lines = tuple(line for one in methods for line in _lines(one, found.labels))
-    head = ("method", "result", *SCORES, "difference")
-    return Section(
-        slug("treatment", treatment), treatment, "", (said,), (Table("The scores", head, lines, NARROW),)
-    )
+    rows = [row for one in methods for row in _rows(one, found.labels)]
+    table = titled("The scores", treatment, HEAD, rows, "fttttttn")
+    return Section(treatment, (Prose(said), table), slug("treatment", treatment))
 
 
-def _lines(one: MethodComparison, labels: Sequence[str]) -> Iterator[Line]:
+def _rows(one: MethodComparison, labels: Sequence[str]) -> Iterator[Row]:
     there = [(what, pull) for what, pull in zip(SCORES, one.pulls, strict=True) if pull]
     what, largest = max(there, key=lambda pair: pair[1].size, default=("", None))
     beyond = is_beyond(largest)
     for k, (label, values) in enumerate(zip(labels, one.values, strict=True)):
-        name, pull = headed(k, called(one.name), pull_text(largest, len(labels), what))
-        scores = tuple(map(_score, SCORES, values)) if values else ("not there",) + ("",) * (len(SCORES) - 1)
-        brief = tuple(text.partition(" (")[0] for text in scores)
-        short = (name, label, *brief, pull.replace(f"{what} ", ""))
-        yield Line((name, label, *scores, pull), beyond, beyond or one.name == "decision", short)
+        page, terminal = (difference(largest, len(labels), of) for of in (what, ""))
+        name, pull = headed(k, called(one.name), Both(page.page, terminal.terminal))
+        scores: tuple[Text, ...] = ("not there",) + ("",) * (len(SCORES) - 1)
+        if values:
+            told = map(_score, SCORES, values)
+            scores = tuple(Both(text, text.partition(" (")[0]) for text in told)
+        cells = (name, label, *scores, pull)
+        yield Row(cells, strong=beyond, brief=beyond or one.name == "decision")
 
 
 def _score(what: str, found: Interval) -> str:
@@ -108,7 +113,7 @@ def _score(what: str, found: Interval) -> str:
 def quality_record(found: QualityComparison) -> dict[str, Any]:
     """Values of ``result.json``."""
     return {
-        **head_record(found.results, found.labels, found.tests, found.threshold),
+        **head_record(found),
         "treatments": [
             {"treatment": name, "methods": [_method_record(one) for one in methods]}
             for name, methods in found.treatments.items()

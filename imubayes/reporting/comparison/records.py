@@ -8,7 +8,6 @@ from typing import Any, Protocol
 
 import imubayes
 from imubayes.reporting.comparison.pulls import LEVEL, Pull
-from imubayes.reporting.comparison.view import Labelled
 
 
 class Source(Protocol):
@@ -35,27 +34,41 @@ class Source(Protocol):
         ...
 
 
-def labelled(results: Sequence[Source], labels: Sequence[str]) -> tuple[Labelled, ...]:
-    """Results under their labels."""
-    return tuple(
-        Labelled(label, one.study, one.path, one.sha256, one.version)
-        for label, one in zip(labels, results, strict=True)
-    )
+class Compared(Protocol):
+    """A comparison of any kind."""
+
+    @property
+    def results(self) -> Sequence[Source]:
+        """In the order of their labels."""
+        ...
+
+    @property
+    def labels(self) -> Sequence[str]:
+        """A, B, C ..."""
+        ...
+
+    @property
+    def tests(self) -> int:
+        """Number of comparisons."""
+        ...
+
+    @property
+    def threshold(self) -> float:
+        """Difference over its sd from which one is beyond uncertainty."""
+        ...
 
 
-def head_record(
-    results: Sequence[Source], labels: Sequence[str], tests: int, threshold: float
-) -> dict[str, Any]:
+def head_record(found: Compared) -> dict[str, Any]:
     """Which results, and what counts as a difference."""
     return {
         "imubayes": imubayes.__version__,
         "results": [
             {"label": label, "file": str(one.path), "sha256": one.sha256, "study": one.study}
-            for label, one in zip(labels, results, strict=True)
+            for label, one in zip(found.labels, found.results, strict=True)
         ],
         "level": LEVEL,
-        "comparisons": tests,
-        "threshold": threshold,
+        "comparisons": found.tests,
+        "threshold": found.threshold,
     }
 
 

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from imubayes.reporting.comparison.pulls import is_beyond, method_sentence
-from imubayes.reporting.comparison.records import head_record, labelled, pull_record
+from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset, verdict
+from imubayes.reporting.comparison.pulls import is_beyond
+from imubayes.reporting.comparison.records import head_record, pull_record
 from imubayes.reporting.comparison.result_files import Estimate, NoiseEstimate
 from imubayes.reporting.comparison.results import (
     Comparison,
@@ -16,8 +17,16 @@ from imubayes.reporting.comparison.results import (
     TermComparison,
     differing,
 )
-from imubayes.reporting.comparison.scene_views import scene_record, scene_table
-from imubayes.reporting.comparison.view import Line, Page, Section, Table, counted, headed, pull_text
+from imubayes.reporting.comparison.scene_views import scene_record, scene_section
+from imubayes.reporting.comparison.view import (
+    DIFFERENCE,
+    RESULT,
+    comparison_page,
+    counted,
+    difference,
+    headed,
+    titled,
+)
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, below, measured, per_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -33,29 +42,32 @@ ONE_SIDED = 1.645
 
 QUESTION = "The same terms, their values, noise, verdicts and scenes: what differs beyond uncertainty?"
 
+HEAD = ("term", RESULT, "value", "inclusion", "verdict", DIFFERENCE)
+NOISE_HEAD = ("noise, run", RESULT, "value", DIFFERENCE)
+
 HOW = (
     "Terms are compared under the full library, noise by its logarithm, scenes by the errors that terms bring"
     " about there, and the results as independent."
 )
 
 
-def comparison_page(found: Comparison) -> Page:
+def results_page(found: Comparison) -> Page:
     """Say and show what differs between results of sensors."""
     alone = ", ".join(f"{name} ({label})" for label, name in found.alone)
-    return Page(
-        question=QUESTION,
-        answer=tuple(_answer(found)),
-        files=labelled(found.results, found.labels),
-        method=method_sentence(found.threshold, found.tests, HOW),
-        notes=(f"Only in one result: {alone}.",) if alone else (),
-        sections=tuple(_section(k, one, found) for k, one in enumerate(found.components)),
+    return comparison_page(
+        found,
+        QUESTION,
+        answer=_answer(found),
+        how=HOW,
+        alone=f"Only in one result: {alone}." if alone else "",
+        sections=(_section(k, one, found) for k, one in enumerate(found.components)),
     )
 
 
 def comparison_record(found: Comparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
     return {
-        **head_record(found.results, found.labels, found.tests, found.threshold),
+        **head_record(found),
         "components": [_component_record(one) for one in found.components],
         "alone": [{"result": label, "id": name} for label, name in found.alone],
     }
@@ -97,13 +109,14 @@ def _component_record(one: ComponentComparison) -> dict[str, Any]:
 
 def _section(k: int, one: ComponentComparison, found: Comparison) -> Section:
     whole = len(found.components) <= WHOLE
-    terms = tuple(line for term in one.terms for line in _term_lines(term, found.labels, whole))
-    noise = tuple(line for entry in one.noise for line in _noise_lines(entry, one, found.labels, whole))
-    tables = [Table("The terms", ("term", "result", "value", "inclusion", "verdict", "difference"), terms)]
+    terms = [row for term in one.terms for row in _term_rows(term, found.labels, whole)]
+    noise = [row for entry in one.noise for row in _noise_rows(entry, one, found.labels, whole)]
+    tables = [titled("The terms", one.title, HEAD, terms, "tttnfn")]
     if noise:
-        tables.append(Table("Noise", ("noise, run", "result", "value", "difference"), noise))
-    tables += [scene_table(scene, found.labels, kind_of(one), whole=whole) for scene in one.scenes]
-    return Section(f"c{k + 1}", one.title, one.kind, tuple(_sentences(one, found)), tuple(tables))
+        tables.append(titled("Noise", one.title, NOISE_HEAD, noise, "tttn"))
+    scenes = [scene_section(s, one.title, found.labels, kind_of(one), whole=whole) for s in one.scenes]
+    said = Prose(" ".join(_sentences(one, found)))
+    return Section(one.title, [said, *tables, *scenes], f"c{k + 1}", one.kind)
 
 
 def kind_of(one: ComponentComparison) -> Kind:
@@ -115,16 +128,16 @@ def _is_untested(term: TermComparison) -> bool:
     return all(value is None or value.verdict == "untested" for value in term.values)
 
 
-def _term_lines(term: TermComparison, labels: Sequence[str], whole: bool) -> Iterator[Line]:
+def _term_rows(term: TermComparison, labels: Sequence[str], whole: bool) -> Iterator[Row]:
     """One line for each result."""
     beyond = is_beyond(term.pull)
     brief = not _is_untested(term) and (whole or term.verdicts_differ or beyond)
     for k, (label, value) in enumerate(zip(labels, term.values, strict=True)):
-        name, pull = headed(k, term.name, pull_text(term.pull, len(labels)))
-        told = ("not in the library", "", "")
+        name, pull = headed(k, term.name, difference(term.pull, len(labels)))
+        told: tuple[Text, ...] = ("not in the library", "", "")
         if value is not None:
-            told = (_value(value), f"{value.inclusion:.3f}", value.verdict)
-        yield Line((name, label, *told, pull), beyond, brief)
+            told = (typeset(_value(value)), f"{value.inclusion:.3f}", verdict(value.verdict))
+        yield Row((name, label, *told, pull), strong=beyond, brief=brief)
 
 
 def _value(value: Estimate) -> str:
@@ -134,14 +147,14 @@ def _value(value: Estimate) -> str:
     return str(measured(value.mean / scale, value.sd / scale, value.printed))
 
 
-def _noise_lines(
+def _noise_rows(
     entry: NoiseComparison, one: ComponentComparison, labels: Sequence[str], whole: bool
-) -> Iterator[Line]:
+) -> Iterator[Row]:
     beyond = is_beyond(entry.pull)
     for k, (label, value) in enumerate(zip(labels, entry.values, strict=True)):
-        name, pull = headed(k, f"{entry.letter} {entry.run}", pull_text(entry.pull, len(labels)))
+        name, pull = headed(k, f"{entry.letter} {entry.run}", difference(entry.pull, len(labels)))
         text = _noise_value(value, entry.letter, kind_of(one)) if value else "no such run"
-        yield Line((name, label, text, pull), beyond, whole or beyond)
+        yield Row((name, label, typeset(text), pull), strong=beyond, brief=whole or beyond)
 
 
 def _noise_value(value: NoiseEstimate, letter: str, kind: Kind) -> str:

@@ -5,26 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from imubayes.reporting.blocks import Row, Section
 from imubayes.reporting.comparison.pulls import is_beyond
 from imubayes.reporting.comparison.records import pull_record
 from imubayes.reporting.comparison.result_files import SceneFile, ShareEstimate
 from imubayes.reporting.comparison.scenes import SceneComparison, ShareComparison
-from imubayes.reporting.comparison.view import Line, Table, headed, pull_text
+from imubayes.reporting.comparison.view import DIFFERENCE, RESULT, difference, headed, titled
 from imubayes.reporting.rounding import duration, measured, share
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
-HEAD = ("term", "result", "share of the budget", "required", "difference")
+HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
 LITTLE = 0.01
 """Share of a budget below which a term that no model has is left out."""
 
 
-def scene_table(scene: SceneComparison, labels: Sequence[str], kind: Kind, *, whole: bool) -> Table:
+def scene_section(
+    scene: SceneComparison, of: str, labels: Sequence[str], kind: Kind, *, whole: bool
+) -> Section:
     """Shares of the budget, a line for each result, of terms that count in one of them, and what they say."""
-    lines = tuple(line for term in scene.terms if _counts(term) for line in _lines(term, labels, whole))
-    said = tuple(scene_sentences(scene, labels, kind))
-    return Table(f"Scene {called(scene)}", HEAD, lines, said=said)
+    rows = [row for term in scene.terms if _counts(term) for row in _rows(term, labels, whole)]
+    return titled(f"Scene {called(scene)}", of, HEAD, rows, "ttttn", *scene_sentences(scene, labels, kind))
 
 
 def called(scene: SceneComparison) -> str:
@@ -38,12 +40,13 @@ def _counts(term: ShareComparison) -> bool:
     )
 
 
-def _lines(term: ShareComparison, labels: Sequence[str], whole: bool) -> Iterator[Line]:
+def _rows(term: ShareComparison, labels: Sequence[str], whole: bool) -> Iterator[Row]:
     beyond = is_beyond(term.pull)
     for k, (label, value) in enumerate(zip(labels, term.values, strict=True)):
-        name, pull = headed(k, term.name, pull_text(term.pull, len(labels)))
+        name, pull = headed(k, term.name, difference(term.pull, len(labels)))
         told = (_share(value), "yes" if value.kept else "no") if value else ("not there", "")
-        yield Line((name, label, *told, pull), beyond, whole or beyond or term.required_differs)
+        shown = whole or beyond or term.required_differs
+        yield Row((name, label, *told, pull), strong=beyond, brief=shown)
 
 
 def _share(value: ShareEstimate) -> str:

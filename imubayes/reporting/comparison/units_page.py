@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.lot_files import unit_of_term
 from imubayes.reporting.comparison.lots_page import estimate
-from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence
-from imubayes.reporting.comparison.records import head_record, labelled, pull_record
+from imubayes.reporting.comparison.pulls import Pull, is_beyond
+from imubayes.reporting.comparison.records import head_record, pull_record
 from imubayes.reporting.comparison.units import NoiseOfUnit, TermOfUnit, UnitInClass, UnitsComparison
-from imubayes.reporting.comparison.view import Line, Page, Section, Table, largest_first, pull_text
+from imubayes.reporting.comparison.view import DIFFERENCE, comparison_page, difference, largest_first, titled
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, measured, per_unit, percents
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -25,21 +26,28 @@ HOW = (
     " is one batch of its class: another may be wider."
 )
 
-HEAD = ("term", "value", "class mean", "class spread", "needed in", "verdict", "difference")
-NARROW_HEAD = ("term", "value", "class: mean, spread", "verdict", "difference")
-NOISE_HEAD = ("noise", "value", "median of the class", "difference")
+HEAD = (
+    "term",
+    "value",
+    Both("class mean", "class: mean, spread"),
+    Both("class spread", None),
+    Both("needed in", None),
+    "verdict",
+    DIFFERENCE,
+)
+NOISE_HEAD = ("noise", "value", "median of the class", DIFFERENCE)
 
 
 def units_page(found: UnitsComparison) -> Page:
     """Say and show whether units are typical of their class."""
     alone = ", ".join(f"{name} ({label}, class {entry or 'none'})" for label, name, entry in found.alone)
-    return Page(
-        question=QUESTION,
-        answer=tuple(_answer(one) for one in found.units),
-        files=labelled(found.results, found.labels),
-        method=method_sentence(found.threshold, found.tests, HOW),
-        notes=(f"Their class is not in the class-level study: {alone}.",) if alone else (),
-        sections=tuple(_section(k, one, found) for k, one in enumerate(found.units)),
+    return comparison_page(
+        found,
+        QUESTION,
+        answer=map(_answer, found.units),
+        how=HOW,
+        alone=f"Their class is not in the class-level study: {alone}." if alone else "",
+        sections=(_section(k, one, found) for k, one in enumerate(found.units)),
     )
 
 
@@ -59,15 +67,17 @@ def _far(one: UnitInClass) -> list[tuple[str, Pull]]:
 
 def _section(k: int, one: UnitInClass, found: UnitsComparison) -> Section:
     kind = found.lot.kind
+    terms = [_line(term, kind) for term in one.terms]
+    noise = [_noise_line(entry, kind) for entry in one.noise]
     return Section(
-        anchor=f"u{k + 1}",
-        title=one.component.id,
-        told=f"{kind} of {one.label}, beside the {one.component.class_id} of {found.lot_label}",
-        sentences=tuple(_sentences(one)),
-        tables=(
-            Table("The terms", HEAD, tuple(_line(term, kind) for term in one.terms), NARROW_HEAD),
-            Table("Noise", NOISE_HEAD, tuple(_noise_line(noise, kind) for noise in one.noise)),
+        one.component.id,
+        (
+            Prose(" ".join(_sentences(one))),
+            titled("The terms", one.component.id, HEAD, terms, "ttfttfn"),
+            titled("Noise", one.component.id, NOISE_HEAD, noise, "tttn"),
         ),
+        f"u{k + 1}",
+        f"{kind} of {one.label}, beside the {one.component.class_id} of {found.lot_label}",
     )
 
 
@@ -86,25 +96,22 @@ def _sentences(one: UnitInClass) -> Iterator[str]:
         yield f"The class-level study does not have {listed(one.missing)}."
 
 
-def _line(term: TermOfUnit, kind: Kind) -> Line:
+def _line(term: TermOfUnit, kind: Kind) -> Row:
     unit, tested = term.unit, term.population.tested
     scale = per_unit(unit.printed, unit.unit)
     value = "not tested"
     if unit.verdict != "untested":
         value = str(measured(unit.mean / scale, unit.sd / scale, unit.printed))
-    known = ("not tested", "", "")
+    known: tuple[Text, ...] = ("not tested", "", "")
     if tested:
         mean, spread = (
             estimate(one, term.name, kind) for one in (term.population.mean, term.population.spread)
         )
-        known = (mean, spread, percents(term.population.share))
-    told = (unit.verdict, pull_text(term.pull, 2))
-    return Line(
-        cells=(term.name, value, *known, *told),
-        beyond=is_beyond(term.pull),
-        brief=tested and unit.verdict != "untested",
-        narrow=(term.name, value, _without_sd(term, kind), *told),
-    )
+        mean = Both(typeset(mean).page, _without_sd(term, kind))
+        known = (mean, typeset(spread), percents(term.population.share))
+    told = (verdict(unit.verdict), difference(term.pull, 2))
+    shown = tested and unit.verdict != "untested"
+    return Row((term.name, typeset(value), *known, *told), strong=is_beyond(term.pull), brief=shown)
 
 
 def _without_sd(term: TermOfUnit, kind: Kind) -> str:
@@ -114,18 +121,19 @@ def _without_sd(term: TermOfUnit, kind: Kind) -> str:
     return str(found).replace("+-", ",").replace(" ,", ",")
 
 
-def _noise_line(noise: NoiseOfUnit, kind: Kind) -> Line:
+def _noise_line(noise: NoiseOfUnit, kind: Kind) -> Row:
     k = "NBK".index(noise.letter)
     size = per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
     value = str(measured(noise.value / size, 0.0, NOISE_UNITS[kind][k]))
     median = str(measured(noise.median / size, noise.median / size * noise.log_sd, NOISE_UNITS[kind][k]))
-    return Line((noise.letter, value, median, pull_text(noise.pull, 2)), is_beyond(noise.pull))
+    cells = (noise.letter, typeset(value), typeset(median), difference(noise.pull, 2))
+    return Row(cells, strong=is_beyond(noise.pull))
 
 
 def units_record(found: UnitsComparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
     return {
-        **head_record(found.results, found.labels, found.tests, found.threshold),
+        **head_record(found),
         "units": [_unit_record(one) for one in found.units],
         "alone": [{"result": label, "id": name, "class": entry} for label, name, entry in found.alone],
     }

@@ -11,9 +11,10 @@ from rich.console import Console
 from imubayes.reporting.comparison.kinds import comparison_json
 from imubayes.reporting.comparison.result_files import sensors_of, written
 from imubayes.reporting.comparison.results import compared
-from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
-from imubayes.reporting.comparison.view import page_html, terminal_page
+from imubayes.reporting.comparison.results_page import comparison_record, results_page
+from imubayes.reporting.html import page_html
 from imubayes.reporting.results import result_json
+from imubayes.reporting.terminal import terminal_page
 
 ATTACK = "<b>x</b>"
 
@@ -40,7 +41,7 @@ def found(make_study, make_sensor, tmp_path):
 def _printed(found):
     console = Console(width=80)
     with console.capture() as capture:
-        console.print(terminal_page(comparison_page(found)))
+        console.print(terminal_page(results_page(found)))
     return capture.get()
 
 
@@ -54,7 +55,7 @@ def test_terminal_says_what_differs_in_80_columns(found):
 
 
 def test_page_is_offline_links_lead_somewhere_and_names_are_escaped(found):
-    html = page_html(comparison_page(found))
+    html = page_html(results_page(found))
     assert ATTACK not in html and "&lt;b&gt;x" in html
     assert "http" not in html and "<script" not in html
     for anchor in ("c1", "repeat"):

@@ -18,8 +18,9 @@ from imubayes.reporting.comparison.lot_files import lots_of, unit_of_term
 from imubayes.reporting.comparison.lots import lots_compared
 from imubayes.reporting.comparison.pulls import QUANTILE, fisher
 from imubayes.reporting.comparison.result_files import written
-from imubayes.reporting.comparison.view import page_html, terminal_page
+from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_results import lots_json
+from imubayes.reporting.terminal import terminal_page
 from imubayes.sensors.terms import library
 
 

@@ -14,8 +14,9 @@ from imubayes.quality.questions import Interval
 from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
 from imubayes.reporting.comparison.quality import quality_compared, quality_of
 from imubayes.reporting.comparison.result_files import written
-from imubayes.reporting.comparison.view import page_html, terminal_page
+from imubayes.reporting.html import page_html
 from imubayes.reporting.results import result_json
+from imubayes.reporting.terminal import terminal_page
 
 
 def _score(method, cost):

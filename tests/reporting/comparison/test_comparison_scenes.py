@@ -20,10 +20,11 @@ from imubayes.reporting.comparison.result_files import (
     written,
 )
 from imubayes.reporting.comparison.results import compared
-from imubayes.reporting.comparison.results_page import comparison_page, comparison_record
-from imubayes.reporting.comparison.view import page_html, terminal_page
+from imubayes.reporting.comparison.results_page import comparison_record, results_page
+from imubayes.reporting.html import page_html
 from imubayes.reporting.results import result_json
 from imubayes.reporting.scene_views import scene_record
+from imubayes.reporting.terminal import terminal_page
 
 
 @pytest.fixture
@@ -105,7 +106,7 @@ def test_result_without_scenes_is_compared_as_before():
 
 def test_page_terminal_and_numbers_say_what_a_scene_requires_in_one_result_only(read):
     found = compared([read(a_relevance()), read(_moved("b2", 0.0, 0.01, 0.02, kept=False), seed=2)])
-    page = comparison_page(found)
+    page = results_page(found)
     console = Console(width=80)
     with console.capture() as capture:
         console.print(terminal_page(page))

@@ -17,7 +17,7 @@ from imubayes.reporting.comparison.lot_files import ClassFile, LotFile, Populati
 from imubayes.reporting.comparison.pulls import LEVEL, QUANTILE
 from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
-from imubayes.reporting.comparison.view import page_html
+from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_results import lots_json
 from imubayes.reporting.results import result_json
 
@@ -125,7 +125,7 @@ def test_page_says_whether_a_unit_is_typical(make_study, make_sensor, tmp_path):
             term |= {"full_mean": found.mean.value * (factor if term["name"] == "b0" else 1.0)}
         (tmp_path / "unit.json").write_text(json.dumps(raw))
         shown = side_by_side([tmp_path / "unit.json", tmp_path / "lot.json"])
-        said.append(" ".join(shown.page.answer))
+        said.append(str(shown.page.first[0].texts.striptags()))
         assert "http" not in page_html(shown.page)
         (unit,) = json.loads(comparison_json(shown.record))["units"]
         assert [t["name"] for t in unit["terms"] if t["differs"]] == (["b0"] if factor > 1.0 else [])

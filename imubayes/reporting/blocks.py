@@ -1,0 +1,221 @@
+"""A page as a list of blocks, which a browser and a terminal show alike.
+
+A page is written so::
+
+    terms = Table("Terms of ACC-1", ("term", "value"), [("b0", "41 µg"), ("b2", "12 µg/g²")])
+    fit = Figure([residual_panel(result, "r")], note="Dots: blocks of samples.")
+    end = repeat(f"imubayes run {study.path}", study.text, f"Seed {study.seed}.")
+    page = Page(study.title, "Which terms are needed?", first=[answer(["b0 is needed.", "b2 is not."])],
+                blocks=[Section("The terms", [terms], "terms"), Section("The fit", [fit], "fit"), end])
+
+`page_html` makes a file of it that opens offline, `terminal` what a console shows. A text is escaped unless
+it is `Markup`, which `strong`, `link`, `code` and `Markup(...).format(...)` make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+from markupsafe import Markup
+
+from imubayes.reporting.results import versions
+from imubayes.reporting.rounding import minus, pretty
+from imubayes.reporting.rows import MARKS
+
+if TYPE_CHECKING:
+    from imubayes.reporting.canvas import Panel
+
+
+@dataclass(frozen=True, slots=True)
+class Both:
+    """A text on a page, and as a terminal has it; None where a terminal leaves out its column."""
+
+    page: str
+    terminal: str | None
+
+
+Text: TypeAlias = str | Both
+Block: TypeAlias = "Prose | Table | Figure | Section"
+
+
+@dataclass(frozen=True, slots=True)
+class Prose:
+    """Text.
+
+    Attributes
+    ----------
+    texts : a paragraph each, or one.
+    style : "answer", "sub" (of a title), "note", "list" or "pre" (as it stands); empty for plain paragraphs.
+    """
+
+    texts: Text | Sequence[Text]
+    style: str = ""
+
+    @property
+    def paragraphs(self) -> tuple[Text, ...]:
+        """One by one; empty ones are left out."""
+        texts = (self.texts,) if isinstance(self.texts, str | Both) else self.texts
+        return tuple(text for text in texts if text)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of which there is more to say than its cells.
+
+    Attributes
+    ----------
+    cells : one for each heading; an empty first one belongs to the row above.
+    anchor : if anything leads there.
+    strong : whether it stands out in a terminal.
+    brief : whether a terminal shows it.
+    """
+
+    cells: tuple[Text, ...]
+    anchor: str = ""
+    strong: bool = False
+    brief: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows under headings.
+
+    Attributes
+    ----------
+    label : for those who cannot see it.
+    head : headings; without any, each row is a name and its text.
+    rows : cells, or a `Row` of them.
+    columns : a letter each, "t" text on one line, "f" that may fold in a terminal, "w" words that wrap, "n"
+        numbers; the last one is that of all columns that follow.
+    note : how to read it.
+    """
+
+    label: str
+    head: Sequence[Text]
+    rows: Sequence[Row | tuple[Text, ...]]
+    columns: str = "tn"
+    note: Text = ""
+
+    @property
+    def lines(self) -> tuple[Row, ...]:
+        """Rows, all of one type."""
+        return tuple(row if isinstance(row, Row) else Row(row) for row in self.rows)
+
+    def column(self, k: int) -> str:
+        """Letter of a column, from 0."""
+        return self.columns[min(k, len(self.columns) - 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """Panels beside each other, and how to read them; a terminal has none."""
+
+    panels: Sequence[Panel]
+    note: Text = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Blocks under a title.
+
+    Attributes
+    ----------
+    title : as its heading; sections stand in sections, down to three deep.
+    blocks : of it.
+    anchor : if anything leads there.
+    sub : of the title, in a few words.
+    listed : name in the page's contents. Sections of a page have their titles there without.
+    sheet : whether it starts on a sheet of its own in print.
+    brief : whether a terminal shows it.
+    """
+
+    title: str
+    blocks: Sequence[Block]
+    anchor: str = ""
+    sub: str = ""
+    listed: str = ""
+    sheet: bool = False
+    brief: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page.
+
+    Attributes
+    ----------
+    title, question : of the study, and what it asks.
+    first : what stands before the contents: the answer.
+    blocks : of it, mostly sections.
+    """
+
+    title: str
+    question: str
+    first: Sequence[Block]
+    blocks: Sequence[Block]
+
+
+def strong(text: str) -> Markup:
+    """Text that stands out."""
+    return Markup("<strong>{}</strong>").format(text)
+
+
+def code(text: str) -> Markup:
+    """Text of a program or a file."""
+    return Markup("<code>{}</code>").format(text)
+
+
+def link(text: str, anchor: str) -> Markup:
+    """Text that leads to an anchor of the page."""
+    return Markup('<a href="#{}">{}</a>').format(anchor, text)
+
+
+def swatch(colour: str) -> Markup:
+    """Patch of a figure's colour, for a note that says what it means."""
+    return Markup('<i style="background:{}"></i>').format(colour)
+
+
+def joined(*texts: str) -> Markup:
+    """Texts with a space between; those that are no `Markup` are escaped."""
+    return Markup(" ").join(text for text in texts if text)
+
+
+def answer(sentences: Sequence[str]) -> Prose:
+    """Answer of a page, its first sentence to stand out."""
+    return Prose(joined(strong(sentences[0]), *sentences[1:]), "answer")
+
+
+def verdict(word: str) -> Both:
+    """Verdict with its shape and colour."""
+    shape = MARKS.get(word, ("·",))[0]
+    span = Markup('<span class="v {}"><span aria-hidden="true">{}</span> {}</span>')
+    return Both(span.format(word.replace(" ", "-"), shape, word) if word else "", word)
+
+
+def typeset(text: str) -> Both:
+    """Value and unit in ASCII, with the real signs on a page."""
+    return Both(minus(pretty(text).replace("+-", "±")), text)
+
+
+def repeat(
+    command: str,
+    study: str,
+    *said: Text,
+    made_with: Mapping[str, str] | None = None,
+) -> Section:
+    """Last section of every page: the command, what else it takes, the versions, and the study file.
+
+    Parameters
+    ----------
+    command : that makes the page again.
+    study : text of the study file; empty where there is none.
+    said : paragraphs; the first one ends with the versions.
+    made_with : versions; those of now if not given.
+    """
+    numbers = ", ".join(f"{name} {number}" for name, number in (made_with or versions()).items())
+    first, *rest = said or ("",)
+    file = (Section("The study file", (Prose(study, "pre"),)),) if study else ()
+    told = Prose((joined(str(first), f"{numbers}."), *rest))
+    return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat", brief=False)
