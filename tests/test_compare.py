@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from imubayes.cli import main
-from imubayes.population import lots as measure
+from imubayes.population.lots import measure
 from imubayes.reporting.document import write_results
 from imubayes.reporting.lots_results import lots_json
 from imubayes.study.method import run

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import StudyError
-from imubayes.population import lots as measure
-from imubayes.population.lots import Against
+from imubayes.population.lots import Against, measure
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_page import lots_page
 from imubayes.reporting.lots_results import lots_json

@@ -9,7 +9,7 @@ import pytest
 from lots_readings import wrong_lots
 from report_reading import Block, Grid, Reading, agrees, drawn, grids, problems, sentences, tree, written
 
-from imubayes.population import lots as measure
+from imubayes.population.lots import measure
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_page import lots_page
 from imubayes.reporting.lots_results import lots_json
