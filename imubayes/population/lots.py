@@ -12,12 +12,12 @@ import numpy as np
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share, frequency
-from imubayes.population.needs import UNTOLD, WOULD_MATTER, in_scene
+from imubayes.population.needs import UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, record_of, simulate_unit
-from imubayes.population.scenes import MissionFound, exposures, missions
+from imubayes.population.scenes import exposures, missions
 from imubayes.population.tally import over_units, tally
-from imubayes.population.terms import PopulationTerm, population
+from imubayes.population.terms import population
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.catalogue import coupled
@@ -78,26 +78,6 @@ class LotStudy:
     path: Path
     text: str
     asks: Literal["classes", "scenes", "triad"] | Against = "classes"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ClassFound:
-    """What the units of a class say of it.
-
-    Attributes
-    ----------
-    sensor_class : which.
-    units : one by one.
-    terms : of the population.
-    order : number of needed terms a unit, median and 90 % range over units.
-    missions : by scene.
-    """
-
-    sensor_class: SensorClass
-    units: tuple[Record, ...]
-    terms: tuple[PopulationTerm, ...]
-    order: Share
-    missions: tuple[MissionFound, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,27 +9,42 @@ What such a term takes of a scene's budget is then what the catalogue says of it
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from imubayes.inference.intervals import frequency
-from imubayes.selection.class_needs import CANNOT_TELL
+from imubayes.inference.intervals import Share, frequency
+from imubayes.population.records import Record
+from imubayes.population.scenes import MissionFound, MissionTerm
+from imubayes.population.terms import PopulationTerm
 from imubayes.selection.relevance import MATTERS
-
-if TYPE_CHECKING:
-    from imubayes.population.lots import ClassFound
-    from imubayes.population.scenes import MissionFound, MissionTerm
-    from imubayes.population.terms import PopulationTerm
+from imubayes.sensors.sensor_class import SensorClass
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"
-
-OPEN = CANNOT_TELL | {"undecided"}
-"""Verdicts of a unit that leave a term open."""
 
 HALF = 0.5
 """Share of the units from which a class is said to be as they are."""
 
 TIE = 1e-9
 """Rounding of shares that are sums of counts over units."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassFound:
+    """What the units of a class say of it.
+
+    Attributes
+    ----------
+    sensor_class : which.
+    units : one by one.
+    terms : of the population.
+    order : number of needed terms a unit, median and 90 % range over units.
+    missions : by scene.
+    """
+
+    sensor_class: SensorClass
+    units: tuple[Record, ...]
+    terms: tuple[PopulationTerm, ...]
+    order: Share
+    missions: tuple[MissionFound, ...]
 
 
 def of_class(term: PopulationTerm) -> str:

@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.inference.intervals import Share
 from imubayes.population.records import Broken, Record
+from imubayes.selection.class_needs import CANNOT_TELL
 
 VERDICTS = ("needed", "not needed", "undecided", "inseparable", "unresolved", "untested")
 """Verdicts in the order in which they are counted."""
+
+OPEN = CANNOT_TELL | {"undecided"}
+"""Verdicts of a unit that leave a term open."""
 
 RANGE = (0.5, 0.05, 0.95)
 """Quantiles over units: median and 90 % range."""

@@ -20,8 +20,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.inference.intervals import TAIL, Share, frequency, of_mixture
-from imubayes.population.needs import OPEN
-from imubayes.population.tally import VERDICTS, Tally
+from imubayes.population.tally import OPEN, VERDICTS, Tally
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass

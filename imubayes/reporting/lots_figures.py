@@ -34,7 +34,8 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.lots import LotResult
+    from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.population.terms import PopulationTerm
     from imubayes.sensors.terms import Library

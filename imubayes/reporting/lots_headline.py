@@ -14,7 +14,8 @@ from imubayes.sensors.equations.basic import TERMS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.lots import LotResult
+    from imubayes.population.needs import ClassFound
 
 MOST_WORDS = 60
 """Words of an answer."""

@@ -81,7 +81,8 @@ from imubayes.sensors.equations.standards import symbols
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.population.lots import ClassFound, Coverage, LotResult
+    from imubayes.population.lots import Coverage, LotResult
+    from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.reporting.lots_headline import Said
     from imubayes.sensors.terms import Kind

@@ -24,7 +24,8 @@ from imubayes.reporting.results import versions
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.lots import LotResult
+    from imubayes.population.needs import ClassFound
     from imubayes.population.records import Record
     from imubayes.population.scenes import MissionFound
 

@@ -28,7 +28,8 @@ from imubayes.sensors.equations.basic import TERMS
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots import ClassFound, LotResult
+    from imubayes.population.lots import LotResult
+    from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound
 
 MOST_TERMS = 8

@@ -20,8 +20,14 @@ from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, limit, probability_within, quantiles
 from imubayes.selection.model_prior import hierarchy
-from imubayes.selection.models import Models, average, components_given, inclusion_given, inclusion_of_any
-from imubayes.selection.trust import digits_of
+from imubayes.selection.models import (
+    Models,
+    average,
+    components_given,
+    digits_of,
+    inclusion_given,
+    inclusion_of_any,
+)
 from imubayes.selection.verdicts import (
     EQUAL,
     TENTH,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.sensors.terms import CHANNELS, REFERENCE_TEMPERATURE, Kind, Library
+
+if TYPE_CHECKING:
+    from imubayes.sensors.imu_kernel import Table
 
 ACCELEROMETERS = ("ax", "ay", "az")
 GYROSCOPES = ("gx", "gy", "gz")
@@ -219,13 +223,6 @@ def case_columns(inputs: Signals) -> FloatArray:
     """Inputs as rows (n, 11) of `CASE_CHANNELS`, temperature above 25 degC."""
     heat = inputs.T - REFERENCE_TEMPERATURE
     return np.column_stack([inputs.f, inputs.w, inputs.dw, heat, inputs.warming])
-
-
-Table = tuple[
-    NDArray[np.int64], FloatArray, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]
-]
-"""An IMU as numbers: of each component its first term; of each term its coefficient and first factor; of each
-factor its column, power and whether it comes with the sign."""
 
 
 def table_of(imu: Imu) -> Table:

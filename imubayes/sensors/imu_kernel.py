@@ -6,19 +6,17 @@ block is one that the compiler turns into vector instructions.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from imubayes.sensors.imu import Table
-
+from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
 
 WIDTH = 11
 """Columns of the case's inputs: f, w, dw along x, y, z, temperature above 25 degC and its rate."""
+
+Table = tuple[IntArray, FloatArray, IntArray, IntArray, IntArray, BoolArray]
+"""An IMU as numbers: of each component its first term; of each term its coefficient and first factor; of each
+factor its column, power and whether it comes with the sign."""
 
 BLOCK = 256
 """Rows at a time: 11 columns and the work space take 60 kB."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from imubayes.campaign.study import Mission
 from imubayes.inference.intervals import Share
-from imubayes.population.lots import Check, ClassFound, Coverage, LotResult, LotStudy
+from imubayes.population.lots import Check, Coverage, LotResult, LotStudy
+from imubayes.population.needs import ClassFound
 from imubayes.population.records import Record
 from imubayes.population.scenes import MissionFound, MissionTerm
 from imubayes.population.terms import PopulationTerm
