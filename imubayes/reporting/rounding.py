@@ -21,7 +21,7 @@ FIXED_DIGITS = 5
 NARROW = "\u00a0"
 """Space before a percent sign, where no line ends."""
 
-TIMES = 1.995
+TIMES = 1.95
 """Share of a budget from which it is printed as a multiple: what rounds to twice."""
 
 RARE = 0.001
@@ -188,8 +188,8 @@ def share(value: float) -> str:
 
     Examples
     --------
-    >>> share(0.0004), share(0.034), share(0.62), share(7.3), share(5812.0), share(1.2e8)
-    ('below 0.1 %', '3.4 %', '62 %', '7.3 times', '5,800 times', '1.2e8 times')
+    >>> share(0.0004), share(0.034), share(0.62), share(1.996), share(7.3), share(5812.0), share(1.2e8)
+    ('below 0.1 %', '3.4 %', '62 %', '2.0 times', '7.3 times', '5,800 times', '1.2e8 times')
     """
     if not math.isfinite(value):
         return str(measured(value, 0.0))
