@@ -7,7 +7,7 @@ import json
 import re
 import subprocess
 import tomllib
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,22 +17,12 @@ import pytest
 import update_study
 
 import imubayes as ib
-from imubayes.campaign.study import ExtraPosterior, Mission
-from imubayes.inference.linear import Extra
-from imubayes.inference.recovered import Recovered
-from imubayes.inference.sessions import Repeatability
-from imubayes.reporting.case_views import case_records, recovered_record
-from imubayes.reporting.population_results import class_entry
-from imubayes.reporting.results import result_dict
+from imubayes.reporting.result import entries, sensors
 from imubayes.reporting.rows import MARKS
-from imubayes.reporting.sampled_results import extra_entry, session_entry
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
-from imubayes.rig.scenes import recorded
-from imubayes.selection.kernels import Budget
-from imubayes.study.classes import in_common
 from imubayes.study.method import run
 from imubayes.study.schema import (
     described,
@@ -352,8 +342,7 @@ def own_result(tmp_path_factory):
     runs = ib.simulate(ib.sensor("mems_industrial", kind="accelerometer"), plans, seed=3, truth=TRUTH)
     for spec, header, made in zip(study.sensors[0].runs, _block("csv").splitlines(), runs, strict=True):
         _record(made, header, str(spec.file))
-    still = recorded("still", np.arange(3.0), np.tile([9.8, 0.0, 0.0], (3, 1)), np.zeros((3, 3)))
-    return run(replace(study, scenes=(Mission("still", still, Budget("output", 1.0)),)))
+    return run(study)
 
 
 def _record(made: Run, header: str, file: str) -> None:
@@ -394,28 +383,19 @@ def _documented_results() -> dict[str, set[str]]:
     return tables
 
 
-def test_documented_keys_of_results_are_those_written(own_result):
-    document = result_dict(own_result)
-    sensor = document["sensors"][0]
-    extra = ExtraPosterior(Extra("gravity", "gravity", 1.0, "m/s^2", "ug", "gravity"), 0.0, 1.0, ())
-    row = np.zeros((1, 1))
-    recovered = Recovered("hand", "gravity", row, row, row, row, row)
-    cased = replace(own_result.sensors[0], recovered=(recovered,))
-    session = Repeatability("b0", "", "", ("U",), ("1",), row, row, row[None], 1.0, (0.0, 0.0, 0.0), False)
-    (spec,), (one,) = own_result.study.sensors, own_result.sensors
-    units = [(replace(spec, unit=f"U{k}"), [replace(one, class_id="any")]) for k in range(4)]
-    population = class_entry(next(in_common(units)))
-    written = {
-        "result.json": document,
-        "sensors[]": sensor,
-        "terms[]": sensor["terms"][0],
-        "mcmc": sensor["mcmc"],
-        "extras[]": extra_entry(extra),
-        "scenes[]": document["scenes"][0],
-        "sessions[]": session_entry(session),
-        "population[]": population,
-        "population[].terms[]": population["terms"][0],
-        "cases[]": case_records(replace(own_result, sensors=(cased,)))[0],
-        "recovered[]": recovered_record(recovered),
+def test_documented_keys_of_results_are_those_of_the_published_type():
+    published = {
+        "result.json": sensors.SensorsResult,
+        "sensors[]": sensors.Sensor,
+        "terms[]": sensors.Term,
+        "mcmc": sensors.Mcmc,
+        "extras[]": entries.Extra,
+        "scenes[]": sensors.Scene,
+        "sessions[]": sensors.Sessions,
+        "population[]": sensors.Population,
+        "population[].terms[]": sensors.PopulationTerm,
+        "cases[]": sensors.Case,
+        "recovered[]": sensors.RecoveredErrors,
     }
-    assert _documented_results() == {name: set(table) for name, table in written.items()}
+    names = {table: {key.rstrip("_") for key in kind.__annotations__} for table, kind in published.items()}
+    assert _documented_results() == names

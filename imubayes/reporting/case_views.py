@@ -17,6 +17,9 @@ from imubayes.reporting.case_words import (
     pooled_sentence,
     recovered_sentence,
 )
+from imubayes.reporting.result.entries import Pooled
+from imubayes.reporting.result.sensors import Case, RecoveredErrors
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import Measured, measured, per_unit
 from imubayes.selection.verdicts import EQUAL, Costs
 
@@ -135,19 +138,14 @@ def case_views(result: StudyResult) -> tuple[CaseView, ...]:
     )
 
 
-def case_records(result: StudyResult) -> list[dict[str, Any]]:
-    """Entries ``cases`` of ``result.json``: errors in SI, verdicts of each kind."""
-    return [
-        {
-            "id": name,
-            "recovered": [recovered_record(one) for one in sensors[0].recovered],
-            "pooled": {
-                kind: {row.term: {"inclusion": row.inclusion, "verdict": row.verdict} for row in rows}
-                for kind, rows in _pooled(sensors, result.study.costs).items()
-            },
+def published_cases(result: StudyResult) -> Iterator[Case]:
+    """Publish the cases of a study: errors in SI, verdicts of each kind."""
+    for name, sensors in _cases(result).items():
+        pooled = {
+            kind: {row.term: published(Pooled, row) for row in rows}
+            for kind, rows in _pooled(sensors, result.study.costs).items()
         }
-        for name, sensors in _cases(result).items()
-    ]
+        yield Case(id=name, recovered=tuple(map(_published, sensors[0].recovered)), pooled=pooled)
 
 
 def _cases(result: StudyResult) -> dict[str, list[SensorResult]]:
@@ -204,24 +202,19 @@ def root_mean_square(errors: np.ndarray, what: str) -> float:
     return float(np.sqrt(squares.sum(axis=1).mean() if what == "closure" else squares.mean()))
 
 
-def recovered_record(one: Recovered) -> dict[str, Any]:
-    """Errors of a known quantity as plain values, SI."""
-    sizes = {
-        key: root_mean_square(getattr(one, key), one.what)
-        for key in ("before", "after", "flown", "fitted", "fresh")
-    }
-    return {
-        "run": one.run,
-        "what": one.what,
-        "unit": UNITS[one.what][1],
-        "count": len(one.after),
-        "rms": sizes,
-        "within_2_sd": one.inside,
-        "of": one.after.size,
-        "saturated": one.saturated,
-        "errors": one.after,
-        "sd": one.expected,
-    }
+def _published(one: Recovered) -> RecoveredErrors:
+    sizes = ("before", "after", "flown", "fitted", "fresh")
+    return published(
+        RecoveredErrors,
+        one,
+        unit=UNITS[one.what][1],
+        count=len(one.after),
+        rms={size: root_mean_square(getattr(one, size), one.what) for size in sizes},
+        within_2_sd=one.inside,
+        of=one.after.size,
+        errors=one.after,
+        sd=one.expected,
+    )
 
 
 def _tables(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[PooledTable]:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-import imubayes
 from imubayes.population.tally import VERDICTS
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat, swatch
 from imubayes.reporting.fleet_figures import fleet_population_panel, verdict_panel
 from imubayes.reporting.fleet_words import fleet_answer, noise_range, plain, pull_value
 from imubayes.reporting.html import write_page
+from imubayes.reporting.lots_results import fleet_json
 from imubayes.reporting.lots_words import class_name
-from imubayes.reporting.quality_page import finite
-from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, ranged
 from imubayes.reporting.terminal import terminal
 from imubayes.sensors.equations.standards import symbols
@@ -172,52 +168,6 @@ def _done(result: FleetResult) -> str:
         else ""
     )
     return f"{result.engine}, {result.seconds:.0f} s{kept}"
-
-
-def fleet_json(result: FleetResult) -> str:
-    """Text of ``result.json``: SI; what is not finite becomes null."""
-    study, answer = result.study, result.answer
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": study.title,
-        "seed": study.seed,
-        "answer": fleet_answer(result),
-        "fleet": {
-            "kind": study.spec.kind,
-            "class": study.sensor_class.id,
-            "units": len(study.units),
-            "read": answer.units,
-            "samples": answer.samples,
-            "terms": [_term_entry(result, j) for j in range(len(answer.terms))],
-            "order": asdict(answer.order),
-            "noise": {name: asdict(found) for name, found in zip("NBK", answer.noise, strict=True)},
-            "outliers": answer.outliers,
-            "limit": answer.limit,
-            "worst": [asdict(one) for one in answer.worst],
-            "broken": [asdict(one) for one in answer.broken],
-        },
-        "engine": result.engine,
-        "resumed": result.resumed,
-        "seconds": result.seconds,
-        "provenance": {
-            "study_file": str(study.path),
-            "study_text": study.text,
-            "command": f"imubayes run {study.path}",
-            "versions": versions(),
-        },
-    }
-    return json.dumps(finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _term_entry(result: FleetResult, j: int) -> dict[str, Any]:
-    term, counts = result.study.spec.library.terms[j], result.answer.counts[:, j].tolist()
-    found = asdict(result.answer.terms[j])
-    return {
-        **found,
-        "symbol": symbols(result.study.spec.library)[term.name],
-        "unit": term.unit,
-        "verdicts": dict(zip(VERDICTS, counts, strict=True)),
-    }
 
 
 def terminal_fleet(result: FleetResult) -> Group:

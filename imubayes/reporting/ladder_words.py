@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from imubayes.campaign.fidelity import rung_of
 from imubayes.reporting.chain_words import sentence
+from imubayes.reporting.result.entries import RungChoice
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
@@ -74,27 +76,22 @@ def _next(choice: Choice) -> str:
     )
 
 
-def choice_record(choice: Choice | None) -> dict[str, Any] | None:
-    """The same for ``result.json``."""
-    if choice is None:
-        return None
-    return {
-        "rung": choice.rung,
-        "asked": choice.asked,
-        "met": choice.met,
-        "seconds": choice.seconds,
-        "foreseen_seconds": choice.foreseen,
-        "climbed": [
+def published_choice(choice: Choice | None) -> RungChoice | None:
+    """Publish the same."""
+    return choice and published(
+        RungChoice,
+        choice,
+        foreseen_seconds=choice.foreseen,
+        climbed=[
             {"rung": name, "change_sd": change, "change_inclusion": inclusion}
             for name, change, inclusion in choice.climbed
         ],
-        "next": None
-        if choice.next_rung is None
-        else {
+        next=choice.next_rung
+        and {
             "rung": choice.next_rung,
             "seconds": choice.next_seconds,
             "change_sd": choice.next_change[0],
             "change_inclusion": choice.next_change[1],
             "foreseen_by": choice.next_reason,
         },
-    }
+    )

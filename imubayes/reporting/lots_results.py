@@ -1,10 +1,10 @@
-"""A class-level study as plain values for ``result.json``: SI units, finite numbers or null."""
+"""Results of many units as they are published: a class-level study, and a fleet."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import imubayes
 from imubayes.population.needs import (
@@ -17,95 +17,134 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
+from imubayes.population.tally import VERDICTS
+from imubayes.reporting.fleet_words import fleet_answer
 from imubayes.reporting.lots_headline import simulated, status
 from imubayes.reporting.lots_sentences import lots_answer
-from imubayes.reporting.quality_page import finite
-from imubayes.reporting.results import versions
+from imubayes.reporting.result.entries import Interval
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.many import (
+    Class,
+    ClassInScene,
+    ClassTerm,
+    ClassTermInScene,
+    Fleet,
+    FleetResult,
+    FleetTerm,
+    Lots,
+    LotsResult,
+    Unit,
+)
+from imubayes.reporting.result.values import published
+from imubayes.reporting.results import provenance
+from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
-    from imubayes.inference.intervals import Share
+    from imubayes.population import fleet
     from imubayes.population.lots import LotResult
     from imubayes.population.needs import ClassFound
-    from imubayes.population.records import Record
     from imubayes.population.scenes import MissionFound
 
 
 def lots_json(result: LotResult) -> str:
-    """Text of ``result.json``: SI; what is not finite becomes null."""
+    """Text of ``result.json`` of a class-level study."""
     study = result.study
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": study.title,
-        "seed": study.seed,
-        "answer": [one.text for one in lots_answer(result)],
-        "status": status(result),
-        "simulated": simulated(result),
-        "scenes": [_scene_entry(one, scene) for one in result.classes for scene in one.missions],
-        "lots": {
-            "kind": study.kind,
-            "units": study.units,
-            "terms": study.library.names,
-            "classes": [_class_entry(one) for one in result.classes],
-            "check": asdict(result.check),
-        },
-        "provenance": {
-            "study_file": str(study.path),
-            "study_text": study.text,
-            "command": f"imubayes run {study.path}",
-            "versions": versions(),
-        },
-    }
-    return json.dumps(finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    document = LotsResult(
+        imubayes=imubayes.__version__,
+        study=study.title,
+        seed=study.seed,
+        answer=tuple(one.text for one in lots_answer(result)),
+        status=status(result),
+        simulated=simulated(result),
+        scenes=tuple(_scene(one, scene) for one in result.classes for scene in one.missions),
+        lots=published(
+            Lots,
+            study,
+            terms=study.library.names,
+            classes=tuple(map(_class, result.classes)),
+            check=asdict(result.check),
+        ),
+        provenance=provenance(study, f"imubayes run {study.path}"),
+    )
+    return result_text(document)
 
 
-def _scene_entry(found: ClassFound, scene: MissionFound) -> dict[str, Any]:
-    """A scene with the keys of ordinary studies; `sensor` is the class, `model` what it needs."""
-    return {
-        "name": scene.mission,
-        "sensor": found.sensor_class.id,
-        "model": terms_in(found, scene, NEEDED),
-        "would_matter": terms_in(found, scene, WOULD_MATTER),
-        "cannot_tell": terms_in(found, scene, UNTOLD),
-        "terms": [
-            {
-                "name": term.name,
-                "rms": term.rms,
-                "share_of_budget": term.share.value,
-                "share_range": (term.share.low, term.share.high),
-                "required": term.required,
-                "true_share_of_budget": term.true_share,
-                "answer": in_scene(known, term),
-            }
-            for known, term in zip(found.terms, scene.terms, strict=True)
-        ],
-        "order": _entry(scene.order),
-        "within": scene.within,
-        "noise_share_of_budget": scene.noise_share,
-        "basic_share_of_budget": scene.basic_share,
-    }
+def _scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
+    terms = tuple(
+        published(
+            ClassTermInScene,
+            term,
+            share_of_budget=term.share.value,
+            share_range=(term.share.low, term.share.high),
+            true_share_of_budget=term.true_share,
+            answer=in_scene(known, term),
+        )
+        for known, term in zip(found.terms, scene.terms, strict=True)
+    )
+    return published(
+        ClassInScene,
+        scene,
+        name=scene.mission,
+        sensor=found.sensor_class.id,
+        model=terms_in(found, scene, NEEDED),
+        would_matter=terms_in(found, scene, WOULD_MATTER),
+        cannot_tell=terms_in(found, scene, UNTOLD),
+        terms=terms,
+        order=published(Interval, scene.order),
+        noise_share_of_budget=scene.noise_share,
+        basic_share_of_budget=scene.basic_share,
+    )
 
 
-def _class_entry(found: ClassFound) -> dict[str, Any]:
-    return {
-        "id": found.sensor_class.id,
-        "order": _entry(found.order),
-        "needed": terms_of(found, NEEDED),
-        "not_needed": terms_of(found, NOT_NEEDED),
-        "cannot_tell": terms_of(found, UNTOLD),
-        "terms": [asdict(term) | {"answer": of_class(term)} for term in found.terms],
-        "units": [_unit_entry(unit) for unit in found.units],
-    }
+def _class(found: ClassFound) -> Class:
+    return Class(
+        id=found.sensor_class.id,
+        order=published(Interval, found.order),
+        needed=terms_of(found, NEEDED),
+        not_needed=terms_of(found, NOT_NEEDED),
+        cannot_tell=terms_of(found, UNTOLD),
+        terms=tuple(ClassTerm(**asdict(term), answer=of_class(term)) for term in found.terms),
+        units=tuple(
+            published(Unit, unit, noise=dict(zip("NBK", unit.noise, strict=True))) for unit in found.units
+        ),
+    )
 
 
-def _unit_entry(unit: Record) -> dict[str, Any]:
-    arrays = ("truth", "mean", "sd", "inclusion", "full_mean", "full_sd")
-    return {
-        "number": unit.number,
-        **{name: getattr(unit, name).tolist() for name in arrays},
-        "verdicts": unit.verdicts,
-        "noise": dict(zip("NBK", unit.noise, strict=True)),
-    }
+def fleet_json(result: fleet.FleetResult) -> str:
+    """Text of ``result.json`` of a fleet."""
+    study, answer = result.study, result.answer
+    document = published(
+        FleetResult,
+        result,
+        imubayes=imubayes.__version__,
+        study=study.title,
+        seed=study.seed,
+        answer=fleet_answer(result),
+        fleet=published(
+            Fleet,
+            answer,
+            kind=study.spec.kind,
+            class_=study.sensor_class.id,
+            units=len(study.units),
+            read=answer.units,
+            terms=tuple(_fleet_terms(result)),
+            order=published(Interval, answer.order),
+            noise={name: published(Interval, found) for name, found in zip("NBK", answer.noise, strict=True)},
+            worst=[asdict(one) for one in answer.worst],
+            broken=[asdict(one) for one in answer.broken],
+        ),
+        provenance=provenance(study, f"imubayes run {study.path}"),
+    )
+    return result_text(document)
 
 
-def _entry(found: Share) -> dict[str, float]:
-    return asdict(found)
+def _fleet_terms(result: fleet.FleetResult) -> Iterator[FleetTerm]:
+    library, answer = result.study.spec.library, result.answer
+    known = symbols(library)
+    for term, found, counts in zip(library.terms, answer.terms, answer.counts.T.tolist(), strict=True):
+        yield FleetTerm(
+            **asdict(found),
+            symbol=known[term.name],
+            unit=term.unit,
+            verdicts=dict(zip(VERDICTS, counts, strict=True)),
+        )

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from imubayes.reporting.noise_figures import allan_panel
+from imubayes.reporting.result.entries import Allan
+from imubayes.reporting.result.sensors import Process, Processes
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     NOISE_SI,
     NOISE_UNITS,
@@ -179,42 +182,29 @@ def _allan(fit: AllanFit | None, name: str, scale: float, unit: str) -> Measured
     return measured(value, value * sd, unit) if sd < 1.0 else None
 
 
-def process_record(sensor: SensorResult) -> dict[str, Any]:
-    """Noise processes by run, as plain values in SI."""
-    return {found.choice.run: _record(found, sensor.kind) for found in sensor.processes}
+def published_processes(sensor: SensorResult) -> dict[str, Processes]:
+    """Publish the noise processes of the runs that were asked for them."""
+    return {found.choice.run: _published(found, sensor.kind) for found in sensor.processes}
 
 
-def _record(found: NoiseFound, kind: Kind) -> dict[str, Any]:
+def _published(found: NoiseFound, kind: Kind) -> Processes:
     choice, fit, units = found.choice, found.fit, process_units(kind)
-    return {
-        "identified": ["N", *choice.identified],
-        "prior_source": choice.prior,
-        "rows": choice.rows,
-        "processes": {
-            size.name: {
-                "unit": units[size.name][1],
-                "printed_unit": units[size.name][0],
-                "inclusion": size.inclusion,
-                "mean": size.mean,
-                "sd": size.sd,
-                "q05": size.q05,
-                "q50": size.q50,
-                "q95": size.q95,
-                "limit95": size.limit95,
-                "detection_limit": size.detection_limit,
-                "verdict": size.verdict,
-                "reason": size.reason,
-                "confounded_with": list(size.confounded_with),
-            }
-            for size in choice.sizes
-        },
-        "sets": [{"processes": ["N", *names], "probability": p} for names, p in choice.sets[:10]],
-        "allan": None
-        if fit is None
-        else {
-            "values": dict(zip(fit.names, fit.values, strict=True)),
-            "log_sd": dict(zip(fit.names, fit.log_sd, strict=True)),
-            "chi2": fit.chi2,
-            "dof": fit.dof,
-        },
+    by_name = {
+        size.name: published(Process, size, printed_unit=units[size.name][0], unit=units[size.name][1])
+        for size in choice.sizes
     }
+    return published(
+        Processes,
+        choice,
+        identified=("N", *choice.identified),
+        prior_source=choice.prior,
+        processes=by_name,
+        sets=[{"processes": ("N", *names), "probability": p} for names, p in choice.sets[:10]],
+        allan=fit
+        and published(
+            Allan,
+            fit,
+            values=dict(zip(fit.names, fit.values, strict=True)),
+            log_sd=dict(zip(fit.names, fit.log_sd, strict=True)),
+        ),
+    )

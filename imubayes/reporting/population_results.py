@@ -1,60 +1,57 @@
-"""What units of a class have in common, as plain values in SI units for ``result.json``."""
+"""What sessions of a unit, and units of a class, have in common, as it is published."""
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from imubayes.reporting.result.sensors import Population, PopulationTerm, Sessions
+from imubayes.reporting.result.values import published
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.selection.class_needs import ClassInCommon, Need, TermInClass
+    from imubayes.inference.sessions import Repeatability
+    from imubayes.reporting.result.entries import Spread
+    from imubayes.selection.class_needs import ClassInCommon, TermInClass
 
 
-def class_entry(found: ClassInCommon) -> dict[str, Any]:
+def published_sessions(found: Repeatability) -> Sessions:
+    """One parameter in several sessions; null where a unit lacks a session."""
+    between = dict(zip(("mean", "q05", "q95"), found.between, strict=True))
+    return published(Sessions, found, printed_unit=found.printed, between=between)
+
+
+def published_population(found: ClassInCommon) -> Population:
     """One class and kind."""
-    return {
-        "class": found.class_id,
-        "kind": found.kind,
-        "units": list(found.units),
-        "sessions": list(found.sessions),
-        "components": list(found.components),
-        "terms": [_term(term) for term in found.terms],
-    }
+    return published(Population, found, class_=found.class_id, terms=tuple(map(_term, found.terms)))
 
 
-def _term(term: TermInClass) -> dict[str, Any]:
-    found = term.spreads
-    return {
-        "parameter": term.parameter.name,
-        "term": term.term,
-        "component": term.component,
-        "unit": term.parameter.unit,
-        "printed_unit": term.parameter.printed,
-        "class_size": term.size,
-        "mean": {"sd": found.mean_sd, **_interval(found.mean)},
-        "unit_to_unit": _interval(found.unit),
-        "turn_on": _interval(found.turn_on),
-        "turn_on_own": _interval(found.own),
-        "turn_on_common": _interval(found.common),
-        "p_value": found.p_value,
-        "level": found.level,
-        "common_share": _interval(found.common_share),
-        "next_unit": _interval(found.next_unit),
-        "session_shift": {"sessions": list(term.sessions), "mean": found.shift, "sd": found.shift_sd},
-        "measurement": {"noise": found.noise, "alias": found.alias},
-        **_need(term.need),
-    }
+def _term(term: TermInClass) -> PopulationTerm:
+    found, need = term.spreads, term.need
+    return published(
+        PopulationTerm,
+        found,
+        parameter=term.parameter.name,
+        term=term.term,
+        component=term.component,
+        unit=term.parameter.unit,
+        printed_unit=term.parameter.printed,
+        class_size=term.size,
+        mean={"sd": found.mean_sd, **_spread(found.mean)},
+        unit_to_unit=_spread(found.unit),
+        turn_on=_spread(found.turn_on),
+        turn_on_own=_spread(found.own),
+        turn_on_common=_spread(found.common),
+        common_share=_spread(found.common_share),
+        next_unit=_spread(found.next_unit),
+        session_shift={"sessions": term.sessions, "mean": found.shift, "sd": found.shift_sd},
+        measurement={"noise": found.noise, "alias": found.alias},
+        verdict=need.verdict,
+        reason=need.reason,
+        answers=need.answers,
+        needed={"share": need.share.value, "q05": need.share.low, "q95": need.share.high},
+        pooled_inclusion=need.pooled,
+    )
 
 
-def _interval(found: Share) -> dict[str, float]:
+def _spread(found: Share) -> Spread:
     return {"median": found.value, "q05": found.low, "q95": found.high}
-
-
-def _need(need: Need) -> dict[str, Any]:
-    return {
-        "verdict": need.verdict,
-        "reason": need.reason,
-        "answers": dict(need.answers),
-        "needed": {"share": need.share.value, "q05": need.share.low, "q95": need.share.high},
-        "pooled_inclusion": math.nan if need.pooled is None else need.pooled,
-    }

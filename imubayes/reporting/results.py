@@ -1,72 +1,83 @@
-"""The results as plain values for ``result.json``: SI units, finite numbers or null."""
+"""A study's result as it is published: from what the stages found to the frozen `SensorsResult`."""
 
 from __future__ import annotations
 
-import json
-import math
 import platform
-from collections.abc import Mapping
-from dataclasses import asdict
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Protocol
 
 import imubayes
-from imubayes.reporting.case_views import case_records
-from imubayes.reporting.ladder_words import choice_record
-from imubayes.reporting.method_results import methods_block
-from imubayes.reporting.noise_views import process_record
-from imubayes.reporting.population_results import class_entry
+from imubayes.reporting.case_views import published_cases
+from imubayes.reporting.ladder_words import published_choice
+from imubayes.reporting.method_results import opinions
+from imubayes.reporting.noise_views import published_processes
+from imubayes.reporting.population_results import published_population, published_sessions
+from imubayes.reporting.result.entries import Appendix, Confounded, Digits, DistrustedDwell, Noise, Provenance
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.sensors import Residuals, Run, Sensor, SensorsResult, Term
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.sampled_results import (
     column_moments,
-    distrusted_entry,
-    extra_entry,
-    mcmc_block,
     noise_posterior,
-    session_entry,
+    published_chains,
+    published_extra,
 )
-from imubayes.reporting.scene_views import scene_record
-from imubayes.reporting.standard_views import standards_record
+from imubayes.reporting.scene_views import published_scene
+from imubayes.reporting.standard_views import published_standards
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from imubayes.campaign.study import SensorResult, Study, StudyResult
-    from imubayes.inference.observability import Confounded
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.inference.summary import RunSummary
-    from imubayes.selection.verdicts import TermVerdict
+    from imubayes.reporting.result.entries import Observed
 
 
-def result_dict(result: StudyResult) -> dict[str, Any]:
-    """Everything a script needs, as plain values in SI units; what is not finite becomes None."""
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": result.study.title,
-        "seed": result.study.seed,
-        "sensors": [_sensor(result.study, sensor) for sensor in result.sensors],
-        "scenes": [scene_record(found, sensor) for sensor, found in result.scenes],
-        "sessions": [session_entry(found) for found in result.sessions],
-        "population": [class_entry(found) for found in result.classes],
-        "cases": case_records(result),
-        "appendices": [{"title": a.title, "command": a.command} for a in result.study.appendices],
-        "provenance": provenance(result.study),
-    }
-    return _plain(document)
+class FromFile(Protocol):
+    """A study of any kind."""
+
+    @property
+    def path(self) -> Path:
+        """Of its file."""
+        ...
+
+    @property
+    def text(self) -> str:
+        """Of its file."""
+        ...
+
+
+def published_result(result: StudyResult) -> SensorsResult:
+    """Publish what a study of sensors found."""
+    study = result.study
+    return SensorsResult(
+        imubayes=imubayes.__version__,
+        study=study.title,
+        seed=study.seed,
+        sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
+        scenes=tuple(published_scene(found, sensor) for sensor, found in result.scenes),
+        sessions=tuple(map(published_sessions, result.sessions)),
+        population=tuple(map(published_population, result.classes)),
+        cases=tuple(published_cases(result)),
+        appendices=tuple(published(Appendix, one) for one in study.appendices),
+        provenance=provenance(study, command(study)),
+    )
 
 
 def result_json(result: StudyResult) -> str:
     """Text of ``result.json``: the same bytes for the same result."""
-    return json.dumps(result_dict(result), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return result_text(published_result(result))
 
 
-def provenance(study: Study) -> dict[str, Any]:
+def provenance(study: FromFile, command: str) -> Provenance:
     """Collect what it takes to repeat a study: the study file, the command and the versions."""
     return {
         "study_file": str(study.path),
         "study_text": study.text,
-        "command": command(study),
+        "command": command,
         "versions": versions(),
     }
 
@@ -99,147 +110,81 @@ def _version(distribution: str) -> str:
         return "unknown"
 
 
-def _sensor(study: Study, sensor: SensorResult) -> dict[str, Any]:
-    selection = sensor.selection
-    moments, plug_in = column_moments(sensor), plug_in_inclusion(selection)
-    return {
-        "id": sensor.id,
-        "kind": sensor.kind,
-        "class": sensor.class_id or None,
-        "samples": sensor.samples,
-        "noise": {run.name: {"N": run.noise.N, "B": run.noise.B, "K": run.noise.K} for run in sensor.runs},
-        "noise_posterior": noise_posterior(sensor.chains),
-        "noise_processes": process_record(sensor),
-        "method": sensor.method,
-        "method_reason": sensor.method_reason,
-        "choice": choice_record(sensor.choice),
-        "terms": [
-            _term(term) | _sampled_term(moments.get(term.name), plug_in.get(term.name))
-            for term in selection.terms
-        ],
-        "model": list(selection.model),
-        "log_evidence": selection.log_evidence,
-        **methods_block(sensor),
-        "mcmc": mcmc_block(sensor),
-        "extras": [extra_entry(entry) for entry in sensor.extras],
-        "distrusted": [distrusted_entry(dwell) for dwell in sensor.distrusted],
-        "n_models": selection.models.n_models,
-        "drawn_models": selection.models.drawn,
-        "missing": selection.models.missing,
-        "inclusion_error": selection.models.error,
-        "best_models": [{"terms": list(names), "probability": p} for names, p in best_models(selection)],
-        "by_size": selection.models.by_size,
-        "candidates": list(candidates(selection)),
-        "inclusion_by_width": {f"{width:.3g}": inclusion for width, inclusion in selection.by_width},
-        "confounded": [_confounded(group) for group in own_groups(selection)],
-        "observability": _observability(sensor),
-        "residuals": [_check(check) for check in sensor.checks],
-        "runs": [_run(run) for run in sensor.runs],
-        "prior_source": sensor.prior_source,
-        "calibration": sensor.calibration,
-        "digits": None if selection.digits is None else asdict(selection.digits),
-        "pooled_inclusion": sensor.pooled,
-        "standards": standards_record(study, sensor),
-        "seconds": sensor.seconds,
-    }
+def _sensor(study: Study, sensor: SensorResult) -> Sensor:
+    selection, models = sensor.selection, sensor.selection.models
+    return published(
+        Sensor,
+        sensor,
+        class_=sensor.class_id or None,
+        noise={run.name: published(Noise, run.noise) for run in sensor.runs},
+        noise_posterior=noise_posterior(sensor.chains),
+        noise_processes=published_processes(sensor),
+        choice=published_choice(sensor.choice),
+        terms=_terms(sensor),
+        model=selection.model,
+        log_evidence=selection.log_evidence,
+        **opinions(sensor),
+        mcmc=published_chains(sensor),
+        extras=tuple(map(published_extra, sensor.extras)),
+        distrusted=tuple(published(DistrustedDwell, dwell) for dwell in sensor.distrusted),
+        n_models=models.n_models,
+        drawn_models=models.drawn,
+        missing=models.missing,
+        inclusion_error=models.error,
+        best_models=[{"terms": names, "probability": p} for names, p in best_models(selection)],
+        by_size=models.by_size,
+        candidates=candidates(selection),
+        inclusion_by_width={f"{width:.3g}": inclusion for width, inclusion in selection.by_width},
+        confounded=tuple(published(Confounded, group) for group in own_groups(selection)),
+        observability=_observability(sensor),
+        residuals=tuple(map(_residuals, sensor.checks)),
+        runs=tuple(map(_run, sensor.runs)),
+        digits=selection.digits and published(Digits, selection.digits),
+        pooled_inclusion=sensor.pooled,
+        standards=published_standards(study, sensor),
+    )
 
 
-def _term(term: TermVerdict) -> dict[str, Any]:
-    return {
-        "name": term.name,
-        "symbol": term.symbol,
-        "unit": term.unit,
-        "mean": term.mean,
-        "sd": term.sd,
-        "q05": term.q05,
-        "q95": term.q95,
-        "full_mean": term.full_mean,
-        "full_sd": term.full_sd,
-        "prior_sd": term.prior_sd,
-        "inclusion": term.inclusion,
-        "inclusion_range": list(term.inclusion_range),
-        "limit95": term.limit95,
-        "verdict": term.verdict,
-        "reason": term.reason,
-        "confounded_with": list(term.confounded_with),
-        "group": term.group,
-        "printed_unit": term.printed,
-        "effect": term.effect,
-    }
+def _terms(sensor: SensorResult) -> tuple[Term, ...]:
+    """Terms, with what the chains say of each where there are any."""
+    moments, plug_in = column_moments(sensor), plug_in_inclusion(sensor.selection)
+    return tuple(
+        published(
+            Term,
+            term,
+            printed_unit=term.printed,
+            plug_in_inclusion=plug_in.get(term.name),
+            **dict(zip(("mcmc_mean", "mcmc_sd"), moments.get(term.name, (None, None)), strict=True)),
+        )
+        for term in sensor.selection.terms
+    )
 
 
-def _sampled_term(moments: tuple[float, float] | None, plug_in: float | None) -> dict[str, Any]:
-    """Add what the chains say of a term; null where there are none."""
-    mean, sd = moments or (None, None)
-    return {"plug_in_inclusion": plug_in, "mcmc_mean": mean, "mcmc_sd": sd}
-
-
-def _confounded(group: Confounded) -> dict[str, Any]:
-    return {
-        "terms": list(group.terms),
-        "direction": list(group.direction),
-        "seen": group.seen,
-        "exact": group.exact,
-        "reason": group.reason,
-        "remedy": group.remedy,
-    }
-
-
-def _observability(sensor: SensorResult) -> dict[str, Any]:
+def _observability(sensor: SensorResult) -> dict[str, Observed]:
     seen, names = sensor.selection.observability, own_names(sensor.selection)
+    columns = {name: seen.names.index(column) for column, name in names.items()}
     return {
-        name: {
-            "tested": bool(seen.tested[j]),
-            "ratio": seen.ratio[j],
-            "alone": seen.alone[j],
-            "vif": seen.vif[j],
-        }
-        for column, name in names.items()
-        for j in [seen.names.index(column)]
+        name: {"tested": seen.tested[j], "ratio": seen.ratio[j], "alone": seen.alone[j], "vif": seen.vif[j]}
+        for name, j in columns.items()
     }
 
 
-def _check(check: ResidualCheck) -> dict[str, Any]:
-    return {
-        "run": check.run,
-        "scale": check.scale,
-        "whiteness_p": check.whiteness_p,
-        "normality_p": check.normality_p,
-        "sample_scale": check.sample_scale,
-        "sample_whiteness_p": check.sample_whiteness_p,
-        "fits": bool(check.fits),
-        "level": check.level,
-        "outliers": [{"start": start, "stop": stop, "size": size} for start, stop, size in check.outliers],
-    }
+def _residuals(check: ResidualCheck) -> Residuals:
+    outliers = [{"start": start, "stop": stop, "size": size} for start, stop, size in check.outliers]
+    return published(Residuals, check, outliers=outliers)
 
 
-def _run(run: RunSummary) -> dict[str, Any]:
-    return {
-        "name": run.name,
-        "procedure": run.procedure,
-        "samples": run.samples,
-        "duration": run.duration,
-        "interval": run.interval,
-        "sampling": run.sampling or run.interval,
-        "noise_origin": run.noise_origin,
-        "noise_log_sd": dict(zip("NBK", run.noise_sd, strict=True)),
-        "ranges": {channel: list(ends) for channel, ends in run.ranges.items()},
-        "file": run.source.file,
-        "sha256": run.source.sha256 or None,
-        "columns": [
-            {"column": c, "channel": channel, "unit": unit} for c, channel, unit in run.source.columns
+def _run(run: RunSummary) -> Run:
+    return published(
+        Run,
+        run,
+        sampling=run.sampling or run.interval,
+        noise_log_sd=dict(zip("NBK", run.noise_sd, strict=True)),
+        file=run.source.file,
+        sha256=run.source.sha256 or None,
+        columns=[
+            {"column": column, "channel": channel, "unit": unit}
+            for column, channel, unit in run.source.columns
         ],
-        "notes": list(run.source.notes),
-        "stills": [list(still) for still in run.stills],
-    }
-
-
-def _plain(value: Any) -> Any:
-    """Turn arrays and numpy scalars into plain values, and what is not finite into None."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        notes=run.source.notes,
+    )

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from imubayes.reporting.canvas import Panel
+from imubayes.reporting.result.entries import Budget
+from imubayes.reporting.result.sensors import Scene, TermInScene
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit, pretty, share
 from imubayes.reporting.scene_figures import SIGNS, path, quadrants
 from imubayes.reporting.scene_words import amount, limit, printed_unit, scene_sentences
@@ -139,45 +142,34 @@ def _row(found: Relevance, term: TermRelevance, symbol: str) -> SceneRow:
     )
 
 
-def scene_record(found: Relevance, sensor: str) -> dict[str, object]:
-    """Entry of ``scenes`` in ``result.json``, SI."""
-    budget = found.budget
-    return {
-        "name": found.scene,
-        "sensor": sensor,
-        "axis": found.axis,
-        "duration": found.duration,
-        "budget": {"quantity": budget.quantity, "limit": budget.limit},
-        "model": list(found.model),
-        "within_budget": found.met,
-        "terms": [_term_record(term) for term in found.terms],
-        "left_out_rms": found.left_out_rms,
-        "left_out": _pair(found.left_out),
-        "left": _pair(found.left),
-        "calibrated": _pair(found.calibrated),
-        "uncompensated": _pair(found.uncompensated),
-        "path": [{"terms": n, "dropped": name, "error": error} for n, name, error in found.path],
-        "noise": dict(zip("NBK", found.noise, strict=True)),
-        "notes": list(found.notes),
+def published_scene(found: Relevance, sensor: str) -> Scene:
+    """Publish what a scene requires of a component."""
+    sizes = {
+        name: dict(zip(("median", "q95"), getattr(found, name), strict=True))
+        for name in ("left_out", "left", "calibrated", "uncompensated")
     }
+    return published(
+        Scene,
+        found,
+        name=found.scene,
+        sensor=sensor,
+        budget=published(Budget, found.budget),
+        within_budget=found.met,
+        terms=tuple(map(_published_term, found.terms)),
+        path=[{"terms": n, "dropped": name, "error": error} for n, name, error in found.path],
+        noise=dict(zip("NBK", found.noise, strict=True)),
+        **sizes,
+    )
 
 
-def _term_record(term: TermRelevance) -> dict[str, object]:
+def _published_term(term: TermRelevance) -> TermInScene:
     low, half, high = term.share
-    return {
-        "name": term.name,
-        "rms": term.rms,
-        "effect": term.effect,
-        "share_of_budget": half,
-        "share_q05": low,
-        "share_q95": high,
-        "share_at_limit95": term.possible,
-        "share_unknown": term.unknown,
-        "inclusion": term.inclusion,
-        "kept": term.kept,
-        "quadrant": term.quadrant,
-    }
-
-
-def _pair(sizes: tuple[float, float]) -> dict[str, float]:
-    return {"median": sizes[0], "q95": sizes[1]}
+    return published(
+        TermInScene,
+        term,
+        share_of_budget=half,
+        share_q05=low,
+        share_q95=high,
+        share_at_limit95=term.possible,
+        share_unknown=term.unknown,
+    )

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
+from imubayes.reporting.result.entries import AbsorbedTerms
+from imubayes.reporting.result.sensors import Standard, Symbol
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import CHANNEL_UNIT, OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit
 from imubayes.sensors.equations.mapping import absorbing
 from imubayes.sensors.equations.standards import StandardValue, in_standard, standard, standards_for
@@ -105,46 +108,22 @@ def standard_views(study: Study, sensor: SensorResult) -> tuple[StandardView, ..
     return tuple(_view(name, lib, sensor) for name in standards_for(sensor.kind, technology))
 
 
-def standards_record(study: Study, sensor: SensorResult) -> dict[str, Any]:
-    """Entry ``standards`` of a component in ``result.json``, SI."""
+def published_standards(study: Study, sensor: SensorResult) -> dict[str, Standard]:
+    """Publish a component in the terms of each standard."""
     return {
-        view.id: {
-            "title": view.title,
-            "values": [_value_record(row) for row in view.rows],
-            "untested": list(view.untested),
-            "absent": list(view.absent),
-            "exact": view.exact,
-            "standard_only": list(view.standard_only),
-            "general_only": list(view.general_only),
-            "absorbed": _absorbed_record(view.absorbed),
-            "trouble": view.trouble,
-        }
+        view.id: published(
+            Standard,
+            view,
+            values=tuple(
+                published(
+                    Symbol, row.found, printed_unit=row.found.printed, term=row.term, verdict=row.verdict
+                )
+                for row in view.rows
+            ),
+            absorbed=view.absorbed
+            and published(AbsorbedTerms, view.absorbed, printed_unit=view.absorbed.said[0].unit),
+        )
         for view in standard_views(study, sensor)
-    }
-
-
-def _absorbed_record(absorbed: Absorbed | None) -> dict[str, Any] | None:
-    if absorbed is None:
-        return None
-    return {
-        "terms": list(absorbed.terms),
-        "inputs": absorbed.inputs,
-        "rms": absorbed.rms,
-        "left": absorbed.left,
-        "printed_unit": absorbed.said[0].unit,
-    }
-
-
-def _value_record(row: StandardRow) -> dict[str, Any]:
-    return {
-        "symbol": row.found.symbol,
-        "value": row.found.value,
-        "sd": row.found.sd,
-        "unit": row.found.unit,
-        "printed_unit": row.found.printed,
-        "term": row.term,
-        "verdict": row.verdict,
-        "note": row.found.note,
     }
 
 

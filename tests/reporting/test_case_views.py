@@ -13,10 +13,10 @@ import pytest
 from scipy import stats
 
 from imubayes.inference.recovered import Recovered
-from imubayes.reporting.case_views import BLIND, CANNOT, case_records, case_views, pooled_verdict
+from imubayes.reporting.case_views import BLIND, CANNOT, case_views, pooled_verdict, published_cases
 from imubayes.reporting.case_words import UNITS, held_together
 from imubayes.reporting.document import report_html
-from imubayes.reporting.results import result_dict
+from imubayes.reporting.results import result_json
 from imubayes.selection.verdicts import EQUAL
 
 MG = 9.80665e-3
@@ -59,7 +59,7 @@ def test_a_case_names_what_one_of_its_components_needs_beyond_the_others(cased):
 
 
 def test_sensors_that_stand_alone_are_no_case(result):
-    assert case_views(result) == () and case_records(result) == []
+    assert case_views(result) == () and list(published_cases(result)) == []
 
 
 @pytest.mark.parametrize(("what", "width"), [("gravity", 1), ("rest", 3), ("closure", 2), ("turn", 1)])
@@ -72,9 +72,9 @@ def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     squares = np.sum(one.after**2) / (30 if what == "closure" else 30 * width)
     printed = float(row.after.value) * 10.0**row.after.exponent
     assert printed == pytest.approx(math.sqrt(squares) / unit, rel=0.05)
-    (record,) = case_records(cased(one))[0]["recovered"]
-    assert record["rms"]["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
-    assert (row.inside, row.of) == (record["within_2_sd"], record["of"]) == (one.inside, 30 * width)
+    (record,) = next(published_cases(cased(one))).recovered
+    assert record.rms["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
+    assert (row.inside, row.of) == (record.within_2_sd, record.of) == (one.inside, 30 * width)
 
 
 def test_the_sentence_on_gravity_has_the_numbers_of_its_row(cased):
@@ -124,7 +124,7 @@ def test_the_page_and_the_file_hold_a_case(cased):
     study = cased(recovered())
     page = report_html(study)
     assert "U0 as a whole" in page and "within 2 sd" in page
-    document = json.loads(json.dumps(result_dict(study)))
+    document = json.loads(result_json(study))
     (case,) = document["cases"]
     assert case["id"] == "U0" and case["recovered"][0]["what"] == "gravity"
     assert case["pooled"]["accelerometer"]["b0p"] == {"inclusion": 0.97, "verdict": "needed"}
@@ -143,8 +143,8 @@ def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as
     study = cased(found, cases=8)
     (sentence,) = held_together(case_views(study))
     assert word in sentence and f"{8 * found.inside} of {8 * found.after.size} lie" in sentence
-    records = [entry for case in case_records(study) for entry in case["recovered"]]
-    assert sum(entry["within_2_sd"] for entry in records) == 8 * found.inside
+    records = [entry for case in published_cases(study) for entry in case.recovered]
+    assert sum(entry.within_2_sd for entry in records) == 8 * found.inside
     first, _, _ = report_html(study).partition('<section id="cases">')
     assert word in first
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from imubayes.campaign.fidelity import NEEDS_ROWS, Choice
-from imubayes.reporting.ladder_words import choice_record, choice_sentences
+from imubayes.reporting.ladder_words import choice_sentences, published_choice
 
 CHEAP = Choice(
     "sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours", budget=1.0
@@ -45,7 +45,7 @@ CLIMBED = Choice(
 )
 def test_what_was_asked_for_is_claimed_only_where_it_came_true(choice, words, met):
     assert words in choice_sentences(choice)[0]
-    record = choice_record(choice)
+    record = published_choice(choice)
     assert record is not None
     assert record["met"] is met
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imubayes.reporting.method_results import methods_block
-from imubayes.reporting.results import result_dict, result_json
+from imubayes.reporting.method_results import opinions
+from imubayes.reporting.results import result_json
 
 NAMES = ["aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out"]
 
 
 def test_methods_are_written_under_the_names_of_the_contract(make_judged, make_study) -> None:
-    (sensor,) = result_dict(make_study(make_judged()))["sensors"]
+    (sensor,) = json.loads(result_json(make_study(make_judged())))["sensors"]
     assert list(sensor["criteria"]) == NAMES
     assert all(set(one) >= {"model", "value"} for one in sensor["criteria"].values())
     assert list(sensor["sindy"]) == ["stlsq", "sr3", "ssr", "frols"]
@@ -49,12 +49,12 @@ def test_terms_of_a_triads_component_have_their_own_names(make_judged) -> None:
     far = replace(
         panel, sindy=(sparse,), sensitivity=replace(panel.sensitivity, names=there, swing=there[:1])
     )
-    block = methods_block(replace(sensor, selection=replace(sensor.selection, columns=columns), panel=far))
-    assert block["sindy"]["stlsq"]["model"] == ["b0", "b1"] and "b0" in block["sindy"]["stlsq"]["inclusion"]
-    assert block["sensitivity"]["swing"] == ["b0"] and "b0" in block["sensitivity"]["g_prior"]
+    block = opinions(replace(sensor, selection=replace(sensor.selection, columns=columns), panel=far))
+    assert block["sindy"]["stlsq"]["model"] == ("b0", "b1") and "b0" in block["sindy"]["stlsq"]["inclusion"]
+    assert block["sensitivity"]["swing"] == ("b0",) and "b0" in block["sensitivity"]["g_prior"]
 
 
 def test_without_other_methods_their_keys_are_there_and_empty(make_sensor) -> None:
-    block = methods_block(make_sensor())
+    block = opinions(make_sensor())
     assert block["criteria"] == block["sindy"] == {} and block["groups"] == []
     assert [block[name] for name in ("sensitivity", "votes", "reduced", "misfit")] == [None] * 4

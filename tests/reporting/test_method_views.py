@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import replace
 
 import pytest
@@ -14,7 +15,7 @@ from imubayes.reporting.method_views import (
     methods_view,
     sparse_row,
 )
-from imubayes.reporting.results import result_dict
+from imubayes.reporting.results import result_json
 from imubayes.reporting.tables import terminal_summary
 from imubayes.selection.panel import Unasked
 
@@ -126,6 +127,6 @@ def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file(make
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(terminal_summary(result))
     assert "Left out: SSR (ValueError, <nothing> to drop)." in console.export_text()
-    (written,) = result_dict(result)["sensors"]
+    (written,) = json.loads(result_json(result))["sensors"]
     assert written["reduced"] is None and set(written["sindy"]) == {"stlsq", "sr3"}
     assert written["unasked"][0] == {"method": "ssr", "reason": "ValueError, <nothing> to drop"}

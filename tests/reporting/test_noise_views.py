@@ -1,6 +1,5 @@
 """Noise processes as they are printed and stored."""
 
-import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from imubayes.inference.allan_fit import AllanFit, allan_curve
-from imubayes.reporting.noise_views import process_record, process_sentence, process_units, process_views
+from imubayes.reporting.noise_views import process_sentence, process_units, process_views, published_processes
 from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
 from imubayes.selection.noise_found import NoiseFound
 from imubayes.sensors.noise_processes import NoiseProcesses
@@ -71,18 +70,17 @@ def test_no_figure_where_none_is_drawn(gyro):
     assert process_views(gyro, "s1", drawn=False)[0].panel is None
 
 
-def test_record_is_json_in_si_and_names_both_units(gyro):
-    record = process_record(gyro)["quiet"]
-    assert record["identified"] == ["N", "B"]
-    assert record["processes"]["B"]["mean"] == pytest.approx(2.0 * DPH)
-    assert record["processes"]["B"]["printed_unit"] == "deg/h"
-    assert record["allan"]["values"]["N"] == pytest.approx(0.151 * ARW)
-    assert json.dumps(record)
+def test_published_processes_are_in_si_and_name_both_units(gyro):
+    record = published_processes(gyro)["quiet"]
+    assert record.identified == ("N", "B")
+    assert record.processes["B"].mean == pytest.approx(2.0 * DPH)
+    assert record.processes["B"].printed_unit == "deg/h"
+    assert record.allan["values"]["N"] == pytest.approx(0.151 * ARW)
 
 
 def test_record_without_a_fit_says_none(gyro):
     gyro.processes = (replace(gyro.processes[0], fit=None),)
-    assert process_record(gyro)["quiet"]["allan"] is None
+    assert published_processes(gyro)["quiet"].allan is None
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imubayes.reporting.results import command, result_dict, result_json
+from imubayes.reporting.results import command, result_json
 from imubayes.reporting.sampled_results import column_moments, noise_posterior
 
 MCMC_KEYS = {
@@ -93,7 +93,7 @@ def test_sessions_are_written_with_null_where_a_unit_lacks_one(make_study, make_
 def test_appendices_are_written_by_title_and_command(make_study, appendix) -> None:
     study = make_study()
     study = replace(study, study=replace(study.study, appendices=(appendix,)))
-    (entry,) = result_dict(study)["appendices"]
+    (entry,) = json.loads(result_json(study))["appendices"]
     assert entry == {"title": appendix.title, "command": appendix.command}
 
 

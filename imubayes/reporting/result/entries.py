@@ -65,7 +65,7 @@ Observed = TypedDict("Observed", {"tested": Flag, "ratio": Number, "alone": Numb
 Outlier = TypedDict("Outlier", {"start": Number, "stop": Number, "size": Number})
 Column = TypedDict("Column", {"column": str, "channel": str, "unit": str})
 Digits = TypedDict("Digits", {"coefficients": Count, "sd": Count, "log_evidence": Count, "inclusion": Count})
-Absorbed = TypedDict("Absorbed", {
+AbsorbedTerms = TypedDict("AbsorbedTerms", {
     "terms": Names, "inputs": str, "rms": Number, "left": Number, "printed_unit": str,
 })
 Budget = TypedDict("Budget", {"quantity": str, "limit": Number})

@@ -8,7 +8,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from imubayes.reporting.result.entries import (
-    Absorbed,
+    AbsorbedTerms,
     Allan,
     Appendix,
     BetweenSessions,
@@ -213,7 +213,7 @@ class Standard:
     exact: str
     standard_only: Names
     general_only: Names
-    absorbed: Absorbed | None
+    absorbed: AbsorbedTerms | None
     trouble: str
 
 
@@ -364,7 +364,7 @@ class Population:
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Recovered:
+class RecoveredErrors:
     """A known quantity of a run, before and after compensation."""
 
     run: str
@@ -384,7 +384,7 @@ class Case:
     """Components in one case."""
 
     id: str
-    recovered: tuple[Recovered, ...]
+    recovered: tuple[RecoveredErrors, ...]
     pooled: dict[str, dict[str, Pooled]]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BeforeValidator, ConfigDict, PlainSerializer, Strict
@@ -66,5 +65,6 @@ def published(kind: type[_Published], source: object, /, **other: Any) -> _Publi
     source : that has attributes of its fields' names.
     other : fields that have another name or form there.
     """
-    same = {one.name for one in fields(kind)} - other.keys()  # pyright: ignore[reportArgumentType]
-    return kind(**{name: getattr(source, name) for name in same}, **other)
+    return kind(
+        **{name: getattr(source, name) for name in kind.__annotations__.keys() - other.keys()}, **other
+    )

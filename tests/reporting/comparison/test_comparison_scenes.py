@@ -23,7 +23,7 @@ from imubayes.reporting.comparison.results import compared
 from imubayes.reporting.comparison.results_page import comparison_record, results_page
 from imubayes.reporting.html import page_html
 from imubayes.reporting.results import result_json
-from imubayes.reporting.scene_views import scene_record
+from imubayes.reporting.scene_views import published_scene
 from imubayes.reporting.terminal import terminal_page
 
 
@@ -52,9 +52,8 @@ def _moved(name, low, half, high, *, kept=True):
 
 def test_scene_is_read_as_it_was_written(read):
     (scene,) = read(a_relevance()).scenes
-    record = json.loads(json.dumps(scene_record(a_relevance(), "A")))
     assert (scene.name, scene.quantity, scene.limit) == ("quadrotor", "position", 100.0)
-    assert list(scene.model) == record["model"] and scene.left_out == (3.2, 9.0)
+    assert scene.model == published_scene(a_relevance(), "A").model and scene.left_out == (3.2, 9.0)
     shares = {name: (one.low, one.value, one.high, one.kept) for name, one in scene.shares.items()}
     assert shares == {name: (*share, kept) for name, _, share, _, kept, _ in TERMS}
 

@@ -10,7 +10,7 @@ import pytest
 
 from imubayes.errors import DataError
 from imubayes.reporting.comparison.result_files import ResultFile, sensors_of, written
-from imubayes.reporting.results import result_dict, result_json
+from imubayes.reporting.results import result_json
 
 
 def read_result(path: Path) -> ResultFile:
@@ -39,7 +39,7 @@ def test_sampled_noise_has_the_mean_and_sd_of_its_draws(make_study, make_sampled
     result = make_study(make_sampled())
     (tmp_path / "result.json").write_text(result_json(result))
     (component,) = read_result(tmp_path).components
-    posterior = result_dict(result)["sensors"][0]["noise_posterior"]
+    posterior = json.loads(result_json(result))["sensors"][0]["noise_posterior"]
     for (run, letter), found in component.noise.items():
         said = posterior[run][letter]
         # a log-normal of this mean and log sd has the sd that the draws have
