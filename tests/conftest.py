@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("imubayes", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=2000)
 settings.load_profile("imubayes")
+
+# the studies about the tool; last, so that the package that is tested is the one that is installed
+sys.path.append(str(Path(__file__).parents[1]))
 
 SHARED = Path(__file__).parents[2] / "shared"
 

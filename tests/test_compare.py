@@ -92,16 +92,6 @@ def test_file_that_is_no_result_exits_with_two_and_writes_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_results_of_other_kinds_of_studies_exit_with_two_and_say_what_can_be_compared(
-    folders, monkeypatch, capsys, tmp_path
-):
-    other = tmp_path / "quality.json"
-    other.write_text(json.dumps({"imubayes": "1", "scores": []}))
-    assert _call(monkeypatch, "compare", folders / "first", other) == 2
-    said = capsys.readouterr()
-    assert "results of one kind of study" in said.err and said.err.count("\n") == 1 and not said.out
-
-
 def test_unit_is_held_against_the_lot_of_its_class(folders, monkeypatch, capsys, tmp_path):
     """The unit whose bias is 11 mg, against a lot with biases of 1 mg or so."""
     out = tmp_path / "class"

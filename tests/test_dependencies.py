@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 import tomllib
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
-
-from imubayes.cli import main
 
 ROOT = Path(__file__).parents[1]
 DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -28,10 +25,10 @@ def _name(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", Requirement(requirement).name).lower()
 
 
-def _imported() -> set[str]:
-    """Names of the distributions that a module of the package imports, at its top or in a function."""
+def _imported(folder: str = "imubayes") -> set[str]:
+    """Names of the distributions that a module of a folder imports, at its top or in a function."""
     modules: set[str] = set()
-    for path in (ROOT / "imubayes").rglob("*.py"):
+    for path in (ROOT / folder).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 modules |= {name.name.partition(".")[0] for name in node.names}
@@ -60,10 +57,11 @@ def test_every_dependency_is_imported():
     assert declared - ENGINES <= _imported()
 
 
-def test_every_import_is_declared():
+@pytest.mark.parametrize("folder", ["imubayes", "studies"])
+def test_every_import_is_declared(folder):
     extras = DECLARED["optional-dependencies"].values()
     declared = {_name(text) for part in (DECLARED["dependencies"], *extras) for text in part}
-    assert _imported() <= declared | {"imubayes"}
+    assert _imported(folder) <= declared | {"imubayes"}
 
 
 def test_an_install_brings_no_tool_that_writes_manuals():
@@ -72,18 +70,3 @@ def test_an_install_brings_no_tool_that_writes_manuals():
         _brought(text, seen)
     assert "numpy" in seen
     assert not seen & DOCUMENTATION
-
-
-def test_a_study_of_the_extremes_without_its_extra_is_refused_by_the_name_of_the_extra(
-    monkeypatch, tmp_path, capsys
-):
-    monkeypatch.setitem(sys.modules, "mpmath", None)
-    for name in [name for name in sys.modules if name.startswith("imubayes.extremes")]:
-        monkeypatch.delitem(sys.modules, name)
-    study = tmp_path / "ends.toml"
-    study.write_text("[study]\n[extremes]\n")
-    monkeypatch.setattr(sys, "argv", ["imubayes", "run", str(study)])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    assert stopped.value.code == 2
-    assert "pip install 'imubayes[extremes]'" in " ".join(capsys.readouterr().err.split())

@@ -7,7 +7,6 @@ import json
 import re
 import subprocess
 import tomllib
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -28,7 +27,6 @@ from imubayes.study.schema import (
     described,
     read,
     read_study,
-    shapes,
     simulated,
 )
 from imubayes.study.schema.recorded import toml_lines
@@ -38,19 +36,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 STUDY = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
-SHIPPED = [
-    study
-    for study in sorted((ROOT / "studies").glob("*.toml"))
-    if study.stem not in ("decision_quality", "extremes", "speed", "sampler_speed")
-]
-
-HAND_WRITTEN = {
-    "[extremes]": shapes.ExtremesTable,
-    "[quality]": shapes.QualityTable,
-    "[speed]": shapes.SpeedTable,
-    "[speed.growth]": shapes.GrowthTable,
-}
-"""Tables of keys in docs/study.md that are not made by docs/update_study.py."""
+SHIPPED = [study for study in sorted((ROOT / "studies").glob("*.toml")) if study.stem != "sampler_speed"]
 
 
 def tables_of_keys() -> dict[str, str]:
@@ -79,7 +65,7 @@ def _sections() -> dict[str, list[list[str]]]:
 SECTIONS = _sections()
 KEYS = [
     (section, *row)
-    for section in (*tables_of_keys(), *HAND_WRITTEN, "[sensor.reference]")
+    for section in (*tables_of_keys(), "[sensor.reference]")
     for row in SECTIONS.get(section, [])
 ]
 """(section, key, value, default, meaning, example) of every documented key."""
@@ -168,11 +154,6 @@ def test_every_table_of_a_study_has_its_section():
     assert set(tables_of_keys()) <= there
 
 
-@pytest.mark.parametrize("section", HAND_WRITTEN)
-def test_documented_keys_are_those_that_a_table_takes(section):
-    assert _names(section) == {field.name.rstrip("_") for field in fields(HAND_WRITTEN[section])}
-
-
 @pytest.mark.parametrize("profile", PROFILES)
 def test_usual_value_of_an_option_reads_back_to_that_of_the_profile(profile):
     parameters = inspect.signature(PROFILES[profile]).parameters
@@ -237,13 +218,11 @@ def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
     alone = any((section, key) in ALONE for key in given)
     content = given if alone else NEEDED.get(section, {}) | given
     match section:
-        case "[extremes]" | "[quality]" | "[lots]" | "[fleet]" | "[speed]":
+        case "[lots]" | "[fleet]":
             return {section.strip("[]"): content}
         case "[lots.asks]":
             classes = {"kind": "gyroscope", "classes": ["mems_tactical", "fog_tactical"]}
             return {"lots": NEEDED["[lots]"] | classes | {"asks": content}}
-        case "[speed.growth]":
-            return {"speed": {"growth": content}}
         case "[study]" | "[sampling]" | "[decision]" | "[noise]":
             others = {section.strip("[]"): content}
         case "[[appendix]]":

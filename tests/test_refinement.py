@@ -7,11 +7,11 @@ import pytest
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.refinement import refined, worth_refining
-from imubayes.extremes import exact
-from imubayes.extremes.digits import of_coefficients
 from imubayes.inference.linear import Linear, whitened_factor
 from imubayes.inference.whiten import Processes
 from imubayes.sensors.noise import Noise
+from studies.extremes import exact
+from studies.extremes.digits import of_coefficients
 
 NAMES = ("a", "b", "c")
 CONDITION = 10.0

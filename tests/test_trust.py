@@ -11,7 +11,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.digits import HALF_UNIT, bounds, rounding_of
 from imubayes.algebra.factor import EXTENDED_ROWS, factor_of, least_squares
 from imubayes.errors import UnobservableError
-from imubayes.extremes.digits import of_coefficients
+from studies.extremes.digits import of_coefficients
 
 
 def _rational(X: np.ndarray, y: np.ndarray) -> np.ndarray:

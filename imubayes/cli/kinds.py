@@ -159,30 +159,6 @@ def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
     return terminal_lots(found), partial(_together, write_lots, found)
 
 
-def _quality(study: Any, asked: Asked, told: Waiting) -> Done:
-    from imubayes.quality.measure import measure
-    from imubayes.reporting.quality_page import terminal_quality, write_quality
-
-    found = measure(_left_alone(study, asked), progress=told)
-    return terminal_quality(found), partial(_together, write_quality, found)
-
-
-def _extremes(study: Any, asked: Asked, told: Waiting) -> Done:
-    from imubayes.extremes.measure import measure
-    from imubayes.reporting.extremes_page import terminal_extremes, write_extremes
-
-    found = measure(_left_alone(study, asked), progress=told)
-    return terminal_extremes(found), partial(_together, write_extremes, found)
-
-
-def _speed(study: Any, asked: Asked, told: Waiting) -> Done:
-    from imubayes.reporting.speed_page import terminal_speed, write_speed
-    from imubayes.speed.measure import measure
-
-    found = measure(_left_alone(study, asked), progress=told)
-    return terminal_speed(found), partial(_together, write_speed, found)
-
-
 def _left_alone(study: Any, asked: Asked) -> Any:
     """Study that leaves no choice of how a posterior is computed, where none was asked for."""
     if asked.resume or asked.computing:
@@ -208,9 +184,6 @@ def _traded_lots(study: Any, only: Sequence[str], repeats: int) -> Any:
 KINDS: Mapping[str, Kind] = {
     "sensor": Kind(_sensors, _traded_sensors),
     "lots": Kind(_lots, _traded_lots),
-    "quality": Kind(_quality),
-    "extremes": Kind(_extremes),
     "fleet": Kind(_fleet),
-    "speed": Kind(_speed),
 }
 """Kinds of study by the table that makes them: the keys of `schema.reading.FORMS`, and sensors."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -27,7 +26,7 @@ from imubayes.reporting.plan_words import (
     mounts,
     plan_answer,
 )
-from imubayes.reporting.quality_page import finite
+from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.reporting.terminal import terminal
@@ -212,7 +211,7 @@ def plan_json(found: Proposal) -> str:
             "versions": versions(),
         },
     }
-    return json.dumps(finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(document)
 
 
 def _plan_entry(found: Proposal, outcome: Outcome) -> dict[str, Any]:

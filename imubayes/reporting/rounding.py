@@ -12,7 +12,6 @@ from imubayes.units import factor
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.quality.questions import Interval
     from imubayes.sensors.terms import Kind
 
 FIXED_DIGITS = 5
@@ -168,7 +167,7 @@ def percent(share: float) -> str:
     return f"{value:.{1 if 0.0 < value < 9.95 else 0}f}{NARROW}%"
 
 
-def percents(found: Share | Interval) -> str:
+def percents(found: Share) -> str:
     r"""Share of a count with its interval; nothing where nothing was counted.
 
     Examples
@@ -245,6 +244,29 @@ _DURATIONS = (
 def _short(value: float) -> str:
     """Value rounded to three significant digits, without zeros at its end."""
     return f"{float(f'{value:.3g}'):,.15g}"
+
+
+def two_digits(value: float) -> str:
+    """Two significant digits, without an exponent."""
+    digits = 1 - math.floor(math.log10(value)) if value > 0.0 else 0
+    text = f"{round(value, digits):.{max(digits, 0)}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def times(ratio: float) -> str:
+    """Write a ratio of times.
+
+    Examples
+    --------
+    >>> times(182.3), times(0.456), times(float("nan"))
+    ('180', '0.46', '')
+    """
+    if math.isnan(ratio):
+        return ""
+    if ratio < 100.0:
+        return two_digits(ratio)
+    scale = 10 ** (math.floor(math.log10(ratio)) - 1)
+    return f"{round(ratio / scale) * scale:,}"
 
 
 def per_unit(printed: str, si: str) -> float:

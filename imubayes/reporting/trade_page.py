@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from imubayes.ladder.trade.plan import DEFAULT, NAMES
 from imubayes.ladder.trade.recommend import allowed
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
 from imubayes.reporting.html import write_page
-from imubayes.reporting.quality_page import finite
+from imubayes.reporting.result.file import json_text
 from imubayes.reporting.rounding import duration
 from imubayes.reporting.terminal import terminal
 from imubayes.reporting.trade_figures import trade_panels
@@ -260,7 +259,7 @@ def trade_json(found: Traded) -> str:
             "command": command(found),
         },
     }
-    return json.dumps(finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(document)
 
 
 def _standing_values(standing: Standing) -> dict[str, Any]:

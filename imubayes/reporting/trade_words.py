@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from imubayes.campaign.fidelity import rung_of
 from imubayes.ladder.trade.plan import DEFAULT
 from imubayes.ladder.trade.recommend import allowed, faults
-from imubayes.reporting.rounding import duration
-from imubayes.reporting.speed_words import times
+from imubayes.reporting.rounding import duration, times
 
 if TYPE_CHECKING:
     from imubayes.ladder.trade.record import Place, Traded

@@ -58,7 +58,6 @@ def test_study_without_the_table_is_no_fleet():
 def test_fleet_is_no_other_study(tmp_path):
     path = _read(tmp_path, SMALL).path
     assert read(path)[0] != "lots"
-    assert read(path)[0] != "quality"
     with pytest.raises(StudyError, match=r"fleet: .*'imubayes run' it"):
         read_study(path)
 

@@ -9,20 +9,17 @@ from imubayes.cli import kinds
 from imubayes.cli.console import Waiting
 from imubayes.errors import InputError, StudyError
 from imubayes.study.schema import read, read_study
-from imubayes.study.schema.reading import FORMS, OF_SENSORS, SENSORS
+from imubayes.study.schema.reading import FORMS, OF_SENSORS, OF_THE_TOOL, SENSORS
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SENSOR = '[[sensor]]\nid = "A"\nkind = "accelerometer"\n'
 KIND = {
     "accelerometer_grades": "lots",
     "basic_vs_generalized": "lots",
-    "decision_quality": "quality",
-    "extremes": "extremes",
     "fleet": "fleet",
     "mems_vs_fog": "lots",
     "scenes": "lots",
     "scenes_accelerometers": "lots",
-    "speed": "speed",
 }
 
 
@@ -62,11 +59,20 @@ def test_every_study_that_ships_is_of_its_kind(path):
             read_study(path)
 
 
+@pytest.mark.parametrize(("table", "name"), OF_THE_TOOL.items())
+def test_table_of_a_study_about_the_tool_is_refused_with_the_command_that_runs_it(table, name, tmp_path):
+    path = written(tmp_path, f"[study]\n[{table}]\nx = 1\n")
+    for reader in (read, read_study):
+        with pytest.raises(StudyError, match=rf"study.toml: {table}: .* run 'python -m studies.{name}'"):
+            reader(path)
+    assert (STUDIES / name / "__main__.py").is_file()
+
+
 def test_every_kind_that_is_read_can_be_run():
     assert kinds.KINDS.keys() == {SENSORS, *FORMS}
 
 
-@pytest.mark.parametrize("name", ["extremes", "speed", "decision_quality", "fleet"])
+@pytest.mark.parametrize("name", ["fleet"])
 def test_kind_without_methods_to_trade_says_so(name):
     with pytest.raises(InputError, match=rf"\[{KIND[name]}\] has no methods to trade"):
         kinds.trade(STUDIES / f"{name}.toml", [], [], Waiting(), repeats=0, limit=1.0)

@@ -77,7 +77,6 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
 
 def test_study_without_the_table_is_no_class_level_study():
     assert read(STUDIES / "quickstart.toml")[0] != "lots"
-    assert read(STUDIES / "decision_quality.toml")[0] != "lots"
 
 
 @pytest.mark.parametrize(
@@ -104,7 +103,7 @@ def test_study_without_scenes_cannot_ask_what_they_require(tmp_path):
 
 def test_class_level_study_is_no_other_study(tmp_path):
     study = _read(tmp_path, SMALL)
-    assert read(study.path)[0] != "quality"
+    assert read(study.path)[0] != "fleet"
     with pytest.raises(StudyError, match=r"lots: a class-level study has no .* 'imubayes run' it"):
         read_study(study.path)
 

@@ -29,14 +29,13 @@ from test_speed_page import made_speed
 from test_trade_page import _traded
 
 import imubayes.reporting
-from imubayes.extremes.digits import MOST
+import studies
 from imubayes.inference.allan_fit import AllanCurve
 from imubayes.planning.candidates import Step
 from imubayes.population.tally import VERDICTS
 from imubayes.reporting import (
     case_figures,
     chain_figures,
-    extremes_figures,
     figures,
     fit_figures,
     fleet_figures,
@@ -46,14 +45,16 @@ from imubayes.reporting import (
     noise_figures,
     plan_figures,
     population_figures,
-    quality_figures,
     scene_figures,
-    speed_figures,
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
 from imubayes.reporting.session_views import session_view
 from imubayes.selection.relevance import QUADRANTS
+from studies.decision_quality import figures as quality_figures
+from studies.extremes import figures as extremes_figures
+from studies.extremes.digits import MOST
+from studies.speed import figures as speed_figures
 
 Panels = Iterable[Panel | None]
 
@@ -332,7 +333,10 @@ def test_terms_of_one_quadrant_are_drawn(quadrant):
 def test_no_figure_is_missing_here():
     """Every public function that draws is named in this file; `trade_panels` calls those of its module."""
     told = Path(__file__).read_text() + inspect.getsource(trade_figures.trade_panels)
-    for found in pkgutil.walk_packages(imubayes.reporting.__path__, "imubayes.reporting."):
+    for found in (
+        *pkgutil.walk_packages(imubayes.reporting.__path__, "imubayes.reporting."),
+        *pkgutil.walk_packages(studies.__path__, "studies."),
+    ):
         module = import_module(found.name)
         if "figures" in found.name or (hasattr(module, "draw") and not found.name.endswith(".canvas")):
             assert found.name.rpartition(".")[2] in told

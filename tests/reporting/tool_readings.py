@@ -25,8 +25,8 @@ from report_reading import (
     written,
 )
 
-from imubayes.quality.trials import DECISION, SURE
 from imubayes.reporting.method_words import called
+from studies.decision_quality.trials import DECISION, SURE
 
 NUM = r"[-−]?[\d.,]*\d(?:e-?\d+)?"
 TIME = rf"(?:about )?{NUM} (?:ns|µs|ms|s|min|h)"

@@ -15,6 +15,7 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 from imubayes.errors import DataError, Place, said
 from imubayes.reporting.result.many import FleetResult, LotsResult
 from imubayes.reporting.result.sensors import SensorsResult
+from imubayes.reporting.result.values import plain
 
 RESULT = "result.json"
 """Name of the file in a folder of results."""
@@ -51,8 +52,12 @@ def result_schema() -> dict[str, Any]:
 
 def result_text(result: Result) -> str:
     """Text of ``result.json``: the same bytes for the same result; what is not finite is null."""
-    plain = adapter().dump_python(result, by_alias=True)
-    return json.dumps(plain, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text(adapter().dump_python(result, by_alias=True))
+
+
+def json_text(values: Mapping[str, Any]) -> str:
+    """Text of values of any form; what is not finite is null."""
+    return json.dumps(plain(values), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,12 +35,13 @@ def _listed(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _plain(value: Any) -> Any:
-    """Values of any form, with null for what is not finite."""
+def plain(value: Any) -> Any:
+    """Values of any form as Python has them, with null for what is not finite."""
+    value = _listed(value)
     if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
+        return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain(entry) for entry in value]
     return _finite(value) if isinstance(value, float) else value
 
 
@@ -50,7 +51,7 @@ Flag = Annotated[bool, BeforeValidator(_listed), Strict()]
 Names = tuple[str, ...]
 Numbers = Annotated[tuple[Number, ...], BeforeValidator(_listed)]
 Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(_listed)]
-Loose = Annotated[dict[str, Any], PlainSerializer(_plain)]
+Loose = Annotated[dict[str, Any], PlainSerializer(plain)]
 """A table whose keys depend on what was tested."""
 
 _Published = TypeVar("_Published")

@@ -12,28 +12,22 @@ from typing import Any
 from imubayes.campaign.preparation import AnyRun, runs_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
-from imubayes.extremes.plan import ExtremesStudy
 from imubayes.planning.menu import PlanStudy
 from imubayes.population.lots import LotStudy
 from imubayes.population.parts import FleetStudy
-from imubayes.quality.trials import QualityStudy
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
-from imubayes.speed.contests import SpeedStudy
 from imubayes.study.schema.appendix_tables import appendix
-from imubayes.study.schema.extremes_tables import extremes_study
 from imubayes.study.schema.fleet_tables import fleet_study
 from imubayes.study.schema.lot_tables import lot_study
 from imubayes.study.schema.plan_tables import plan_study
-from imubayes.study.schema.quality_tables import quality_study
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
 from imubayes.study.schema.shapes import Place, hint, shaped, unique
-from imubayes.study.schema.speed_tables import speed_study
 from imubayes.study.schema.tables import DecisionTable, HeaderTable, NoiseTable, SamplingTable, StudyFile
 
-AnyStudy = Study | LotStudy | QualityStudy | ExtremesStudy | FleetStudy | SpeedStudy
+AnyStudy = Study | LotStudy | FleetStudy
 """What a study file becomes."""
 
 
@@ -57,12 +51,12 @@ class Form:
 
 FORMS: Mapping[str, Form] = {
     "lots": Form("a class-level study", "draws the units of its own classes", lot_study, ("scene",)),
-    "quality": Form("a study of how good the decision is", "draws its own sensors", quality_study),
-    "extremes": Form("a study of the extremes", "makes its own problems", extremes_study),
     "fleet": Form("a study of a fleet", "describes its one kind of sensor itself", fleet_study),
-    "speed": Form("a study of speed", "makes its own problems", speed_study),
 }
 """Kinds of study by their table; a file with none of them is a study of sensors."""
+
+OF_THE_TOOL: Mapping[str, str] = {"quality": "decision_quality", "extremes": "extremes", "speed": "speed"}
+"""Studies about the tool, which no file describes, by the table that they once had: modules of `studies`."""
 
 SENSORS = "sensor"
 """The kind of study that has the others' tables."""
@@ -202,8 +196,12 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[AnyRun, ...]:
 
 def _tables(path: Path) -> tuple[str, StudyFile]:
     """Text of a study file, and its tables, of which only the names are checked."""
-    text = _content(path)
-    return text, shaped(StudyFile, _parsed(text, str(path)), Place(str(path)))
+    text, place = _content(path), Place(str(path))
+    raw = _parsed(text, str(path))
+    for key in (key for key in OF_THE_TOOL if key in raw):
+        command = f"python -m studies.{OF_THE_TOOL[key]}"
+        raise place.at(key).error(f"this study needs no file: run '{command}' in the project's folder")
+    return text, shaped(StudyFile, raw, place)
 
 
 def _content(path: Path) -> str:

@@ -5,62 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from difflib import get_close_matches
-from typing import Annotated, TypeVar
+from typing import TypeVar
 
-from pydantic import Field, ValidationError
-from pydantic.dataclasses import dataclass as shape
+from pydantic import ValidationError
 
 from imubayes.errors import MISSING, Place, said, shown
-from imubayes.study.schema.measured import STRICT, Count, Several, measured
-
-
-@shape(config=STRICT, frozen=True)
-class ExtremesTable:
-    """``[extremes]``."""
-
-    families: Annotated[tuple[str, ...], Several] = ()
-    every: Count = 1
-
-
-@shape(config=STRICT, frozen=True)
-class QualityTable:
-    """``[quality]``."""
-
-    sensors: Count = 200
-    treatments: Annotated[tuple[str, ...], Several] = ("as modelled",)
-    misspecified: Count | None = None
-    powers: int = 3
-    asymmetry: int = 2
-    resamples: Count = 20
-    processes: Count = 2
-    classes: Annotated[tuple[str, ...], Several] = ()
-
-
-@shape(config=STRICT, frozen=True)
-class SpeedTable:
-    """``[speed]``."""
-
-    repeats: Count = 5
-    least_squares: Annotated[tuple[int, ...], Several] = ()
-    one_sided: Annotated[tuple[int, ...], Several] = ()
-    subsets: Annotated[tuple[int, ...], Several] = ()
-    g_prior: Annotated[tuple[int, ...], Several] = ()
-    enumeration: Annotated[tuple[int, ...], Several] = ()
-    noise: Annotated[tuple[int, ...], Several] = ()
-    posterior: Annotated[tuple[int, ...], Several] = ()
-    growth: dict = Field(default_factory=dict)
-
-
-@shape(config=STRICT, frozen=True)
-class GrowthTable:
-    """``[speed.growth]``."""
-
-    rows: Annotated[tuple[int, ...], Several] = ()
-    terms: Annotated[tuple[int, ...], Several] = ()
-    models: Annotated[tuple[int, ...], Several] = ()
-    runs: Annotated[tuple[int, ...], Several] = ()
-    units: Annotated[tuple[int, ...], Several] = ()
-
+from imubayes.study.schema.measured import measured
 
 _Shape = TypeVar("_Shape")
 

@@ -553,9 +553,6 @@ class StudyFile:
     decision: Annotated[Table, Holds(DecisionTable)] = Field(default_factory=dict)
     noise: Annotated[Table, Holds(NoiseTable)] = Field(default_factory=dict)
     sensor: Annotated[list[Table], Holds(SensorTable, many="list")] = Field(default_factory=list)
-    quality: Table | None = None
-    extremes: Table | None = None
-    speed: Table | None = None
     lots: Annotated[Table | None, Holds(LotsTable)] = None
     fleet: Annotated[Table | None, Holds(FleetTable)] = None
     plan: Annotated[Table | None, Holds(PlanTable)] = None

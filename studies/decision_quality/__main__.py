@@ -1,0 +1,9 @@
+"""How often is the decision wrong, and is any other method better? About half an hour on two cores."""
+
+from studies.command import main
+from studies.decision_quality.measure import measure
+from studies.decision_quality.page import terminal_quality, write_quality
+from studies.decision_quality.trials import SMALL, QualityStudy
+
+if __name__ == "__main__":
+    main(QualityStudy(), SMALL, measure, terminal_quality, write_quality)

@@ -1,0 +1,179 @@
+"""What is asked of a method: of each term, or of each group of inseparable ones, whether it is there.
+
+Terms of one sensor share its noise, so intervals are bootstrapped over sensors (2.5 % to 97.5 %). Where few
+errors were seen, a bootstrap knows too little: the interval of a rate holds Clopper and Pearson's too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.selection.verdicts import EQUAL, ODDS, Costs
+from studies.decision_quality.trials import Trial
+
+OPEN = 1.0 / (1.0 + ODDS)
+"""Cost of leaving a term open over that of a wrong choice: the one at which the thresholds of the verdicts,
+0.95 and 0.05, cost least (the reject option of Chow, 1970)."""
+
+JOINT = "+"
+"""Between the names of terms that are asked for together."""
+
+LEVELS = (2.5, 97.5)
+"""Percentages between which an interval lies."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A value with its 95 % interval; NaN where there is nothing to measure.
+
+    Attributes
+    ----------
+    value, low, high : of the quantity.
+    events, of : for a rate, how often it happened and out of how many; 0 for what is no rate.
+    """
+
+    value: float
+    low: float
+    high: float
+    events: int = 0
+    of: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Questions:
+    """What was asked: whether a term (or any of a group) is there.
+
+    Attributes
+    ----------
+    sensor : (n,) index of the sensor of each question.
+    weights : (draws, sensors) how often each sensor is in a bootstrap sample.
+    true : (n,) the truth.
+    effect : (n,) over noise.
+    several : (n,) whether it is a group that was asked for.
+    keeps, strength : (m, n) of each method.
+    verdict : (n,) 1 for needed, 0 for not needed, NaN for left open.
+    """
+
+    sensor: NDArray[np.int64]
+    weights: FloatArray
+    true: BoolArray
+    effect: FloatArray
+    several: BoolArray
+    keeps: FloatArray
+    strength: FloatArray
+    verdict: FloatArray
+
+    def errs(self, keeps: FloatArray) -> FloatArray:
+        """Where keeping `keeps` (n,) is wrong: (n,) of 0 and 1."""
+        return np.where(self.true, 1.0 - keeps, keeps)
+
+    def wrong(self, k: int) -> FloatArray:
+        """Where method `k` errs: (n,) of 0 and 1."""
+        return self.errs(self.keeps[k])
+
+    def decided(self, ratio: float) -> FloatArray:
+        """What the decision, in row 0, keeps where a false keep costs `ratio` times a false drop."""
+        return (self.strength[0] >= Costs(ratio, 1.0).keep).astype(float)
+
+    def weighed(self, k: int, ratio: float) -> FloatArray:
+        """Cost (n,) of what method `k` keeps, a false drop costing 1."""
+        wrong = self.errs(self.decided(ratio) if k == 0 else self.keeps[k])
+        return np.where(self.true, 1.0, ratio) * wrong
+
+    def opened(self, k: int) -> FloatArray:
+        """Cost (n,) of method `k` where it may leave a term open: 1 for an error, `OPEN` for an open term.
+
+        The decision, in row 0, says what it leaves open; another method does so between the same thresholds
+        of its strength, and chooses where it has none.
+        """
+        said = self.verdict if k == 0 else _sided(self.strength[k], self.keeps[k])
+        return np.where(np.isnan(said), OPEN, self.errs(said))
+
+    def share(self, wrong: FloatArray, of: BoolArray) -> Interval:
+        """Rate of `wrong` (n,) among the questions `of` (n,), with its interval."""
+        mean = self.mean(wrong, of)
+        events, total = int(np.sum(wrong[of])), int(np.sum(of))
+        low, high = _clopper_pearson(events, total)
+        return Interval(mean.value, min(mean.low, low), max(mean.high, high), events, total)
+
+    def mean(self, value: FloatArray, of: BoolArray) -> Interval:
+        """Mean of `value` (n,) over the questions `of` (n,), with its interval."""
+        top, bottom = self._by_sensor(np.where(of, value, 0.0)), self._by_sensor(of.astype(float))
+        return _ratio(top, bottom, self.weights)
+
+    def each(self, value: FloatArray) -> Interval:
+        """Sum of `value` (n,) for each sensor, with its interval."""
+        return _ratio(self._by_sensor(value), np.ones(self.weights.shape[1]), self.weights)
+
+    def _by_sensor(self, value: FloatArray) -> FloatArray:
+        return np.bincount(self.sensor, weights=value, minlength=self.weights.shape[1]).astype(float)
+
+
+def questions(taken: Sequence[Trial], weights: FloatArray) -> Questions:
+    """Every term as a question of its own."""
+    return Questions(
+        sensor=np.repeat(np.arange(len(taken)), [len(t.terms) for t in taken]),
+        weights=weights,
+        true=np.concatenate([t.truth != 0.0 for t in taken]),
+        effect=np.concatenate([t.effect for t in taken]),
+        several=np.array([JOINT in name for t in taken for name in t.terms]),
+        keeps=np.hstack([t.keeps for t in taken]),
+        strength=np.hstack([t.strength for t in taken]),
+        verdict=np.concatenate([t.verdict for t in taken]),
+    )
+
+
+def with_groups(t: Trial) -> Trial:
+    """Trial in which each group is one term: kept where any is, true where any is."""
+    inside = {k for group in t.groups for k in group}
+    alone = [k for k in range(len(t.terms)) if k not in inside]
+    where = [*([k] for k in alone), *(list(group) for group in t.groups)]
+    return replace(
+        t,
+        terms=tuple(JOINT.join(t.terms[k] for k in group) for group in where),
+        truth=np.array([np.abs(t.truth[group]).max() for group in where]),
+        effect=np.concatenate((t.effect[alone], t.group_effect)),
+        keeps=np.array([t.keeps[:, group].max(axis=1) for group in where]).T,
+        strength=np.array([t.strength[:, group].max(axis=1) for group in where]).T,
+        verdict=np.array([t.verdict[group].max() for group in where]),
+    )
+
+
+def _sided(strength: FloatArray, keeps: FloatArray) -> FloatArray:
+    """1, 0 or NaN (n,) as a strength is above the upper threshold, below the lower, or between."""
+    sides = np.where(strength >= EQUAL.needed, 1.0, np.where(strength <= EQUAL.not_needed, 0.0, np.nan))
+    return np.where(np.isnan(strength), keeps, sides)
+
+
+def _ratio(top: FloatArray, bottom: FloatArray, weights: FloatArray) -> Interval:
+    """Sum of `top` over the sum of `bottom` (sensors,), with the interval of its bootstrap samples."""
+    if not bottom.any():
+        return Interval(math.nan, math.nan, math.nan)
+    drawn = weights @ bottom
+    samples = (weights @ top)[drawn > 0.0] / drawn[drawn > 0.0]
+    low, high = np.percentile(samples, LEVELS)
+    return Interval(float(top.sum() / bottom.sum()), float(low), float(high))
+
+
+def _clopper_pearson(events: int, total: int) -> tuple[float, float]:
+    """Interval of a rate from independent trials, exact at any number of events.
+
+    Examples
+    --------
+    >>> low, high = _clopper_pearson(0, 100)
+    >>> low, round(high, 4)
+    (0.0, 0.0362)
+    """
+    if total == 0:
+        return math.nan, math.nan
+    first, last = (level / 100.0 for level in LEVELS)
+    low = float(beta.ppf(first, events, total - events + 1)) if events else 0.0
+    high = float(beta.ppf(last, events + 1, total - events)) if events < total else 1.0
+    return low, high

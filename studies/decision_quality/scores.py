@@ -1,0 +1,237 @@
+"""How often each method is wrong, and how well its strengths foretell the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from imubayes.errors import InputError
+from imubayes.selection.verdicts import Costs
+from studies.decision_quality.questions import OPEN, Interval, Questions, questions, with_groups
+from studies.decision_quality.trials import STRONG, Trial
+
+EDGES = (0.0, 1.0, 2.0, 4.0, STRONG, np.inf)
+"""Bins of effect over noise."""
+
+BINS = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0)
+"""Bins of inclusion, for its calibration."""
+
+RATIOS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 19.0)
+"""Costs of a false keep over that of a false drop that the methods are compared at."""
+
+CLIP = 1e-3
+"""A strength counts as if it were at least this far from 0 and 1 in the log score: nobody is that sure."""
+
+DRAWS = 2000
+"""Bootstrap samples of the sensors."""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodScore:
+    """How good a method is.
+
+    Attributes
+    ----------
+    method : its name.
+    false_keeps : share of the zero terms that it keeps.
+    false_drops : share of the true terms that it drops, in each bin of `EDGES`.
+    cost : false keeps and false drops for each sensor, at equal costs.
+    excess : its cost minus the decision's, sensor by sensor.
+    brier, log : mean squared error, and mean of -ln, of the strength given the truth; lower is better.
+    group_keeps : share of the groups without a true term from which it keeps one.
+    group_drops : share of the groups with a true term from which it keeps none, where together they have an
+        effect above `STRONG`.
+    group_cost : as `cost`, but with a group as one question: is any of its terms there?
+    weighed : its cost at each of `RATIOS`, a false drop costing 1. The decision then has the threshold that
+        follows from the ratio; the others know of no costs.
+    weighed_excess : that cost minus the decision's.
+    opened : its cost where a term may be left open at `OPEN` of an error: the decision's by its verdicts, the
+        others' between the same thresholds of their strengths.
+    opened_excess : that cost minus the decision's.
+    """
+
+    method: str
+    false_keeps: Interval
+    false_drops: tuple[Interval, ...]
+    cost: Interval
+    excess: Interval
+    brier: Interval
+    log: Interval
+    group_keeps: Interval
+    group_drops: Interval
+    group_cost: Interval
+    weighed: tuple[Interval, ...]
+    weighed_excess: tuple[Interval, ...]
+    opened: Interval
+    opened_excess: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Of the terms that the decision includes with a probability in a bin, the share that is true."""
+
+    low: float
+    high: float
+    inclusion: float
+    true: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class Careful:
+    """The decision where a false keep costs `ratio` times a false drop.
+
+    Attributes
+    ----------
+    ratio, threshold : of the costs, and the inclusion from which a term is kept.
+    false_keeps, false_drops : as in `MethodScore`, the drops above `STRONG`.
+    """
+
+    ratio: float
+    threshold: float
+    false_keeps: Interval
+    false_drops: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class Verdicts:
+    """The verdicts needed and not needed, of the decision, which may leave a term open.
+
+    Attributes
+    ----------
+    false_keeps : share of the zero terms that are called needed.
+    false_drops : share of the terms above `STRONG` that are called not needed.
+    left, left_strong : share of all terms, and of those above `STRONG`, that are left open.
+    nothing : cost for each sensor of leaving every term open.
+    """
+
+    false_keeps: Interval
+    false_drops: Interval
+    left: Interval
+    left_strong: Interval
+    nothing: Interval
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Scores of every method under one treatment.
+
+    Attributes
+    ----------
+    treatment : of the sensors.
+    kind : of the sensors; empty for both.
+    sensors, zero, true, groups : how many sensors, zero terms, true terms and groups of inseparable ones.
+    methods : scores, the decision first.
+    calibration : of the decision's inclusion.
+    careful : the decision at each of `RATIOS`.
+    verdicts : the decision where it may leave a term open.
+    """
+
+    treatment: str
+    kind: str
+    sensors: int
+    zero: int
+    true: int
+    groups: int
+    methods: tuple[MethodScore, ...]
+    calibration: tuple[Calibration, ...]
+    careful: tuple[Careful, ...]
+    verdicts: Verdicts
+
+    def of(self, method: str) -> MethodScore:
+        """Score of one method."""
+        return next(score for score in self.methods if score.method == method)
+
+
+def scores(trials: Sequence[Trial], treatment: str, kind: str = "", *, rng: np.random.Generator) -> Scores:
+    """Score every method on the sensors of one treatment.
+
+    Parameters
+    ----------
+    trials : of any treatments.
+    treatment : to score.
+    kind : of sensors to take; empty for both.
+    rng : of the bootstrap.
+
+    Raises
+    ------
+    InputError : if there is no such trial.
+    """
+    taken = [t for t in trials if t.treatment == treatment and kind in ("", t.kind)]
+    if not taken:
+        raise InputError(f"no {kind or 'sensor'} was tried under '{treatment}': nothing can be scored")
+    weights = rng.multinomial(len(taken), np.full(len(taken), 1.0 / len(taken)), DRAWS).astype(float)
+    single, grouped = questions(taken, weights), questions([with_groups(t) for t in taken], weights)
+    return Scores(
+        treatment=treatment,
+        kind=kind,
+        sensors=len(taken),
+        zero=int(np.sum(~single.true)),
+        true=int(np.sum(single.true)),
+        groups=sum(len(t.groups) for t in taken),
+        methods=tuple(_score(name, k, single, grouped) for k, name in enumerate(taken[0].methods)),
+        calibration=_calibration(single),
+        careful=tuple(_careful(single, ratio) for ratio in RATIOS),
+        verdicts=_verdicts(single),
+    )
+
+
+def _score(name: str, k: int, single: Questions, grouped: Questions) -> MethodScore:
+    """Score of the method in row `k`; the decision is in row 0."""
+    wrong, wrong_group = single.wrong(k), grouped.wrong(k)
+    strength, said = single.strength[k], ~np.isnan(single.strength[k])
+    sure = np.clip(np.where(single.true, strength, 1.0 - strength), CLIP, 1.0 - CLIP)
+    bins = [single.true & (single.effect >= a) & (single.effect < b) for a, b in pairwise(EDGES)]
+    strong = grouped.several & grouped.true & (grouped.effect >= STRONG)
+    return MethodScore(
+        method=name,
+        false_keeps=single.share(wrong, ~single.true),
+        false_drops=tuple(single.share(wrong, inside) for inside in bins),
+        cost=single.each(wrong),
+        excess=single.each(wrong - single.wrong(0)),
+        brier=single.mean((strength - single.true) ** 2, said),
+        log=single.mean(-np.log(sure), said),
+        group_keeps=grouped.share(wrong_group, grouped.several & ~grouped.true),
+        group_drops=grouped.share(wrong_group, strong),
+        group_cost=grouped.each(wrong_group),
+        weighed=tuple(single.each(single.weighed(k, r)) for r in RATIOS),
+        weighed_excess=tuple(single.each(single.weighed(k, r) - single.weighed(0, r)) for r in RATIOS),
+        opened=single.each(single.opened(k)),
+        opened_excess=single.each(single.opened(k) - single.opened(0)),
+    )
+
+
+def _careful(asked: Questions, ratio: float) -> Careful:
+    """Return the decision, in row 0, at a ratio of costs."""
+    wrong = asked.errs(asked.decided(ratio))
+    strong = asked.true & (asked.effect >= STRONG)
+    threshold = Costs(ratio, 1.0).keep
+    return Careful(ratio, threshold, asked.share(wrong, ~asked.true), asked.share(wrong, strong))
+
+
+def _verdicts(asked: Questions) -> Verdicts:
+    """What the decision calls needed, not needed, and leaves open."""
+    left = np.isnan(asked.verdict)
+    wrong = np.where(left, 0.0, asked.errs(asked.verdict))
+    strong, every = asked.true & (asked.effect >= STRONG), np.ones(len(asked.true), dtype=bool)
+    return Verdicts(
+        false_keeps=asked.share(wrong, ~asked.true),
+        false_drops=asked.share(wrong, strong),
+        left=asked.share(left.astype(float), every),
+        left_strong=asked.share(left.astype(float), strong),
+        nothing=asked.each(np.full(len(asked.true), OPEN)),
+    )
+
+
+def _calibration(asked: Questions) -> tuple[Calibration, ...]:
+    """Inclusion by the decision, in row 0, against the truth."""
+    inclusion = asked.strength[0]
+    told = []
+    for low, high in pairwise(BINS):
+        inside = (inclusion >= low) & ((inclusion < high) | (high == BINS[-1]))
+        if inside.any():
+            true = asked.share(asked.true.astype(float), inside)
+            told.append(Calibration(low, high, float(inclusion[inside].mean()), true))
+    return tuple(told)

@@ -1,0 +1,1 @@
+"""Whether the posterior is calibrated: ranks of simulated truths among its draws."""

@@ -1,0 +1,9 @@
+"""How fast is it, beside what people would use instead? About five minutes on two cores."""
+
+from studies.command import main
+from studies.speed.contests import SMALL, SpeedStudy
+from studies.speed.measure import measure
+from studies.speed.page import terminal_speed, write_speed
+
+if __name__ == "__main__":
+    main(SpeedStudy(), SMALL, measure, terminal_speed, write_speed)

@@ -1,0 +1,87 @@
+"""Figures of speed: everybody's time on one axis, and time against size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imubayes.reporting.canvas import (
+    ACCENT,
+    GREY,
+    WARNING,
+    Axes,
+    Margins,
+    Panel,
+    dots,
+    draw,
+    log_scale,
+    plain_logs,
+)
+from imubayes.reporting.rounding import duration
+from studies.speed.words import count_text, law_title, wrong
+
+if TYPE_CHECKING:
+    from studies.speed.growth import Law
+    from studies.speed.measure import Found, Place
+
+ROW = 22
+"""px of an entrant's row."""
+
+
+def contest_panel(found: Found, key: str) -> Panel:
+    """Time of everybody who took part: shortest as a dot, up to the longest as a stick."""
+    order = [place for place in found.places if place.seconds][::-1]
+
+    def paint(axes: Axes) -> None:
+        for row, place in enumerate(order):
+            color = _color(found, place)
+            axes.plot([place.fastest, max(place.seconds)], [row, row], color=color, linewidth=1.5)
+            dots(axes, np.array([place.fastest]), np.array([float(row)]), color=color, size=7.0)
+        axes.set_yticks(range(len(order)), [_label(found, place) for place in order])
+        axes.set(ylim=(-0.6, len(order) - 0.4))
+        low, high = min(p.fastest for p in order), max(max(p.seconds) for p in order)
+        axes.set_xlim(0.5 * low, 2.0 * high)
+        log_scale(axes, "x", 5)
+        axes.xaxis.set_major_formatter(_ticked)
+        axes.tick_params(axis="y", length=0)
+
+    alt = f"{found.title}, time: " + "; ".join(
+        f"{_label(found, place)} {duration(place.fastest)}" for place in order[::-1]
+    )
+    space = Margins(left=140, bottom=26)
+    return draw(paint, title=found.title, alt=alt, key=key, height=ROW * len(order) + 40, margins=space)
+
+
+def _ticked(value: float, _: float) -> str:
+    return duration(value)
+
+
+def _color(found: Found, place: Place) -> str:
+    return ACCENT if place.ours else WARNING if wrong(found, place) else GREY
+
+
+def _label(found: Found, place: Place) -> str:
+    name = place.name.removeprefix("imubayes, ") if place.name != "imubayes" else place.name
+    return f"{name} (wrong)" if wrong(found, place) else name
+
+
+def law_panel(law: Law, key: str) -> Panel:
+    """Time against size on log-log axes, with the fitted power."""
+
+    def paint(axes: Axes) -> None:
+        own = law.sizes[law.used]
+        axes.plot(own, law.at_one * own**law.exponent, color=GREY, linewidth=1.2)
+        for size, seconds in zip(law.sizes, law.seconds, strict=True):
+            axes.plot([size, size], [seconds.min(), seconds.max()], color=ACCENT, linewidth=1.5)
+        dots(axes, law.sizes, law.fastest, color=ACCENT, size=7.0)
+        axes.set(xlabel=law.ladder.quantity)
+        axes.set_xlim(0.7 * law.sizes[0], 1.4 * law.sizes[-1])
+        plain_logs(axes)
+        axes.xaxis.set_major_formatter(lambda value, _: count_text(value))
+        axes.yaxis.set_major_formatter(_ticked)
+
+    alt = f"Time against {law.ladder.quantity}: " + "; ".join(
+        f"{size:,.0f} {duration(seconds)}" for size, seconds in zip(law.sizes, law.fastest, strict=True)
+    )
+    return draw(paint, title=law_title(law), alt=alt, key=key, height=210)

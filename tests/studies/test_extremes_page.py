@@ -1,0 +1,81 @@
+"""The page on the extremes: what it says is what was measured."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+from tool_readings import wrong_extremes
+
+from studies.extremes.measure import QUANTITIES, Extremes, ExtremesStudy, Outcome, Told, measure
+from studies.extremes.page import (
+    extremes_answer,
+    extremes_html,
+    extremes_json,
+    terminal_extremes,
+    write_extremes,
+)
+
+
+@pytest.fixture(scope="module")
+def found() -> Extremes:
+    return measure(ExtremesStudy(families=("columns",), every=4))
+
+
+def _with(found: Extremes, told: Told) -> Extremes:
+    first = found.outcomes[0]
+    wrong = Outcome(first.family, "wrong", 2.0, True, dict.fromkeys(QUANTITIES, told), ())
+    return replace(found, outcomes=(wrong, *found.outcomes))
+
+
+def test_an_answer_that_claims_too_much_is_counted_in_the_first_sentence(found):
+    assert extremes_answer(found)[0].startswith("None of")
+    assert extremes_answer(_with(found, Told(3.0, 5.0)))[0].startswith("6 of")
+    assert "6 is NaN or infinite" in extremes_answer(_with(found, Told(-math.inf, 5.0)))[0]
+
+
+def test_problems_that_were_refused_are_counted_beside_the_promise(found):
+    first = Outcome("noise", "1", 2.0, True, dict.fromkeys(QUANTITIES, Told(9.0, 8.0)), (), 40)
+    refused = replace(first, told=dict.fromkeys(QUANTITIES, Told(math.nan, math.nan)), refused=("why",))
+    answer = " ".join(extremes_answer(replace(found, outcomes=(first, refused))))
+    assert "That leaves out 1 of 2 such problems, which were refused" in answer
+    assert "leaves out" not in " ".join(extremes_answer(replace(found, outcomes=(first,))))
+
+
+def test_the_promise_says_for_how_many_rows_it_was_measured(found):
+    first = Outcome("noise", "1", 2.0, True, dict.fromkeys(QUANTITIES, Told(9.0, 8.0)), (), 40)
+    copies = replace(first, family="rows", rows=10**9)
+    answer = " ".join(extremes_answer(replace(found, outcomes=(first, replace(first, rows=100_000), copies))))
+    assert "40 to 100,000 rows, and up to 1,000,000,000 of a short record stacked on itself" in answer
+
+
+def test_numbers_of_every_case_are_in_the_result(found):
+    document = json.loads(extremes_json(found))
+    assert [case["case"] for case in document["cases"]] == [one.label for one in found.outcomes]
+    for case, one in zip(document["cases"], found.outcomes, strict=True):
+        for name, told in one.told.items():
+            correct = case["digits"][name]["correct"]
+            assert correct is None if math.isnan(told.correct) else correct == told.correct
+
+
+def test_page_is_whole(found, tmp_path):
+    text = extremes_html(found)
+    parser = HTMLParser()
+    parser.feed(text)
+    parser.close()
+    assert text.count("<svg") == 1
+    assert all(message.split(";")[0] in text for one in found.outcomes for message in one.refused)
+    assert [file.name for file in write_extremes(found, tmp_path)] == ["report.html", "result.json"]
+
+
+def test_terminal_fits_eighty_columns_and_names_every_family(found):
+    lines = terminal_extremes(found).splitlines()
+    assert lines[-1].startswith("columns")
+    assert max(map(len, lines[-2:])) <= 80
+
+
+def test_every_number_of_the_page_is_one_of_the_result(found):
+    assert wrong_extremes(extremes_html(found), json.loads(extremes_json(found))) == []

@@ -1,0 +1,118 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tool_readings import wrong_quality
+
+from imubayes.reporting.rounding import NARROW
+from studies.decision_quality.measure import Quality
+from studies.decision_quality.page import quality_html, quality_json, terminal_quality, write_quality
+from studies.decision_quality.questions import Interval
+from studies.decision_quality.scores import EDGES, scores
+from studies.decision_quality.trials import DECISION, MODELLED, SURE, WHITE, QualityStudy, Trial
+from studies.decision_quality.words import claim, quality_answer, wrong_models
+
+METHODS = (DECISION, SURE, "aic", "ebic", "bic", "leave_one_run_out", "stlsq")
+STUDY = QualityStudy(seed=3, sensors=20, treatments=(MODELLED, WHITE), misspecified=20, processes=1)
+
+
+def _trial(number: int, treatment: str, wrong: float) -> Trial:
+    """Every method errs on a share of the terms; the decision on half as many."""
+    rng = np.random.default_rng([number, treatment == WHITE])
+    true = rng.random(10) < 0.5
+    flips = rng.random((len(METHODS), 10)) < np.array([wrong / 2.0, *[wrong] * (len(METHODS) - 1)])[:, None]
+    keeps = np.where(flips, ~true, true).astype(float)
+    strength = np.clip(keeps, 0.1, 0.9)
+    strength[1] = np.nan
+    effect = np.where(true, np.resize([0.5, 1.5, 3.0, 6.0, 20.0], 10), 0.0)
+    terms, nothing = tuple(f"t{k}" for k in range(10)), np.zeros(0)
+    kind = ("accelerometer", "gyroscope")[number % 2]
+    return Trial(
+        kind,
+        number,
+        "x",
+        treatment,
+        terms,
+        true * 1.0,
+        effect,
+        (),
+        nothing,
+        METHODS,
+        keeps,
+        strength,
+        keeps[0],
+    )
+
+
+def made_quality() -> Quality:
+    tried = tuple(_trial(k, t, w) for t, w in ((MODELLED, 0.2), (WHITE, 0.5)) for k in range(20))
+    rng = np.random.default_rng(1)
+    told = tuple(scores(tried, t, kind, rng=rng) for t in (MODELLED, WHITE) for kind in ("", "accelerometer"))
+    return Quality(STUDY, tried, told, 120.0)
+
+
+@pytest.fixture(scope="module")
+def quality() -> Quality:
+    return made_quality()
+
+
+def test_answer_has_the_counts_behind_it(quality):
+    text = " ".join(quality_answer(quality)).replace(NARROW, " ")
+    own = quality.scores[0].of(DECISION)
+    said = quality.scores[0].verdicts
+    assert f"Over 20 simulated sensors the verdict called {100 * said.false_keeps.value:.1f} %" in text
+    assert f"of the {quality.scores[0].zero} terms that are zero" in text
+    assert f"it is wrong in {own.cost.value:.2f} terms a sensor, the fewest of all methods" in text
+
+
+def test_method_that_costs_less_is_named(quality):
+    first = quality.scores[0]
+    cheap = replace(first.methods[2], cost=Interval(0.01, 0.0, 0.1), excess=Interval(-1.0, -2.0, -0.5))
+    beaten = replace(first, methods=(*first.methods[:2], cheap, *first.methods[3:]))
+    text = " ".join(quality_answer(replace(quality, scores=(beaten,))))
+    assert "are not the fewest: AIC (0.01)" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "high", "said"),
+    [(0.01, 0.019, "yes."), (0.01, 0.03, "but the interval reaches 3.0 %"), (0.05, 0.09, "no, 5.0 %")],
+)
+def test_claim_is_kept_only_with_its_interval(value, high, said):
+    assert said in claim(Interval(value, 0.0, high), "false keeps").replace(NARROW, " ")
+
+
+def test_every_wrong_treatment_has_a_sentence(quality):
+    (text,) = wrong_models(quality)
+    assert text.startswith("With noise assumed white, it calls ")
+
+
+def test_page_holds_its_command_and_every_method_under_every_treatment(quality):
+    html = quality_html(quality)
+    assert quality.study.command in html
+    for name in ("decision, needed only", "AIC", "EBIC", "run left out", "STLSQ"):
+        # the table of scores and that of drops, for two treatments
+        assert html.count(f'<th scope="row" class="once">{name}</th>') == 4
+    assert html.count("<svg") == html.count("</svg>") == 8
+    assert "http" not in html.replace("http://www.w3.org", "")
+
+
+def test_result_has_the_scores_and_no_number_that_is_not_finite(quality):
+    told = json.loads(quality_json(quality))
+    assert len(told["scores"]) == 4
+    first = told["scores"][0]["methods"]
+    assert [score["method"] for score in first] == list(METHODS)
+    assert first[1]["brier"]["value"] is None
+    assert first[0]["cost"]["value"] == quality.scores[0].methods[0].cost.value
+    assert told["effect_edges"] == list(EDGES[:-1])
+
+
+def test_two_files_are_written_and_the_terminal_has_a_line_a_method(quality, tmp_path):
+    assert [file.name for file in write_quality(quality, tmp_path)] == ["report.html", "result.json"]
+    lines = terminal_quality(quality).splitlines()
+    assert all(len(line) <= 80 for line in lines[-len(METHODS) :])
+    assert [line.split("  ")[0] for line in lines[-len(METHODS) :]][:3] == [DECISION, SURE, "AIC"]
+
+
+def test_every_number_of_the_page_is_one_of_the_result(quality):
+    assert wrong_quality(quality_html(quality), json.loads(quality_json(quality))) == []

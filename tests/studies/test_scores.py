@@ -1,0 +1,146 @@
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from imubayes.errors import InputError
+from studies.decision_quality import questions as asked
+from studies.decision_quality import scores as scoring
+from studies.decision_quality.scores import RATIOS, scores
+from studies.decision_quality.trials import DECISION, MODELLED, SURE, Trial
+
+METHODS = (DECISION, SURE, "perfect", "all", "none", "coin")
+
+
+def trial(number, rng, *, t=12, kind="accelerometer", groups=(), group_effect=()):
+    """A sensor whose decision is calibrated by construction: the truth is drawn from its inclusion."""
+    inclusion = rng.beta(0.5, 0.5, t)
+    true = rng.random(t) < inclusion
+    keeps = np.array([inclusion >= 0.5, inclusion >= 0.95, true, np.ones(t), np.zeros(t), true], dtype=float)
+    strength = np.array([inclusion, np.full(t, np.nan), true, np.ones(t), np.zeros(t), np.full(t, 0.5)])
+    return Trial(
+        kind=kind,
+        number=number,
+        class_id="x",
+        treatment=MODELLED,
+        terms=tuple(f"t{k}" for k in range(t)),
+        truth=np.where(true, 1.0, 0.0),
+        effect=np.where(true, 10.0 ** rng.uniform(-1.0, 2.0, t), 0.0),
+        groups=groups,
+        group_effect=np.array(group_effect),
+        methods=METHODS,
+        keeps=keeps,
+        strength=strength,
+        verdict=np.where(inclusion >= 0.95, 1.0, np.where(inclusion <= 0.05, 0.0, np.nan)),
+    )
+
+
+@pytest.fixture(scope="module")
+def tried():
+    rng = np.random.default_rng(1)
+    return [trial(k, rng) for k in range(300)]
+
+
+@pytest.fixture(scope="module")
+def told(tried):
+    return scores(tried, MODELLED, rng=np.random.default_rng(2))
+
+
+def test_rates_are_counts_over_counts(tried, told):
+    zero = sum(int(np.sum(t.truth == 0.0)) for t in tried)
+    kept = sum(int(np.sum((t.truth == 0.0) & (t.keeps[0] == 1.0))) for t in tried)
+    strong = sum(int(np.sum(t.effect >= 8.0)) for t in tried)
+    own = told.of(DECISION)
+    assert (own.false_keeps.events, own.false_keeps.of) == (kept, zero)
+    assert own.false_keeps.value == pytest.approx(kept / zero, rel=1e-12)
+    assert own.false_drops[-1].of == strong
+    assert sum(b.of for b in own.false_drops) == told.true
+    wrong = sum(float(np.sum(t.keeps[0] != (t.truth != 0.0))) for t in tried)
+    assert own.cost.value == pytest.approx(wrong / len(tried), rel=1e-12)
+
+
+def test_perfect_method_costs_nothing_and_the_constant_ones_all_of_one_error(told):
+    perfect, every, nothing = (told.of(name) for name in ("perfect", "all", "none"))
+    assert perfect.cost.value == perfect.false_keeps.value == perfect.brier.value == 0.0
+    assert perfect.excess.value == pytest.approx(-told.of(DECISION).cost.value, rel=1e-12)
+    assert every.false_keeps.value == 1.0
+    assert every.cost.value == pytest.approx(told.zero / told.sensors, rel=1e-12)
+    assert nothing.false_drops[2].value == 1.0
+    assert nothing.cost.value == pytest.approx(told.true / told.sensors, rel=1e-12)
+
+
+def test_strength_of_one_half_scores_as_a_coin(told):
+    assert told.of("coin").brier.value == pytest.approx(0.25, rel=1e-12)
+    assert told.of("coin").log.value == pytest.approx(np.log(2.0), rel=1e-12)
+    assert np.isnan(told.of(SURE).brier.value)
+
+
+def test_surest_mistake_costs_no_more_than_the_clip(told):
+    zero = told.zero / (told.zero + told.true)
+    clipped = -np.log(scoring.CLIP) * zero - np.log1p(-scoring.CLIP) * (1.0 - zero)
+    assert told.of("all").log.value == pytest.approx(clipped, rel=1e-12)
+
+
+def test_interval_of_a_cost_is_that_of_a_mean_over_sensors(tried, told):
+    each = np.array([np.sum(t.keeps[0] != (t.truth != 0.0)) for t in tried], dtype=float)
+    half = 1.96 * each.std() / np.sqrt(len(each))
+    cost = told.of(DECISION).cost
+    # percentiles of 2000 bootstrap samples are good to 5 % of the interval
+    assert cost.low == pytest.approx(each.mean() - half, abs=0.1 * half)
+    assert cost.high == pytest.approx(each.mean() + half, abs=0.1 * half)
+
+
+@pytest.mark.parametrize(("events", "total"), [(0, 150), (1, 80), (7, 300), (40, 40)])
+def test_exact_interval_leaves_a_fortieth_on_either_side(events, total):
+    low, high = asked._clopper_pearson(events, total)
+    if events:
+        assert binom.sf(events - 1, total, low) == pytest.approx(0.025, rel=1e-9)
+    if events < total:
+        assert binom.cdf(events, total, high) == pytest.approx(0.025, rel=1e-9)
+
+
+def test_rate_that_never_happened_is_not_known_to_be_zero(told):
+    never = told.of("perfect").false_keeps
+    assert never.events == 0
+    assert never.high == pytest.approx(1.0 - 0.025 ** (1.0 / never.of), rel=1e-9)
+
+
+def test_calibrated_inclusion_is_found_calibrated(told):
+    assert sum(b.true.of for b in told.calibration) == told.zero + told.true
+    for b in told.calibration:
+        spread = np.sqrt(b.inclusion * (1.0 - b.inclusion) / b.true.of)
+        assert abs(b.true.value - b.inclusion) < 4.0 * spread
+
+
+def test_decision_that_is_calibrated_is_cheapest_at_the_ratio_of_its_threshold(tried, told):
+    for k, ratio in enumerate(RATIOS):
+        costs = []
+        for threshold in (0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 8.0 / 9.0, 0.95):
+            kept = [t.strength[0] >= threshold for t in tried]
+            true = [t.truth != 0.0 for t in tried]
+            parts = [np.where(y, 1.0, ratio) * (x != y) for x, y in zip(kept, true, strict=True)]
+            costs.append(float(np.sum(parts)) / len(tried))
+        own = told.of(DECISION).weighed[k].value
+        assert own == pytest.approx(costs[k], rel=1e-12)
+        # neighbouring thresholds differ by less than what 300 sensors can tell
+        assert own <= min(costs) * 1.03
+
+
+def test_group_is_one_question_that_any_of_its_terms_answers():
+    rng = np.random.default_rng(4)
+    grouped = [trial(k, rng, groups=((0, 1, 2),), group_effect=(50.0,)) for k in range(80)]
+    told = scores(grouped, MODELLED, rng=rng).of(DECISION)
+    true = np.array([np.any(t.truth[:3] != 0.0) for t in grouped])
+    kept = np.array([np.any(t.keeps[0, :3] == 1.0) for t in grouped])
+    assert (told.group_keeps.events, told.group_keeps.of) == (int(np.sum(kept & ~true)), int(np.sum(~true)))
+    assert (told.group_drops.events, told.group_drops.of) == (int(np.sum(~kept & true)), int(np.sum(true)))
+    alone = sum(int(np.sum(t.keeps[0, 3:] != (t.truth[3:] != 0.0))) for t in grouped)
+    expected = (alone + int(np.sum(kept != true))) / len(grouped)
+    assert told.group_cost.value == pytest.approx(expected, rel=1e-12)
+
+
+def test_scores_of_a_kind_take_its_sensors_alone():
+    rng = np.random.default_rng(5)
+    mixed = [trial(k, rng, kind=("accelerometer", "gyroscope")[k % 2]) for k in range(10)]
+    assert scores(mixed, MODELLED, "gyroscope", rng=rng).sensors == 5
+    with pytest.raises(InputError, match="nothing can be scored"):
+        scores(mixed[::2], MODELLED, "gyroscope", rng=rng)

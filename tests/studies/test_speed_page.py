@@ -1,0 +1,93 @@
+"""The report on speed says what was measured, marks what is wrong, and names who was left out."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from tool_readings import wrong_speed
+
+from imubayes.ladder.trade.machine import Machine
+from studies.speed.contests import Ladder, SpeedStudy
+from studies.speed.growth import fitted
+from studies.speed.measure import Found, Place, Speed
+from studies.speed.page import speed_html, terminal_speed, write_speed
+from studies.speed.words import speed_answer
+
+SIZES = (1_000, 10_000, 100_000)
+
+
+def made_speed() -> Speed:
+    contest = Found(
+        "least squares",
+        1_000,
+        "Least squares of <rows>",
+        "error in sd",
+        "solution",
+        (
+            Place("imubayes", True, "", (0.002, 0.003), 1e-9, ""),
+            Place("right", False, "", (0.02, 0.05), 0.01, ""),
+            Place("far off", False, "", (0.001, 0.001), 28.0, ""),
+            Place("R, BAS", False, "", (), math.nan, "R is not installed"),
+        ),
+    )
+    models = Found(
+        "enumeration",
+        20,
+        "Models",
+        "difference",
+        "posterior",
+        (
+            Place("imubayes, noise given", True, "", (0.01048576,), 0.0, ""),
+            Place("imubayes, noise scale integrated", True, "", (0.1,), math.nan, ""),
+        ),
+    )
+    ladder = Ladder("rows", "work", 1.0, tuple((n, lambda: None) for n in SIZES))
+    law = fitted(ladder, np.array([[1e-3, 2e-3], [1e-2, 2e-2], [1e-1, 2e-1]]))
+    machine = Machine("A processor", "System 1", 2, {"linear algebra": 1}, math.nan, {"numpy": "2.0"})
+    study = SpeedStudy(repeats=2, contests={}, growth={})
+    return Speed(study, (contest, models), (law,), machine, 1.0)
+
+
+@pytest.fixture(scope="module")
+def speed() -> Speed:
+    return made_speed()
+
+
+def test_answer_names_the_models_a_second_and_the_peers(speed):
+    told = speed_answer(speed)
+    assert told[0].startswith(
+        "1,048,576 models (2^20) are weighed in 10.5 ms where the noise is known, 10 ns a"
+    )
+    assert told[1] == "Least squares of <rows>: 2 ms; right 20 ms (10 times ours); wrong: far off."
+
+
+def test_page_marks_the_wrong_answer_and_names_who_was_left_out(speed):
+    page = speed_html(speed)
+    assert "left out: R is not installed" in page
+    assert "far off (wrong)" in page
+    assert "Least squares of &lt;rows&gt;" in page
+    assert "1.00 ± 0.01" in page
+
+
+def test_terminal_has_every_entrant_with_time_ratio_and_error(speed):
+    lines = terminal_speed(speed).splitlines()
+    right = next(line for line in lines if line.strip().startswith("right"))
+    assert right.split() == ["right", "20", "ms", "10", "0.01"]
+    assert any("rows, exponent 1.00 ± 0.01" in line for line in lines)
+
+
+def test_result_file_holds_every_time_and_no_number_that_is_not_finite(speed, tmp_path):
+    _, values = write_speed(speed, tmp_path)
+    read = json.loads(values.read_text(encoding="utf-8"))
+    assert read["contests"][0]["places"][1]["seconds"] == [0.02, 0.05]
+    assert read["contests"][0]["places"][3]["error"] is None
+    assert read["growth"][0]["exponent"] == pytest.approx(1.0)
+    assert read["machine"]["load"] is None
+
+
+def test_every_number_of_the_page_is_one_of_the_result(speed, tmp_path):
+    page, values = write_speed(speed, tmp_path)
+    assert wrong_speed(page.read_text("utf-8"), json.loads(values.read_text("utf-8"))) == []

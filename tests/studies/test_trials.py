@@ -1,0 +1,99 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imubayes.algebra.factor import least_squares, reorder
+from imubayes.inference.summary import summarize
+from imubayes.sensors.terms import library
+from studies.decision_quality import trials as trying
+from studies.decision_quality.subjects import runs_of, subject
+from studies.decision_quality.trials import (
+    DECISION,
+    MISSING,
+    MODELLED,
+    SMALL,
+    STRONG,
+    SURE,
+    TREATMENTS,
+    WHITE,
+    trials,
+)
+
+
+@pytest.fixture(scope="module")
+def found():
+    told: list[str] = []
+    return trials(SMALL, progress=told.append), told
+
+
+def reference_of(kind, number, **options):
+    one = subject(library(kind, **options), number, seed=7)
+    summary = summarize(runs_of(one), one.library, sensor=one.sensor)
+    return one, summary, trying._Reference.of(one, summary)
+
+
+def test_every_sensor_is_tried_under_every_treatment(found):
+    trials_, told = found
+    assert {(t.kind, t.treatment) for t in trials_} == {
+        (kind, treatment) for kind in ("accelerometer", "gyroscope") for treatment in TREATMENTS
+    }
+    assert told[-1].startswith("2 of 2 sensors")
+
+
+def test_decision_comes_first_and_needed_terms_are_among_those_it_keeps(found):
+    for trial in found[0]:
+        assert trial.methods[:2] == (DECISION, SURE)
+        assert "evidence" not in trial.methods
+        assert trial.keeps.shape == trial.strength.shape == (len(trial.methods), len(trial.terms))
+        assert np.all(trial.keeps[1] <= trial.keeps[0])
+        np.testing.assert_array_equal(trial.keeps[0], trial.strength[0] >= 0.5)
+
+
+def test_missing_term_is_a_strong_true_one_that_no_method_is_asked_about(found):
+    for trial in found[0]:
+        if trial.treatment == MISSING:
+            whole = next(t for t in found[0] if t.kind == trial.kind and t.treatment == MODELLED)
+            where = whole.terms.index(trial.missing)
+            assert whole.effect[where] > STRONG
+            assert whole.truth[where] != 0.0
+            assert trial.terms == tuple(name for name in whole.terms if name != trial.missing)
+        else:
+            assert trial.missing == ""
+
+
+def test_effect_over_noise_does_not_depend_on_the_treatment(found):
+    white = [t for t in found[0] if t.treatment == WHITE]
+    right = [t for t in found[0] if t.treatment == MODELLED]
+    for one, other in zip(white, right, strict=True):
+        np.testing.assert_array_equal(one.effect, other.effect)
+
+
+def test_effect_over_noise_is_the_size_over_the_sd_of_least_squares():
+    one, summary, reference = reference_of("accelerometer", 0, powers=2, asymmetry=-1)
+    tested = tuple(n for n, norm in zip(summary.names, summary.factor.column_norms, strict=True) if norm > 0)
+    fit = least_squares(reorder(summary.factor, tested))
+    own = reference.scale / np.sqrt(fit.rss / fit.dof)
+    for name, sd in zip(tested, fit.sd, strict=True):
+        expected = abs(one.truth[name]) / (sd * own)
+        # a prior a thousand times as wide as the class's holds what it holds to 1e-6 of its square
+        assert reference.effect([name], one.truth) == pytest.approx(expected, rel=1e-4)
+    assert own == pytest.approx(1.0, rel=1e-2)
+
+
+def test_effect_of_a_group_is_blind_to_what_the_test_cannot_see():
+    # without a centrifuge |f| = g: b2, c_jj, c_kk up by one and b0 down by g^2 changes no output
+    one, _, reference = reference_of("accelerometer", 4, powers=2, asymmetry=-1)
+    group, g = ["b0", "b2", "c_jj", "c_kk"], 9.80665
+    hidden = {"b0": -(g**2), "b2": 1.0, "c_jj": 1.0, "c_kk": 1.0}
+    size = max(abs(one.truth["b2"]), 1e-7)
+    moved = {name: value + size * hidden.get(name, 0.0) for name, value in one.truth.items()}
+    assert reference.effect(group, moved) == pytest.approx(reference.effect(group, one.truth), rel=1e-3)
+    assert reference.effect(["b2"], moved) < 1.0
+
+
+@pytest.mark.slow
+def test_number_of_processes_changes_no_number(found):
+    for one, other in zip(found[0], trials(replace(SMALL, processes=2)), strict=True):
+        np.testing.assert_array_equal(one.keeps, other.keeps)
+        np.testing.assert_allclose(one.strength, other.strength, rtol=1e-9, equal_nan=True)
