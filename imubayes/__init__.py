@@ -9,10 +9,25 @@ The stages are functions, the values between them frozen dataclasses::
     chosen  = ib.select(summary, ib.prior(sensor, library))
     print(chosen.table())
 
-Glossary: *run*, one recording of one procedure; *dwell*, a part of it at constant input; *library*, the
-candidate terms; *factor*, the triangular matrix that holds all a linear Gaussian model can learn from
-whitened rows; N, B, K, white noise, bias instability and random walk; *inclusion*, the posterior
-probability that a term is in the model.
+Vocabulary, in the order of the way from a test to its report:
+
+========  ============================================================================================
+run       one recording, or simulation, of one procedure: outputs, and inputs where they are known
+dwell     a part of a run at constant input
+term      one product of inputs and its coefficient, such as ``K2`` times the force squared
+library   the candidate terms of a component
+class     a technology and grade of the catalogue; a *lot* is units drawn from it, a *fleet* recorded ones
+N, B, K   white noise, bias instability and random walk: noise is a process, not a number
+rows      averages of a run and the terms' columns, whitened by the noise
+factor    the triangular matrix of the rows: all that a linear Gaussian model can learn from them
+prior     what is held of each coefficient, and of the number of terms, before the test
+model     a subset of the library; its evidence is how probable it makes the rows
+inclusion the posterior probability that a term is in the model
+verdict   needed, not needed, undecided, or what this test cannot tell: inseparable, unresolved, untested
+scene     a mission's motion and its budget, by which terms are weighed that the verdict keeps
+result    what a study publishes, in SI: `result.json`
+report    the page and the lines in a terminal that say it
+========  ============================================================================================
 """
 
 from importlib import import_module
@@ -52,39 +67,27 @@ if TYPE_CHECKING:
     from imubayes.study.schema import read_runs as read_runs
     from imubayes.study.schema import read_study as read_study
 
-_HOME = {
-    "read_runs": "study.schema",
-    "read_study": "study.schema",
-    "run": "study.method",
-    "check": "study.method",
-    "linear_of": "inference.linear",
-    "Limits": "inference.mcmc.ensembles",
-    "sample": "inference.mcmc.run",
-    "GPrior": "inference.prior",
-    "HyperG": "inference.prior",
-    "ScalePrior": "inference.prior",
-    "ZellnerSiow": "inference.prior",
-    "prior": "inference.prior",
-    "Summary": "inference.summary",
-    "summarize": "inference.summary",
-    "centrifuge": "rig.profiles",
-    "oscillation": "rig.profiles",
-    "positions": "rig.profiles",
-    "rate_table": "rig.profiles",
-    "static": "rig.profiles",
-    "tumble": "rig.profiles",
-    "vibration": "rig.profiles",
-    "simulate": "rig.simulate",
-    "thermal": "rig.thermal",
-    "select": "selection.decision",
-    "enumerate_models": "selection.enumerate",
-    "feature_library": "selection.feature_library",
-    "sensor": "sensors.catalogue",
-    "Noise": "sensors.noise",
-    "NoiseRule": "sensors.noise",
-    "library": "sensors.terms",
+_NAMES = {
+    "study.schema": ("read_runs", "read_study"),
+    "study.method": ("check", "run"),
+    "inference.linear": ("linear_of",),
+    "inference.mcmc.ensembles": ("Limits",),
+    "inference.mcmc.run": ("sample",),
+    "inference.prior": ("GPrior", "HyperG", "ScalePrior", "ZellnerSiow", "prior"),
+    "inference.summary": ("Summary", "summarize"),
+    "rig.profiles": ("centrifuge", "oscillation", "positions", "rate_table", "static", "tumble", "vibration"),
+    "rig.simulate": ("simulate",),
+    "rig.thermal": ("thermal",),
+    "selection.decision": ("select",),
+    "selection.enumerate": ("enumerate_models",),
+    "selection.feature_library": ("feature_library",),
+    "sensors.catalogue": ("sensor",),
+    "sensors.noise": ("Noise", "NoiseRule"),
+    "sensors.terms": ("library",),
 }
-"""Module of each public name, imported when the name is first used: the command line starts fast."""
+"""Public names by their module, imported when a name is first used: the command line starts fast."""
+
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 
 
 def __dir__() -> list[str]:
