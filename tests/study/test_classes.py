@@ -11,8 +11,8 @@ import imubayes as ib
 from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.rig.runs import RunSpec
 from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.study import method
 from imubayes.study.classes import in_common
-from imubayes.study.method import method
 
 TUMBLE = {"profile": "tumble", "angles": 6, "planes": 2, "dwell": 5.0, "rate": 1.0}
 NOISE = Noise(6e-4, 3e-4, 0.0)

@@ -110,6 +110,6 @@ def test_what_makes_no_budget_is_refused_and_nothing_is_written(monkeypatch, stu
 
 def test_a_study_without_chains_refuses_a_budget(monkeypatch, tmp_path, capsys):
     path = tmp_path / "lots.toml"
-    path.write_text((Path(__file__).parents[1] / "studies" / "mems_vs_fog.toml").read_text())
+    path.write_text((Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml").read_text())
     _refused(monkeypatch, path, "--budget", "1 s")
     assert "--budget" in capsys.readouterr().err

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.campaign import preparation
 from imubayes.campaign.preparation import simulate_sensor
-from imubayes.campaign.study import Sampling, SensorSpec, Study, preparation
+from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
@@ -19,9 +20,9 @@ from imubayes.rig.record import write_run
 from imubayes.rig.runs import RunSpec
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.study.method import method
+from imubayes.study import method
 
-QUICKSTART = Path(__file__).parents[1] / "studies" / "quickstart.toml"
+QUICKSTART = Path(__file__).parents[2] / "studies" / "quickstart.toml"
 TUMBLE = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 10.0, "rate": 1.0}
 TRUTH = {"b0": 0.03, "b1": 6e-4, "m_j": 5e-4}
 

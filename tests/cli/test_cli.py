@@ -15,7 +15,7 @@ from imubayes.cli import Method, main
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.terms import library
-from imubayes.study.schema.shapes import HeaderTable
+from imubayes.study.schema.tables import HeaderTable
 
 HEAVY = {
     *("arviz", "celerite2", "h5py", "jinja2", "matplotlib", "numba", "numpy", "pint"),
