@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import difflib
+import io
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
+from unittest import mock
 
 import pytest
 from hypothesis import settings
@@ -21,7 +27,71 @@ settings.load_profile("imubayes")
 # the studies about the tool; last, so that the package that is tested is the one that is installed
 sys.path.append(str(Path(__file__).parents[1]))
 
+GOLDEN = Path(__file__).parent / "references"
+"""Texts that were read by a person, and are held to the letter."""
+
+VERSION = re.compile(r"\b(imubayes|[Pp]ython|numpy|celerite2|numba|emcee)([ \":]+)\d[\w.+]*")
+
+HASH = re.compile(r"\b[0-9a-f]{64}\b")
+
 SHARED = Path(__file__).parents[2] / "shared"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``pytest --renew``: write the golden files anew, to be read in the diff."""
+    parser.addoption("--renew", action="store_true", help="write the files of tests/references anew")
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
+    """Hold a text against the golden file of that name; versions and hashes do not count."""
+
+    def held(name: str, text: str) -> None:
+        file, text = GOLDEN / name, HASH.sub("*", VERSION.sub(r"\1\2*", re.sub(r" +$", "", text, flags=re.M)))
+        if request.config.getoption("--renew"):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+        old = file.read_text(encoding="utf-8") if file.exists() else ""
+        if text != old:
+            lines = difflib.unified_diff(
+                old.splitlines(), text.splitlines(), "golden", "today", "", "", 0, ""
+            )
+            changed = "\n".join([*lines][:60])
+            pytest.fail(
+                f"tests/references/{name}; where it is right, pytest --renew\n{changed}", pytrace=False
+            )
+
+    return held
+
+
+class Ended(NamedTuple):
+    """How a command ended, and what it said."""
+
+    code: object
+    out: str
+    err: str
+
+    @property
+    def words(self) -> str:
+        """What it said, whatever the width of the lines."""
+        return " ".join((self.out + self.err).split())
+
+
+@pytest.fixture(scope="session")
+def command() -> Callable[..., Ended]:
+    """Run ``imubayes`` with these arguments, in this process and 80 columns."""
+    from imubayes.cli import main
+
+    def run(*arguments: object) -> Ended:
+        out, err = io.StringIO(), io.StringIO()
+        line = mock.patch.object(sys, "argv", ["imubayes", *map(str, arguments)])
+        width = mock.patch.dict(os.environ, {"COLUMNS": "80"})
+        said = contextlib.redirect_stdout(out), contextlib.redirect_stderr(err)
+        with line, width, said[0], said[1], pytest.raises(SystemExit) as stop:
+            main()
+        return Ended(stop.value.code, out.getvalue(), err.getvalue())
+
+    return run
 
 
 def _folder(variable: str, usual: Path) -> Path:

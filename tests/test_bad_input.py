@@ -2,14 +2,11 @@
 
 import os
 import pickle
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-from imubayes.cli import main
 
 STUDY = """
 [study]
@@ -419,51 +416,40 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
 }
 
 
-def _run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> object:
-    monkeypatch.setattr(sys, "argv", ["imubayes", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    return stop.value.code
-
-
-def _assert_refused(
-    code: object, folder: Path, capsys: pytest.CaptureFixture[str], fragments: tuple[str, ...]
-) -> None:
-    captured = capsys.readouterr()
-    assert code == 2, captured.err
-    assert captured.err.startswith("imubayes: ")
-    assert captured.err.count("\n") == 1
-    assert "Traceback" not in captured.err
+def _assert_refused(ended, folder: Path, fragments: tuple[str, ...]) -> None:
+    assert (ended.code, ended.out) == (2, ""), ended.err
+    assert ended.err.startswith("imubayes: ")
+    assert ended.err.count("\n") == 1
+    assert "Traceback" not in ended.err
     for fragment in fragments:
-        assert fragment in captured.err
-    assert captured.out == ""
+        assert fragment in ended.err
     assert not (folder / "results").exists()
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_broken_input_is_refused_in_one_sentence_that_names_the_place(case, tmp_path, monkeypatch, capsys):
+def test_broken_input_is_refused_in_one_sentence_that_names_the_place(command, case, tmp_path, monkeypatch):
     write, fragments = CASES[case]
     write(tmp_path)
     monkeypatch.setenv("IMUBAYES_DATA", str(tmp_path / "nowhere"))
-    code = _run(monkeypatch, "run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
-    _assert_refused(code, tmp_path, capsys, fragments)
+    ended = command("run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
+    _assert_refused(ended, tmp_path, fragments)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="nothing is unreadable for root")
 @pytest.mark.parametrize("name", ["study.toml", "run.csv"])
-def test_unreadable_file_is_refused(name, tmp_path, monkeypatch, capsys):
+def test_unreadable_file_is_refused(command, name, tmp_path):
     _file(_csv())(tmp_path)
     (tmp_path / name).chmod(0)
-    code = _run(monkeypatch, "run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
-    _assert_refused(code, tmp_path, capsys, (name, "Permission"))
+    ended = command("run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
+    _assert_refused(ended, tmp_path, (name, "Permission"))
 
 
-def test_output_folder_that_is_a_file_is_refused(tmp_path, monkeypatch, capsys):
+def test_output_folder_that_is_a_file_is_refused(command, tmp_path):
     _file(_csv())(tmp_path)
     (tmp_path / "taken").write_text("mine")
-    code = _run(monkeypatch, "run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "taken"))
-    _assert_refused(code, tmp_path, capsys, ("taken", "--out"))
+    ended = command("run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "taken"))
+    _assert_refused(ended, tmp_path, ("taken", "--out"))
     assert (tmp_path / "taken").read_text() == "mine"
 
 
@@ -480,14 +466,14 @@ def test_output_folder_that_is_a_file_is_refused(tmp_path, monkeypatch, capsys):
     ],
     ids=" ".join,
 )
-def test_option_that_cannot_be_followed_is_refused(options, fragments, tmp_path, monkeypatch, capsys):
+def test_option_that_cannot_be_followed_is_refused(command, options, fragments, tmp_path):
     _file(_csv())(tmp_path)
     arguments = [str(tmp_path / "study.toml"), "--out", str(tmp_path / "results")]
-    code = _run(monkeypatch, "run", *arguments, *options)
-    _assert_refused(code, tmp_path, capsys, fragments)
+    ended = command("run", *arguments, *options)
+    _assert_refused(ended, tmp_path, fragments)
 
 
-def test_simulation_without_a_simulated_run_is_refused(tmp_path, monkeypatch, capsys):
+def test_simulation_without_a_simulated_run_is_refused(command, tmp_path):
     _file(_csv())(tmp_path)
-    code = _run(monkeypatch, "simulate", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
-    _assert_refused(code, tmp_path, capsys, ("study.toml", "[sensor.run.simulate]"))
+    ended = command("simulate", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
+    _assert_refused(ended, tmp_path, ("study.toml", "[sensor.run.simulate]"))

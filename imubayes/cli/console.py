@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 from threading import Event, Thread
 from typing import NoReturn
@@ -81,10 +82,17 @@ def clear_progress() -> None:
 
 
 def show(renderable: object) -> None:
-    """Print what rich can render."""
+    """Print what rich can render, or lines; a sign that the terminal lacks is a question mark."""
     from rich.console import Console
+    from rich.text import Text
+
+    from imubayes.reporting.terminal import printable
 
     clear_progress()
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+    if isinstance(renderable, str):
+        renderable = Text("\n".join(map(printable, renderable.splitlines())))
     Console(highlight=False).print(renderable)
 
 

@@ -202,7 +202,7 @@ def typeset(text: str) -> Both:
 def repeat(
     command: str,
     study: str,
-    *said: Text,
+    *said: str,
     made_with: Mapping[str, str] | None = None,
 ) -> Section:
     """Last section of every page: the command, what else it takes, the versions, and the study file.
@@ -217,5 +217,5 @@ def repeat(
     numbers = ", ".join(f"{name} {number}" for name, number in (made_with or versions()).items())
     first, *rest = said or ("",)
     file = (Section("The study file", (Prose(study, "pre"),)),) if study else ()
-    told = Prose((joined(str(first), f"{numbers}."), *rest))
+    told = Prose((joined(first, f"{numbers}."), *rest))
     return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat", brief=False)

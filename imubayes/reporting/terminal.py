@@ -88,11 +88,11 @@ def indented(text: str, style: str = "") -> Padding:
 
 
 def printable(text: str) -> str:
-    r"""Names come from files: what is not printable does not reach the terminal.
+    r"""Names come from files: what is not printable does not reach a terminal, every blank is plain.
 
     Examples
     --------
     >>> printable("ACC\x1b[2J-07")
     'ACC?[2J-07'
     """
-    return "".join(sign if sign.isprintable() else "?" for sign in text)
+    return "".join(sign if sign.isprintable() else " " if sign.isspace() else "?" for sign in text)

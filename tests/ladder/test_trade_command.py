@@ -1,9 +1,6 @@
 import json
-import sys
 
 import pytest
-
-from imubayes.cli import main
 
 STUDY = """
 [study]
@@ -24,13 +21,6 @@ simulate = { angles = 8, planes = 2, dwell = "4 s", rate = "5 Hz" }
 """
 
 
-def _call(monkeypatch, *arguments: str) -> object:
-    monkeypatch.setattr(sys, "argv", ["imubayes", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    return stop.value.code
-
-
 @pytest.fixture
 def study(tmp_path):
     path = tmp_path / "small.toml"
@@ -39,7 +29,7 @@ def study(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_report_of_processes_of_their_own(study, tmp_path, monkeypatch, capsys):
+def test_the_command_writes_a_report_of_processes_of_their_own(command, study, tmp_path):
     options = (
         "--rungs",
         "means,plug-in",
@@ -50,11 +40,11 @@ def test_the_command_writes_a_report_of_processes_of_their_own(study, tmp_path, 
         "--out",
         str(tmp_path / "out"),
     )
-    assert _call(monkeypatch, "trade", str(study), *options) == 0
+    ended = command("trade", study, *options)
+    assert ended.code == 0 and "Take " in ended.out
     values = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [one["rung"] for one in values["rungs"]] == ["means", "plug-in"]
     assert [one["repeats"] for one in values["scores"]] == [6, 6]
-    assert "Take " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -66,10 +56,8 @@ def test_the_command_writes_a_report_of_processes_of_their_own(study, tmp_path, 
         (("--repeats", "-1"), "-1 repeats"),
     ],
 )
-def test_what_cannot_be_traded_is_said_and_nothing_is_written(
-    study, tmp_path, monkeypatch, capsys, options, said
-):
+def test_what_cannot_be_traded_is_said_and_nothing_is_written(command, study, tmp_path, options, said):
     out = tmp_path / "out"
-    assert _call(monkeypatch, "trade", str(study), "--out", str(out), *options) == 2
-    assert said in capsys.readouterr().err
+    ended = command("trade", study, "--out", out, *options)
+    assert ended.code == 2 and said in ended.err
     assert not out.exists()

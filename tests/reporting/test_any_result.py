@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from fleets_found import fleet_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lots_found import lot_result
@@ -23,10 +24,9 @@ from populations_found import term_found
 from results_found import judged_result, repeatability, sampled_result, study_result
 from scenes_found import a_relevance
 from test_case_views import recovered
-from test_fleet_page import _result as fleet_result
 from test_quality_page import made_quality
 from test_speed_page import made_speed
-from test_trade_page import _traded
+from trades_found import traded
 
 import imubayes.reporting
 import studies
@@ -51,6 +51,7 @@ from imubayes.reporting import (
 from imubayes.reporting.canvas import Panel
 from imubayes.reporting.session_views import session_view
 from imubayes.selection.relevance import QUADRANTS
+from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
 from studies.extremes.digits import MOST
@@ -185,9 +186,35 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "scene": (a_relevance, _of_scene),
     "sessions": (repeatability, _of_sessions),
     "speed": (made_speed, _of_speed),
-    "trade": (_traded, _of_trade),
+    "trade": (traded, _of_trade),
 }
 """An example of what each family of figures shows, and how it is drawn."""
+
+
+EXTENDED = {
+    f"{name} of an extended {kind}": (
+        lambda kind=kind: judged_result(lib=library(kind, set="extended", temperature=1)),
+        FIGURES[name][1],
+    )
+    for name in ("choice", "fit", "methods")
+    for kind in ("accelerometer", "gyroscope")
+}
+LARGE = {"corner": 80_000}
+"""Bytes of a figure, where it may be larger than others."""
+
+
+@pytest.mark.parametrize("name", [*FIGURES, *EXTENDED])
+def test_figure_is_small_vector_svg_with_words_for_those_who_cannot_see_it_and_the_same_bytes_each_time(name):
+    make, paint = (FIGURES | EXTENDED)[name]
+    panels = [panel for panel in paint(make()) if panel]
+    assert panels == [panel for panel in paint(make()) if panel]
+    for panel in panels:
+        root = ElementTree.fromstring(panel.svg)
+        assert root.get("role") == "img" and len(root.get("aria-label", "")) > 20 and panel.title
+        assert not [*root.iter("image"), *root.iter("style")] and list(root.iter("text"))
+        assert len(panel.svg) < LARGE.get(name, 30_000)
+        ids = re.findall(r'\bid="([^"]+)"', panel.svg)
+        assert set(re.findall(r"url\(#([\w.-]+)", panel.svg)) <= set(ids) and len(ids) == len(set(ids))
 
 
 ASKED = ("study", "trade", "ladder", "costs", "budget", "sensor_class", "draws", "prior_draws")

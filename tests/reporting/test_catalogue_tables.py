@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
+from page_reading import printed
 
 from imubayes.reporting.catalogue_tables import bench_list, class_list, class_page
 from imubayes.sensors.catalogue import classes, sensor
@@ -16,13 +15,6 @@ from imubayes.sensors.terms import library
 
 every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
 LETTER = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
-
-
-def printed(renderable, encoding: str = "utf-8") -> str:
-    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
-    Console(file=stream, width=80).print(renderable)
-    stream.flush()
-    return stream.buffer.getvalue().decode(encoding)
 
 
 def _fits(text: str) -> bool:

@@ -19,20 +19,6 @@ def panels(sensor) -> list:
     return [*drawn, chain_figures.corner(sensor, sensor.chains, "c")]
 
 
-@pytest.mark.parametrize("converged", [True, False])
-def test_every_panel_of_the_chains_is_small_vector_svg_with_text_as_text(make_sampled, converged) -> None:
-    *small, corner = panels(make_sampled(converged=converged))
-    assert all(len(panel.svg) < 10_000 for panel in small) and len(corner.svg) < 80_000
-    for panel in (*small, corner):
-        root = ElementTree.fromstring(panel.svg)
-        assert root.get("role") == "img" and len(root.get("aria-label")) > 20 and panel.title
-        assert not list(root.iter("image")) and list(root.iter("text"))
-
-
-def test_figures_of_the_chains_are_the_same_bytes_for_the_same_result(make_sampled) -> None:
-    assert panels(make_sampled()) == panels(make_sampled())
-
-
 def test_watched_are_the_slowest_coefficients_and_the_noises_that_agree_least(make_sampled) -> None:
     sensor = make_sampled(converged=False)
     *noises, first, second = chain_figures.watched(sensor, sensor.chains, 2)

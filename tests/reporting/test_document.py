@@ -2,13 +2,12 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from page_reading import whole
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
@@ -17,61 +16,12 @@ from imubayes.reporting.document import report_html, write_results
 from imubayes.reporting.views import MANY, MOST_DRAWN
 from imubayes.sensors.terms import library
 
-ATTACK = '<script>alert("x")</script>&'
-VOID = {"meta", "br", "link", "img", "input", "hr"}
-
-
-class Structure(HTMLParser):
-    """Elements that are open, ids, and targets of links."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open, self.ids, self.links, self.tags = [], [], [], set()
-
-    def handle_starttag(self, tag, attrs) -> None:
-        self.tags.add(tag)
-        self.ids += [value for name, value in attrs if name == "id"]
-        self.links += [value[1:] for name, value in attrs if name == "href" and value.startswith("#")]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs) -> None:
-        self.ids += [value for name, value in attrs if name == "id"]
-        self.links += [value[1:] for name, value in attrs if name == "href" and value.startswith("#")]
-
-    def handle_endtag(self, tag) -> None:
-        assert self.open.pop() == tag
-
-
-def structure(html: str) -> Structure:
-    parsed = Structure()
-    parsed.feed(html)
-    assert not parsed.open
-    return parsed
-
-
-def test_report_is_well_formed_opens_offline_and_needs_no_script(result) -> None:
-    html = report_html(result)
-    parsed = structure(html)
-    assert len(parsed.ids) == len(set(parsed.ids)) and set(parsed.links) <= set(parsed.ids)
-    assert not parsed.tags & {"script", "link", "img", "iframe", "image"}
-    assert not re.search(r"(?:https?:)?//|@import|url\((?!#)", html.replace("</", ""))
-
 
 def test_report_holds_the_sections_in_the_reader_s_order(result) -> None:
     html = report_html(result)
     ids = ("s1", "s1-terms", "s1-tell", "s1-fit", "s1-choice", "s1-posterior", "s1-noise", "runs", "repeat")
     places = [html.index("5 of 20 terms are needed"), *(html.index(f' id="{name}"') for name in ids)]
     assert places == sorted(places)
-
-
-def test_names_that_come_from_files_are_escaped_everywhere(make_sensor, make_study) -> None:
-    sensor = make_sensor(ATTACK, runs=(ATTACK, "b"), misfit=ATTACK, column=ATTACK)
-    html = report_html(make_study(sensor, title=ATTACK))
-    assert "<script" not in html and 'alert("' not in html
-    # title twice, the study's text, the sensor's id and the run's name in several places, the column
-    assert html.count("&lt;script&gt;") >= 10
-    structure(html)
 
 
 def test_dollar_signs_in_names_are_no_mathematics(make_sensor, make_study) -> None:
@@ -86,8 +36,7 @@ def test_report_of_eight_components_with_long_libraries_and_many_runs_stays_belo
     study = make_study(*(make_sensor(f"IMU.{k}", lib=lib, runs=runs, misfit="mount 3") for k in range(8)))
     html = report_html(study)
     assert len(html.encode()) < 2_000_000
-    parsed = structure(html)
-    assert len(parsed.ids) == len(set(parsed.ids))
+    whole(html)
 
 
 def test_calibration_of_a_reference_free_triad_is_shown_with_its_convention(make_sensor, make_study) -> None:
@@ -142,10 +91,6 @@ def test_components_that_share_their_rows_show_them_once(make_sensor, make_study
     )
 
 
-def test_report_is_the_same_bytes_for_the_same_result(make_study) -> None:
-    assert report_html(make_study()) == report_html(make_study())
-
-
 def test_results_are_written_with_parents_and_replace_older_ones_only(tmp_path, result) -> None:
     out = tmp_path / "deep" / "acc07"
     out.mkdir(parents=True)
@@ -184,13 +129,10 @@ def everything(make_sampled, make_study, make_sessions, appendix, **options):
     )
 
 
-def test_report_with_chains_test_bench_sessions_and_appendices_is_well_formed(
+def test_report_with_chains_test_bench_sessions_and_appendices_holds_them_in_order(
     make_sampled, make_study, make_sessions, appendix
 ) -> None:
     html = report_html(everything(make_sampled, make_study, make_sessions, appendix))
-    parsed = structure(html)
-    assert len(parsed.ids) == len(set(parsed.ids)) and set(parsed.links) <= set(parsed.ids)
-    assert not parsed.tags & {"script", "link", "img", "iframe", "image"} and len(html.encode()) < 500_000
     wanted = (
         "Between sessions", "Errors of the test bench", "Dwells that are not trusted",
         "Inclusion with uncertain noise", "The chains", "log evidence by bridge sampling", "Appendices",
@@ -213,16 +155,6 @@ def test_chains_that_have_not_converged_are_said_first_and_marked(
     assert '<p class="answer misfit"><strong>ACC-07: the chains have not converged' in html
 
 
-def test_words_of_the_test_bench_and_of_appendices_are_escaped(make_sampled, make_study, appendix) -> None:
-    sensor = make_sampled(ATTACK, runs=(ATTACK, "b"))
-    extras = tuple(replace(e, extra=replace(e.extra, text=ATTACK)) for e in sensor.extras)
-    study = make_study(replace(sensor, extras=extras, method_reason=ATTACK))
-    table = replace(appendix, title=ATTACK, note=ATTACK, command=ATTACK, header=(ATTACK, "b"))
-    html = report_html(replace(study, study=replace(study.study, appendices=(table,))))
-    assert "<script" not in html and 'alert("' not in html
-    structure(html)
-
-
 def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sensor, make_study) -> None:
     lib = library("accelerometer", powers=2, asymmetry=-1)
     names = [f"imu{k}-session{s}" for k in range(8) for s in range(3)]
@@ -231,8 +163,7 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sen
     sensors = [replace(t, id=f"{t.id[:-2]}{axis}") for t in triads for axis in ("ax", "ay", "az")]
     html = report_html(make_study(*sensors))
     assert len(html.encode()) < 2_000_000
-    parsed = structure(html)
-    assert len(parsed.ids) == len(set(parsed.ids)) and set(parsed.links) <= set(parsed.ids)
+    whole(html)
     assert html.count("Autocorrelation of the whitened") == 3
     drawn = html[html.index("Figures are drawn of 3 of the 72 components") :]
     assert "imu3-session1.ax" in drawn[: drawn.index("</p>")]
@@ -252,4 +183,4 @@ def test_report_says_what_scenes_require_in_words_where_components_are_many(make
     assert all(f"{sensor.id} in quadrotor" in html for sensor in many.sensors)
     # tables and figures only of the components that are drawn
     assert html.count(' in quadrotor"') == MOST_DRAWN
-    structure(html)
+    whole(html)

@@ -1,48 +1,14 @@
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from imubayes.reporting import figures, fit_figures, noise_figures, quality_figures, rows
-from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, Panel, draw
-from imubayes.sensors.terms import library
-
-
-def every_panel(sensor) -> list[Panel]:
-    singles = (figures.inclusion, figures.model_size, figures.best_models, figures.correlations)
-    panels = [paint(sensor, f"a{number}") for number, paint in enumerate(singles)]
-    panels += figures.posteriors(sensor, "p") + fit_figures.against_inputs(sensor, "i")
-    for number, check in enumerate(sensor.checks):
-        panels.append(fit_figures.over_time(check, f"t{number}"))
-        panels.append(fit_figures.autocorrelation(check, f"c{number}"))
-        panels.append(fit_figures.allan(check, sensor.kind, f"l{number}"))
-    return panels
-
-
-@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_every_panel_is_small_vector_svg_with_text_as_text(make_sensor, kind: str) -> None:
-    for panel in every_panel(
-        make_sensor(lib=library(kind, set="extended", temperature=1), misfit="centrifuge")
-    ):
-        root = ElementTree.fromstring(panel.svg)
-        assert root.get("role") == "img" and len(root.get("aria-label")) > 20 and panel.title
-        assert not list(root.iter("image")) and not list(root.iter("style")) and list(root.iter("text"))
-        assert len(panel.svg) < 20_000
-
-
-def test_figures_are_the_same_bytes_for_the_same_result(make_sensor) -> None:
-    assert every_panel(make_sensor()) == every_panel(make_sensor())
-
-
-def test_every_reference_in_a_panel_points_into_it(make_sensor) -> None:
-    for panel in every_panel(make_sensor()):
-        ids = re.findall(r'\bid="([^"]+)"', panel.svg)
-        used = set(re.findall(r'(?:href="#|url\(#)([\w.-]+)', panel.svg))
-        assert used == set(ids) and len(ids) == len(set(ids))
+from imubayes.reporting import figures, fit_figures, noise_figures, rows
+from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, draw
+from studies.decision_quality import figures as quality_figures
 
 
 def test_alternative_text_is_escaped() -> None:

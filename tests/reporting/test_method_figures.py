@@ -8,46 +8,15 @@ import numpy as np
 import pytest
 from matplotlib.textpath import TextPath
 from scipy.optimize import isotonic_regression
+from test_any_result import FIGURES
 
 from imubayes.reporting import method_figures
-from imubayes.reporting.canvas import WIDTH, Panel
+from imubayes.reporting.canvas import WIDTH
 from imubayes.reporting.method_glance import glance, laid_out, shade
-from imubayes.sensors.terms import library
-
-
-def every_panel(sensor) -> list[Panel]:
-    panel, selection = sensor.panel, sensor.selection
-    found = panel.sensitivity
-    return [
-        glance(panel.votes, selection, {}, "g"),
-        *(
-            method_figures.threshold_path(one, selection.model, {}, f"h{n}")
-            for n, one in enumerate(panel.sindy[:2])
-        ),
-        method_figures.prior_widths(found, (2, 3), selection.costs, {}, "p"),
-        method_figures.reduced_path(panel.reduced, sensor.kind, "e"),
-        *(
-            method_figures.dependence(one, sensor.kind, f"m{n}")
-            for n, one in enumerate(sensor.misfit.dependences)
-        ),
-    ]
-
-
-@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_every_panel_of_the_methods_is_small_vector_svg_with_text_as_text(make_judged, kind: str) -> None:
-    for panel in every_panel(make_judged(lib=library(kind, set="extended"))):
-        root = ElementTree.fromstring(panel.svg)
-        assert root.get("role") == "img" and len(root.get("aria-label")) > 20 and panel.title
-        assert not list(root.iter("image")) and list(root.iter("text"))
-        assert len(panel.svg) < 30_000
-
-
-def test_panels_of_the_methods_are_the_same_bytes_for_the_same_result(make_judged) -> None:
-    assert every_panel(make_judged()) == every_panel(make_judged())
 
 
 def test_no_text_of_a_panel_is_cut_off_at_its_sides(make_judged) -> None:
-    for panel in every_panel(make_judged()):
+    for panel in FIGURES["methods"][1](make_judged()):
         for text in ElementTree.fromstring(panel.svg).iter("text"):
             style, said = text.get("style", ""), text.text or ""
             turn = re.search(r"rotate\((-?\d+)", text.get("transform", ""))

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -55,13 +54,10 @@ def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result, m
     assert [row.parameter for row in together.rows] == ["b0"] and together.left_out == 2
 
 
-def test_at_most_twelve_parameters_are_drawn_as_small_vector_svg(result, make_sessions) -> None:
+def test_at_most_twelve_parameters_are_drawn(result, make_sessions) -> None:
     found = [replace(make_sessions("b0", units=24), parameter=f"p{k}") for k in range(14)]
     view = viewed(result, *found)
     assert len(view.rows) == 14 and len(view.panels) == 12
-    for panel in view.panels:
-        root = ElementTree.fromstring(panel.svg)
-        assert len(panel.svg) < 16_000 and not list(root.iter("image"))
     assert "unit, 1 IMU-1 to 24 IMU-24" in view.panels[0].svg
 
 

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
+from page_reading import printed
 
 from imubayes.campaign.study import SensorCheck
 from imubayes.reporting import figures
@@ -14,13 +13,6 @@ from imubayes.reporting.document import report_html
 from imubayes.reporting.rows import MARKS
 from imubayes.reporting.tables import terminal_check, terminal_summary
 from imubayes.sensors.terms import library
-
-
-def printed(renderable, width: int = 80, encoding: str = "utf-8") -> str:
-    stream = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
-    Console(file=stream, width=width).print(renderable)
-    stream.flush()
-    return stream.buffer.getvalue().decode(encoding)
 
 
 def test_summary_fits_80_columns_and_loses_no_cell(result) -> None:
@@ -36,10 +28,6 @@ def test_summary_fits_80_columns_and_loses_no_cell(result) -> None:
     ):
         assert cell in text
     assert "…" not in text
-
-
-def test_summary_without_a_terminal_has_no_escape_codes(result) -> None:
-    assert "\x1b" not in printed(terminal_summary(result))
 
 
 def test_summary_prints_on_an_ascii_terminal_with_word_and_shape(result) -> None:

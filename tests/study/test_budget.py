@@ -1,13 +1,11 @@
 """``imubayes run --budget`` and ``--accuracy`` as a person meets them."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from imubayes.cli import main
 from imubayes.ladder.climb import NAMES
 
 STUDY = """
@@ -36,27 +34,16 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
-def _run(monkeypatch: pytest.MonkeyPatch, study: Path, *options: str) -> tuple[dict, str]:
+def _run(command, study: Path, *options: str) -> tuple[dict, str, str]:
+    """Result, report and words of a run."""
     out = study.parent / "out"
-    monkeypatch.setattr(sys, "argv", ["imubayes", "run", str(study), "--out", str(out), *options])
-    with pytest.raises(SystemExit) as stop:
-        main()
-    assert stop.value.code == 0
-    return json.loads((out / "result.json").read_text()), (out / "report.html").read_text()
+    ended = command("run", study, "--out", out, *options)
+    assert ended.code == 0
+    return json.loads((out / "result.json").read_text()), (out / "report.html").read_text(), ended.words
 
 
-def _refused(monkeypatch: pytest.MonkeyPatch, study: Path, *options: str) -> None:
-    monkeypatch.setattr(
-        sys, "argv", ["imubayes", "run", str(study), "--out", str(study.parent / "no"), *options]
-    )
-    with pytest.raises(SystemExit) as stop:
-        main()
-    assert stop.value.code == 2
-    assert not (study.parent / "no").exists()
-
-
-def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(monkeypatch, study, capsys):
-    result, report = _run(monkeypatch, study, "--budget", "10 us")
+def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(command, study):
+    result, report, shown = _run(command, study, "--budget", "10 us")
     (sensor,) = result["sensors"]
     choice = sensor["choice"]
     assert (choice["rung"], choice["asked"], choice["next"]["rung"]) == (
@@ -66,7 +53,6 @@ def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(monkey
     )
     assert sensor["method"] == "means"
     assert result["provenance"]["command"].endswith('--budget "1e-05 s"')
-    shown = " ".join(capsys.readouterr().out.split())
     for text in (shown, " ".join(report.split())):
         assert "ordinary least squares, BIC" in text
         assert "The next rung" in text
@@ -78,10 +64,10 @@ def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(monkey
     assert choice["met"] is False
 
 
-def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(monkeypatch, study):
+def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, study):
     """Plug-in against the noise's posterior: three times what was foreseen, and their Monte Carlo errors."""
-    cheap = _run(monkeypatch, study, "--accuracy", "1e9")[0]["sensors"][0]
-    best = _run(monkeypatch, study, "--method", "collapsed")[0]["sensors"][0]
+    cheap = _run(command, study, "--accuracy", "1e9")[0]["sensors"][0]
+    best = _run(command, study, "--method", "collapsed")[0]["sensors"][0]
     climbed = [step["rung"] for step in cheap["choice"]["climbed"]]
     assert climbed == list(NAMES[:2])
     apart = [
@@ -103,13 +89,14 @@ def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(monkeypatc
         (("--budget", "1 s", "--resume"), "give one of them"),
     ],
 )
-def test_what_makes_no_budget_is_refused_and_nothing_is_written(monkeypatch, study, capsys, options, words):
-    _refused(monkeypatch, study, *options)
-    assert words in " ".join(capsys.readouterr().err.split())
+def test_what_makes_no_budget_is_refused_and_nothing_is_written(command, study, options, words):
+    ended = command("run", study, "--out", study.parent / "no", *options)
+    assert ended.code == 2 and words in ended.words
+    assert not (study.parent / "no").exists()
 
 
-def test_a_study_without_chains_refuses_a_budget(monkeypatch, tmp_path, capsys):
+def test_a_study_without_chains_refuses_a_budget(command, tmp_path):
     path = tmp_path / "lots.toml"
     path.write_text((Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml").read_text())
-    _refused(monkeypatch, path, "--budget", "1 s")
-    assert "--budget" in capsys.readouterr().err
+    ended = command("run", path, "--budget", "1 s")
+    assert ended.code == 2 and "--budget" in ended.err

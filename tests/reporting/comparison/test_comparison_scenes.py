@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rich.console import Console
+from page_reading import printed
 from scenes_found import TERMS, a_relevance
 
 from imubayes.reporting.comparison.kinds import comparison_json
@@ -106,12 +106,7 @@ def test_result_without_scenes_is_compared_as_before():
 def test_page_terminal_and_numbers_say_what_a_scene_requires_in_one_result_only(read):
     found = compared([read(a_relevance()), read(_moved("b2", 0.0, 0.01, 0.02, kept=False), seed=2)])
     page = results_page(found)
-    console = Console(width=80)
-    with console.capture() as capture:
-        console.print(terminal_page(page))
-    printed = capture.get()
-    assert all(len(line) <= 80 for line in printed.splitlines())
-    for text in (" ".join(printed.split()), " ".join(page_html(page).split())):
+    for text in (" ".join(one.split()) for one in (printed(terminal_page(page)), page_html(page))):
         assert "1 of 1 scene requires other terms" in text
         assert "In the scene quadrotor (position) models differ in b2." in text
         assert "with 95 %: A 9.0 m and B 9.0 m." in text

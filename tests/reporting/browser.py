@@ -1,0 +1,95 @@
+"""A page as a browser shows it: Chromium or Chrome, from PATH or from playwright's cache."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from html import escape, unescape
+from pathlib import Path
+
+WIDTHS = (1280, 390)
+"""px: a desk, and a telephone."""
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+PLAYWRIGHT = ("chromium*/chrome-linux*/chrome", "chromium*/chrome-linux*/headless_shell")
+
+MEASURED = """
+<script>
+function told(page, width) {
+  const seen = [...page.querySelectorAll('body *')].filter(one => !one.closest('.scroll, .wide, svg'));
+  const wide = seen.filter(one => one.getBoundingClientRect().right > width + 0.5);
+  const over = [];
+  let texts = 0;
+  for (const svg of page.querySelectorAll('svg')) {
+    const shown = [...svg.querySelectorAll('text')].filter(one => one.textContent.trim());
+    const boxes = shown.map(one => one.getBoundingClientRect());
+    texts += boxes.length;
+    for (let a = 0; a < boxes.length; a++) for (let b = 0; b < a; b++) {
+      const x = Math.min(boxes[a].right, boxes[b].right) - Math.max(boxes[a].left, boxes[b].left);
+      const y = Math.min(boxes[a].bottom, boxes[b].bottom) - Math.max(boxes[a].top, boxes[b].top);
+      if (x > 1 && y > 1) over.push(shown[a].textContent + ' on ' + shown[b].textContent);
+    }
+    if (svg.closest('.panel') && !svg.closest('.wide')
+        && boxes.some(box => box.right > width + 0.5 || box.left < -0.5)) wide.push(svg);
+  }
+  const scrolls = page.documentElement.scrollWidth - width;
+  return {scrolls, wide: wide.map(one => one.outerHTML.slice(0, 80)),
+          over, texts};
+}
+addEventListener('load', () => {
+  const found = {};
+  for (const frame of document.querySelectorAll('iframe'))
+    found[frame.id] = told(frame.contentDocument, frame.clientWidth);
+  const out = document.createElement('pre');
+  out.id = 'found';
+  out.textContent = JSON.stringify(found);
+  document.body.append(out);
+});
+</script>
+"""
+"""What is seen of a page in each frame: how far it scrolls sideways, what sticks out, labels that overlap."""
+
+
+def _browser() -> str | None:
+    cache = Path.home() / ".cache" / "ms-playwright"
+    cached = (str(path) for pattern in PLAYWRIGHT for path in sorted(cache.glob(pattern)))
+    return next((path for name in NAMES if (path := shutil.which(name))), next(cached, None))
+
+
+BROWSER = _browser()
+
+
+def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    quiet = (
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+    )
+    command = [
+        str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", *quiet, "--disable-dev-shm-usage",
+        "--hide-scrollbars",
+        f"--user-data-dir={folder / 'profile'}", "--enable-logging=stderr", *options,
+    ]  # fmt: skip
+    return subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
+
+
+def _frames(html: str) -> str:
+    style = "height:2000px;border:0;width"
+    frames = "".join(
+        f'<iframe id="w{width}" style="{style}:{width}px" srcdoc="{escape(html)}"></iframe>'
+        for width in WIDTHS
+    )
+    return f'<!DOCTYPE html><html><head><meta charset="utf-8">{MEASURED}</head><body>{frames}</body></html>'
+
+
+def shown(html: str, folder: Path) -> tuple[dict, list[str]]:
+    """What is seen of a page at each width, and what the browser's console says."""
+    page = folder / "frames.html"
+    page.write_text(_frames(html), encoding="utf-8")
+    done = run(folder, "--dump-dom", page.as_uri())
+    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
+    assert found, done.stderr[-2000:]
+    return json.loads(unescape(found[1])), [line for line in done.stderr.splitlines() if "CONSOLE" in line]

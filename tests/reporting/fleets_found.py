@@ -1,0 +1,62 @@
+"""A small, complete result of a fleet, made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from imubayes.campaign.study import SensorSpec
+from imubayes.inference.intervals import Share
+from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
+from imubayes.population.parts import FleetStudy, simulated_units
+from imubayes.population.records import Broken
+from imubayes.population.terms import PopulationTerm
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.terms import library
+
+BROKEN = Broken(7, "A<8>", "A8/tumble.csv, line 3: is no number")
+
+
+def fleet_result(title: str = "Ten <b>units</b>", **options) -> FleetResult:
+    """Ten units: bias and scale needed, the rest open; one unit could not be read."""
+    entry = sensor("mems_tactical", kind="accelerometer")
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    p = len(lib.terms)
+    study = FleetStudy(
+        title=title,
+        seed=3,
+        spec=SensorSpec("fleet", "accelerometer", entry, lib, (), {}),
+        sensor_class=entry,
+        units=simulated_units("mems_tactical", 10),
+        part=8,
+        processes=2,
+        path=Path("fleet.toml"),
+        text="[fleet]",
+    )
+    counts = np.zeros((6, p), dtype=np.int64)
+    counts[0, :2], counts[3, 2:] = 9, 9
+    answer = FleetAnswer(
+        units=9,
+        samples=1234,
+        terms=tuple(_term(name, needed=j < 2) for j, name in enumerate(lib.names)),
+        counts=counts,
+        order=Share(2.0, 2.0, 2.0),
+        noise=(Share(6e-4, 5e-4, 7e-4), Share(3e-4, 2e-4, 4e-4), Share(3e-6, 2e-6, 4e-6)),
+        worst=(pull_of(1, 8.0), pull_of(2, -6.0), pull_of(3, 2.0)),
+        outliers=2,
+        limit=4.1,
+        broken=(BROKEN,),
+    )
+    return FleetResult(study, replace(answer, **options), "2 processes of this machine", 0, 12.0)
+
+
+def _term(name: str, *, needed: bool) -> PopulationTerm:
+    share = Share(1.0, 0.8, 1.0) if needed else Share(0.0, 0.0, 0.2)
+    mean, spread = Share(1e-4, 5e-5, 2e-4), Share(3e-4, 2e-4, 5e-4)
+    return PopulationTerm(name, share, 0.0 if needed else 1.0, mean, spread, 1.1e-4, 2.9e-4)
+
+
+def pull_of(k: int, pull: float) -> Pull:
+    return Pull(f"u{k}", "b0" if k % 2 else "N", 1e-3 * k, pull, abs(pull) > 4.1)

@@ -1,0 +1,205 @@
+"""A small result of every kind that has a page: the page, its file of numbers, its lines in a terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+from fleets_found import fleet_result
+from lots_found import lot_library, lot_result
+from populations_found import class_found
+from results_found import APPENDIX, judged_result, repeatability, sampled_result, sensor_result, study_result
+from rich.console import RenderableType
+from scenes_found import a_relevance
+from test_case_views import recovered
+from trades_found import traded
+
+from imubayes.campaign.study import StudyResult
+from imubayes.planning.proposal import propose
+from imubayes.population.lots import LotResult
+from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
+from imubayes.reporting.document import report_html
+from imubayes.reporting.fleet_page import fleet_page, terminal_fleet
+from imubayes.reporting.html import page_html
+from imubayes.reporting.lots_page import lots_page, terminal_lots
+from imubayes.reporting.lots_results import fleet_json, lots_json
+from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
+from imubayes.reporting.results import result_json
+from imubayes.reporting.tables import terminal_summary
+from imubayes.reporting.terminal import terminal_page
+from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
+from imubayes.study.schema.reading import read_plan
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A page, the text of its ``result.json``, and its lines in a terminal."""
+
+    html: str
+    values: str
+    terminal: RenderableType
+
+
+@cache
+def made(kind: str, name: str = "A-1") -> Made:
+    """Make a page of a kind, with a name wherever a name comes from a file."""
+    return KINDS[kind](name)
+
+
+def _study(found: StudyResult) -> Made:
+    return Made(report_html(found), result_json(found), terminal_summary(found))
+
+
+def _sensors(name: str) -> Made:
+    """An accelerometer with every other method, a misfit and a scene, and a gyroscope beside it."""
+    first = judged_result(name, runs=(name, "b"), misfit=name, column=name)
+    votes, misfit = first.panel.votes, replace(first.misfit, text=f"The residuals of {name} hold more.")
+    told = (replace(votes.disagreements[0], text=f"one keeps {name}"),)
+    panel = replace(first.panel, votes=replace(votes, disagreements=told))
+    first = replace(first, panel=panel, misfit=misfit)
+    other = sensor_result(f"{name}-2", lib=lot_library(), runs=("rates",))
+    scene = replace(a_relevance(), scene=name)
+    return _study(replace(study_result(first, other, title=name), scenes=((first.id, scene),)))
+
+
+def _chains(name: str) -> Made:
+    """A sampled accelerometer with errors of the bench and distrusted dwells, sessions and an appendix."""
+    sensor = sampled_result(name, runs=(name,))
+    extras = tuple(replace(one, extra=replace(one.extra, text=f"error of {name}")) for one in sensor.extras)
+    sensor = replace(sensor, extras=extras, method_reason=f"it was asked of {name}")
+    found = study_result(sensor, title=name)
+    table = replace(APPENDIX, title=name, note=name, command=name, header=(name, "b"))
+    sessions = (repeatability("b0"), repeatability("b1", exceeds=False))
+    return _study(replace(found, study=replace(found.study, appendices=(table,)), sessions=sessions))
+
+
+def _cases(name: str) -> Made:
+    """Two triads with what their cases recover, and what the units of a class have in common."""
+    pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86}
+    first = replace(sensor_result(runs=("hand",)), pooled=pooled, recovered=(recovered(),))
+    sensors = (replace(first, id=f"{name}{k}.a{axis}") for k in range(2) for axis in "xyz")
+    return _study(replace(study_result(*sensors, title=name), classes=(class_found(),)))
+
+
+def _lots(name: str) -> Made:
+    found = lot_result(title=name)
+    return Made(page_html(lots_page(found)), lots_json(found), terminal_lots(found))
+
+
+def _fleet(name: str) -> Made:
+    found = fleet_result(name)
+    broken = tuple(replace(one, name=name, error=f"{name}: is no number") for one in found.answer.broken)
+    found = replace(found, answer=replace(found.answer, broken=broken))
+    return Made(page_html(fleet_page(found)), fleet_json(found), terminal_fleet(found))
+
+
+def _trade(name: str) -> Made:
+    found = traded(name=name)
+    return Made(page_html(trade_page(found)), trade_json(found), terminal_trade(found))
+
+
+PLAN = """
+[study]
+title = {name}
+seed = 3
+[[sensor]]
+id = {name}
+kind = "accelerometer"
+class = "mems_tactical"
+[sensor.library]
+powers = 2
+asymmetry = -1
+[sensor.reference]
+gravity = true
+fixture = "5 arcsec"
+[plan]
+time = "45 min"
+needed = ["b0", "b1", "m_j"]
+units = 2
+[[plan.run]]
+name = {name}
+procedure = "tumble"
+candidates = {{ angles = 12, planes = 2 }}
+dwell = ["60 s"]
+rate = "0.5 Hz"
+settle = "10 s"
+mount = "5 min"
+setup = "10 min"
+"""
+
+
+def _plan(name: str) -> Made:
+    with _in_a_folder():
+        Path("plan.toml").write_text(PLAN.format(name=json.dumps(name)), encoding="utf-8")
+        found = replace(propose(read_plan(Path("plan.toml"))), seconds=1.0)
+    return Made(page_html(plan_page(found)), plan_json(found), terminal_plan(found))
+
+
+def _compared(*texts: str) -> Made:
+    """Results side by side, A and B by their file's name."""
+    with _in_a_folder():
+        files = [Path(f"{letter}.json") for letter in "ab"]
+        for file, text in zip(files, texts, strict=True):
+            file.write_text(text, encoding="utf-8")
+        found = side_by_side(files)
+    return Made(page_html(found.page), comparison_json(found.record), terminal_page(found.page))
+
+
+def _compared_sensors(name: str) -> Made:
+    """The second sensor has another id, another b2 by 50 sd, and no need of it in the scene."""
+    texts = []
+    for sensor_id, moved in (("A", 0.0), (name, 50.0)):
+        sensor, scene = sensor_result(sensor_id), a_relevance()
+        terms = tuple(
+            replace(t, full_mean=t.full_mean + moved * t.full_sd, verdict="undecided" if moved else t.verdict)
+            if t.name == "b2"
+            else t
+            for t in sensor.selection.terms
+        )
+        sensor = replace(sensor, selection=replace(sensor.selection, terms=terms))
+        scene = replace(scene, model=("b0",)) if moved else scene
+        texts.append(result_json(replace(study_result(sensor, title=name), scenes=((sensor_id, scene),))))
+    return _compared(*texts)
+
+
+def _moved(found: LotResult) -> LotResult:
+    first = found.classes[0]
+    mean = replace(first.terms[0].mean, value=1e3, low=0.9e3, high=1.1e3)
+    terms = (replace(first.terms[0], mean=mean), *first.terms[1:])
+    return replace(found, classes=(replace(first, terms=terms), *found.classes[1:]))
+
+
+def _compared_lots(name: str) -> Made:
+    found = lot_result(title=name)
+    return _compared(lots_json(found), lots_json(_moved(found)))
+
+
+def _compared_units(name: str) -> Made:
+    unit = study_result(sensor_result(name, lib=lot_library()), title=name)
+    return _compared(result_json(unit), lots_json(lot_result(title=name)))
+
+
+@contextlib.contextmanager
+def _in_a_folder():
+    """Work in a folder of its own, so that a page names its files alike each time."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        yield
+
+
+KINDS: dict[str, Callable[[str], Made]] = {
+    "sensors": _sensors,
+    "chains": _chains,
+    "cases": _cases,
+    "lots": _lots,
+    "fleet": _fleet,
+    "trade": _trade,
+    "plan": _plan,
+    "compared_sensors": _compared_sensors,
+    "compared_lots": _compared_lots,
+    "compared_units": _compared_units,
+}
