@@ -11,13 +11,13 @@ from imubayes.reporting.blocks import Page
 from imubayes.reporting.comparison.lot_files import lots_of
 from imubayes.reporting.comparison.lots import lots_compared
 from imubayes.reporting.comparison.lots_page import lots_page, lots_record
-from imubayes.reporting.comparison.result_files import Written, no_result, sensors_of, written
+from imubayes.reporting.comparison.result_files import sensors_of
 from imubayes.reporting.comparison.results import compared
 from imubayes.reporting.comparison.results_page import comparison_record, results_page
 from imubayes.reporting.comparison.units import units_compared
 from imubayes.reporting.comparison.units_page import units_page, units_record
 from imubayes.reporting.html import write_page
-from imubayes.reporting.result.file import json_text
+from imubayes.reporting.result.file import Written, json_text, no_result, written
 
 SENSORS, LOTS = "a study of sensors", "a class-level study"
 """Kinds of studies whose results can be compared."""

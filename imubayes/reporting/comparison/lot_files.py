@@ -1,17 +1,16 @@
-"""Results of class-level studies, read back: of ``result.json`` what a comparison needs, checked."""
+"""Results of class-level studies, as a comparison looks at them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.pulls import normal_of
-from imubayes.reporting.comparison.result_files import Written, checked, no_result, number
+from imubayes.reporting.result.file import Written, read
+from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
 from imubayes.reporting.rounding import per_unit
 from imubayes.sensors.terms import HIGHEST_POWER, Kind, Term, library
 
@@ -75,73 +74,53 @@ class ClassFile:
 
 @dataclass(frozen=True, slots=True)
 class LotFile:
-    """One ``result.json`` of a class-level study: as `result_files.ResultFile`, with classes by id."""
+    """One ``result.json`` of a class-level study, with classes by id."""
 
-    path: Path
-    sha256: str
-    study: str
-    version: str
+    file: Written
     kind: Kind
     units: int
     classes: Mapping[str, ClassFile]
 
 
-def lots_of(one: Written) -> LotFile:
-    """Check the result of a class-level study.
+def lots_of(file: Written) -> LotFile:
+    """Read the result of a class-level study.
 
     Raises
     ------
     DataError : naming what is missing or wrong.
     """
-    with checked(one.path):
-        raw = one.raw["lots"]
-        kind = raw["kind"]
-        if kind not in ("accelerometer", "gyroscope"):
-            raise no_result(one.path, f"kind '{kind}'")
-        units = int(raw["units"])
-        classes = {str(each["id"]): _class(each, one.raw["scenes"], units) for each in raw["classes"]}
-    return LotFile(one.path, one.sha256, one.study, one.version, kind, units, classes)
+    result = read(file, LotsResult, "classes")
+    lots = result.lots
+    classes = {one.id: _class(one, result.scenes, lots.units) for one in lots.classes}
+    return LotFile(file, lots.kind, lots.units, classes)
 
 
-def _class(raw: Mapping[str, Any], scenes: list[Mapping[str, Any]], units: int) -> ClassFile:
-    verdicts = list(zip(*(unit["verdicts"] for unit in raw["units"]), strict=True))
+def _class(one: Class, scenes: Iterable[ClassInScene], units: int) -> ClassFile:
+    verdicts = list(zip(*(unit.verdicts for unit in one.units), strict=True))
     return ClassFile(
-        id=str(raw["id"]),
-        order=share_of(raw["order"]),
+        id=one.id,
+        order=Share(**one.order),
         terms={
-            str(term["name"]): _population(term, units, any(one != "untested" for one in verdicts[k]))
-            for k, term in enumerate(raw["terms"])
+            term.name: _population(term, units, any(verdict != "untested" for verdict in verdicts[k]))
+            for k, term in enumerate(one.terms)
         },
-        scenes={str(one["name"]): _scene(one, units) for one in scenes if one["sensor"] == raw["id"]},
-        noise=tuple(
-            (number(u["noise"]["N"]), number(u["noise"]["B"]), number(u["noise"]["K"])) for u in raw["units"]
-        ),
+        scenes={scene.name: _scene(scene, units) for scene in scenes if scene.sensor == one.id},
+        noise=tuple((unit.noise["N"], unit.noise["B"], unit.noise["K"]) for unit in one.units),
     )
 
 
-def _population(raw: Mapping[str, Any], units: int, tested: bool) -> PopulationFile:
-    share = share_of(raw["needed"])
-    return PopulationFile(
-        (round(share.value * units), units), share, share_of(raw["mean"]), share_of(raw["spread"]), tested
-    )
+def _population(term: ClassTerm, units: int, tested: bool) -> PopulationFile:
+    needed, mean, spread = (Share(**one) for one in (term.needed, term.mean, term.spread))
+    return PopulationFile((round(needed.value * units), units), needed, mean, spread, tested)
 
 
-def _scene(raw: Mapping[str, Any], units: int) -> LotSceneFile:
-    terms = {str(term["name"]): term for term in raw["terms"]}
+def _scene(scene: ClassInScene, units: int) -> LotSceneFile:
     return LotSceneFile(
-        order=share_of(raw["order"]),
-        within=number(raw["within"]),
-        required={name: (round(number(t["required"]) * units), units) for name, t in terms.items()},
-        shares={
-            name: Share(number(t["share_of_budget"]), *map(number, t["share_range"]))
-            for name, t in terms.items()
-        },
+        order=Share(**scene.order),
+        within=scene.within,
+        required={term.name: (round(term.required * units), units) for term in scene.terms},
+        shares={term.name: Share(term.share_of_budget, *term.share_range) for term in scene.terms},
     )
-
-
-def share_of(raw: Mapping[str, Any]) -> Share:
-    """Value with its interval."""
-    return Share(number(raw["value"]), number(raw["low"]), number(raw["high"]))
 
 
 def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:

@@ -29,6 +29,8 @@ from imubayes.reporting.comparison.pulls import (
     normal_of,
     threshold_of,
 )
+from imubayes.reporting.result.file import Written
+from imubayes.sensors.terms import Kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,9 @@ class ClassComparison:
 class LotComparison:
     """Class-level results side by side; `alone` has (label, class) of what stands in one result only."""
 
-    results: tuple[LotFile, ...]
+    results: tuple[Written, ...]
+    kind: Kind
+    units: tuple[int, ...]
     labels: tuple[str, ...]
     classes: tuple[ClassComparison, ...]
     alone: tuple[tuple[str, str], ...]
@@ -134,7 +138,8 @@ def lots_compared(results: Sequence[LotFile]) -> LotComparison:
     tests = sum(map(_tests, found))
     threshold = threshold_of(tests)
     judged_classes = tuple(_judged(one, threshold) for one in found)
-    return LotComparison(tuple(results), labels, judged_classes, alone, tests, threshold)
+    files, units = tuple(one.file for one in results), tuple(one.units for one in results)
+    return LotComparison(files, results[0].kind, units, labels, judged_classes, alone, tests, threshold)
 
 
 def _several(members: Sequence[object]) -> bool:

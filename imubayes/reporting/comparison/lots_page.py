@@ -88,7 +88,7 @@ def _differing(one: ClassComparison) -> list[tuple[str, Pull]]:
 
 
 def _section(one: ClassComparison, found: LotComparison) -> Section:
-    kind, labels = found.results[0].kind, found.labels
+    kind, labels = found.kind, found.labels
     whole = len(found.classes) == 1
     terms = [row for term in one.terms for row in _rows(term, labels, kind, whole)]
     blocks = (
@@ -189,8 +189,8 @@ def lots_record(found: LotComparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
     return {
         **head_record(found),
-        "kind": found.results[0].kind,
-        "units": [one.units for one in found.results],
+        "kind": found.kind,
+        "units": found.units,
         "classes": [_class_record(one) for one in found.classes],
         "alone": [{"result": label, "class": name} for label, name in found.alone],
     }

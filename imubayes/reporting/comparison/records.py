@@ -3,43 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import imubayes
 from imubayes.reporting.comparison.pulls import LEVEL, Pull
 
-
-class Source(Protocol):
-    """A result of any kind of study."""
-
-    @property
-    def path(self) -> Path:
-        """Of the file."""
-        ...
-
-    @property
-    def sha256(self) -> str:
-        """Of its bytes."""
-        ...
-
-    @property
-    def study(self) -> str:
-        """Title."""
-        ...
-
-    @property
-    def version(self) -> str:
-        """Of imubayes that wrote it."""
-        ...
+if TYPE_CHECKING:
+    from imubayes.reporting.result.file import Written
 
 
 class Compared(Protocol):
     """A comparison of any kind."""
 
     @property
-    def results(self) -> Sequence[Source]:
-        """In the order of their labels."""
+    def results(self) -> Sequence[Written]:
+        """Files, in the order of their labels."""
         ...
 
     @property

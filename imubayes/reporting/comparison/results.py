@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 
 from imubayes.errors import InputError
 from imubayes.reporting.comparison.pulls import LETTERS, Pull, is_beyond, judged, largest, threshold_of
-from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
+from imubayes.reporting.comparison.result_files import ComponentFile, NoiseEstimate, ResultFile
 from imubayes.reporting.comparison.scenes import (
     SceneComparison,
     scene_judged,
     scene_tests,
     scenes_compared,
 )
+from imubayes.reporting.result.file import Written
+from imubayes.reporting.result.sensors import Term
 
 AXES = ("ax", "ay", "az", "gx", "gy", "gz")
 """Components of a triad, which are compared with their own kind only."""
@@ -38,7 +40,7 @@ class TermComparison:
     """
 
     name: str
-    values: tuple[Estimate | None, ...]
+    values: tuple[Term | None, ...]
     pull: Pull | None
     verdicts_differ: bool
 
@@ -87,7 +89,7 @@ class Comparison:
 
     Attributes
     ----------
-    results : in the order of their labels.
+    results : files, in the order of their labels.
     labels : A, B, C ...
     components : in the order of the first result that has each.
     alone : (label, id) of components that no other result has.
@@ -95,7 +97,7 @@ class Comparison:
     threshold : difference over its sd from which one is beyond uncertainty.
     """
 
-    results: tuple[ResultFile, ...]
+    results: tuple[Written, ...]
     labels: tuple[str, ...]
     components: tuple[ComponentComparison, ...]
     alone: tuple[tuple[str, str], ...]
@@ -131,7 +133,7 @@ def compared(results: Sequence[ResultFile]) -> Comparison:
     tests = sum(_tests(component) for component in components)
     threshold = threshold_of(tests)
     judged = tuple(_judged(component, threshold) for component in components)
-    return Comparison(tuple(results), labels, judged, alone, tests, threshold)
+    return Comparison(tuple(one.file for one in results), labels, judged, alone, tests, threshold)
 
 
 Members = tuple[ComponentFile | None, ...]
@@ -207,13 +209,13 @@ def _component(members: Members, by_order: bool, labels: Sequence[str]) -> Compo
     )
 
 
-def _term(name: str, values: Sequence[Estimate | None], labels: Sequence[str]) -> TermComparison:
+def _term(name: str, values: Sequence[Term | None], labels: Sequence[str]) -> TermComparison:
     there = {label: value for label, value in zip(labels, values, strict=True) if value}
     if len({value.unit for value in there.values()}) > 1:
         units = ", ".join(f"{label} {value.unit}" for label, value in there.items())
         raise InputError(f"term {name} has different units ({units}): run the studies with the same version")
     tested = {label: value for label, value in there.items() if value.verdict != "untested"}
-    pull = largest({label: (value.mean, value.sd) for label, value in tested.items()})
+    pull = largest({label: (value.full_mean, value.full_sd) for label, value in tested.items()})
     return TermComparison(name, tuple(values), pull, len({value.verdict for value in there.values()}) > 1)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.pulls import is_beyond
 from imubayes.reporting.comparison.records import head_record, pull_record
-from imubayes.reporting.comparison.result_files import Estimate, NoiseEstimate
+from imubayes.reporting.comparison.result_files import NoiseEstimate
 from imubayes.reporting.comparison.results import (
     Comparison,
     ComponentComparison,
@@ -27,6 +27,7 @@ from imubayes.reporting.comparison.view import (
     headed,
     titled,
 )
+from imubayes.reporting.result.sensors import Term
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, below, measured, per_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -84,8 +85,8 @@ def _component_record(one: ComponentComparison) -> dict[str, Any]:
             {
                 "name": term.name,
                 "unit": next(value.unit for value in term.values if value),
-                "full_mean": [value.mean if value else None for value in term.values],
-                "full_sd": [value.sd if value else None for value in term.values],
+                "full_mean": [value.full_mean if value else None for value in term.values],
+                "full_sd": [value.full_sd if value else None for value in term.values],
                 "inclusion": [value.inclusion if value else None for value in term.values],
                 "verdicts": [value.verdict if value else None for value in term.values],
                 "verdicts_differ": term.verdicts_differ,
@@ -140,11 +141,12 @@ def _term_rows(term: TermComparison, labels: Sequence[str], whole: bool) -> Iter
         yield Row((name, label, *told, pull), strong=beyond, brief=brief)
 
 
-def _value(value: Estimate) -> str:
+def _value(value: Term) -> str:
     if value.verdict == "untested":
         return "not tested"
-    scale = per_unit(value.printed, value.unit)
-    return str(measured(value.mean / scale, value.sd / scale, value.printed))
+    unit = value.printed_unit
+    scale = per_unit(unit, value.unit)
+    return str(measured(value.full_mean / scale, value.full_sd / scale, unit))
 
 
 def _noise_rows(

@@ -8,9 +8,9 @@ from typing import Any
 from imubayes.reporting.blocks import Row, Section
 from imubayes.reporting.comparison.pulls import is_beyond
 from imubayes.reporting.comparison.records import pull_record
-from imubayes.reporting.comparison.result_files import SceneFile, ShareEstimate
 from imubayes.reporting.comparison.scenes import SceneComparison, ShareComparison
 from imubayes.reporting.comparison.view import DIFFERENCE, RESULT, difference, headed, titled
+from imubayes.reporting.result.sensors import Scene, TermInScene
 from imubayes.reporting.rounding import duration, measured, share
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
@@ -36,7 +36,7 @@ def called(scene: SceneComparison) -> str:
 
 def _counts(term: ShareComparison) -> bool:
     return is_beyond(term.pull) or any(
-        value and (value.kept or value.high >= LITTLE) for value in term.values
+        value and (value.kept or value.share_q95 >= LITTLE) for value in term.values
     )
 
 
@@ -49,8 +49,8 @@ def _rows(term: ShareComparison, labels: Sequence[str], whole: bool) -> Iterator
         yield Row((name, label, *told, pull), strong=beyond, brief=shown)
 
 
-def _share(value: ShareEstimate) -> str:
-    return f"{share(value.value)} ({share(value.low)} to {share(value.high)})"
+def _share(value: TermInScene) -> str:
+    return f"{share(value.share_of_budget)} ({share(value.share_q05)} to {share(value.share_q95)})"
 
 
 def scene_sentences(scene: SceneComparison, labels: Sequence[str], kind: Kind) -> Iterator[str]:
@@ -66,22 +66,22 @@ def scene_sentences(scene: SceneComparison, labels: Sequence[str], kind: Kind) -
     far = [term.name for term in scene.terms if is_beyond(term.pull)]
     if far:
         yield f"Beyond uncertainty there: {listed(far)}."
-    left = listed(f"{label} {amount(one.left_out[1], one.quantity, kind)}" for label, one in there)
+    left = listed(f"{label} {amount(one.left_out['q95'], scene.quantity, kind)}" for label, one in there)
     yield f"What the terms left out come to there, with 95 %: {left}."
     yield from _conditions(scene, there, kind)
 
 
-def _conditions(scene: SceneComparison, there: Sequence[tuple[str, SceneFile]], kind: Kind) -> Iterator[str]:
+def _conditions(scene: SceneComparison, there: Sequence[tuple[str, Scene]], kind: Kind) -> Iterator[str]:
     """Say what is not the same of the scenes."""
-    if len({(one.limit, one.duration) for _, one in there}) > 1:
+    if len({(one.budget["limit"], one.duration) for _, one in there}) > 1:
         asked = listed(
-            f"{label} {amount(one.limit, one.quantity, kind)} over {duration(one.duration)}"
+            f"{label} {amount(one.budget['limit'], scene.quantity, kind)} over {duration(one.duration)}"
             for label, one in there
         )
         yield f"The budgets are not the same: {asked}."
     if scene.reseeded:
         yield "The studies have different seeds, by which a scene of the catalogue moves differently."
-    failed = [label for label, one in there if not one.met]
+    failed = [label for label, one in there if not one.within_budget]
     if failed:
         yield f"No model stays within the budget in {listed(failed)}."
 
@@ -104,16 +104,16 @@ def scene_record(scene: SceneComparison) -> dict[str, Any]:
     return {
         "name": scene.name,
         "quantity": scene.quantity,
-        "limits": [one.limit if one else None for one in members],
+        "limits": [one.budget["limit"] if one else None for one in members],
         "durations": [one.duration if one else None for one in members],
         "models": [list(one.model) if one else None for one in members],
-        "left_out_q95": [one.left_out[1] if one else None for one in members],
+        "left_out_q95": [one.left_out["q95"] if one else None for one in members],
         "terms": [
             {
                 "name": term.name,
-                "share_of_budget": [value.value if value else None for value in term.values],
-                "share_q05": [value.low if value else None for value in term.values],
-                "share_q95": [value.high if value else None for value in term.values],
+                "share_of_budget": [value.share_of_budget if value else None for value in term.values],
+                "share_q05": [value.share_q05 if value else None for value in term.values],
+                "share_q95": [value.share_q95 if value else None for value in term.values],
                 "required": [value.kept if value else None for value in term.values],
                 "required_differs": term.required_differs,
                 **pull_record(term.pull),

@@ -11,7 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from imubayes.reporting.comparison.pulls import Pull, judged, largest, normal_of
-from imubayes.reporting.comparison.result_files import ComponentFile, ResultFile, SceneFile, ShareEstimate
+from imubayes.reporting.comparison.result_files import ComponentFile, ResultFile
+from imubayes.reporting.result.sensors import Scene, TermInScene
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class ShareComparison:
     """
 
     name: str
-    values: tuple[ShareEstimate | None, ...]
+    values: tuple[TermInScene | None, ...]
     pull: Pull | None
 
     @property
@@ -49,7 +50,7 @@ class SceneComparison:
 
     name: str
     quantity: str
-    members: tuple[SceneFile | None, ...]
+    members: tuple[Scene | None, ...]
     terms: tuple[ShareComparison, ...]
     reseeded: bool
 
@@ -85,28 +86,33 @@ def scenes_compared(
     )
 
 
-def _keyed(scenes: Iterable[SceneFile]) -> dict[tuple[str, str, int], SceneFile]:
+def _keyed(scenes: Iterable[Scene]) -> dict[tuple[str, str, int], Scene]:
     """Scenes by name, quantity and number among those of the same."""
-    found: dict[tuple[str, str, int], SceneFile] = {}
+    found: dict[tuple[str, str, int], Scene] = {}
     for one in scenes:
-        number = sum(key[:2] == (one.name, one.quantity) for key in found)
-        found[one.name, one.quantity, number] = one
+        number = sum(key[:2] == (one.name, one.budget["quantity"]) for key in found)
+        found[one.name, one.budget["quantity"], number] = one
     return found
 
 
-def _terms(there: Sequence[SceneFile | None], labels: Sequence[str]) -> tuple[ShareComparison, ...]:
-    names = dict.fromkeys(name for one in there if one for name in one.shares)
-    return tuple(_term(name, there, labels) for name in names)
+def _terms(there: Sequence[Scene | None], labels: Sequence[str]) -> tuple[ShareComparison, ...]:
+    tables = [{term.name: term for term in one.terms} if one else {} for one in there]
+    limits = [one.budget["limit"] if one else math.nan for one in there]
+    return tuple(
+        _term(name, [table.get(name) for table in tables], limits, labels)
+        for name in dict.fromkeys(name for table in tables for name in table)
+    )
 
 
-def _term(name: str, there: Sequence[SceneFile | None], labels: Sequence[str]) -> ShareComparison:
+def _term(
+    name: str, values: Sequence[TermInScene | None], limits: Sequence[float], labels: Sequence[str]
+) -> ShareComparison:
     errors = {
-        label: (one.limit * share.value, one.limit * normal_of(share.low, share.high))
-        for label, one in zip(labels, there, strict=True)
-        if one and (share := one.shares.get(name))
+        label: (limit * one.share_of_budget, limit * normal_of(one.share_q05, one.share_q95))
+        for label, one, limit in zip(labels, values, limits, strict=True)
+        if one
     }
-    values = tuple(one.shares.get(name) if one else None for one in there)
-    return ShareComparison(name, values, largest(errors))
+    return ShareComparison(name, tuple(values), largest(errors))
 
 
 def scene_tests(one: SceneComparison) -> int:

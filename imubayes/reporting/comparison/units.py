@@ -16,7 +16,9 @@ from statistics import fmean, stdev
 from imubayes.errors import InputError
 from imubayes.reporting.comparison.lot_files import ClassFile, LotFile, PopulationFile, log_spread
 from imubayes.reporting.comparison.pulls import LETTERS, Pull, judged, normal_of, threshold_of
-from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, ResultFile
+from imubayes.reporting.comparison.result_files import ComponentFile, ResultFile
+from imubayes.reporting.result.file import Written
+from imubayes.reporting.result.sensors import Term
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +26,7 @@ class TermOfUnit:
     """A term of a unit and of its class; `pull` is None where one of them was not tested."""
 
     name: str
-    unit: Estimate
+    unit: Term
     population: PopulationFile
     pull: Pull | None
 
@@ -65,14 +67,14 @@ class UnitsComparison:
 
     Attributes
     ----------
-    results, labels : in the order that they were given.
+    results, labels : files and their labels, in the order that they were given.
     lot, lot_label : the class-level study, and its label.
     units : components whose class it has.
     alone : (label, id, class) of components whose class it has not.
     tests, threshold : number of comparisons, and the size from which one is beyond uncertainty.
     """
 
-    results: tuple[ResultFile | LotFile, ...]
+    results: tuple[Written, ...]
     labels: tuple[str, ...]
     lot: LotFile
     lot_label: str
@@ -103,7 +105,7 @@ def units_compared(results: Sequence[ResultFile | LotFile]) -> UnitsComparison:
     if not typical:
         came = ", ".join(f"{c.id}: {c.kind} of class {c.class_id or 'none'}" for _, c in components)
         raise InputError(
-            f"{lot.path}: has {lot.kind}s of the classes {', '.join(known)}, and the units are others"
+            f"{lot.file.path}: has {lot.kind}s of the classes {', '.join(known)}, and the units are others"
             f" ({came}): expected the class in both studies"
         )
     units = [_unit(label, c, known[c.class_id], lot_label) for label, c in typical]
@@ -111,7 +113,9 @@ def units_compared(results: Sequence[ResultFile | LotFile]) -> UnitsComparison:
     threshold = threshold_of(tests)
     alone = tuple((label, c.id, c.class_id) for label, c in components if (label, c) not in typical)
     marked = tuple(_judged(one, threshold) for one in units)
-    return UnitsComparison(tuple(results), labels, lot, lot_label, marked, alone, tests, threshold)
+    return UnitsComparison(
+        tuple(one.file for one in results), labels, lot, lot_label, marked, alone, tests, threshold
+    )
 
 
 def _unit(label: str, component: ComponentFile, entry: ClassFile, lot_label: str) -> UnitInClass:
@@ -129,11 +133,11 @@ def _unit(label: str, component: ComponentFile, entry: ClassFile, lot_label: str
     )
 
 
-def _pull(unit: Estimate, found: PopulationFile, pair: tuple[str, str]) -> Pull | None:
-    sd = predictive_sd(unit.sd, found)
+def _pull(unit: Term, found: PopulationFile, pair: tuple[str, str]) -> Pull | None:
+    sd = predictive_sd(unit.full_sd, found)
     if unit.verdict == "untested" or not found.tested or not sd > 0.0 or not math.isfinite(sd):
         return None
-    return Pull(pair, abs(unit.mean - found.mean.value) / sd)
+    return Pull(pair, abs(unit.full_mean - found.mean.value) / sd)
 
 
 def predictive_sd(sd: float, found: PopulationFile) -> float:

@@ -98,10 +98,10 @@ def _sentences(one: UnitInClass) -> Iterator[str]:
 
 def _line(term: TermOfUnit, kind: Kind) -> Row:
     unit, tested = term.unit, term.population.tested
-    scale = per_unit(unit.printed, unit.unit)
+    scale = per_unit(unit.printed_unit, unit.unit)
     value = "not tested"
     if unit.verdict != "untested":
-        value = str(measured(unit.mean / scale, unit.sd / scale, unit.printed))
+        value = str(measured(unit.full_mean / scale, unit.full_sd / scale, unit.printed_unit))
     known: tuple[Text, ...] = ("not tested", "", "")
     if tested:
         mean, spread = (
@@ -149,8 +149,8 @@ def _unit_record(one: UnitInClass) -> dict[str, Any]:
             {
                 "name": term.name,
                 "unit": term.unit.unit,
-                "full_mean": term.unit.mean,
-                "full_sd": term.unit.sd,
+                "full_mean": term.unit.full_mean,
+                "full_sd": term.unit.full_sd,
                 "verdict": term.unit.verdict,
                 "population": asdict(term.population),
                 **pull_record(term.pull),

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
-from imubayes.reporting.comparison.result_files import Written, checked, no_result, written
 from imubayes.reporting.export.draws import posterior_covariance
+from imubayes.reporting.result.file import Written, read, written
+from imubayes.reporting.result.sensors import Scene, Sensor, SensorsResult, Term
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
 from imubayes.sensors.imu_range import InputRange
@@ -111,30 +112,23 @@ def characterized(path: Path | str, *, sensor: str = "", model: str = NEEDED) ->
     InputError : if the sensor or the model is not in it; names those that are.
     """
     source = written(Path(path))
-    with checked(source.path):
-        if not isinstance(source.raw.get("sensors"), list) or not source.raw["sensors"]:
-            raise no_result(source.path, "it holds no coefficients of a sensor, as of another kind of study")
-        groups = _groups(source.raw["sensors"])
-        name = _chosen(groups, sensor, source.path)
-        scene = _scene_entries(source, model)
-        parts = {place: _part(source, raw, model, scene) for place, raw in groups[name].items()}
-        within = _range(parts, groups[name])
-    left_out = {
-        place: float(scene[raw["id"]]["left_out_rms"])
-        for place, raw in groups[name].items()
-        if raw["id"] in scene
-    }
-    return Characterized(name, model, parts, within, source, left_out)
+    result = read(source, SensorsResult, "coefficients of a sensor")
+    groups = _groups(result.sensors)
+    name = _chosen(groups, sensor, source.path)
+    scene = _scene_entries(source, result, model)
+    parts = {place: _part(source, one, model, scene) for place, one in groups[name].items()}
+    left_out = {place: scene[one.id].left_out_rms for place, one in groups[name].items() if one.id in scene}
+    return Characterized(name, model, parts, _range(parts, groups[name]), source, left_out)
 
 
-def _groups(sensors: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Mapping[str, Any]]]:
-    """Entries by IMU and place in its case."""
-    groups: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for raw in sensors:
-        first, dot, place = str(raw["id"]).rpartition(".")
+def _groups(sensors: Sequence[Sensor]) -> dict[str, dict[str, Sensor]]:
+    """Components by IMU and place in its case."""
+    groups: dict[str, dict[str, Sensor]] = {}
+    for one in sensors:
+        first, dot, place = one.id.rpartition(".")
         if not dot or place not in COMPONENTS:
-            first, place = str(raw["id"]), ALONE[raw["kind"]]
-        groups.setdefault(first, {})[place] = raw
+            first, place = one.id, ALONE[one.kind]
+        groups.setdefault(first, {})[place] = one
     return groups
 
 
@@ -150,61 +144,58 @@ def _chosen(groups: Mapping[str, object], sensor: str, path: Path) -> str:
     )
 
 
-def _scene_entries(source: Written, model: str) -> dict[str, Mapping[str, Any]]:
+def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[str, Scene]:
     """What a scene says of each component, by its id; empty for the models that are no scenes."""
-    scenes = source.raw.get("scenes") or []
     if model in (NEEDED, FULL):
         return {}
-    found = {
-        str(raw["sensor"]): raw for raw in scenes if raw["name"].replace("_", "-") == model.replace("_", "-")
-    }
+    asked = model.replace("_", "-")
+    found = {one.sensor: one for one in result.scenes if one.name.replace("_", "-") == asked}
     if not found:
-        known = dict.fromkeys((NEEDED, FULL, *(str(raw["name"]) for raw in scenes)))
+        known = dict.fromkeys((NEEDED, FULL, *(one.name for one in result.scenes)))
         raise InputError(f"{source.path}: has no model '{model}': expected one of {', '.join(known)}")
     return found
 
 
-def _part(
-    source: Written, raw: Mapping[str, Any], model: str, scene: Mapping[str, Mapping[str, Any]]
-) -> Part:
-    chosen = _terms(raw, model, scene.get(raw["id"]))
-    lib = library_of(raw["kind"], [term["name"] for term in chosen])
-    by_name = {term["name"]: term for term in chosen}
+def _part(source: Written, sensor: Sensor, model: str, scene: Mapping[str, Scene]) -> Part:
+    by_name = {term.name: term for term in _terms(sensor, model, scene.get(sensor.id))}
+    lib = library_of(sensor.kind, list(by_name))
     mean, sd = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
-    theta, spread = (np.array([float(by_name[n][key] or 0.0) for n in lib.names]) for key in (mean, sd))
-    joint = None if model == FULL else posterior_covariance(source.path, raw["id"], lib.names)
-    runs, noise = _noise(raw)
+    theta, spread = (
+        np.nan_to_num(np.array([getattr(by_name[name], key) for name in lib.names])) for key in (mean, sd)
+    )
+    joint = None if model == FULL else posterior_covariance(source.path, sensor.id, lib.names)
+    runs, noise = _noise(sensor)
     return Part(
-        id=str(raw["id"]),
-        kind=raw["kind"],
-        class_id=str(raw.get("class") or ""),
+        id=sensor.id,
+        kind=sensor.kind,
+        class_id=sensor.class_ or "",
         component=Component(lib, theta),
-        symbols=tuple(str(by_name[name].get("symbol", "-")) for name in lib.names),
+        symbols=tuple(by_name[name].symbol for name in lib.names),
         covariance=np.diag(spread**2) if joint is None else joint,
         joint=joint is not None,
         noise=noise,
         noise_runs=runs,
-        interval=float(np.median([run.get("sampling", run["interval"]) for run in raw["runs"]])),
+        interval=float(np.median([run.sampling for run in sensor.runs])),
     )
 
 
-def _terms(raw: Mapping[str, Any], model: str, scene: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+def _terms(sensor: Sensor, model: str, scene: Scene | None) -> list[Term]:
     """Terms of the model; what was never excited, or is as the prior, has no value of the data's own."""
     silent = ("untested",) if model == FULL else ("untested", "unresolved")
-    names = raw["model"] if scene is None else scene["model"]
-    told = [term for term in raw["terms"] if term["verdict"] not in silent]
-    return told if model == FULL else [term for term in told if term["name"] in names]
+    names = sensor.model if scene is None else scene.model
+    told = [term for term in sensor.terms if term.verdict not in silent]
+    return told if model == FULL else [term for term in told if term.name in names]
 
 
-def _noise(raw: Mapping[str, Any]) -> tuple[tuple[str, ...], Noise]:
+def _noise(sensor: Sensor) -> tuple[tuple[str, ...], Noise]:
     """Largest N, B and K over the static runs, or over all where there is none."""
-    static = [run["name"] for run in raw["runs"] if run["procedure"] == "static"]
-    names = [name for name in static or raw["noise"] if name in raw["noise"]]
-    N, B, K = (max((float(raw["noise"][name][key] or 0.0) for name in names), default=0.0) for key in "NBK")
-    return tuple(names), Noise(N, B, K)
+    static = [run.name for run in sensor.runs if run.procedure == "static"]
+    found = [(name, sensor.noise[name]) for name in static or sensor.noise if name in sensor.noise]
+    N, B, K = (max((one[key] for _, one in found if math.isfinite(one[key])), default=0.0) for key in "NBK")
+    return tuple(name for name, _ in found), Noise(N, B, K)
 
 
-def _range(parts: Mapping[str, Part], entries: Mapping[str, Mapping[str, Any]]) -> InputRange:
+def _range(parts: Mapping[str, Part], entries: Mapping[str, Sensor]) -> InputRange:
     used = {
         case_channel(place, factor.channel)
         for place, part in parts.items()
@@ -223,19 +214,17 @@ def _range(parts: Mapping[str, Part], entries: Mapping[str, Mapping[str, Any]]) 
     return InputRange((f[0], f[1], f[2]), (w[0], w[1], w[2]), (dw[0], dw[1], dw[2]), (low, high), size("dT"))
 
 
-def _tested(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, list[float]]:
+def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
     """Lowest and highest values over the runs, by channel of the case.
 
     How far a force was known is a matter of the accelerometers, and a rate of the gyroscopes: what the others
     saw counts where these are missing.
     """
     found: dict[str, dict[str, list[float]]] = {}
-    for place, raw in entries.items():
-        for run in raw["runs"]:
-            for channel, ends in run["ranges"].items():
-                for name in _case_names(place, channel):
-                    of_kind = found.setdefault(name, {}).setdefault(raw["kind"], [])
-                    of_kind += [float(end) for end in ends if end is not None]
+    for place, one in entries.items():
+        for channel, ends in (item for run in one.runs for item in run.ranges.items()):
+            for name in _case_names(place, channel):
+                found.setdefault(name, {}).setdefault(one.kind, []).extend(filter(math.isfinite, ends))
     return {
         name: of_kind.get(OWN.get(name[:1], ""), [end for ends in of_kind.values() for end in ends])
         for name, of_kind in found.items()

@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
+from imubayes import __version__
 from imubayes.errors import DataError, Place, said
 from imubayes.reporting.result.many import FleetResult, LotsResult
 from imubayes.reporting.result.sensors import SensorsResult
@@ -107,9 +108,9 @@ def written(path: Path) -> Written:
     return Written(file, digest, str(raw.get("study", "")), str(raw["imubayes"]), raw)
 
 
-def no_result(file: Path, why: str) -> DataError:
+def no_result(file: Path, why: str, remedy: str = "expected one") -> DataError:
     """Error of a file that is no result."""
-    return DataError(f"{file}: is no result of 'imubayes run' ({why}): expected one")
+    return DataError(f"{file}: is no result of 'imubayes run' ({why}): {remedy}")
 
 
 _Kind = TypeVar("_Kind", SensorsResult, LotsResult, FleetResult)
@@ -137,4 +138,9 @@ def read(one: Written, kind: type[_Kind], what: str) -> _Kind:
         place = Place("")
         for step in first["loc"][1:]:  # behind the tag
             place = place.at(step)
-        raise no_result(one.path, f"{place.key}: {said(first)}") from None
+        other = (
+            "expected one"
+            if one.version == __version__
+            else (f"imubayes {one.version} wrote it, and this is {__version__}: run the study again")
+        )
+        raise no_result(one.path, f"{place.key}: {said(first)}", other) from None

@@ -4,29 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from published_found import FILE, a_term
 
 from imubayes.errors import InputError
 from imubayes.reporting.comparison.pulls import LEVEL
-from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
+from imubayes.reporting.comparison.result_files import ComponentFile, NoiseEstimate, ResultFile
 from imubayes.reporting.comparison.results import compared, differing
 
 
-def _term(name, mean, sd, verdict="needed"):
-    return Estimate(name, name, "m/s^2", "ug", mean, sd, 1.0, verdict)
-
-
 def _part(id="A", values=((1.0, 0.1),), noise=((1.0, 0.1),), kind="accelerometer", runs="run"):
-    terms = {f"b{k}": _term(f"b{k}", *value) for k, value in enumerate(values)}
+    terms = {f"b{k}": a_term(f"b{k}", *value) for k, value in enumerate(values)}
     found = {(f"{runs}{k}", "N"): NoiseEstimate(*value) for k, value in enumerate(noise)}
     return ComponentFile(id, kind, "", terms, found, tuple(terms))
 
 
 def _file(*parts):
-    return ResultFile(Path("result.json"), "", "study", "1", parts)
+    return ResultFile(FILE, parts)
 
 
 def test_difference_is_over_the_combined_sd():
@@ -102,7 +98,7 @@ def test_runs_of_other_names_are_compared_in_their_order():
 
 def test_untested_term_is_not_compared():
     a, b = _part(), _part()
-    b = replace(b, terms={"b0": _term("b0", 99.0, 0.1, "untested")})
+    b = replace(b, terms={"b0": a_term("b0", 99.0, 0.1, "untested")})
     (component,) = compared([_file(a), _file(b)]).components
     assert component.terms[0].pull is None and component.terms[0].verdicts_differ
 
@@ -119,6 +115,6 @@ def test_what_cannot_be_compared_is_refused():
         compared([one])
     with pytest.raises(InputError, match="no kind of sensor in common"):
         compared([one, _file(_part(kind="gyroscope"))])
-    other = replace(_part(), terms={"b0": replace(_term("b0", 1.0, 1.0), unit="rad/s")})
+    other = replace(_part(), terms={"b0": replace(a_term("b0", 1.0, 1.0), unit="rad/s")})
     with pytest.raises(InputError, match="b0 has different units"):
         compared([one, _file(other)])

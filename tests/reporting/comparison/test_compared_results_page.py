@@ -9,9 +9,10 @@ import pytest
 from page_reading import printed
 
 from imubayes.reporting.comparison.kinds import comparison_json
-from imubayes.reporting.comparison.result_files import sensors_of, written
+from imubayes.reporting.comparison.result_files import sensors_of
 from imubayes.reporting.comparison.results import compared
 from imubayes.reporting.comparison.results_page import comparison_record, results_page
+from imubayes.reporting.result.file import written
 from imubayes.reporting.results import result_json
 from imubayes.reporting.terminal import terminal_page
 

@@ -17,9 +17,9 @@ from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
 from imubayes.reporting.comparison.lot_files import lots_of, unit_of_term
 from imubayes.reporting.comparison.lots import lots_compared
 from imubayes.reporting.comparison.pulls import QUANTILE, fisher
-from imubayes.reporting.comparison.result_files import written
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_results import lots_json
+from imubayes.reporting.result.file import written
 from imubayes.reporting.terminal import terminal_page
 from imubayes.sensors.terms import library
 
@@ -127,7 +127,7 @@ def test_what_cannot_be_compared_is_refused(write):
     raw = json.loads(file.read_text())
     del raw["lots"]["classes"][0]["terms"][0]["needed"]
     file.write_text(json.dumps(raw))
-    with pytest.raises(DataError, match="'needed' is missing"):
+    with pytest.raises(DataError, match=r"terms\[0\]\.needed: the key is missing"):
         lots_of(written(file))
 
 

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from page_reading import printed
-from scenes_found import TERMS, a_relevance
+from published_found import FILE, a_term
+from scenes_found import a_relevance
 
 from imubayes.reporting.comparison.kinds import comparison_json
 from imubayes.reporting.comparison.pulls import QUANTILE
-from imubayes.reporting.comparison.result_files import (
-    ComponentFile,
-    Estimate,
-    ResultFile,
-    sensors_of,
-    written,
-)
+from imubayes.reporting.comparison.result_files import ComponentFile, ResultFile, sensors_of
 from imubayes.reporting.comparison.results import compared
 from imubayes.reporting.comparison.results_page import comparison_record, results_page
 from imubayes.reporting.html import page_html
+from imubayes.reporting.result.file import written
 from imubayes.reporting.results import result_json
 from imubayes.reporting.scene_views import published_scene
 from imubayes.reporting.terminal import terminal_page
@@ -51,11 +46,7 @@ def _moved(name, low, half, high, *, kept=True):
 
 
 def test_scene_is_read_as_it_was_written(read):
-    (scene,) = read(a_relevance()).scenes
-    assert (scene.name, scene.quantity, scene.limit) == ("quadrotor", "position", 100.0)
-    assert scene.model == published_scene(a_relevance(), "A").model and scene.left_out == (3.2, 9.0)
-    shares = {name: (one.low, one.value, one.high, one.kept) for name, one in scene.shares.items()}
-    assert shares == {name: (*share, kept) for name, _, share, _, kept, _ in TERMS}
+    assert read(a_relevance()).scenes == (published_scene(a_relevance(), "A"),)
 
 
 def test_shares_differ_by_the_error_over_its_sd(read):
@@ -93,13 +84,11 @@ def test_threshold_counts_the_shares_of_a_scene(read):
 
 
 def _component(id):
-    return ComponentFile(
-        id, "gyroscope", "", {"b0": Estimate("b0", "", "rad/s", "deg/h", 1.0, 1.0, 1.0, "needed")}, {}, ()
-    )
+    return ComponentFile(id, "gyroscope", "", {"b0": a_term("b0", 1.0, 1.0, unit="rad/s")}, {}, ())
 
 
 def test_result_without_scenes_is_compared_as_before():
-    files = [ResultFile(Path("r.json"), "", "study", "1", (_component("G"),)) for _ in range(2)]
+    files = [ResultFile(FILE, (_component("G"),)) for _ in range(2)]
     assert compared(files).components[0].scenes == ()
 
 

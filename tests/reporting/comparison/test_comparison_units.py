@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from lots_found import lot_library, lot_result
+from published_found import FILE, a_term
 
 from imubayes.errors import InputError
 from imubayes.inference.intervals import Share
 from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
 from imubayes.reporting.comparison.lot_files import ClassFile, LotFile, PopulationFile
 from imubayes.reporting.comparison.pulls import LEVEL, QUANTILE
-from imubayes.reporting.comparison.result_files import ComponentFile, Estimate, NoiseEstimate, ResultFile
+from imubayes.reporting.comparison.result_files import ComponentFile, NoiseEstimate, ResultFile
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_results import lots_json
@@ -35,20 +35,12 @@ def _population(mean=0.0, spread=1.0, *, sure=1e-6):
 def _lot(noise=((1.0, 1.0, 1.0),), **population):
     terms = {f"b{k}": _population(**population) for k in range(TERMS)}
     entry = ClassFile("mine", Share(1.0, 1.0, 1.0), terms, {}, noise)
-    return LotFile(Path("lot.json"), "", "lot", "1", "gyroscope", 4, {"mine": entry})
+    return LotFile(FILE, "gyroscope", 4, {"mine": entry})
 
 
 def _unit(values, sd=0.5, verdict="needed", class_id="mine", noise=None):
-    terms = {
-        f"b{k}": Estimate(f"b{k}", "", "rad/s", "deg/h", v, sd, 1.0, verdict) for k, v in enumerate(values)
-    }
-    return ResultFile(
-        Path("unit.json"),
-        "",
-        "unit",
-        "1",
-        (ComponentFile("G", "gyroscope", class_id, terms, noise or {}, ()),),
-    )
+    terms = {f"b{k}": a_term(f"b{k}", v, sd, verdict, "rad/s") for k, v in enumerate(values)}
+    return ResultFile(FILE, (ComponentFile("G", "gyroscope", class_id, terms, noise or {}, ()),))
 
 
 def test_sd_of_a_typical_unit_is_that_of_simulated_ones():

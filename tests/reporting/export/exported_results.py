@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from published_found import QUICKSTART
+from scenes_found import a_relevance
 from xarray import Dataset, DataTree
 
+from imubayes.reporting.scene_views import published_scene
 from imubayes.sensors.catalogue import draw_unit, prior_sd, sensor, typical_noise
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.terms import CHANNELS, Library, library
@@ -44,13 +48,15 @@ def entry(id: str, name: str, truth: Mapping[str, float], dropped: Sequence[str]
     noise = typical_noise(entry_class)
     runs = [("tumble", "tumble", 3.0), ("night", "static", 1.0)]
     sd = {term.name: SHARE * prior_sd(entry_class, term)[0] for term in library_for(name).terms}
-    return {
+    base = QUICKSTART["sensors"][0]
+    return base | {
+        "noise_posterior": {},
         "id": id,
         "kind": kind_of(name),
         "class": "mems_tactical",
         "noise": {run: {"N": k * noise.N, "B": k * noise.B, "K": k * noise.K} for run, _, k in runs},
         "terms": [
-            {
+            base["terms"][0] | {
                 "name": term, "unit": "", "mean": value, "sd": sd[term], "full_mean": 1.001 * value,
                 "full_sd": 1.1 * sd[term], "verdict": "untested" if term in dropped else "needed",
             }
@@ -58,7 +64,8 @@ def entry(id: str, name: str, truth: Mapping[str, float], dropped: Sequence[str]
         ],
         "model": [term for term in truth if not term.endswith("p")],
         "runs": [
-            {"name": run, "procedure": procedure, "interval": 0.01, "ranges": ranges(name)}
+            base["runs"][0]
+            | {"name": run, "procedure": procedure, "sampling": 0.01, "ranges": ranges(name)}
             for run, procedure, _ in runs
         ],
     }  # fmt: skip
@@ -71,10 +78,11 @@ def write_imu(
     truths = coefficients()
     sensors = [entry(f"{id}.{name}", name, truths[name]) for name in names]
     scenes = [
-        {"name": "uav-hover", "sensor": f"{id}.{name}", "model": ["b0", "b1"], "left_out_rms": 0.25}
+        json.loads(json.dumps(asdict(published_scene(a_relevance(), f"{id}.{name}"))))
+        | {"name": "uav-hover", "model": ["b0", "b1"], "left_out_rms": 0.25}
         for name in names
     ]
-    document = {"imubayes": "0.1.0", "study": title, "seed": 1, "sensors": sensors, "scenes": scenes}
+    document = QUICKSTART | {"study": title, "sensors": sensors, "scenes": scenes}
     path = folder / "result.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     return path
