@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from markupsafe import Markup
 
-from imubayes.reporting.results import versions
+from imubayes.reporting.provenance import versions
 from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import MARKS
 
@@ -47,7 +47,8 @@ class Prose:
     Attributes
     ----------
     texts : a paragraph each, or one.
-    style : "answer", "sub" (of a title), "note", "list" or "pre" (as it stands); empty for plain paragraphs.
+    style : "answer", "answer misfit", "sub" (of a title), "note", "list" or "pre" (as it stands); empty for
+        plain paragraphs.
     """
 
     texts: Text | Sequence[Text]
@@ -66,7 +67,7 @@ class Row:
 
     Attributes
     ----------
-    cells : one for each heading; an empty first one belongs to the row above.
+    cells : one for each heading, where an empty first one belongs to the row above; or the name of a group.
     anchor : if anything leads there.
     strong : whether it stands out in a terminal.
     brief : whether a terminal shows it.
@@ -110,10 +111,17 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Panels beside each other, and how to read them; a terminal has none."""
+    """Panels beside each other, and how to read them; a terminal has none.
+
+    Attributes
+    ----------
+    panels, note : what is drawn, and how to read it.
+    wide : label of panels that may be wider than a telephone, and scroll; empty where they are not.
+    """
 
     panels: Sequence[Panel]
     note: Text = ""
+    wide: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +180,32 @@ def link(text: str, anchor: str) -> Markup:
     return Markup('<a href="#{}">{}</a>').format(anchor, text)
 
 
+def quiet(text: str) -> Markup:
+    """Text that stands back."""
+    return Markup('<span class="quiet">{}</span>').format(text)
+
+
+def shape(word: str) -> Markup:
+    """Shape of a verdict, for a matrix of them; nothing where there is none."""
+    span = Markup('<span class="v {}" role="img" aria-label="{}" title="{}">{}</span>')
+    return span.format(word.replace(" ", "-"), word, word, MARKS.get(word, ("·",))[0]) if word else Markup()
+
+
+LEGEND = ", ".join(f"{mark[0]} {word}" for word, mark in MARKS.items())
+"""Shapes and their verdicts, for the note of a matrix."""
+
+
+def bar(inclusion: float, low: float | None = None, high: float | None = None) -> Markup:
+    """Inclusion as a bar and a number, with a whisker over its range."""
+    ends = [100.0 * (inclusion if end is None else end) for end in (low, high)]
+    drawn = Markup(
+        '<svg class="bar" aria-hidden="true"><rect class="back" y="4" width="100" height="6"/>'
+        '<rect class="fill" y="4" width="{0:.1f}" height="6"/>'
+        '<path d="M{1:.1f} 7H{2:.1f}M{1:.1f} 2V12M{2:.1f} 2V12"/></svg> {3:.3f}'
+    )
+    return drawn.format(100.0 * inclusion, *ends, inclusion)
+
+
 def swatch(colour: str) -> Markup:
     """Patch of a figure's colour, for a note that says what it means."""
     return Markup('<i style="background:{}"></i>').format(colour)
@@ -182,16 +216,17 @@ def joined(*texts: str) -> Markup:
     return Markup(" ").join(text for text in texts if text)
 
 
-def answer(sentences: Sequence[str]) -> Prose:
-    """Answer of a page, its first sentence to stand out."""
-    return Prose(joined(strong(sentences[0]), *sentences[1:]), "answer")
+def answer(sentences: Sequence[str], *, doubtful: bool = False) -> Prose:
+    """Answer of a page, its first sentence to stand out; marked where it is doubtful."""
+    said = joined(strong(sentences[0]), *sentences[1:])
+    return Prose(said, "answer misfit" if doubtful else "answer")
 
 
-def verdict(word: str) -> Both:
-    """Verdict with its shape and colour."""
-    shape = MARKS.get(word, ("·",))[0]
-    span = Markup('<span class="v {}"><span aria-hidden="true">{}</span> {}</span>')
-    return Both(span.format(word.replace(" ", "-"), shape, word) if word else "", word)
+def verdict(word: str, *, reason: str = "", like: str = "") -> Both:
+    """Verdict with its shape and colour, or those of another one that it is like."""
+    mark, style = MARKS.get(like or word, ("·",))[0], (like or word).replace(" ", "-")
+    span = Markup('<span class="v {}" title="{}"><span aria-hidden="true">{}</span> {}</span>')
+    return Both(span.format(style, reason or word, mark, word) if word else "", word)
 
 
 def typeset(text: str) -> Both:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
 from imubayes.reporting.angle_views import AngleTable, angle_table
+from imubayes.reporting.blocks import LEGEND, Figure, Prose, Section, Table, bar, quiet, shape, verdict
 from imubayes.reporting.case_figures import recovered_panel
 from imubayes.reporting.case_words import (
     QUANTITIES,
@@ -20,7 +22,7 @@ from imubayes.reporting.case_words import (
 from imubayes.reporting.result.entries import Pooled
 from imubayes.reporting.result.sensors import Case, RecoveredErrors
 from imubayes.reporting.result.values import published
-from imubayes.reporting.rounding import Measured, measured, per_unit
+from imubayes.reporting.rounding import Measured, measured, per_unit, pretty, signed
 from imubayes.selection.verdicts import EQUAL, Costs
 
 if TYPE_CHECKING:
@@ -35,6 +37,45 @@ CANNOT = "cannot tell"
 
 MOST_DRAWN = 3
 """Cases of a study whose errors are drawn."""
+
+
+RECOVERED = (
+    "error, rms", "run", "of", "raw", "compensated", "by the kept terms", "predicted", "for new ones", "",
+    "within 2 sd",
+)  # fmt: skip
+
+MANY_NOTE = (
+    "Compensated: under the full library. Predicted: from the joint posterior of a unit's components and"
+    " the noise over each still, for the data that the coefficients were fitted to; new stills at the"
+    " same inputs have the uncertainty of the coefficients on top. What the components of each unit need"
+    " together is in result.json."
+)
+
+RECOVERED_NOTE = (
+    "Compensated: under the full library. Predicted: from the joint posterior of all components and the"
+    " noise over each still or turn, for the data that the coefficients were fitted to; the grey band is"
+    " ± 2 sd of it. A dash: the fit has a coefficient for each; the band is then that of new ones. New"
+    " stills and turns at the same inputs have the uncertainty of the coefficients on top."
+)
+
+AXES_NOTE = Markup(
+    ' Marks: <span aria-hidden="true">●</span> x, or the first of two directions across up; <span'
+    ' aria-hidden="true">■</span> y, or the second; <span aria-hidden="true">▲</span> z.'
+)
+
+ANGLES_NOTE = (
+    "From the joint posterior of all components under the full library, ± one standard deviation."
+    " Non-orthogonality is by how much the angle between two input axes is short of 90 deg. A rotation is"
+    " right-handed, from the axes of the case to those of the triad; a rotation of the case in its"
+    " fixture adds to it, the same to both triads, and changes neither an angle between axes nor the"
+    " rotation of one triad against the other."
+)
+
+POOLED_NOTE = (
+    "Components of one kind with one model: its evidence is the product of theirs, each with coefficients"
+    f" of its own. Shapes are each component's own verdict: {LEGEND}. Terms that not all components have"
+    " are not asked."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +122,6 @@ class PooledRow:
     inclusion: float
     verdict: str
 
-    @property
-    def bar(self) -> dict[str, Any]:
-        """What the bar of the inclusion shows."""
-        return {"inclusion": self.inclusion, "inclusion_range": (self.inclusion, self.inclusion)}
-
 
 @dataclass(frozen=True, slots=True)
 class PooledTable:
@@ -129,13 +165,62 @@ class CaseView:
 
 
 def case_views(result: StudyResult) -> tuple[CaseView, ...]:
-    """Prepare every case of a study for the template."""
+    """Prepare every case of a study."""
     cases = _cases(result)
     drawn = len(cases) <= MOST_DRAWN
     return tuple(
         _view(name, f"case{k + 1}", sensors, result.study.costs, drawn=drawn)
         for k, (name, sensors) in enumerate(cases.items())
     )
+
+
+def cases_section(views: Sequence[CaseView]) -> Section:
+    """Known quantities of many cases in one table."""
+    rows = [(view.id, *_recovered_cells(row)) for view in views for row in view.rows]
+    label = "Known quantities before and after compensation"
+    table = Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
+    return Section("Raw and compensated", [table], "cases")
+
+
+def case_section(view: CaseView) -> Section:
+    """One case: its known quantities, how its axes lie, and what each kind needs."""
+    parts = [_recovered_section(view)] if view.rows else []
+    if view.angles:
+        label = f"Rotation and non-orthogonality of {view.id}"
+        rows = [(text, *map(signed, cells)) for text, cells in view.angles.rows]
+        head = (f"angle, {pretty('urad')}", *view.angles.heads)
+        table = Table(label, head, rows, note=ANGLES_NOTE)
+        parts.append(Section("How the axes lie", [Prose([*map(pretty, view.angles.sentences)]), table]))
+    parts += [_pooled_section(view, table) for table in view.pooled]
+    last = [Prose(POOLED_NOTE, "note")] if view.pooled else []
+    return Section(f"{view.id} as a whole", [*parts, *last], view.anchor)
+
+
+def _recovered_section(view: CaseView) -> Section:
+    label = f"Known quantities of {view.id} before and after compensation"
+    rows = [_recovered_cells(row) for row in view.rows]
+    table = Table(label, RECOVERED, rows, "wtnnnnnntn")
+    note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(rows) > 1 else "")
+    return Section("Raw and compensated", [Prose(view.sentences), table, Figure(view.panels, note)])
+
+
+def _recovered_cells(row: RecoveredRow) -> tuple[str, ...]:
+    fitted = signed(row.fitted) or "–"
+    sizes = (signed(row.before), signed(row.after), signed(row.flown), fitted, signed(row.fresh))
+    return (row.what, row.run, str(row.count), *sizes, pretty(row.after.unit), f"{row.inside} of {row.of}")
+
+
+def _pooled_section(view: CaseView, table: PooledTable) -> Section:
+    rows = []
+    for row in table.rows:
+        told = (bar(row.inclusion), verdict(row.verdict))
+        if row.verdict == CANNOT:
+            told = (quiet("as the prior"), verdict(CANNOT, like="unresolved"))
+        rows.append((row.term, *map(shape, row.verdicts), *told))
+    label = f"Terms that the {table.kind}s of {view.id} need"
+    head = ("term", *table.components, "in one model", "verdict")
+    found = Table(label, head, rows, "t" * (1 + len(table.components)) + "nt")
+    return Section(f"Does this kind need it: {table.kind}s", [Prose(table.sentence), found])
 
 
 def published_cases(result: StudyResult) -> Iterator[Case]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from imubayes.reporting.blocks import Both, Page, Text
 
 if TYPE_CHECKING:
-    from jinja2 import Template
+    from jinja2 import Environment
 
 CLASSES = {"t": "once", "f": "once", "w": "wrap", "n": "n"}
 """Class of a cell by the letter of its column (`Table.columns`)."""
@@ -17,7 +17,7 @@ CLASSES = {"t": "once", "f": "once", "w": "wrap", "n": "n"}
 
 def page_html(page: Page) -> str:
     """Text of the page; names that come from files are escaped."""
-    return _template().render(page=page)
+    return environment().get_template("page.html.j2").render(page=page)
 
 
 def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
@@ -29,20 +29,21 @@ def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
 
 
 @cache
-def _template() -> Template:
+def environment() -> Environment:
+    """Templates of reports, and what they know of blocks."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
+    found = Environment(
         loader=PackageLoader("imubayes", "reporting"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.tests["block"] = lambda block, kind: type(block).__name__ == kind
-    environment.filters["html"] = _on_page
-    environment.globals["classes"] = CLASSES
-    return environment.get_template("page.html.j2")
+    found.tests["block"] = lambda block, kind: type(block).__name__ == kind
+    found.filters["html"] = _on_page
+    found.globals["classes"] = CLASSES
+    return found
 
 
 def _on_page(text: Text) -> str:

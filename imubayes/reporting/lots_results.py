@@ -21,6 +21,7 @@ from imubayes.population.tally import VERDICTS
 from imubayes.reporting.fleet_words import fleet_answer
 from imubayes.reporting.lots_headline import simulated, status
 from imubayes.reporting.lots_sentences import lots_answer
+from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.entries import Interval
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
@@ -36,7 +37,6 @@ from imubayes.reporting.result.many import (
     Unit,
 )
 from imubayes.reporting.result.values import published
-from imubayes.reporting.results import provenance
 from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from imubayes.reporting import method_figures
+from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
 from imubayes.reporting.chain_words import sentence
 from imubayes.reporting.method_glance import glance
 from imubayes.reporting.method_words import (
@@ -18,7 +18,6 @@ from imubayes.reporting.method_words import (
     difference,
     disagreement_sentences,
     found_sentence,
-    group_sentences,
     predictive_sentence,
     prior_sentence,
     reduced_sentence,
@@ -26,12 +25,12 @@ from imubayes.reporting.method_words import (
     unasked_sentences,
     votes_title,
 )
+from imubayes.reporting.rounding import minus
 from imubayes.reporting.rows import own_names
 from imubayes.reporting.words import models_text
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.reporting.canvas import Panel
     from imubayes.selection.criteria import Criterion
     from imubayes.selection.panel import Panel as Methods
     from imubayes.selection.sindy import Sparse
@@ -49,145 +48,121 @@ ON_THRESHOLDS = ("stlsq", "sr3")
 """Optimizers whose path goes over a threshold."""
 
 
-@dataclass(frozen=True, slots=True)
-class CriterionRow:
-    """A criterion as it is printed; its best subset as the difference from the decision's model."""
+CRITERIA_HEAD = ("criterion", "best subset", "value", "lead", "effective samples", "compared")
 
-    name: str
-    model: str
-    value: str
-    lead: str
-    samples: str
-    compared: str
-    note: str
+SPARSE_HEAD = (
+    "sparse regression", "chosen support", "stable support", "frequency from", "false terms, at most",
+)  # fmt: skip
 
+GLANCE = (
+    "A row a term, a column a method, at the right the verdict. The darker a cell, the more the method is"
+    " for the term: a probability for the evidence and the g-prior, a weight for the criteria, a"
+    " frequency over resampled campaigns for the sparse regressions. A dot is a term in the method's own"
+    " model; a dash is a method that says nothing of it. Framed in vermilion, with ≠ at the end of the"
+    " row: the method does not share the decision, or takes a side where the test cannot tell."
+)
 
-@dataclass(frozen=True, slots=True)
-class SparseRow:
-    """A sparse regression as it is printed: supports as differences from the decision's model."""
+PATHS = (
+    "From left to right the threshold rises and terms drop out where their lines end. A detectable effect"
+    " is the size at which the noise hides a term, so one threshold means the same for all. Blue: in the"
+    " support that is chosen at the dashed line; black: kept by the decision only; grey: in neither."
+)
 
-    name: str
-    model: str
-    stable: str
-    cut: str
-    false_bound: str
+REDUCED = (
+    "Each row adds a term to those above it, or is another set of terms (“best 3”); what is lost is the"
+    " rms difference over the test's inputs from what the whole posterior predicts. It is a summary for"
+    " use, not another verdict: a term that is needed may matter little for predictions."
+)
 
+CRITERIA = (
+    "Subsets are written as their difference from the terms that the decision keeps, without those that"
+    " the test cannot tell. Values are on the deviance scale, smaller is better; the lead is how much"
+    " worse the next subset is, and below 2 it says little. Effective samples are what rows of coloured"
+    " noise are worth in a criterion's penalty."
+)
 
-@dataclass(frozen=True, slots=True)
-class MethodsView:
-    """The other methods on one component.
+SPARSE = (
+    "Stable terms are chosen in at least this share of random halves of the dwells; the last column"
+    " bounds how many of them are expected to be false. Frequencies are not probabilities."
+)
 
-    Attributes
-    ----------
-    glance : every method's vote on every term; None where figures are not drawn.
-    title : its finding, where it is not drawn.
-    disagreements, more_disagreements : in words, and how many more there are.
-    criteria, sparse : rows of the tables.
-    paths : coefficients against threshold.
-    prior : does a verdict hang on the prior, in words.
-    widths : inclusion over prior widths; None where nothing depends on them, or without figures.
-    reduced, reduced_path : the reduced model in words and as a figure.
-    unasked : what is left out and why, in words.
-    """
-
-    glance: Panel | None
-    title: str
-    disagreements: tuple[str, ...]
-    more_disagreements: int
-    criteria: tuple[CriterionRow, ...]
-    sparse: tuple[SparseRow, ...]
-    paths: tuple[Panel, ...]
-    prior: str
-    widths: Panel | None
-    reduced: str
-    reduced_path: Panel | None
-    unasked: tuple[str, ...]
+MISFIT = (
+    "What the residuals hold beyond the library, with ± 2 sd, where the input has that value; p is"
+    " corrected for the number of inputs that were looked at and for the other residual tests of the"
+    " study, and says something below 0.01."
+)
 
 
-@dataclass(frozen=True, slots=True)
-class MisfitView:
-    """What the residuals hold that the library does not: in words, and the worst dependences drawn."""
-
-    sentences: tuple[str, ...]
-    panels: tuple[Panel, ...]
-    more: int
-
-
-@dataclass(frozen=True, slots=True)
-class BesideView:
-    """What stands beside the exact posterior over the models of one component.
-
-    Attributes
-    ----------
-    methods : None where no other method was run.
-    misfit : None where it was not looked for.
-    groups : how probable it is that one of a group is in the model.
-    """
-
-    methods: MethodsView | None
-    misfit: MisfitView | None
-    groups: tuple[str, ...]
-
-
-def beside_view(sensor: SensorResult, key: str, *, drawn: bool, own_rows: bool) -> BesideView:
-    """Prepare what stands beside the posterior over the models.
+def methods_sections(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool) -> Iterator[Section]:
+    """What the methods of a panel say; without figures where none are drawn.
 
     Parameters
     ----------
     key : identifier of the component in the page.
     drawn : whether the component has figures.
-    own_rows : whether its residuals are drawn with it, and not with another component.
     """
-    return BesideView(
-        methods=methods_view(sensor, sensor.panel, key, drawn=drawn) if sensor.panel else None,
-        misfit=misfit_view(sensor, key, drawn=drawn and own_rows),
-        groups=group_sentences(sensor.selection),
+    own, selection = own_names(sensor.selection), sensor.selection
+    yield Section("What other methods say", [*_votes(sensor, panel, key, drawn=drawn)])
+    shown = depending(panel.sensitivity, selection, own)[:MOST_CURVES]
+    widths = (
+        [method_figures.prior_widths(panel.sensitivity, shown, selection.costs, own, f"{key}p")]
+        if drawn and shown
+        else []
     )
+    prior = Prose(prior_sentence(panel.sensitivity, selection.costs, own))
+    yield Section("How much the prior matters", [prior, Figure(widths)])
+    if panel.reduced:
+        path = [method_figures.reduced_path(panel.reduced, sensor.kind, f"{key}e")]
+        figure = [Figure(path, REDUCED)] if drawn and panel.reduced.path else []
+        said = Prose(reduced_sentence(panel.reduced, sensor.kind))
+        yield Section("The smallest model that predicts as well", [said, *figure])
 
 
-def methods_view(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool) -> MethodsView:
-    """Prepare the methods of a panel; without figures where none are drawn."""
+def _votes(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool) -> Iterator[Block]:
+    """Every method's vote on every term, where they disagree and why, and each method in numbers."""
     own, kept = own_names(sensor.selection), decided(sensor.selection)
-    votes, thresholds = panel.votes, [one for one in panel.sindy if one.optimizer in ON_THRESHOLDS]
-    shown = depending(panel.sensitivity, sensor.selection, own)[:MOST_CURVES]
-    reasons = disagreement_sentences(votes, sensor.selection)
-    draws_widths = drawn and bool(shown)
-    return MethodsView(
-        glance=glance(votes, sensor.selection, own, f"{key}g") if drawn and votes.terms else None,
-        title=votes_title(votes, sensor.selection, own),
-        disagreements=reasons[:MOST_DISAGREEMENTS],
-        more_disagreements=max(len(reasons) - MOST_DISAGREEMENTS, 0),
-        criteria=tuple(criterion_row(one, kept, own) for one in panel.criteria),
-        sparse=tuple(sparse_row(one, kept, own) for one in panel.sindy),
-        paths=tuple(
+    votes = panel.votes
+    is_drawn = drawn and bool(votes.terms)
+    if is_drawn:
+        yield Figure([glance(votes, sensor.selection, own, f"{key}g")], GLANCE)
+    else:
+        yield Prose(f"{votes_title(votes, sensor.selection, own)}.")
+    reasons = list(disagreement_sentences(votes, sensor.selection))
+    more = len(reasons) - MOST_DISAGREEMENTS
+    left = [f"{more} more are in result.json."] if more > 0 else []
+    yield Prose(reasons[:MOST_DISAGREEMENTS] + left, "list")
+    if is_drawn:
+        yield from _tables(sensor, panel, kept, own)
+        thresholds = [one for one in panel.sindy if one.optimizer in ON_THRESHOLDS]
+        paths = [
             method_figures.threshold_path(one, kept, own, f"{key}h{n}") for n, one in enumerate(thresholds)
-        )
-        if drawn
-        else (),
-        prior=prior_sentence(panel.sensitivity, sensor.selection.costs, own),
-        widths=method_figures.prior_widths(panel.sensitivity, shown, sensor.selection.costs, own, f"{key}p")
-        if draws_widths
-        else None,
-        reduced=reduced_sentence(panel.reduced, sensor.kind) if panel.reduced else "",
-        reduced_path=method_figures.reduced_path(panel.reduced, sensor.kind, f"{key}e")
-        if drawn and panel.reduced and panel.reduced.path
-        else None,
-        unasked=unasked_sentences(panel.unasked),
-    )
+        ]
+        if paths:
+            yield Figure(paths, PATHS)
+    yield Prose(unasked_sentences(panel.unasked))
 
 
-def criterion_row(one: Criterion, kept: tuple[str, ...], own: Mapping[str, str]) -> CriterionRow:
-    """Print a criterion."""
-    model = [own.get(name, name) for name in one.model]
-    return CriterionRow(
-        name=called(one.name),
-        model=difference(model, kept) if one.compared else "–",
-        value=_number(one.value, ",.1f"),
-        lead=_number(one.lead, ",.1f"),
-        samples=_number(one.samples, ",.0f"),
-        compared=_compared(one),
-        note=_remark(one),
-    )
+def _tables(
+    sensor: SensorResult, panel: Methods, kept: tuple[str, ...], own: Mapping[str, str]
+) -> Iterator[Table]:
+    if panel.criteria:
+        rows = [criterion_row(one, kept, own) for one in panel.criteria]
+        note = " ".join([CRITERIA, *filter(None, map(_remark, panel.criteria))])
+        yield Table(f"Criteria on {sensor.id}", CRITERIA_HEAD, rows, "tfnnnt", note)
+    if panel.sindy:
+        rows = [sparse_row(one, kept, own) for one in panel.sindy]
+        yield Table(f"Sparse regressions on {sensor.id}", SPARSE_HEAD, rows, "tffn", SPARSE)
+
+
+def criterion_row(one: Criterion, kept: tuple[str, ...], own: Mapping[str, str]) -> tuple[str, ...]:
+    """Print a criterion; its best subset as the difference from the decision's model."""
+    model = difference([own.get(name, name) for name in one.model], kept) if one.compared else "–"
+    value, lead = (minus(_number(size, ",.1f")) for size in (one.value, one.lead))
+    return (called(one.name), _support(model), value, lead, _number(one.samples, ",.0f"), _compared(one))
+
+
+def _support(text: str) -> str:
+    return quiet(text) if text == "as decided" else minus(text)
 
 
 def _remark(one: Criterion) -> str:
@@ -202,32 +177,29 @@ def _compared(one: Criterion) -> str:
     return f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
 
 
-def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> SparseRow:
-    """Print a sparse regression."""
-    return SparseRow(
-        name=called(one.optimizer),
-        model=difference([own.get(name, name) for name in one.model], kept),
-        stable=difference([own.get(name, name) for name in one.stable], kept),
-        cut=_number(one.cut, ".2f"),
-        false_bound=_number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound",
-    )
+def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> tuple[str, ...]:
+    """Print a sparse regression; supports as differences from the decision's model."""
+    supports = ([own.get(name, name) for name in names] for names in (one.model, one.stable))
+    chosen, stable = (_support(difference(names, kept)) for names in supports)
+    bound = _number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound"
+    return (called(one.optimizer), chosen, stable, _number(one.cut, ".2f"), bound)
 
 
 def _number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "–"
 
 
-def misfit_view(sensor: SensorResult, key: str, *, drawn: bool) -> MisfitView | None:
-    """Prepare what the residuals hold that the library does not; None where it was not looked for."""
+def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Section]:
+    """What the residuals hold that the library does not; nothing where it was not looked for."""
     if sensor.misfit is None:
-        return None
+        return
     found = sensor.misfit.found
-    shown = found[:MOST_DEPENDENCES] if drawn else ()
     sentences = (found_sentence(sensor.misfit, sensor.kind), predictive_sentence(sensor.misfit))
-    return MisfitView(
-        sentences=tuple(text for text in sentences if text),
-        panels=tuple(
-            method_figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)
-        ),
-        more=len(found) - len(shown) if drawn else 0,
-    )
+    blocks: list[Block] = [Prose(" ".join(filter(None, sentences)))]
+    shown = found[:MOST_DEPENDENCES] if drawn else ()
+    if shown:
+        left = len(found) - len(shown)
+        more = f" {left} more are in result.json." if left else ""
+        panels = [method_figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)]
+        blocks.append(Figure(panels, f"{MISFIT}{more}"))
+    yield Section("Does the library miss something?", blocks)

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
+from imubayes.reporting.blocks import (
+    Block,
+    Figure,
+    Prose,
+    Section,
+    Table,
+    Text,
+    bar,
+    joined,
+    quiet,
+    shape,
+    strong,
+    verdict,
+)
 from imubayes.reporting.noise_figures import allan_panel
 from imubayes.reporting.result.entries import Allan
 from imubayes.reporting.result.sensors import Process, Processes
@@ -18,8 +31,11 @@ from imubayes.reporting.rounding import (
     OUTPUT_UNIT,
     Measured,
     below,
+    in_unit,
     measured,
     per_unit,
+    pretty,
+    signed,
 )
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.noise_processes import NAMES
@@ -27,7 +43,6 @@ from imubayes.sensors.noise_processes import NAMES
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.allan_fit import AllanFit
-    from imubayes.reporting.canvas import Panel
     from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
     from imubayes.selection.noise_found import NoiseFound
     from imubayes.sensors.terms import Kind
@@ -39,51 +54,27 @@ _FURTHER = {
 """Printed unit and SI unit of quantization and ramp."""
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessRow:
-    """A process as it is printed.
+HEAD = ("", "process", "inclusion", "size ± sd", "unit", "by the Allan fit", "found from", "verdict")
 
-    Attributes
-    ----------
-    symbol, name, verdict, reason : of the process.
-    inclusion : probability that it is there.
-    size : mean and sd where it is there, or the limit that it stays below with 95 %.
-    is_limit : which of the two.
-    allan : by the fit of the Allan variance; None where it was not fitted.
-    detection : size from which the run would find it with 95 %; None for white noise.
-    """
+NOTE = (
+    "Every set of processes beside white noise is weighed by the evidence of the run, with the library’s"
+    " terms projected out; sizes are averaged over the sets that hold the process. A process that is not"
+    " shown has the size that it stays below with 95 %, were it there. Found from: the size that a run of"
+    " this length would find with 95 %."
+)
 
-    symbol: str
-    name: str
-    verdict: str
-    reason: str
-    inclusion: float
-    size: Measured
-    is_limit: bool
-    allan: Measured | None
-    detection: Measured | None
+ALLAN = (
+    "Dots: overlapping Allan deviation, its band holding 90 %; dashes: each process; line: all of them,"
+    " at the medians of the best set. The Allan fit is a second route, generalized least squares on the"
+    " logarithm of the Allan variance with the correlation between averaging times."
+)
 
-    @property
-    def bar(self) -> dict[str, Any]:
-        """What the bar of the inclusion shows."""
-        return {"inclusion": self.inclusion, "inclusion_range": (self.inclusion, self.inclusion)}
+GLANCE = (
+    "Noise processes that each run shows, with their sizes, and the verdict on the others: N white noise,"
+    " B bias instability, K random walk, Q quantization, R ramp, G Gauss-Markov process."
+)
 
-
-@dataclass(frozen=True, slots=True)
-class ProcessView:
-    """Noise processes of one run.
-
-    Attributes
-    ----------
-    run, sentence : its name, and what was found in words.
-    rows : a process each.
-    panel : the Allan deviation; None where it is not drawn.
-    """
-
-    run: str
-    sentence: str
-    rows: tuple[ProcessRow, ...]
-    panel: Panel | None
+SYMBOLS = ("N", "B", "K", "Q", "R", "G")
 
 
 def process_units(kind: Kind) -> dict[str, tuple[str, str]]:
@@ -98,17 +89,45 @@ def process_units(kind: Kind) -> dict[str, tuple[str, str]]:
     return usual | _FURTHER[kind] | {"G": (OUTPUT_UNIT[kind], OUTPUT_SI[kind]), "tau": ("s", "s")}
 
 
-def process_views(sensor: SensorResult, key: str, *, drawn: bool) -> tuple[ProcessView, ...]:
+def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
     """Noise processes of the runs of a component that were asked for them."""
-    return tuple(
-        ProcessView(
-            run=found.choice.run,
-            sentence=process_sentence(found.choice, sensor.kind).replace("+-", "±"),
-            rows=tuple(_rows(found, sensor.kind)),
-            panel=allan_panel(found, sensor.kind, f"{key}n{k}") if drawn and found.curve else None,
-        )
-        for k, found in enumerate(sensor.processes)
-    )
+    for k, found in enumerate(sensor.processes):
+        title, rows = f"Noise processes of {found.choice.run}", list(_rows(found, sensor.kind))
+        said = [Prose(said_of(found, sensor.kind)), Table(title, HEAD, rows, "ttnntnnt")]
+        panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn and found.curve else None
+        yield Section(title, [*said, *([Figure([panel])] if panel else [])])
+    if sensor.processes:
+        yield Prose(f"{NOTE} {ALLAN}" if drawn else NOTE, "note")
+
+
+def process_answers(sensor: SensorResult) -> Iterator[Prose]:
+    """Noise processes of each run, for the top of the page."""
+    for found in sensor.processes:
+        title = f"Noise of {sensor.id}, {found.choice.run}."
+        yield Prose(joined(strong(title), said_of(found, sensor.kind)), "answer")
+
+
+def said_of(found: NoiseFound, kind: Kind) -> str:
+    """What a run shows, with the real signs."""
+    return pretty(process_sentence(found.choice, kind).replace("+-", "±"))
+
+
+def glance_table(sensors: Sequence[SensorResult]) -> Table:
+    """Noise processes of many runs side by side."""
+    rows = [
+        (sensor.id, found.choice.run, *(_told(found, symbol, sensor.kind) for symbol in SYMBOLS))
+        for sensor in sensors
+        for found in sensor.processes
+    ]
+    return Table("Noise processes by component", ("noise of", "run", *SYMBOLS), rows, "t", GLANCE)
+
+
+def _told(found: NoiseFound, symbol: str, kind: Kind) -> str:
+    """Size of a process that a run shows, else its verdict."""
+    for size in found.choice.sizes:
+        if size.name == symbol:
+            return in_unit(_size(size, kind)) if size.verdict == "needed" else shape(size.verdict)
+    return ""
 
 
 def process_sentence(choice: NoiseChoice, kind: Kind) -> str:
@@ -117,8 +136,8 @@ def process_sentence(choice: NoiseChoice, kind: Kind) -> str:
     told = listed(f"{NAMES[name]} {name} = {size_text(choice.size(name), kind)}" for name in needed)
     words = [f"The run shows {told}."]
     words += [f"It shows one of {listed(group)}, and cannot say which." for group in _groups(choice)]
-    for verdict, text in _WORDS.items():
-        names = [s.name for s in choice.sizes if s.verdict == verdict and s.name != "tau"]
+    for word, text in _WORDS.items():
+        names = [s.name for s in choice.sizes if s.verdict == word and s.name != "tau"]
         if names:
             words.append(f"{text}: {', '.join(names)}.")
     return " ".join(words)
@@ -143,34 +162,34 @@ _WORDS = {
 
 def size_text(size: ProcessSize, kind: Kind) -> str:
     """Mean and sd in the units people use."""
-    unit, si = process_units(kind)[size.name]
-    scale = per_unit(unit, si)
-    return str(measured(size.mean / scale, size.sd / scale, unit))
+    return str(_size(size, kind))
 
 
-def _rows(found: NoiseFound, kind: Kind) -> Iterator[ProcessRow]:
+def _rows(found: NoiseFound, kind: Kind) -> Iterator[tuple[Text, ...]]:
     units = process_units(kind)
-    has_tau = found.choice.noise.G > 0.0
     for size in found.choice.sizes:
-        if size.name == "tau" and not has_tau:
+        is_tau = size.name == "tau"
+        if is_tau and not found.choice.noise.G > 0.0:
             continue
         unit, si = units[size.name]
         scale = per_unit(unit, si)
-        shown = size.verdict == "needed" or size.name == "tau"
-        yield ProcessRow(
-            symbol="Tc" if size.name == "tau" else size.name,
-            name="its time constant" if size.name == "tau" else NAMES[size.name],
-            verdict=size.verdict,
-            reason=size.reason,
-            inclusion=size.inclusion,
-            size=_size(size, scale, unit) if shown else below(size.limit95 / scale, unit),
-            is_limit=not shown,
-            allan=_allan(found.fit, size.name, scale, unit),
-            detection=None if math.isnan(size.detection_limit) else below(size.detection_limit / scale, unit),
+        shown = size.verdict == "needed" or is_tau
+        limit, seen = (signed(below(x / scale, unit)) for x in (size.limit95, size.detection_limit))
+        yield (
+            "Tc" if is_tau else size.name,
+            "its time constant" if is_tau else NAMES[size.name],
+            "" if is_tau or size.name == "N" else bar(size.inclusion),
+            signed(_size(size, kind)) if shown else quiet(f"below {limit}"),
+            pretty(unit),
+            signed(_allan(found.fit, size.name, scale, unit)),
+            quiet("" if math.isnan(size.detection_limit) else seen),
+            "" if is_tau else verdict(size.verdict, reason=size.reason),
         )
 
 
-def _size(size: ProcessSize, scale: float, unit: str) -> Measured:
+def _size(size: ProcessSize, kind: Kind) -> Measured:
+    unit, si = process_units(kind)[size.name]
+    scale = per_unit(unit, si)
     return measured(size.mean / scale, size.sd / scale, unit)
 
 

@@ -26,8 +26,8 @@ from imubayes.reporting.plan_words import (
     mounts,
     plan_answer,
 )
+from imubayes.reporting.provenance import versions
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.reporting.terminal import terminal
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from markupsafe import Markup
+
+from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, joined, quiet
 from imubayes.reporting.population_figures import units_panel
 from imubayes.reporting.population_words import (
     MARKS,
@@ -18,93 +20,73 @@ from imubayes.reporting.population_words import (
     unit_text,
     whole,
 )
-from imubayes.reporting.rounding import Measured, measured, per_unit, percent, percents, pretty
+from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, signed
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import StudyResult
-    from imubayes.reporting.canvas import Panel
-    from imubayes.selection.class_needs import ClassInCommon, TermInClass
+    from imubayes.selection.class_needs import ClassInCommon, Need, TermInClass
 
 MOST_PANELS = 8
 """Terms that are drawn."""
 
 
-@dataclass(frozen=True, slots=True)
-class TermInCommonRow:
-    """One term as it is printed.
+NOTE = (
+    "Intervals hold 90 %. The spreads are sds, each apart from the others: from unit to unit, between"
+    " sessions of a unit, and the error bar of one session, with what the test books to a term in place"
+    " of another. A unit needs a term where its sessions say so and none says the opposite; the interval"
+    " of the share reaches as far as the units that cannot tell may be either. The class needs what more"
+    " than half of its units need, if one model for all of them has it with 0.95 or more."
+)
 
-    Attributes
-    ----------
-    parameter : its name.
-    together : whether it stands for all axes of a triad.
-    mark, style, verdict, reason : whether the class needs it; empty where the axes of a triad differ in that.
-    units : how many need it, of how many.
-    share : of those that answer, with its interval.
-    mean : with its sd; None for all axes together.
-    unit, turn_on : spreads.
-    printed : unit of the numbers.
-    common : share of the turn-on's variance that all units have in common; empty where nothing changes.
-    error : sd of one session.
-    """
+REPEATED = (
+    " Common is the share of the variance between sessions that all units have together; that is seen as"
+    " often as there are sessions, so that the interval is wider than if units moved independently."
+)
 
-    parameter: str
-    together: bool
-    mark: str
-    style: str
-    verdict: str
-    reason: str
-    units: str
-    share: str
-    mean: Measured | None
-    unit: str
-    turn_on: str
-    printed: str
-    common: str
-    error: Measured
+ONCE = " With one session of each unit, what a turn-on changes is in the sd from unit to unit."
 
 
-@dataclass(frozen=True, slots=True)
-class ClassView:
-    """The section on the units of one class.
-
-    Attributes
-    ----------
-    title : class and kind.
-    anchor : of the section.
-    answer : for the top of the page.
-    sentences : the findings.
-    rows, left_out : of the table, and how many parameters are in result.json only.
-    panels : terms.
-    repeated : whether units were tested in several sessions.
-    """
-
-    title: str
-    anchor: str
-    answer: str
-    sentences: tuple[str, ...]
-    rows: tuple[TermInCommonRow, ...]
-    left_out: int
-    panels: tuple[Panel, ...]
-    repeated: bool
+def class_title(found: ClassInCommon) -> str:
+    """Class and kind."""
+    return f"{found.class_id}, {found.kind}s"
 
 
-def class_views(result: StudyResult) -> tuple[ClassView, ...]:
-    """Prepare what the units of each class have in common; nothing where a study has few of a class."""
-    return tuple(_view(found, k) for k, found in enumerate(result.classes))
+def class_words(found: ClassInCommon) -> str:
+    """Answer for the top of the page."""
+    return _signs(class_answer(found))
 
 
-def _view(found: ClassInCommon, k: int) -> ClassView:
+def class_section(found: ClassInCommon, k: int) -> Section:
+    """What the units of the k-th class have in common."""
     terms = shown(found)
-    drawn = [term for term in whole(found) if term in terms][:MOST_PANELS]
-    return ClassView(
-        title=f"{found.class_id}, {found.kind}s",
-        anchor=f"class-{k + 1}",
-        answer=_signs(class_answer(found)),
-        sentences=tuple(_signs(text) for text in class_sentences(found)),
-        rows=tuple(_row(term, found) for term in terms),
-        left_out=len(found.terms) - len(terms),
-        panels=tuple(units_panel(first, _parts(first, terms), f"u{k}x{n}") for n, first in enumerate(drawn)),
-        repeated=sum(bool(name) for name in found.sessions) > 1,
+    blocks: list[Block] = [Prose([_signs(text) for text in class_sentences(found)], "list")]
+    if terms:
+        drawn = [term for term in whole(found) if term in terms][:MOST_PANELS]
+        panels = [units_panel(first, _parts(first, terms), f"u{k}x{n}") for n, first in enumerate(drawn)]
+        further = " in a further session" if is_repeated(found) else ""
+        note = (
+            "A row is a unit: the dot is its mean, each bar a session. The grey line is the population's"
+            f" mean; the band holds a further unit{further} with 90 %."
+        )
+        blocks += [_table(found, terms), Figure(panels, note)]
+    title, sub = "What units of this class have in common", class_title(found)
+    return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}")
+
+
+def is_repeated(found: ClassInCommon) -> bool:
+    """Whether units were tested in several sessions."""
+    return sum(bool(name) for name in found.sessions) > 1
+
+
+def _table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
+    repeated, left = is_repeated(found), len(found.terms) - len(terms)
+    more = f" {left} more parameters are in result.json." if left else ""
+    between = ("between sessions", "common") if repeated else ()
+    return Table(
+        f"Population of {class_title(found)}",
+        ("term", "the class", "needed in", "mean ± sd", "unit to unit", *between, "error bar", "unit"),
+        [_row(term, found, repeated=repeated) for term in terms],
+        "ttnnnnnnt" if repeated else "ttnnnnt",
+        f"{NOTE}{REPEATED if repeated else ONCE}{more}",
     )
 
 
@@ -114,30 +96,35 @@ def _parts(first: TermInClass, terms: tuple[TermInClass, ...]) -> tuple[TermInCl
     return alike[1:] if len(alike) > 1 and not alike[0].component else alike
 
 
-def _row(term: TermInClass, found: ClassInCommon) -> TermInCommonRow:
-    printed, spreads = term.parameter.printed, term.spreads
+def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[str, ...]:
+    printed, spreads, need = term.parameter.printed, term.spreads, term.need
     unit = per_unit(printed, term.parameter.unit)
     together = not term.component and len(found.components) > 1 and len(term.units) > len(found.units)
-    need = term.need
-    mark, style = MARKS[need.verdict]
     answers = {part.need.verdict for part in found.terms if part.term == term.term and part is not term}
-    mixed = together and len(answers) > 1
-    return TermInCommonRow(
-        parameter=term.parameter.name,
-        together=together,
-        mark="" if mixed else mark,
-        style="" if mixed else style,
-        verdict="" if mixed else need.verdict,
-        reason=need.reason,
-        units=f"{need.answers.get('needed', 0)} of {sum(need.answers.values())}",
-        share=f"{100.0 * need.share.low:.0f} to {percent(need.share.high)}",
-        mean=None if together else measured(spreads.mean.value / unit, spreads.mean_sd / unit, printed),
-        unit=_signs(unit_text(term).removesuffix(f" {printed}")),
-        turn_on=_signs(turn_on_text(term).removesuffix(f" {printed}")),
-        printed=printed,
-        common=percents(spreads.common_share) if changes(term) else "",
-        error=measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed),
+    needing = f"{need.answers.get('needed', 0)} of {sum(need.answers.values())}"
+    share = quiet(f"({100.0 * need.share.low:.0f} to {percent(need.share.high)})")
+    mean = None if together else measured(spreads.mean.value / unit, spreads.mean_sd / unit, printed)
+    between = (
+        _signs(turn_on_text(term).removesuffix(f" {printed}")),
+        percents(spreads.common_share) if changes(term) else "",
     )
+    error = measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed)
+    return (
+        Markup("{}{}").format(term.parameter.name, quiet(", all") if together else ""),
+        "by axis" if together and len(answers) > 1 else _verdict(need),
+        joined(needing, share),
+        signed(mean),
+        _signs(unit_text(term).removesuffix(f" {printed}")),
+        *(between if repeated else ()),
+        quiet(signed(error)),
+        pretty(printed),
+    )
+
+
+def _verdict(need: Need) -> Markup:
+    mark, style = MARKS[need.verdict]
+    span = Markup('<span class="v {}" title="{}"><span aria-hidden="true">{}</span> {}</span>')
+    return span.format(style, need.reason, mark, need.verdict)
 
 
 def _signs(text: str) -> str:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import platform
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import imubayes
 from imubayes.reporting.case_views import published_cases
@@ -13,7 +10,8 @@ from imubayes.reporting.ladder_words import published_choice
 from imubayes.reporting.method_results import opinions
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.population_results import published_population, published_sessions
-from imubayes.reporting.result.entries import Appendix, Confounded, Digits, DistrustedDwell, Noise, Provenance
+from imubayes.reporting.provenance import provenance
+from imubayes.reporting.result.entries import Appendix, Confounded, Digits, DistrustedDwell, Noise
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.sensors import Residuals, Run, Sensor, SensorsResult, Term
 from imubayes.reporting.result.values import published
@@ -28,26 +26,10 @@ from imubayes.reporting.scene_views import published_scene
 from imubayes.reporting.standard_views import published_standards
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from imubayes.campaign.study import SensorResult, Study, StudyResult
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.inference.summary import RunSummary
     from imubayes.reporting.result.entries import Observed
-
-
-class FromFile(Protocol):
-    """A study of any kind."""
-
-    @property
-    def path(self) -> Path:
-        """Of its file."""
-        ...
-
-    @property
-    def text(self) -> str:
-        """Of its file."""
-        ...
 
 
 def published_result(result: StudyResult) -> SensorsResult:
@@ -72,16 +54,6 @@ def result_json(result: StudyResult) -> str:
     return result_text(published_result(result))
 
 
-def provenance(study: FromFile, command: str) -> Provenance:
-    """Collect what it takes to repeat a study: the study file, the command and the versions."""
-    return {
-        "study_file": str(study.path),
-        "study_text": study.text,
-        "command": command,
-        "versions": versions(),
-    }
-
-
 def command(study: Study) -> str:
     """Command that repeats the study, with what was asked for beyond its file."""
     sampling = study.sampling
@@ -91,23 +63,6 @@ def command(study: Study) -> str:
     elif sampling.accuracy is not None:
         options = f" --accuracy {sampling.accuracy:g}"
     return f"imubayes run {study.path}{options}"
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Versions of imubayes, of Python and of what computes the numbers."""
-    return {
-        "imubayes": imubayes.__version__,
-        "python": platform.python_version(),
-        **{name: _version(name) for name in ("numpy", "celerite2", "numba", "emcee")},
-    }
-
-
-def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:

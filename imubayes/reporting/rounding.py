@@ -328,6 +328,26 @@ def superscript(exponent: int) -> str:
     return str(exponent).translate(_SUPERSCRIPT)
 
 
+def signed(found: Measured | None) -> str:
+    """Value and sd without the unit, for paper and screen; nothing of None.
+
+    Examples
+    --------
+    >>> signed(measured(-3.2123e-8, 4.4e-10))
+    '−3.212 ± 0.044 ×10⁻⁸'
+    """
+    if found is None:
+        return ""
+    sd = f" ± {found.sd}" if found.sd else ""
+    power = f" ×10{superscript(found.exponent)}" if found.exponent else ""
+    return f"{minus(found.value)}{sd}{power}"
+
+
+def in_unit(found: Measured) -> str:
+    """Value and sd in their unit, for paper and screen."""
+    return f"{signed(found)} {pretty(found.unit)}"
+
+
 OUTPUT_UNIT: dict[Kind, str] = {"accelerometer": "ug", "gyroscope": "deg/h"}
 """Unit in which an effect on the output is printed."""
 

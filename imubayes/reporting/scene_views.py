@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.canvas import Panel
+from markupsafe import Markup
+
+from imubayes.reporting.blocks import Figure, Prose, Section, Table, quiet
 from imubayes.reporting.result.entries import Budget
 from imubayes.reporting.result.sensors import Scene, TermInScene
 from imubayes.reporting.result.values import published
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit, pretty, share
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    in_unit,
+    measured,
+    minus,
+    per_unit,
+    pretty,
+    share,
+)
 from imubayes.reporting.scene_figures import SIGNS, path, quadrants
 from imubayes.reporting.scene_words import amount, limit, printed_unit, scene_sentences
 
@@ -29,71 +39,19 @@ ASSUMED = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class SceneRow:
-    """One term of the table.
+HEAD = (
+    "term", "symbol", "inclusion", "rms effect", "error", "of the budget", "90 % interval", "could take",
+    "model", "inclusion and relevance",
+)  # fmt: skip
 
-    Attributes
-    ----------
-    name, symbol : of the term.
-    inclusion : posterior probability.
-    rms : effect on the output.
-    effect : median effect on what is budgeted.
-    share, low, high : of the budget, median and 90 % interval, as text.
-    possible : share at the limit with 95 %, as text.
-    kept : whether the scene's model has it.
-    quadrant, sign : what inclusion and relevance say together, and its shape.
-    """
-
-    name: str
-    symbol: str
-    inclusion: float
-    rms: Measured
-    effect: Measured
-    share: str
-    low: str
-    high: str
-    possible: str
-    kept: bool
-    quadrant: str
-    sign: str
+CROSSES = (
+    "Triangles and crosses above the middle are terms that the test cannot tell: their inclusion is the"
+    " prior's."
+)
 
 
-@dataclass(frozen=True, slots=True)
-class SceneView:
-    """A scene's section for one component.
-
-    Attributes
-    ----------
-    scene, sensor : of what.
-    sentences : the finding.
-    rows : the table, what costs most first.
-    panels : inclusion against relevance, and error against the size of the model.
-    caption : how to read the first panel.
-    budget, left, left_out, calibrated, uncompensated : errors as text.
-    noise : what N, B and K come to, as text.
-    assumed : what the numbers rest on.
-    notes : how the scene was made.
-    """
-
-    scene: str
-    sensor: str
-    sentences: tuple[str, ...]
-    rows: tuple[SceneRow, ...]
-    panels: tuple[Panel, ...]
-    caption: str
-    budget: str
-    left: str
-    left_out: str
-    calibrated: str
-    uncompensated: str
-    noise: tuple[str, str, str]
-    assumed: str
-    notes: tuple[str, ...]
-
-
-def scene_view(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> SceneView:
-    """Prepare a scene's section.
+def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:
+    """What a scene requires of a component.
 
     Parameters
     ----------
@@ -103,42 +61,42 @@ def scene_view(found: Relevance, sensor: str, symbols: Mapping[str, str], key: s
     key : identifier of ASCII letters and digits, unique in the page.
     """
     ranked = sorted(found.terms, key=lambda term: (-max(term.share[1], term.possible), term.name))
+    rows = [_row(found, term, symbols.get(term.name, "-")) for term in ranked]
+    table = Table(f"{sensor} in {found.scene}", HEAD, rows, "ttnnnnnntt", _note(found))
+    said = Prose(pretty(" ".join(scene_sentences(found, sensor))))
     panels = (quadrants(found, f"{key}a"), path(found, f"{key}b"))
-    noise = tuple(pretty(amount(found, value)) for value in found.noise)
-    return SceneView(
-        scene=found.scene,
-        sensor=sensor,
-        sentences=tuple(pretty(text) for text in scene_sentences(found, sensor)),
-        rows=tuple(_row(found, term, symbols.get(term.name, "-")) for term in ranked),
-        panels=panels,
-        caption=CAPTION,
-        budget=pretty(amount(found, found.budget.limit)),
-        left=pretty(limit(found, found.left[1])),
-        left_out=pretty(amount(found, found.left_out[0])),
-        calibrated=pretty(limit(found, found.calibrated[1])),
-        uncompensated=pretty(amount(found, found.uncompensated[0])),
-        noise=(noise[0], noise[1], noise[2]),
-        assumed=ASSUMED if found.budget.quantity != "output" else "rms over the rows of the scene",
-        notes=found.notes,
+    return Section(found.scene, [said, table, Figure(panels, f"{CAPTION} {CROSSES}")])
+
+
+def _note(found: Relevance) -> str:
+    """Budget, what is left of it and by what, and what the numbers rest on."""
+    whole, left_out = (pretty(amount(found, value)) for value in (found.uncompensated[0], found.left_out[0]))
+    calibrated, left = (pretty(limit(found, value)) for value in (found.calibrated[1], found.left[1]))
+    n, b, k = (pretty(amount(found, value)) for value in found.noise)
+    assumed = ASSUMED if found.budget.quantity != "output" else "rms over the rows of the scene"
+    notes = f" The scene: {'; '.join(found.notes)}." if found.notes else ""
+    return (
+        f"Budget {pretty(amount(found, found.budget.limit))}. Without compensation {whole}; with every term"
+        f" kept at most {calibrated}, with this model at most {left} (95 %), of which the terms left out take"
+        f" {left_out}. Noise (one sd): N {n}, B {b}, K {k}. Assumed: {assumed}.{notes} “Could take”: at the"
+        " size that the term, were it there, stays below with 95 %."
     )
 
 
-def _row(found: Relevance, term: TermRelevance, symbol: str) -> SceneRow:
+def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
     output, (unit, size) = OUTPUT_UNIT[found.kind], printed_unit(found)
     low, half, high = (share(value) for value in term.share)
-    return SceneRow(
-        name=term.name,
-        symbol=symbol,
-        inclusion=term.inclusion,
-        rms=measured(term.rms / per_unit(output, OUTPUT_SI[found.kind]), 0.0, output),
-        effect=measured(term.effect / size, 0.0, unit),
-        share=half,
-        low=low,
-        high=high,
-        possible=share(term.possible),
-        kept=term.kept,
-        quadrant=term.quadrant,
-        sign=SIGNS[term.quadrant],
+    return (
+        term.name,
+        "" if symbol == "-" else minus(symbol),
+        f"{term.inclusion:.3f}",
+        in_unit(measured(term.rms / per_unit(output, OUTPUT_SI[found.kind]), 0.0, output)),
+        in_unit(measured(term.effect / size, 0.0, unit)),
+        half,
+        quiet(low if low == high else f"{low} to {high}"),
+        quiet(share(term.possible)),
+        "✓ kept" if term.kept else "left out",
+        Markup('<span aria-hidden="true">{}</span> {}').format(SIGNS[term.quadrant], term.quadrant),
     )
 
 

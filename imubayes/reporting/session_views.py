@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
+from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table
 from imubayes.reporting.canvas import GREY, SERIES, Axes, Margins, Panel, draw, few_ticks, sticks
-from imubayes.reporting.rounding import Measured, measured, per_unit, pretty
+from imubayes.reporting.rounding import measured, per_unit, pretty, probability, signed
 from imubayes.reporting.session_words import amount, session_sentence, together
 from imubayes.units import counted
 
@@ -31,68 +33,49 @@ LETTER = 6.5
 """px of a letter."""
 
 
-@dataclass(frozen=True, slots=True)
-class SessionRow:
-    """Repeatability of one parameter as it is printed.
+HEAD = (
+    "parameter", "sd of one session", "sd between sessions", "90 % interval", "unit", "largest pull", "of",
+    "by chance, p", "repeats",
+)  # fmt: skip
 
-    Attributes
-    ----------
-    parameter : its name.
-    posterior : typical sd of a session's posterior.
-    pull, where : largest difference of two sessions in sd, and of which unit and sessions.
-    p_value : of the scatter.
-    between, low, high : sd between sessions, with the ends of its 90 % interval.
-    exceeds : whether the scatter exceeds what the posteriors allow.
-    """
+SIGNS = ("●", "■", "▲", "◆", "▼", "✚")
+"""Marker of each session in a text."""
 
-    parameter: str
-    posterior: Measured
-    pull: float
-    where: str
-    p_value: float
-    between: Measured
-    low: Measured
-    high: Measured
-    exceeds: bool
+NOTE = (
+    "A pull is the difference of two sessions over the sd of that difference. A parameter repeats when"
+    " the scatter of its sessions about each unit's mean is what their posteriors allow (p at or above"
+    " the level stated above); the sd between sessions is what has to be added to a session's own error"
+    " bar when its result is used in another one."
+)
 
 
-@dataclass(frozen=True, slots=True)
-class SessionView:
-    """The section on repeatability.
-
-    Attributes
-    ----------
-    sentence : the finding.
-    rows, left_out : of the table, and how many parameters are in result.json only.
-    panels : means by session.
-    sessions : (shape, colour, name) of each session in the panels.
-    """
-
-    sentence: str
-    rows: tuple[SessionRow, ...]
-    left_out: int
-    panels: tuple[Panel, ...]
-    sessions: tuple[tuple[str, str, str], ...]
-
-
-def session_view(result: StudyResult) -> SessionView | None:
-    """Prepare the comparison of sessions; None where the study has none."""
+def session_section(result: StudyResult) -> Section | None:
+    """Comparison of sessions; None where the study has none."""
     if not result.sessions:
         return None
     told = [one for one in result.sessions if not math.isnan(one.p_value)]
     ranked = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))
     shown = ranked[:MOST_ROWS]
-    sessions = tuple(dict.fromkeys(name for one in result.sessions for name in one.sessions))
-    signs = ("●", "■", "▲", "◆", "▼", "✚")
-    return SessionView(
-        sentence=session_sentence(result.sessions),
-        rows=tuple(_row(one) for one in shown),
-        left_out=len(result.sessions) - len(shown),
-        panels=tuple(_panel(one, f"q{n}", sessions) for n, one in enumerate(ranked[:MOST_DRAWN])),
-        sessions=tuple(
-            (signs[n % len(signs)], SERIES[n % len(SERIES)], name) for n, name in enumerate(sessions)
-        ),
-    )
+    blocks: list[Block] = [Prose(pretty(session_sentence(result.sessions)))]
+    if shown:
+        left = len(result.sessions) - len(shown)
+        more = f" {left} more parameters are in result.json." if left else ""
+        rows = [_row(one) for one in shown]
+        blocks.append(Table("Repeatability between sessions", HEAD, rows, "tnnntntnt", f"{NOTE}{more}"))
+        names = tuple(dict.fromkeys(name for one in result.sessions for name in one.sessions))
+        panels = [_panel(one, f"q{n}", names) for n, one in enumerate(ranked[:MOST_DRAWN])]
+        blocks.append(Figure(panels, _legend(names)))
+    return Section("Between sessions", blocks, "sessions")
+
+
+def _legend(sessions: Sequence[str]) -> Markup:
+    mark = Markup('<span aria-hidden="true" style="color:{}">{}</span> {}')
+    marks = [
+        mark.format(SERIES[n % len(SERIES)], SIGNS[n % len(SIGNS)], name) for n, name in enumerate(sessions)
+    ]
+    return Markup(
+        "Mean of each session with ± 2 sd, as its distance from the unit's mean over the sessions: {}."
+    ).format(Markup(", ").join(marks))
 
 
 def largest_pull(one: Repeatability) -> tuple[float, str]:
@@ -105,12 +88,14 @@ def largest_pull(one: Repeatability) -> tuple[float, str]:
     return float(size[u, a, b]), f"{one.units[u]}, {one.sessions[first]} to {one.sessions[second]}"
 
 
-def _row(one: Repeatability) -> SessionRow:
+def _row(one: Repeatability) -> tuple[str, ...]:
     unit = per_unit(one.printed, one.unit)
     pull, where = largest_pull(one)
-    between, low, high = (measured(value / unit, 0.0, one.printed) for value in one.between)
-    typical = measured(float(np.nanmedian(one.sd)) / unit, 0.0, one.printed)
-    return SessionRow(one.parameter, typical, pull, where, one.p_value, between, low, high, bool(one.exceeds))
+    between, low, high = (signed(measured(value / unit, 0.0, one.printed)) for value in one.between)
+    typical = signed(measured(float(np.nanmedian(one.sd)) / unit, 0.0, one.printed))
+    spread = (typical, between, f"{low} to {high}", pretty(one.printed))
+    chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
+    return (one.parameter, *spread, *chance)
 
 
 def _panel(one: Repeatability, key: str, sessions: tuple[str, ...]) -> Panel:

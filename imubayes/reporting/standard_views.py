@@ -10,10 +10,22 @@ import numpy as np
 
 from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
+from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, verdict
 from imubayes.reporting.result.entries import AbsorbedTerms
 from imubayes.reporting.result.sensors import Standard, Symbol
 from imubayes.reporting.result.values import published
-from imubayes.reporting.rounding import CHANNEL_UNIT, OUTPUT_SI, OUTPUT_UNIT, Measured, measured, per_unit
+from imubayes.reporting.rounding import (
+    CHANNEL_UNIT,
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    Measured,
+    in_unit,
+    measured,
+    minus,
+    per_unit,
+    pretty,
+    signed,
+)
 from imubayes.sensors.equations.mapping import absorbing
 from imubayes.sensors.equations.standards import StandardValue, in_standard, standard, standards_for
 from imubayes.study.scenes import component_library
@@ -106,6 +118,52 @@ def standard_views(study: Study, sensor: SensorResult) -> tuple[StandardView, ..
     technology = spec.sensor_class.technology if spec.sensor_class else ""
     lib = component_library(spec, sensor)
     return tuple(_view(name, lib, sensor) for name in standards_for(sensor.kind, technology))
+
+
+def standard_section(view: StandardView, sensor: str) -> Section:
+    """Component in the symbols of one standard."""
+    blocks: list[Block] = []
+    if view.trouble:
+        blocks.append(Prose(view.trouble))
+    else:
+        head = ("symbol", "value", "unit", "from", "verdict", "convention")
+        rows = [_cells(row) for row in view.rows]
+        blocks.append(Table(f"{sensor} in the symbols of {view.id}", head, rows, "tntttw"))
+    note = " ".join(_standard_notes(view))
+    return Section(f"In the symbols of {view.title}", [*blocks, Prose(note, "note")])
+
+
+def _cells(row: StandardRow) -> tuple[Text, ...]:
+    size = signed(row.size) if row.verdict == "needed" else quiet(signed(row.size))
+    return (
+        minus(row.found.symbol), size, pretty(row.size.unit), row.term, verdict(row.verdict), row.found.note,
+    )  # fmt: skip
+
+
+def _standard_notes(view: StandardView) -> Iterator[str]:
+    """What the symbols rest on, and what has none."""
+    if view.rows:
+        yield "All terms at once, needed or not, with their correlations."
+    yield f"Equation and library: {view.exact}."
+    for what, symbols in (
+        ("Not tested", view.untested),
+        ("Not in the library", view.absent),
+        ("Without a term here", view.standard_only),
+    ):
+        if symbols:
+            yield f"{what}: {minus(', '.join(symbols))}."
+    if view.general_only:
+        needed = view.needed_only
+        of_these = f"; of these {', '.join(needed)} {'is' if len(needed) == 1 else 'are'} needed"
+        yield f"Without a symbol there: {', '.join(view.general_only)}{of_these if needed else ''}."
+    if view.absorbed:
+        absorbed = view.absorbed
+        size, left = map(in_unit, absorbed.said)
+        yield (
+            f"What {', '.join(absorbed.terms)} {'does' if len(absorbed.terms) == 1 else 'do'} in this test,"
+            f" {size} rms, the values above take over as well as they can, by least squares over"
+            f" {minus(pretty(absorbed.inputs))}: {left} rms are left."
+        )
 
 
 def published_standards(study: Study, sensor: SensorResult) -> dict[str, Standard]:

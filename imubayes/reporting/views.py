@@ -1,19 +1,39 @@
-"""What the report's template shows, ready to print."""
+"""Components of a study, as blocks of its report."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
+
 from imubayes.reporting import figures, fit_figures
-from imubayes.reporting.chain_views import SampledView, sampled_view
+from imubayes.reporting.blocks import (
+    LEGEND,
+    Block,
+    Figure,
+    Prose,
+    Row,
+    Section,
+    Table,
+    Text,
+    answer,
+    bar,
+    link,
+    quiet,
+    shape,
+    verdict,
+)
+from imubayes.reporting.chain_views import bench_sections, chain_sections, change_sections, dwell_sections
 from imubayes.reporting.chain_words import unconverged_sentence
-from imubayes.reporting.method_views import BesideView, beside_view
-from imubayes.reporting.noise_views import ProcessView, process_views
-from imubayes.reporting.rounding import NOISE_UNITS, Measured, pretty
+from imubayes.reporting.method_views import methods_sections, misfit_sections
+from imubayes.reporting.method_words import group_sentences
+from imubayes.reporting.noise_views import process_blocks
+from imubayes.reporting.posterior import written_draws
+from imubayes.reporting.rounding import NOISE_UNITS, in_unit, minus, pretty, probability, signed, superscript
 from imubayes.reporting.rows import (
     NoiseRow,
     TermRow,
@@ -21,22 +41,25 @@ from imubayes.reporting.rows import (
     noise_floor,
     noise_row,
     own_groups,
-    range_texts,
+    shortened,
     term_rows,
 )
-from imubayes.reporting.scene_views import SceneView, scene_view
+from imubayes.reporting.scene_views import scene_section
 from imubayes.reporting.scene_words import scene_sentences
-from imubayes.reporting.standard_views import StandardView, standard_views
-from imubayes.reporting.words import answer, averaged_text, fit_sentence, sensor_groups, weighed_text
-from imubayes.selection.verdicts import listed
+from imubayes.reporting.standard_views import standard_section, standard_views
+from imubayes.reporting.words import answer as sensor_words
+from imubayes.reporting.words import averaged_text, fit_sentence, sensor_groups, weighed_text
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.residuals import ResidualCheck
-    from imubayes.inference.summary import RunSummary
     from imubayes.reporting.canvas import Panel
     from imubayes.selection.relevance import Relevance
     from imubayes.sensors.terms import Kind
+
+MOST_PARTNERS = 4
+"""Confounded terms that a row names."""
 
 MOST_CURVE_POINTS = 9000
 """Points over all curves of a report, so that it stays below 2 MB."""
@@ -52,104 +75,133 @@ MOST_DRAWN = 3
 """Components of many that have figures: those whose rows fit worst."""
 
 
+TERMS_HEAD = (
+    "term", "symbol", "value", "± sd", "unit", "inclusion", "verdict", "largest effect", "confounded with",
+)  # fmt: skip
+
+FIT_HEAD = (
+    "run", "residual over noise", "white, p", "normal, p", "sample by sample", "stands out", "fits",
+)  # fmt: skip
+
+VALUES = (
+    " ± one standard deviation; a term that is not needed has the limit that its size, were it in the"
+    " model, stays below with 95 %. The bar is the probability that the term is in the model, its whisker"
+    " the range over prior widths from a third to three times."
+)
+
+RESIDUALS = (
+    "Time: each dot is a block of samples in units of the sd that the noise gives it; the band is ± 2 sd."
+    " Autocorrelation: sticks inside the band are white noise. Allan deviation: dots are the residuals,"
+    " the line is the noise model."
+)
+
+INPUTS = (
+    "Grey: blocks of samples of all runs. Blue: means of bins with ± 2 sd; what the library explains"
+    " leaves them on zero."
+)
+
+CHOICE = (
+    "Left: bars are inclusion probabilities, black whiskers their range over prior widths, shapes the"
+    f" verdicts ({LEGEND}). Then the best models side by side, each as wide as it is probable: a filled"
+    " cell is a term that the model holds, blue where the models disagree. Then the evidence of all"
+    " models of a size."
+)
+
+POSTERIOR = (
+    "Blue: posterior (area: draws; line: its mean and sd). Grey dashes: prior. Where the prior is far"
+    " wider, the axis shows the posterior's own range."
+)
+
+NOISE = (
+    "N is two-sided: a data sheet's one-sided noise density is √2 N. Ranges hold 90 % of the prior,"
+    " centred on the class's typical value; a data sheet's bias instability is often the lowest Allan"
+    " deviation, 0.664 B. A process that the data do not show has the limit that it stays below with 95"
+    " %."
+)
+
+
 @dataclass(frozen=True, slots=True)
-class RunView:
-    """Residual figures of one run."""
-
-    name: str
-    panels: tuple[Panel, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class FitView:
-    """What the residuals say of one component.
+class Shown:
+    """A component, and how much of it a report shows.
 
     Attributes
     ----------
-    sentence : the verdict in words.
-    runs, inputs : figures; none where another component has the same residuals.
-    twin : (anchor, id) of that component: the rows of a reference-free tumble belong to all three.
+    result, k : the study, and the component's place in it.
+    figures : how many components have figures; 0 where this one has none.
+    twin : place of an earlier component that has the same residuals; None where there is none.
     """
 
-    sentence: str
-    runs: tuple[RunView, ...]
-    inputs: tuple[Panel, ...]
-    twin: tuple[str, str] | None
+    result: StudyResult
+    k: int
+    figures: int
+    twin: int | None
+
+    @property
+    def sensor(self) -> SensorResult:
+        """The component."""
+        return self.result.sensors[self.k]
+
+    @property
+    def anchor(self) -> str:
+        """Id of its section, and key of its figures."""
+        return _anchor(self.k)
+
+    @property
+    def about_noise(self) -> bool:
+        """Whether its noise processes are all that was asked: every run is at rest."""
+        return bool(self.sensor.processes) and all(run.procedure == "static" for run in self.sensor.runs)
 
 
-@dataclass(frozen=True, slots=True)
-class SensorView:
-    """What the report shows of one component.
-
-    Attributes
-    ----------
-    anchor : id of its section.
-    sensor : the component.
-    answer : first paragraph, by sentence.
-    groups : rows of the term table by part of the model equation; without figures only of excited terms.
-    digits : decimals of the longest value and of the longest sd, which align the columns.
-    floor : noise floor beside which effects stand.
-    confounded : each group of confounded terms, in words.
-    reasons : (verdict, reason, names) of the terms without a yes or a no.
-    fit, choice, posterior, correlations : figures and words.
-    models : in words, how many were weighed.
-    averaged : in words, those that the values are averaged over.
-    noise, noise_units : rows of the noise table; a run whose processes are told has its sizes there.
-    processes : noise processes of the runs that were asked for them.
-    about_noise : whether these are all that was asked: every run is at rest.
-    drawn : whether there are figures; not of every component where they are many.
-    doubtful : whether the answer needs a warning: a run that does not fit, a library that misses something,
-        chains that have not converged.
-    sampled : what stands beside the exact posterior.
-    beside : other methods, what the library misses, groups.
-    standards : values in the symbols of the standards that apply.
-    required : what each scene requires, in words.
-    scenes : the same with tables and figures; empty where there are none.
-    """
-
-    anchor: str
-    sensor: SensorResult
-    answer: tuple[str, ...]
-    groups: tuple[tuple[str, tuple[TermRow, ...]], ...]
-    digits: tuple[int, int]
-    floor: Measured
-    confounded: tuple[str, ...]
-    reasons: tuple[tuple[str, str, tuple[str, ...]], ...]
-    fit: FitView
-    choice: tuple[Panel, ...]
-    models: str
-    averaged: str
-    posterior: tuple[Panel, ...]
-    correlations: Panel | None
-    noise: tuple[NoiseRow, ...]
-    noise_units: tuple[str, str, str]
-    processes: tuple[ProcessView, ...]
-    about_noise: bool
-    drawn: bool
-    doubtful: bool
-    sampled: SampledView
-    beside: BesideView
-    standards: tuple[StandardView, ...]
-    required: tuple[str, ...]
-    scenes: tuple[SceneView, ...]
-
-
-def sensor_views(result: StudyResult) -> tuple[SensorView, ...]:
-    """Prepare every component for the template."""
+def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
+    """Every component with how much is shown of it."""
     drawn = _drawn(result.sensors)
     first: dict[tuple[int, ...], int] = {}
-    views = []
+    shown = []
     for k, sensor in enumerate(result.sensors):
         earliest = first.setdefault(tuple(map(id, sensor.checks)), k)
-        if k not in drawn:
-            fit = FitView(fit_sentence(sensor), (), (), None)
-        elif earliest in drawn and earliest != k and sensor.checks:
-            fit = FitView(fit_sentence(sensor), (), (), (_anchor(earliest), result.sensors[earliest].id))
-        else:
-            fit = _fit_view(sensor, _anchor(k), len(drawn))
-        sampled = sampled_view(sensor, _anchor(k), len(drawn) if k in drawn else 0)
-        views.append(_view(result, k, fit, sampled, drawn=k in drawn))
-    return tuple(views)
+        twin = earliest if k in drawn and earliest in drawn and earliest != k and sensor.checks else None
+        shown.append(Shown(result, k, len(drawn) if k in drawn else 0, twin))
+    return tuple(shown)
+
+
+def sensor_answer(one: Shown) -> Prose:
+    """First paragraph on a component, marked where it needs a warning."""
+    return answer(sensor_words(one.sensor), doubtful=is_doubtful(one.sensor))
+
+
+def sensor_section(one: Shown, *, answered: bool, listed: bool) -> Section:
+    """Section of a component.
+
+    Parameters
+    ----------
+    answered : whether its answer stands here, and not at the top of the page.
+    listed : whether the contents lead to its parts.
+    """
+    sensor = one.sensor
+    at = " at draws of the noise" if sensor.chains else ""
+    kind = f"class {sensor.class_id}" if sensor.class_id else "no class given"
+    sub = (
+        f"{sensor.kind}, {kind}; {counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
+        f" {weighed_text(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
+    )
+    parts = [
+        ("The terms", "terms", "terms", _terms(one)),
+        ("What this test cannot tell, and what would", "tell", "what the test cannot tell", _open(one)),
+        ("Is the calibration good?", "fit", "fit", _fit(one)),
+        ("How sure is the choice?", "choice", "choice", _choice(one)),
+        ("Posterior", "posterior", "posterior", _posterior(one)),
+        ("Noise", "noise", "noise", _noise(one)),
+    ]
+    required = [found for owner, found in one.result.scenes if owner == sensor.id]
+    if required:
+        title = "What the scene requires" if len(required) == 1 else "What the scenes require"
+        parts.append((title, "scene", "scene", _required(one, required)))
+    sections = [
+        Section(title, list(blocks), f"{one.anchor}-{name}", listed=short if listed else "")
+        for title, name, short, blocks in parts
+    ]
+    first = [sensor_answer(one)] if answered else []
+    return Section(sensor.id, [*first, *sections], one.anchor, sub)
 
 
 def _anchor(k: int) -> str:
@@ -166,57 +218,89 @@ def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
 
 def _trust(sensor: SensorResult) -> tuple[bool, float]:
     """Order components from the worst: chains that have not converged or runs that do not fit come first."""
-    return not _is_doubtful(sensor), -abs(math.log(max(fit_scale(sensor), 1e-12)))
+    return not is_doubtful(sensor), -abs(math.log(max(fit_scale(sensor), 1e-12)))
 
 
-def _is_doubtful(sensor: SensorResult) -> bool:
+def is_doubtful(sensor: SensorResult) -> bool:
+    """Whether a run does not fit, the library misses something, or chains have not converged."""
     misses = sensor.misfit is not None and bool(sensor.misfit.found)
     return misses or not all(check.fits for check in sensor.checks) or bool(unconverged_sentence(sensor))
 
 
-def _view(result: StudyResult, k: int, fit: FitView, sampled: SampledView, *, drawn: bool) -> SensorView:
-    sensor, key = result.sensors[k], _anchor(k)
-    rows, selection = term_rows(sensor), sensor.selection
-    scenes = [found for owner, found in result.scenes if owner == sensor.id]
-    if not drawn:
+def _terms(one: Shown) -> Iterator[Block]:
+    """Each term with its value, verdict and effect, in the groups of the model equation."""
+    sensor, rows = one.sensor, term_rows(one.sensor)
+    if not one.figures:
         rows = tuple(row for row in rows if row.verdict.verdict != "untested")
     sizes = [row.size for row in rows if row.size]
-    weighed = {found.choice.run for found in sensor.processes}
-    return SensorView(
-        anchor=key,
-        sensor=sensor,
-        answer=answer(sensor),
-        groups=tuple((name, tuple(part)) for name, part in groupby(rows, key=lambda row: row.verdict.group)),
-        digits=(_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes])),
-        floor=noise_floor(sensor),
-        confounded=sensor_groups(sensor, own_groups(selection)),
-        reasons=tuple(_reasons(sensor)),
-        fit=fit,
-        choice=_choice(sensor, key) if drawn else (),
-        models=weighed_text(selection.models),
-        averaged=averaged_text(selection.models),
-        posterior=tuple(figures.posteriors(sensor, key)) if drawn else (),
-        correlations=figures.correlations(sensor, f"{key}d") if drawn else None,
-        noise=tuple(
-            noise_row(run, sensor.kind, sensor.chains) for run in sensor.runs if run.name not in weighed
-        ),
-        noise_units=NOISE_UNITS[sensor.kind],
-        processes=process_views(sensor, key, drawn=drawn),
-        about_noise=bool(weighed) and all(run.procedure == "static" for run in sensor.runs),
-        drawn=drawn,
-        doubtful=_is_doubtful(sensor),
-        sampled=sampled,
-        beside=beside_view(sensor, key, drawn=drawn, own_rows=fit.twin is None),
-        standards=standard_views(result.study, sensor) if drawn else (),
-        required=tuple(pretty(" ".join(scene_sentences(found, sensor.id))) for found in scenes),
-        scenes=tuple(_scenes(scenes, sensor, key)) if drawn else (),
+    digits = (_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes]))
+    lines: list[Row] = []
+    for group, part in groupby(rows, key=lambda row: row.verdict.group):
+        lines += [Row((group,)), *(Row(_term_cells(row, digits)) for row in part)]
+    averaged = f"Values are averaged over {averaged_text(sensor.selection.models)},{VALUES}"
+    floor = (
+        " The largest effect over the test stands beside a noise floor of"
+        f" {in_unit(noise_floor(sensor))}, the lowest Allan deviation that the noise allows."
+    )
+    note = f"{averaged if one.figures else 'Terms that no run excites are left out.'}{floor}"
+    yield Table(f"Terms of {sensor.id}", TERMS_HEAD, lines, "ttnntntnt", note)
+    if sensor.calibration:
+        yield _compensation(sensor)
+    if one.figures:
+        yield from (standard_section(view, sensor.id) for view in standard_views(one.result.study, sensor))
+
+
+def _term_cells(row: TermRow, digits: tuple[int, int]) -> tuple[Text, ...]:
+    term, partners = row.verdict, minus(shortened(row.partners, MOST_PARTNERS))
+    size: tuple[str, str, str] = (quiet(row.text), "", "")
+    if row.kind == "shared":
+        size = (quiet(f"with {partners}"), "", "")
+    elif row.size:
+        value, power = _aligned(row.size.value, digits[0]), superscript(row.size.exponent)
+        unit = f"{f'10{power} ' if row.size.exponent else ''}{pretty(row.size.unit)}"
+        told = value if row.kind == "value" else quiet(Markup("below {}").format(value))
+        size = (told, _aligned(row.size.sd, digits[1]) if row.size.sd else "", unit)
+    return (
+        term.name,
+        "" if term.symbol == "-" else minus(term.symbol),
+        *size,
+        bar(term.inclusion, *term.inclusion_range),
+        verdict(term.verdict, reason=term.reason),
+        in_unit(row.effect) if row.effect else "",
+        "" if row.kind == "shared" else partners,
     )
 
 
-def _scenes(scenes: Sequence[Relevance], sensor: SensorResult, key: str) -> Iterator[SceneView]:
-    symbols = {term.name: term.symbol for term in sensor.selection.terms}
-    for k, found in enumerate(scenes):
-        yield scene_view(found, sensor.id, symbols, f"{key}w{k}")
+def _aligned(text: str, digits: int) -> Markup:
+    """Number whose decimal point stands below those of others with at most so many decimals."""
+    whole, _, part = minus(text).partition(".")
+    span = Markup('{}<span class="f" style="width:{}ch">{}</span>')
+    return span.format(whole, digits + 0.4 if digits else 0, f".{part}" if part else "")
+
+
+def _compensation(sensor: SensorResult) -> Section:
+    """Scale, bias and angles of a component that was calibrated without a reference."""
+    found: Mapping[str, Any] = sensor.calibration or {}
+    units = {"scale": "SI per unit of the file", "bias": "units of the file"}
+    rows = [(name, minus(f"{found[name]:.7g}"), unit) for name, unit in units.items() if name in found]
+    angles = found.get("nonorthogonality", {})
+    rows += [(name, minus(f"{angle:.6f}"), "rad") for name, angle in angles.items()]
+    table = Table(f"Compensation of {sensor.id}", (), rows, "tnt")
+    return Section("Compensation of this component", [table, Prose(found.get("convention", ""))])
+
+
+def _open(one: Shown) -> Iterator[Block]:
+    """Terms without a yes or a no, and what would tell."""
+    sensor = one.sensor
+    confounded, reasons = sensor_groups(sensor, own_groups(sensor.selection)), list(_reasons(sensor))
+    if not confounded and not reasons:
+        yield Prose("Every term has its yes or no.")
+    told = Markup("{}: <strong>{}</strong>. {}")
+    words = [told.format(verdict(word).page, ", ".join(names), reason) for word, reason, names in reasons]
+    yield Prose(confounded, "list")
+    yield Prose(words, "list")
+    yield Prose(group_sentences(sensor.selection), "list")
+    yield from bench_sections(sensor)
 
 
 def _decimals(texts: list[str]) -> int:
@@ -225,30 +309,69 @@ def _decimals(texts: list[str]) -> int:
 
 def _reasons(sensor: SensorResult) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     # the groups say it better for what is inseparable
-    for verdict in ("undecided", "unresolved", "untested"):
-        having = [term for term in sensor.selection.terms if term.verdict == verdict]
+    for word in ("undecided", "unresolved", "untested"):
+        having = [term for term in sensor.selection.terms if term.verdict == word]
         for reason in dict.fromkeys(term.reason for term in having):
-            yield verdict, reason, tuple(term.name for term in having if term.reason == reason)
+            yield word, reason, tuple(term.name for term in having if term.reason == reason)
 
 
-def _choice(sensor: SensorResult, key: str) -> tuple[Panel, ...]:
+def _fit(one: Shown) -> Iterator[Block]:
+    """What the residuals say."""
+    sensor = one.sensor
+    yield Prose(fit_sentence(sensor))
+    rows = [_check_cells(check) for check in sensor.checks]
+    yield Table(f"Residual checks of {sensor.id}", FIT_HEAD, rows, "tnnnntt")
+    if one.figures and sensor.checks:
+        yield Prose(
+            "Residuals under the full library, whitened by each run's noise: their rms over blocks of"
+            " samples is 1 at the noise floor. A run fits when its blocks are of that size, white (p"
+            f" above {sensor.checks[0].level:.1g}) and none stands out. All residual tests of the study"
+            " share one level: if its models are right, one study in a hundred gives any false alarm."
+            " Sample by sample the same two tests show the sensor's own filter and quantisation, which"
+            " need not touch the coefficients.",
+            "note",
+        )
+    if one.twin is not None:
+        said = Markup(
+            "The rows of a reference-free tumble belong to all its components: the figures stand with {}."
+        )
+        yield Prose(said.format(link(one.result.sensors[one.twin].id, f"{_anchor(one.twin)}-fit")), "note")
+    elif one.figures:
+        yield from _residuals(one)
+    yield from misfit_sections(sensor, one.anchor, drawn=bool(one.figures) and one.twin is None)
+    yield from dwell_sections(sensor)
+
+
+def _check_cells(check: ResidualCheck) -> tuple[str, ...]:
+    out = [f"{start:.4g} to {stop:.4g} s ({abs(size):.1f} sd)" for start, stop, size in check.outliers[:3]]
+    more = [f"and {len(check.outliers) - 3} more"] if len(check.outliers) > 3 else []
+    samples = quiet(f"{check.sample_scale:.2f}, p {probability(check.sample_whiteness_p)}")
     return (
-        figures.inclusion(sensor, f"{key}a"),
-        figures.best_models(sensor, f"{key}b"),
-        figures.model_size(sensor, f"{key}c"),
+        check.run,
+        f"{check.scale:.2f}",
+        probability(check.whiteness_p),
+        probability(check.normality_p),
+        samples,
+        ", ".join([*out, *more]) or "nothing",
+        "✓ yes" if check.fits else "✗ no",
     )
 
 
-def _fit_view(sensor: SensorResult, key: str, sensors: int) -> FitView:
-    most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
-    inputs = {channel for check in sensor.checks for channel in check.inputs}
-    curves = sensors * (min(len(sensor.checks), most_runs) + len(inputs))
+def _residuals(one: Shown) -> Iterator[Block]:
+    """Residuals of each run over time, and of all against the inputs."""
+    sensor, key = one.sensor, one.anchor
+    most_runs = MOST_RUNS if one.figures <= 2 else MOST_RUNS_OF_MANY
+    channels = {channel for check in sensor.checks for channel in check.inputs}
+    curves = one.figures * (min(len(sensor.checks), most_runs) + len(channels))
     points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(curves, 1)))
-    runs = tuple(
-        RunView(check.run, tuple(_run_panels(check, sensor.kind, f"{key}r{n}", points)))
-        for n, check in enumerate(fit_figures.shown_runs(sensor, most_runs))
-    )
-    return FitView(fit_sentence(sensor), runs, tuple(fit_figures.against_inputs(sensor, key, points)), None)
+    runs = fit_figures.shown_runs(sensor, most_runs)
+    if 0 < len(runs) < len(sensor.checks):
+        yield Prose(f"Drawn below: the {len(runs)} runs of {len(sensor.checks)} that fit worst.", "note")
+    for n, check in enumerate(runs):
+        yield Section(check.run, [Figure([*_run_panels(check, sensor.kind, f"{key}r{n}", points)])])
+    yield Prose(RESIDUALS, "note")
+    if panels := list(fit_figures.against_inputs(sensor, key, points)):
+        yield Section("Against the inputs", [Figure(panels, INPUTS)])
 
 
 def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iterator[Panel]:
@@ -259,39 +382,79 @@ def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iter
         yield deviation
 
 
-def overview(result: StudyResult) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Verdicts of the components by term; empty where a component has no such term."""
-    names = dict.fromkeys(term.name for sensor in result.sensors for term in sensor.selection.terms)
-    verdicts = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in result.sensors]
-    return tuple((name, tuple(column.get(name, "") for column in verdicts)) for name in names)
-
-
-@dataclass(frozen=True, slots=True)
-class RunGroup:
-    """Runs with their printed ranges, and the components that share them."""
-
-    title: str
-    runs: tuple[tuple[RunSummary, tuple[tuple[str, str, str, str], ...]], ...]
-
-
-def run_groups(result: StudyResult) -> tuple[RunGroup, ...]:
-    """Gather the runs of every component, once where components share them."""
-    sharing: dict[tuple[int, ...], list[SensorResult]] = {}
-    for sensor in result.sensors:
-        sharing.setdefault(tuple(map(id, sensor.runs)), []).append(sensor)
-    return tuple(
-        RunGroup(
-            listed([sensor.id for sensor in sensors]),
-            tuple((run, range_texts(run, sensors[0].kind)) for run in sensors[0].runs),
+def _choice(one: Shown) -> Iterator[Block]:
+    """Evidence of the models, and what other methods say."""
+    sensor, key = one.sensor, one.anchor
+    keep, model = sensor.selection.costs.keep, ", ".join(sensor.selection.model) or "none"
+    half = "one half" if keep == 0.5 else f"{keep:.2f}"
+    yield Prose(f"Priors: {sensor.prior_source}. Excited terms with an inclusion of {half} or more: {model}.")
+    if one.figures:
+        panels = (
+            figures.inclusion(sensor, f"{key}a"),
+            figures.best_models(sensor, f"{key}b"),
+            figures.model_size(sensor, f"{key}c"),
         )
-        for sensors in sharing.values()
-    )
+        yield Figure(panels, CHOICE)
+    if sensor.panel:
+        yield from methods_sections(sensor, sensor.panel, key, drawn=bool(one.figures))
+    yield from change_sections(sensor)
 
 
-def sources(result: StudyResult) -> tuple[dict[str, Any], ...]:
-    """Each file once, with the columns that all components take from it."""
-    files: dict[tuple[str, str], dict[str, Any]] = {}
-    for source in (run.source for sensor in result.sensors for run in sensor.runs):
-        entry = {"file": source.file, "sha256": source.sha256, "columns": {}}
-        files.setdefault((source.file, source.sha256), entry)["columns"] |= dict.fromkeys(source.columns)
-    return tuple(files.values())
+def _posterior(one: Shown) -> Iterator[Block]:
+    """Prior and posterior of each kept term."""
+    sensor, key, draws = one.sensor, one.anchor, written_draws(one.result)
+    if one.figures:
+        panels = list(figures.posteriors(sensor, key))
+        yield Figure(panels, POSTERIOR) if panels else Prose("No term is kept.")
+        correlations = figures.correlations(sensor, f"{key}d")
+        yield Figure([correlations] if correlations else [])
+    yield from chain_sections(sensor, key, one.figures)
+    if sensor.chains:
+        said = (
+            f"{draws:,} draws of the full library, and as many averaged over the models, are in posterior.nc."
+        )
+    else:
+        said = f"{draws:,} independent draws from the exact posterior are in posterior.nc."
+    yield Prose(said, "note")
+
+
+def _noise(one: Shown) -> Iterator[Block]:
+    """N, B and K of each run; a run whose processes are told has its sizes there."""
+    sensor = one.sensor
+    weighed = {found.choice.run for found in sensor.processes}
+    runs = [run for run in sensor.runs if run.name not in weighed]
+    if runs:
+        rows = [_noise_cells(noise_row(run, sensor.kind, sensor.chains)) for run in runs]
+        units = zip("NBK", map(pretty, NOISE_UNITS[sensor.kind]), strict=True)
+        head = [text for letter, unit in units for text in (f"{letter}, {unit}", "class")]
+        yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
+    if one.figures:
+        yield Prose(NOISE, "note")
+    yield from process_blocks(sensor, one.anchor, drawn=bool(one.figures))
+
+
+def _noise_cells(row: NoiseRow) -> tuple[str, ...]:
+    known = [" to ".join(ends) for ends in row.expected] or [""] * len(row.cells)
+    below = ["below " if limit else "" for limit in row.is_limit]
+    sizes = zip(below, map(signed, row.cells), known, strict=True)
+    return (row.run, row.origin, *(text for word, size, ends in sizes for text in (word + size, quiet(ends))))
+
+
+def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:
+    """What each scene requires; in words only where nothing is drawn."""
+    if not one.figures:
+        yield Prose([pretty(" ".join(scene_sentences(found, one.sensor.id))) for found in scenes], "list")
+        return
+    symbols = {term.name: term.symbol for term in one.sensor.selection.terms}
+    for k, found in enumerate(scenes):
+        yield scene_section(found, one.sensor.id, symbols, f"{one.anchor}w{k}")
+
+
+def overview(sensors: Sequence[SensorResult]) -> Table:
+    """Verdicts of the components by term; empty where a component has no such term."""
+    names = dict.fromkeys(term.name for sensor in sensors for term in sensor.selection.terms)
+    verdicts = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in sensors]
+    rows = [(name, *(shape(column.get(name, "")) for column in verdicts)) for name in names]
+    head = ("term", *(sensor.id for sensor in sensors))
+    note = f"Verdict of each component on each term: {LEGEND}."
+    return Table("Verdicts by component", head, rows, "t", note)

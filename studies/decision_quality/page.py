@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import imubayes
 from imubayes import reporting
 from imubayes.reporting.method_words import called
+from imubayes.reporting.provenance import versions
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.results import versions
 from imubayes.reporting.rounding import duration, percent
 from studies.command import settings, settings_text
 from studies.decision_quality.figures import calibration_panel, cost_panel, drops_panel, ratio_panel

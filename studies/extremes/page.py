@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import imubayes
 from imubayes import reporting
+from imubayes.reporting.provenance import versions
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.results import versions
 from studies.command import settings, settings_text
 from studies.extremes.figures import digits_panel
 from studies.extremes.measure import QUANTITIES

@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from block_readings import panels
 from fleets_found import fleet_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -49,7 +50,7 @@ from imubayes.reporting import (
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
-from imubayes.reporting.session_views import session_view
+from imubayes.reporting.session_views import session_section
 from imubayes.selection.relevance import QUADRANTS
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
@@ -153,8 +154,8 @@ def _of_corner(sensor: Any) -> Panels:
 
 
 def _of_sessions(one: Any) -> Panels:
-    view = session_view(replace(study_result(), sessions=(one,)))
-    return view.panels if view else ()
+    section = session_section(replace(study_result(), sessions=(one,)))
+    return tuple(panels([section])) if section else ()
 
 
 def _of_plan(found: Any) -> Panels:

@@ -145,12 +145,12 @@ def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as
     assert word in sentence and f"{8 * found.inside} of {8 * found.after.size} lie" in sentence
     records = [entry for case in published_cases(study) for entry in case.recovered]
     assert sum(entry.within_2_sd for entry in records) == 8 * found.inside
-    first, _, _ = report_html(study).partition('<section id="cases">')
-    assert word in first
+    first, _, _ = report_html(study).partition('<h2 id="cases">')
+    assert _ and word in first
 
 
 def test_many_cases_share_one_table(cased):
     page = report_html(cased(recovered(), cases=4))
-    (table,) = re.findall(r'<section id="cases">.*?</section>', page, re.DOTALL)
+    (table,) = re.findall(r'<h2 id="cases">.*?</section>', page, re.DOTALL)
     assert [f"U{k}" in table for k in range(4)] == [True] * 4
     assert table.count("<tr>") == 5 and "as a whole" not in page

@@ -167,7 +167,7 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sen
     assert html.count("Autocorrelation of the whitened") == 3
     drawn = html[html.index("Figures are drawn of 3 of the 72 components") :]
     assert "imu3-session1.ax" in drawn[: drawn.index("</p>")]
-    assert html.index('<section id="s1">') < html.index("terms are needed")
+    assert html.index('<h2 id="s1">') < html.index("terms are needed")
 
 
 def test_report_says_how_many_draws_the_file_holds(make_sampled, make_sensor, make_study) -> None:

@@ -6,9 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from block_readings import panels, rows
 
 from imubayes.inference.allan_fit import AllanFit, allan_curve
-from imubayes.reporting.noise_views import process_sentence, process_units, process_views, published_processes
+from imubayes.reporting.noise_views import (
+    process_blocks,
+    process_sentence,
+    process_units,
+    published_processes,
+)
 from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
 from imubayes.selection.noise_found import NoiseFound
 from imubayes.sensors.noise_processes import NoiseProcesses
@@ -58,16 +64,18 @@ def test_sentence_says_what_is_there_in_data_sheet_units_and_what_cannot_be_told
 
 
 def test_rows_hold_both_routes_and_limits_of_what_is_not_there(gyro):
-    (view,) = process_views(gyro, "s1", drawn=True)
-    rows = {row.symbol: row for row in view.rows}
-    assert str(rows["B"].allan) == "1.90 +- 0.19 deg/h" and not rows["B"].is_limit
-    assert rows["Q"].is_limit and rows["Q"].size.sd == "" and rows["Q"].allan is None
-    assert rows["N"].detection is None and rows["K"].detection is not None
-    assert "deg" not in view.panel.svg and "°/h" in view.panel.svg
+    blocks = list(process_blocks(gyro, "s1", drawn=True))
+    found = {row[0]: row[3:7] for row in rows(blocks)}
+    size, unit, allan, _ = found["B"]
+    assert (size, unit, allan) == ("2.00 ± 0.20", "°/h", "1.90 ± 0.19")
+    assert found["Q"][0].startswith("below ") and "±" not in found["Q"][0] and found["Q"][2] == ""
+    assert found["N"][3] == "" and found["K"][3] != ""
+    (panel,) = panels(blocks)
+    assert "deg" not in panel.svg and "°/h" in panel.svg
 
 
 def test_no_figure_where_none_is_drawn(gyro):
-    assert process_views(gyro, "s1", drawn=False)[0].panel is None
+    assert not panels(process_blocks(gyro, "s1", drawn=False))
 
 
 def test_published_processes_are_in_si_and_name_both_units(gyro):

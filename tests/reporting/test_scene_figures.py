@@ -7,11 +7,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from block_readings import panels as drawn
 from scenes_found import TERMS, a_relevance
 
 from imubayes.reporting import scene_figures
 from imubayes.reporting.scene_figures import LINE, MARKERS, SIGNS, placed, shown_share
-from imubayes.reporting.scene_views import scene_view
+from imubayes.reporting.scene_views import scene_section
 from imubayes.selection.kernels import Budget
 from imubayes.selection.relevance import QUADRANTS
 
@@ -27,7 +28,7 @@ def test_every_quadrant_has_a_marker_and_the_same_shape_as_text() -> None:
 
 
 def test_panels_say_what_matters_and_name_every_term(found) -> None:
-    panels = scene_view(found, "ACC-07", {}, "s1").panels
+    panels = drawn([scene_section(found, "ACC-07", {}, "s1")])
     assert panels[0].title == "2 of 3 terms that are there matter; 1 not shown could"
     assert panels[1].title == "2 terms stay within the budget"
     words = "".join(ElementTree.fromstring(panels[0].svg).itertext())

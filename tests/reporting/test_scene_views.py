@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from block_readings import rows, said
 from scenes_found import TERMS, a_relevance
 
-from imubayes.reporting.scene_views import published_scene, scene_view
+from imubayes.reporting.scene_views import published_scene, scene_section
 
 
 @pytest.fixture
@@ -21,9 +22,11 @@ def test_published_scene_is_that_of_the_component(found) -> None:
 
 
 def test_view_lists_what_costs_most_first_with_the_shape_of_its_quadrant(found) -> None:
-    view = scene_view(found, "ACC-07", {"b0": "K0"}, "s1")
-    assert [row.name for row in view.rows] == ["c_jk", "b0", "b2", "b1", "b3"]
-    assert view.rows[1].symbol == "K0" and view.rows[0].symbol == "-"
-    assert [row.sign for row in view.rows] == ["▲", "●", "●", "○", "×"]
-    assert str(view.rows[1].effect) == "130 m" and str(view.rows[1].rms) == "10 ug"
-    assert view.budget == "100 m" and view.left == "41 m" and view.noise == ("3.0 m", "4.0 m", "0 m")
+    section = [scene_section(found, "ACC-07", {"b0": "K0"}, "s1")]
+    view = rows(section)
+    assert [row[0] for row in view] == ["c_jk", "b0", "b2", "b1", "b3"]
+    assert (view[0][1], *view[1][1:5]) == ("", "K0", view[1][2], "10 µg", "130 m")
+    assert [row[-1][0] for row in view] == ["▲", "●", "●", "○", "×"]
+    words = said(section)
+    assert "Budget 100 m." in words and "with this model at most 41 m" in words
+    assert "N 3.0 m, B 4.0 m, K 0 m" in words

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from block_readings import panels, rows, said
 
-from imubayes.reporting.session_views import largest_pull, session_view
+from imubayes.reporting.session_views import largest_pull, session_section
 
 
 def viewed(result, *found):
-    return session_view(replace(result, sessions=found))
+    return [session_section(replace(result, sessions=found))]
 
 
 def untold(one):
@@ -21,7 +22,7 @@ def untold(one):
 
 
 def test_study_without_sessions_has_no_section(result) -> None:
-    assert session_view(result) is None
+    assert session_section(result) is None
 
 
 def test_largest_pull_is_the_largest_difference_over_its_sd(make_sessions) -> None:
@@ -41,27 +42,27 @@ def test_largest_pull_is_the_largest_difference_over_its_sd(make_sessions) -> No
 
 def test_rows_are_in_printed_units_the_worst_first(result, make_sessions) -> None:
     view = viewed(result, make_sessions("b1", exceeds=False), make_sessions("b0"))
-    first, second = view.rows
-    assert (first.parameter, second.parameter) == ("b0", "b1") and first.exceeds and not second.exceeds
-    assert (str(first.between), first.low.value, first.high.value) == ("55 ug", "31", "96")
-    assert str(first.posterior) == "10 ug"
+    first, second = rows(view)
+    assert (first[0], second[0]) == ("b0", "b1") and (first[-1], second[-1]) == ("✗ no", "✓ yes")
+    assert first[1:5] == ("10", "55", "31 to 96", "µg")
 
 
 def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result, make_sessions) -> None:
     alone = viewed(result, make_sessions("ax.b0"), make_sessions("ay.b0"))
     together = viewed(result, make_sessions("b0"), make_sessions("ax.b0"), make_sessions("ay.b0"))
-    assert [row.parameter for row in alone.rows] == ["ax.b0", "ay.b0"]
-    assert [row.parameter for row in together.rows] == ["b0"] and together.left_out == 2
+    assert [row[0] for row in rows(alone)] == ["ax.b0", "ay.b0"]
+    assert [row[0] for row in rows(together)] == ["b0"]
+    assert "2 more parameters are in result.json" in said(together)
 
 
 def test_at_most_twelve_parameters_are_drawn(result, make_sessions) -> None:
     found = [replace(make_sessions("b0", units=24), parameter=f"p{k}") for k in range(14)]
     view = viewed(result, *found)
-    assert len(view.rows) == 14 and len(view.panels) == 12
-    assert "unit, 1 IMU-1 to 24 IMU-24" in view.panels[0].svg
+    assert len(rows(view)) == 14 and len(panels(view)) == 12
+    assert "unit, 1 IMU-1 to 24 IMU-24" in panels(view)[0].svg
 
 
 def test_parameters_of_which_the_sessions_cannot_tell_are_not_drawn(result, make_sessions) -> None:
     view = viewed(result, untold(make_sessions("c_jj")))
-    assert view.rows == () and view.panels == () and view.left_out == 1
-    assert "cannot tell of c_jj" in view.sentence
+    assert rows(view) == panels(view) == []
+    assert "cannot tell of c_jj" in said(view)
