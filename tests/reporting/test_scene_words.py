@@ -65,8 +65,8 @@ def test_budget_is_printed_in_the_unit_that_people_use(found, quantity, kind, si
 
 
 def test_shares_are_percentages_up_to_twice_the_budget() -> None:
-    assert [share(v) for v in (0.0, 0.0021, 1.99, 2.0, 250.0)] == [
-        "below 0.1 %", "0.21 %", "200 %", "2.0 times", "250 times",
+    assert [share(v) for v in (0.0, 0.0021, 1.94, 1.96, 250.0)] == [
+        "below 0.1 %", "0.21 %", "190 %", "2.0 times", "250 times",
     ]  # fmt: skip
     assert [duration(v) for v in (0.5, 119.0, 120.0, 7199.0, 86400.0)] == [
         "0.5 s",
