@@ -70,12 +70,6 @@ def test_unknown_command_is_wrong_input(command):
     assert ended.code == 2 and "characterise" in ended.err
 
 
-def test_results_go_under_the_studys_name_by_default(command, study, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert command("run", str(study)).code == 0
-    assert (tmp_path / "reports" / "small" / "result.json").exists()
-
-
 def _sampling(monkeypatch, command, *arguments: str) -> Sampling:
     """How the command line wants a study to be sampled."""
     came: list[Sampling] = []
@@ -133,25 +127,6 @@ def test_methods_of_the_command_line_are_those_of_a_study():
     assert tuple(Method) == get_args(get_type_hints(HeaderTable)["method"])
 
 
-def test_simulated_files_give_the_result_of_the_simulated_study(command, study, tmp_path):
-    assert command("simulate", str(study), "--out", str(tmp_path / "files")).code == 0
-    assert {path.name for path in (tmp_path / "files").iterdir()} == {
-        "tumble.csv",
-        "truth.json",
-        "small.toml",
-    }
-    terms = []
-    for path in (study, tmp_path / "files" / "small.toml"):
-        assert command("run", str(path), "--out", str(tmp_path / "results")).code == 0
-        result = json.loads((tmp_path / "results" / "result.json").read_text())
-        terms.append(result["sensors"][0]["terms"])
-    # the samples are equal to the last bit; their interval is a median of rounded differences, which moves
-    # the noise within the tolerance at which its estimate stops
-    for simulated, recorded in zip(*terms, strict=True):
-        assert recorded["full_mean"] == pytest.approx(simulated["full_mean"], abs=1e-4 * simulated["full_sd"])
-        assert recorded["verdict"] == simulated["verdict"]
-
-
 def test_catalogue_holds_the_classes_of_a_file_of_ones_own(command, tmp_path):
     own = tmp_path / "own.toml"
     own.write_text('[gyroscope.mine]\nlike = "mems_tactical"\ngrade = "screened"\n')
@@ -163,13 +138,6 @@ def test_catalogue_holds_the_classes_of_a_file_of_ones_own(command, tmp_path):
 def test_catalogue_suggests_the_class_that_was_meant(command):
     message = "imubayes: class 'fog_tactica' is not in the catalogue: did you mean 'fog_tactical'?\n"
     assert command("catalogue", "fog_tactica") == (2, "", message)
-
-
-def test_class_level_study_has_no_chains(command, tmp_path):
-    path = tmp_path / "lots.toml"
-    path.write_text((Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml").read_text())
-    ended = command("run", path, "--method", "full")
-    assert ended.code == 2 and "leaves no choice of" in ended.words
 
 
 def test_fault_of_ours_exits_with_one(command, study, monkeypatch):

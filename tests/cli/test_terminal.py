@@ -102,19 +102,20 @@ STUDIES = {
 COMMANDS = {
     "run": "run a.toml --out a",
     "run_other_unit": "run b.toml --out b",
-    "run_other_session": "run c.toml --out c",
+    "run_other_session": "run c.toml",
     "run_lots": "run lots.toml --out lots",
     "run_fleet": "run fleet.toml --out fleet",
     "check": "check a.toml",
     "simulate": "simulate a.toml --out files",
+    "run_files": "run files/a.toml --out again",
     "plan": "plan plan.toml --out plan",
-    "compare": "compare a c b --out difference",
-    "compare_session": "compare a c/result.json",
+    "compare": "compare a reports/c b --out difference",
+    "compare_session": "compare a reports/c/result.json",
     "compare_unit_and_lot": "compare b lots --out typical",
     "compare_one": "compare a",
     "compare_nothing": "compare a none --out nothing",
     "compare_a_study": "compare a a.toml --out nothing",
-    "export": "export a --to python --out exported",
+    "export": "export a --to c --out exported",
     "catalogue": "catalogue",
     "catalogue_class": "catalogue mems_tactical --kind accelerometer",
 }
@@ -159,6 +160,18 @@ def test_other_unit_differs_where_its_truth_does_and_is_not_typical_of_its_class
     (unit,) = json.loads((folder / "typical" / "result.json").read_text())["units"]
     assert not unit["typical"]
     assert "Nothing differs beyond uncertainty" in " ".join(said["compare_session"].split())
+
+
+def test_simulated_files_give_the_result_of_the_simulated_study(said, folder):
+    # the samples are equal to the last bit; their interval is a median of rounded differences, which moves
+    # the noise within the tolerance at which its estimate stops
+    simulated, recorded = (
+        json.loads((folder / name / "result.json").read_text())["sensors"][0]["terms"]
+        for name in ("a", "again")
+    )
+    for one, other in zip(simulated, recorded, strict=True):
+        assert other["full_mean"] == pytest.approx(one["full_mean"], abs=1e-4 * one["full_sd"])
+        assert other["verdict"] == one["verdict"]
 
 
 def test_what_is_refused_is_said_in_one_line_and_leaves_nothing(said, folder):

@@ -89,11 +89,3 @@ def test_recordings_where_the_results_would_be_are_refused_and_stay(command, tmp
     ended = command("run", study.path, "--out", tmp_path)
     assert ended.code == 2 and "A1: is a unit of this study" in ended.err
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
-
-
-def test_scheduler_of_a_study_without_a_fleet_is_refused(command, tmp_path):
-    path = tmp_path / "small.toml"
-    run = '[[sensor.run]]\nname = "a"\nprocedure = "tumble"\nsimulate = { angles = 4 }\n'
-    path.write_text(f'[[sensor]]\nid = "A"\nkind = "accelerometer"\nclass = "mems_tactical"\n{run}')
-    ended = command("run", path, "--scheduler", "tcp://127.0.0.1:8786")
-    assert ended.code == 2 and "the units of a [fleet], which this study has none of" in ended.err

@@ -93,10 +93,3 @@ def test_what_makes_no_budget_is_refused_and_nothing_is_written(command, study, 
     ended = command("run", study, "--out", study.parent / "no", *options)
     assert ended.code == 2 and words in ended.words
     assert not (study.parent / "no").exists()
-
-
-def test_a_study_without_chains_refuses_a_budget(command, tmp_path):
-    path = tmp_path / "lots.toml"
-    path.write_text((Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml").read_text())
-    ended = command("run", path, "--budget", "1 s")
-    assert ended.code == 2 and "--budget" in ended.err
