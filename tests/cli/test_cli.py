@@ -11,8 +11,9 @@ import pytest
 
 import imubayes
 from imubayes.campaign.study import Sampling, Study
-from imubayes.cli import Method
+from imubayes.cli import ExportFormat, Method
 from imubayes.errors import ConvergenceError, InputError
+from imubayes.reporting.export import FORMATS
 from imubayes.study.schema.tables import HeaderTable
 
 HEAVY = {
@@ -121,6 +122,10 @@ def test_resumed_run_gives_the_result_of_the_run_that_it_resumes(command, study,
         results.append((sensor["method"], sensor["terms"]))
     assert results[0][0] == "collapsed"
     assert results[1] == results[0]
+
+
+def test_formats_of_the_command_line_are_those_of_an_export():
+    assert {one.value for one in ExportFormat} == set(FORMATS)
 
 
 def test_methods_of_the_command_line_are_those_of_a_study():

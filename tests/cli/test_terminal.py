@@ -116,6 +116,7 @@ COMMANDS = {
     "compare_nothing": "compare a none --out nothing",
     "compare_a_study": "compare a a.toml --out nothing",
     "export": "export a --to c --out exported",
+    "export_no_result": "export empty.json --to json --out nothing",
     "catalogue": "catalogue",
     "catalogue_class": "catalogue mems_tactical --kind accelerometer",
 }
@@ -142,6 +143,7 @@ def said(command, folder) -> dict[str, str]:
     with contextlib.chdir(folder):
         for name, text in STUDIES.items():
             Path(f"{name}.toml").write_text(text, encoding="utf-8")
+        Path("empty.json").write_text("{}")
         for name, line in COMMANDS.items():
             code, out, err = command(*line.split())
             found[name] = f"$ imubayes {line}\n{out}{err}exit {code}\n"
@@ -175,7 +177,7 @@ def test_simulated_files_give_the_result_of_the_simulated_study(said, folder):
 
 
 def test_what_is_refused_is_said_in_one_line_and_leaves_nothing(said, folder):
-    for name in ("compare_one", "compare_nothing", "compare_a_study"):
+    for name in ("compare_one", "compare_nothing", "compare_a_study", "export_no_result"):
         _, sentence, code = said[name].splitlines()
         assert sentence.startswith("imubayes: ") and code == "exit 2"
     assert not (folder / "nothing").exists()

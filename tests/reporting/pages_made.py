@@ -162,13 +162,19 @@ def _compared_sensors(name: str) -> Made:
             for t in sensor.selection.terms
         )
         sensor = replace(sensor, selection=replace(sensor.selection, terms=terms))
-        scene = replace(scene, model=("b0",)) if moved else scene
+        if moved:
+            kept = (replace(t, kept=t.kept and t.name != "b2") for t in scene.terms)
+            scene = replace(scene, model=("b0",), terms=tuple(kept))
         texts.append(result_json(replace(study_result(sensor, title=name), scenes=((sensor_id, scene),))))
     return _compared(*texts)
 
 
 def _moved(found: LotResult) -> LotResult:
+    """The first class with another mean of its first term, and with no need of any in its first scene."""
     first = found.classes[0]
+    scene = first.missions[0]
+    none = replace(scene, terms=tuple(replace(term, required=0.0) for term in scene.terms))
+    first = replace(first, missions=(none, *first.missions[1:]))
     mean = replace(first.terms[0].mean, value=1e3, low=0.9e3, high=1.1e3)
     terms = (replace(first.terms[0], mean=mean), *first.terms[1:])
     return replace(found, classes=(replace(first, terms=terms), *found.classes[1:]))

@@ -12,7 +12,6 @@ from imubayes.reporting.method_words import (
     depending,
     disagreement_sentences,
     found_sentence,
-    group_sentences,
     missing_sentence,
     predictive_sentence,
     prior_sentence,
@@ -126,12 +125,6 @@ def test_reduced_model_is_said_in_printed_units(make_judged) -> None:
     assert one.startswith("1 term predicts") and "b0 loses 0.15" in one
     nothing = replace(sensor.panel.reduced, terms=(), lost=1e-6)
     assert reduced_sentence(nothing, sensor.kind).startswith("No term is worth keeping")
-
-
-def test_groups_have_the_probability_that_one_of_them_is_there(make_judged) -> None:
-    assert group_sentences(make_judged().selection) == (
-        "At least one of c_jj and c_kk is in the model with probability 0.520.",
-    )
 
 
 def test_first_paragraph_says_where_something_is_missing_and_only_then(make_judged) -> None:

@@ -1,11 +1,10 @@
 import json
 
 import pytest
-from page_reading import printed
 from trades_found import traded
 
 from imubayes.reporting.html import page_html
-from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
+from imubayes.reporting.trade_page import trade_json, trade_page
 from imubayes.reporting.trade_words import trade_answer
 
 
@@ -45,9 +44,3 @@ def test_numbers_of_the_file_are_those_that_were_measured(found):
     }  # fmt: skip
     # what never happened, or no chain has, is null and not NaN
     assert values["components"][0]["rungs"][0]["ess"] is None
-
-
-def test_the_table_has_a_line_a_rung(found):
-    lines = printed(terminal_trade(found)).splitlines()
-    assert lines[0].split()[:5] == ["rung", "time", "memory", "off", "rms"]
-    assert lines[4].split()[:2] == ["raw", "~110"]

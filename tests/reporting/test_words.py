@@ -9,19 +9,6 @@ from imubayes.reporting.words import answer, confounded_sentences, fit_sentence
 from imubayes.sensors.terms import library
 
 
-def test_answer_counts_the_verdicts_and_says_the_three_ways_of_not_telling_apart(make_sensor) -> None:
-    text = " ".join(answer(make_sensor()))
-    assert "5 of 20 terms are needed: b0, b1, b2, m_j and m_k." in text
-    assert "1 is not needed" in text and "1 is undecided (b0p)" in text
-    assert "2 are inseparable" in text and "1 is unresolved (c_jk)" in text and "10 are untested" in text
-
-
-def test_answer_names_the_run_that_would_tell(make_sensor) -> None:
-    text = " ".join(answer(make_sensor()))
-    assert "c_jj (Kpp) and c_kk (Koo) appear only in one combination" in text
-    assert "What would tell: a tumble about a third axis separates them." in text
-
-
 def test_answer_claims_a_fit_only_when_every_run_fits(make_sensor) -> None:
     good, bad = make_sensor(), make_sensor(misfit="centrifuge")
     assert "to the noise floor (residual over noise 1.02, white, p " in fit_sentence(good)

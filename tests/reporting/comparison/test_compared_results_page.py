@@ -6,15 +6,13 @@ import json
 from dataclasses import replace
 
 import pytest
-from page_reading import printed
 
 from imubayes.reporting.comparison.kinds import comparison_json
 from imubayes.reporting.comparison.result_files import sensors_of
 from imubayes.reporting.comparison.results import compared
-from imubayes.reporting.comparison.results_page import comparison_record, results_page
+from imubayes.reporting.comparison.results_page import comparison_record
 from imubayes.reporting.result.file import written
 from imubayes.reporting.results import result_json
-from imubayes.reporting.terminal import terminal_page
 
 ATTACK = "<b>x</b>"
 
@@ -36,13 +34,6 @@ def found(make_study, make_sensor, tmp_path):
         file.write_text(result_json(make_study(sensor)))
         files.append(sensors_of(written(file)))
     return compared(files)
-
-
-def test_terminal_says_what_differs(found):
-    said = " ".join(printed(terminal_page(results_page(found))).split())
-    assert "1 value differs beyond uncertainty, most b2" in said and "35.4 sd" in said
-    assert "The verdict differs on b2." in said and "matched by kind and order" in said
-    assert "N tumble" in said
 
 
 def test_numbers_are_those_of_the_comparison(found):
