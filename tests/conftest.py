@@ -37,6 +37,13 @@ HASH = re.compile(r"\b[0-9a-f]{64}\b")
 SHARED = Path(__file__).parents[2] / "shared"
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """With workers, each file is one worker's: what its tests share is made once."""
+    if getattr(config.option, "numprocesses", None) and config.option.dist == "no":
+        config.option.dist = "loadfile"
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """``pytest --renew``: write the golden files anew, to be read in the diff."""
     parser.addoption("--renew", action="store_true", help="write the files of tests/references anew")
