@@ -41,12 +41,16 @@ MONTE_CARLO = 0.2
 """Posterior sds; of a mean over chains, whose path another build of the linear algebra changes."""
 
 
+SDS = ("sd", "full_sd")
+"""Of a term: averaged over models, and under the full library, as its chains are."""
+
+
 def _differences(old: Any, new: Any, where: str = "", sd: float = 0.0) -> Iterator[str]:
     """Say where two results differ: keys, words, truth values, and numbers beyond what may differ."""
     if isinstance(old, dict) and isinstance(new, dict):
         if old.keys() != new.keys():
             yield f"{where}: keys {sorted(old.keys() ^ new.keys())}"
-        spread = old["sd"] if isinstance(old.get("sd"), float) else sd
+        spread = max([old[name] for name in SDS if isinstance(old.get(name), float)], default=sd)
         for key in sorted((old.keys() & new.keys()) - OF_THE_MACHINE):
             yield from _differences(old[key], new[key], f"{where}.{key}", spread)
     elif isinstance(old, list) and isinstance(new, list):
