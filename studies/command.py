@@ -1,34 +1,55 @@
-"""The command line of a study about the tool: ``python -m studies.NAME [--small] [--seed N] [--out DIR]``."""
+"""The command line of a study about the tool, and what all their reports have in common."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from imubayes import __version__
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import InputError
+from imubayes.reporting.blocks import Page
+from imubayes.reporting.html import write_page
+from imubayes.reporting.provenance import versions
+from imubayes.reporting.result.file import json_text
+from imubayes.reporting.terminal import terminal_page
 
 
 def main(
     study: Any,
     small: Any,
     measure: Callable[..., Any],
-    shown: Callable[[Any], object],
-    write: Callable[[Any, Path], tuple[Path, ...]],
+    page: Callable[[Any], Page],
+    record: Callable[[Any], dict[str, Any]],
 ) -> None:
-    """Measure what a study asks for, write its report, and show it.
+    """Measure what a study asks for, write ``report.html`` and ``result.json``, and show it.
 
     Parameters
     ----------
     study : its settings, of which `command` ends with its name, and `seed` can be another.
     small : the settings that only show whether it runs.
     measure : makes a result of the settings, and tells `progress` what goes on.
-    shown : lines of a result for a terminal.
-    write : writes the report on a result into a folder, and gives its files.
+    page, record : of a result, for readers and for scripts.
     """
+    asked, out = _asked(study, small)
+    try:
+        folder = usable(out)
+        with waiting() as told:
+            found = measure(asked, progress=told)
+        shown = page(found)
+        with complete(folder) as part:
+            files = write_page(shown, json_text(record(found)), part)
+    except InputError as error:
+        fail(str(error), 2)
+    show(terminal_page(shown))
+    written(folder, files)
+
+
+def _asked(study: Any, small: Any) -> tuple[Any, Path]:
+    """Settings and folder, by the options of the command line."""
     parser = ArgumentParser(prog=study.command)
     usual = Path("reports") / study.command.rpartition(".")[2]
     parser.add_argument("--out", type=Path, default=usual, help=f"folder of the report; {usual} by default")
@@ -37,24 +58,19 @@ def main(
     given = parser.parse_args()
     other = f" --seed {given.seed}" if given.seed != study.seed else ""
     command = f"{study.command}{' --small' if given.small else ''}{other}"
-    asked = replace(small if given.small else study, seed=given.seed, command=command)
-    try:
-        folder = usable(given.out)
-        with waiting() as told:
-            found = measure(asked, progress=told)
-        with complete(folder) as part:
-            files = write(found, part)
-    except InputError as error:
-        fail(str(error), 2)
-    show(shown(found))
-    written(folder, files)
+    return replace(small if given.small else study, seed=given.seed, command=command), given.out
 
 
-def settings(study: Any) -> dict[str, Any]:
-    """Settings of a study but for its command, which says the same."""
-    return {name: value for name, value in asdict(study).items() if name != "command"}
-
-
-def settings_text(study: Any) -> str:
-    """Settings of a study, a line each."""
-    return "\n".join(f"{name} = {value!r}" for name, value in settings(study).items())
+def recorded(found: Any, title: str, answer: Sequence[str], **values: Any) -> dict[str, Any]:
+    """Values of ``result.json``: those of a study beside what all of them say."""
+    settings = asdict(found.study)
+    command = settings.pop("command")
+    return {
+        "imubayes": __version__,
+        "study": title,
+        "seed": found.study.seed,
+        "answer": answer,
+        **values,
+        "seconds": found.seconds,
+        "provenance": {"command": command, "settings": settings, "versions": versions()},
+    }

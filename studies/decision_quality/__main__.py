@@ -2,8 +2,8 @@
 
 from studies.command import main
 from studies.decision_quality.measure import measure
-from studies.decision_quality.page import terminal_quality, write_quality
+from studies.decision_quality.page import quality_page, quality_record
 from studies.decision_quality.trials import SMALL, QualityStudy
 
 if __name__ == "__main__":
-    main(QualityStudy(), SMALL, measure, terminal_quality, write_quality)
+    main(QualityStudy(), SMALL, measure, quality_page, quality_record)

@@ -2,7 +2,7 @@
 
 from studies.command import main
 from studies.extremes.measure import SMALL, ExtremesStudy, measure
-from studies.extremes.page import terminal_extremes, write_extremes
+from studies.extremes.page import extremes_page, extremes_record
 
 if __name__ == "__main__":
-    main(ExtremesStudy(), SMALL, measure, terminal_extremes, write_extremes)
+    main(ExtremesStudy(), SMALL, measure, extremes_page, extremes_record)

@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import imubayes
-from imubayes import reporting
-from imubayes.reporting.provenance import versions
-from imubayes.reporting.result.file import json_text
-from studies.command import settings, settings_text
+from markupsafe import Markup
+
+from imubayes.reporting.blocks import (
+    Both,
+    Figure,
+    Page,
+    Prose,
+    Section,
+    Table,
+    answer,
+    joined,
+    repeat,
+    strong,
+)
+from imubayes.reporting.rounding import duration
+from studies.command import recorded
 from studies.extremes.figures import digits_panel
 from studies.extremes.measure import QUANTITIES
 
 if TYPE_CHECKING:
-    from imubayes.reporting.canvas import Panel
     from studies.extremes.measure import Extremes, Outcome, Told
 
 TITLE = "How many digits are right at the extremes?"
+
+QUESTION = (
+    "Problems driven to the ends of what doubles hold, held against exact arithmetic on the same doubles."
+)
 
 ORDINARY = 1e10
 """Condition number up to which a full-rank problem is promised digits."""
@@ -31,53 +43,95 @@ STACKED = "rows"
 HEADS = ("least sq.", "sd", "averaged", "sd", "evidence", "inclusion")
 """`QUANTITIES` in a terminal's 80 columns."""
 
+MAP = (
+    "A column is a problem, a row a quantity; the number is how many digits are right, of the worst"
+    " coefficient, from 0 (dark) to 15 (light). A dash: it refused to answer. An exclamation mark: the"
+    " answer was no number. X are the columns, y the response."
+)
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A case's line of a table: its name and its numbers as texts."""
+COUNTED = (
+    "The references take the very doubles of the product: inner products are exact, and everything after is"
+    " done with 100 digits, in another way than the product does it (principal axes of each submodel's Gram"
+    " matrix; the noise scale in half the steps).",
+    Markup(
+        "<em>Least squares</em> and <em>averaged</em>: digits of the worst coefficient, counted against the"
+        " larger of its size and its sd. <em>Sd</em>: of its own size. <em>Log evidence</em>: of its size,"
+        " or behind the point where it is below one. <em>Inclusion</em>: behind the point."
+    ),
+    Markup(
+        "<em>Stated</em> digits come from the factor alone: what a few units of rounding of each column do"
+        " to first order to the results, plus the error of the rule that integrates over the noise scale."
+        " That rule is good to 1e-8, which is why averaged quantities state 7 or 8 digits at most where the"
+        " noise is not known. With a prior of the g-family it integrates over g, to 1e-11."
+    ),
+    "Where the full library leaves less than 1e-14 of the response, the fit is exact as far as doubles can"
+    " tell; the noise scale is then taken as that, and the reference takes it too.",
+    "Fewer rows than columns that the prior explains exactly leave the noise scale open down to that floor:"
+    " no digit is stated there (“prior fits”).",
+    Markup(
+        "<em>Long records</em> have up to 100,000 rows of their own, as arrays and, where the label says"
+        " run, whitened as a recorded run is. Up to 4,096 rows of an array are factored with 64 bits of"
+        " mantissa; of more rows and of runs the factor is refined where columns are nearly dependent. The"
+        " white noise of these runs has unit variance, so that whitening itself rounds nothing; coloured"
+        " noise is in <em>time stamps</em>."
+    ),
+    Markup(
+        "The records beyond that, in <em>rows</em>, are a short one stacked on itself: the factor of"
+        " 2<sup>k</sup> copies is known exactly."
+    ),
+    "A run that is read a part at a time takes the same steps; it is held against the run in memory by the"
+    " tests, not here.",
+)
 
-    name: str
-    cells: tuple[str, ...]
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Section:
-    """One family of the page: name, anchor, heat map, and a row a case."""
-
-    title: str
-    anchor: str
-    panel: Panel
-    rows: tuple[Row, ...]
-
-
-def write_extremes(found: Extremes, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``result.json`` into a folder."""
-    report, values = folder / "report.html", folder / "result.json"
-    report.write_text(extremes_html(found), encoding="utf-8")
-    values.write_text(extremes_json(found), encoding="utf-8")
-    return report, values
-
-
-def extremes_html(found: Extremes) -> str:
-    """Text of the report."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    folders = FileSystemLoader((Path(__file__).parent, Path(reporting.__file__).parent))
-    page = Environment(loader=folders, autoescape=True, undefined=StrictUndefined).get_template(
-        "page.html.j2"
+def extremes_page(found: Extremes) -> Page:
+    """Page of the report."""
+    families = _families(found)
+    said = f"It took {duration(found.seconds)}. Seed {found.study.seed}."
+    return Page(
+        TITLE,
+        QUESTION,
+        first=(answer(extremes_answer(found)),),
+        blocks=(
+            _digits(families),
+            _refused(found),
+            _every(families),
+            Section("What was counted", (Prose(COUNTED, "list"),), "meaning", brief=False),
+            repeat(found.study.command, "", said),
+        ),
     )
-    return page.render(
-        study=found.study,
-        answer=extremes_answer(found),
-        sections=tuple(_sections(found)),
-        quantities=QUANTITIES,
-        refused=tuple(_refusals(found)),
-        seconds=f"{found.seconds:.0f}",
-        versions=versions(),
-        title=TITLE,
-        command=found.study.command,
-        settings=settings_text(found.study),
-    )
+
+
+def _digits(families: Mapping[str, list[Outcome]]) -> Section:
+    panels = [digits_panel(mine, f"x{k}") for k, mine in enumerate(families.values())]
+    rows = [(name, *(_fewest(mine, one) for one in QUANTITIES)) for name, mine in families.items()]
+    table = Table("Fewest correct digits", ("fewest digits", *map(Both, QUANTITIES, HEADS)), rows)
+    return Section("Correct digits", (table, Figure(panels, MAP)), "map")
+
+
+def _refused(found: Extremes) -> Section:
+    messages = [
+        joined(strong(f"{one.family}, {one.label}:"), f"{message}.")
+        for one in found.outcomes
+        for message in one.refused
+    ]
+    told = (Prose(messages or "Nothing.", "list"),)
+    return Section("What is refused, in its words", told, "refused", listed="What is refused", brief=False)
+
+
+def _every(families: Mapping[str, list[Outcome]]) -> Section:
+    head = ("case", "condition", *QUANTITIES)
+    tables = [
+        Section(name, (Table(f"Digits of {name}", head, _rows(mine)),), f"family-{k}")
+        for k, (name, mine) in enumerate(families.items())
+    ]
+    title = "Every case: correct digits, and in brackets how many were stated before any reference was known"
+    return Section(title, tables, "cases", listed="Every case", brief=False)
+
+
+def _families(found: Extremes) -> Mapping[str, list[Outcome]]:
+    families = dict.fromkeys(one.family for one in found.outcomes)
+    return {name: [one for one in found.outcomes if one.family == name] for name in families}
 
 
 def extremes_answer(found: Extremes) -> tuple[str, ...]:
@@ -140,17 +194,17 @@ def _least(outcomes: Iterable[Outcome], name: str) -> int:
     return math.floor(max(min(one.told[name].correct for one in outcomes), 0.0))
 
 
-def _sections(found: Extremes) -> Iterable[Section]:
-    families = dict.fromkeys(one.family for one in found.outcomes)
-    for k, family in enumerate(families):
-        mine = [one for one in found.outcomes if one.family == family]
-        rows = tuple(Row(one.label, _cells(one)) for one in mine)
-        yield Section(family, f"family-{k}", digits_panel(mine, f"x{k}"), rows)
+def _fewest(outcomes: Iterable[Outcome], name: str) -> str:
+    known = [one.told[name].correct for one in outcomes if not math.isnan(one.told[name].correct)]
+    return f"{min(known):.1f}" if known else "refused"
 
 
-def _cells(one: Outcome) -> tuple[str, ...]:
-    condition = f"{one.condition:.0e}" if math.isfinite(one.condition) else "∞"
-    return (condition, *(_cell(told) for told in one.told.values()))
+def _rows(outcomes: Sequence[Outcome]) -> list[tuple[str, ...]]:
+    conditions = [f"{one.condition:.0e}" if math.isfinite(one.condition) else "∞" for one in outcomes]
+    return [
+        (one.label, condition, *map(_cell, one.told.values()))
+        for one, condition in zip(outcomes, conditions, strict=True)
+    ]
 
 
 def _cell(told: Told) -> str:
@@ -160,32 +214,12 @@ def _cell(told: Told) -> str:
     return f"{correct} ({told.stated:.0f})"
 
 
-def _refusals(found: Extremes) -> Iterable[tuple[str, str]]:
-    for one in found.outcomes:
-        for message in one.refused:
-            yield f"{one.family}, {one.label}", message
+def extremes_record(found: Extremes) -> dict[str, Any]:
+    """Values of ``result.json``: correct and stated digits of every case; null where it refused."""
+    return recorded(found, TITLE, extremes_answer(found), cases=[_case(one) for one in found.outcomes])
 
 
-def extremes_json(found: Extremes) -> str:
-    """Text of ``result.json``: correct and stated digits of every case; null where it refused."""
-    study = found.study
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": TITLE,
-        "seed": study.seed,
-        "answer": extremes_answer(found),
-        "cases": [_record(one) for one in found.outcomes],
-        "seconds": found.seconds,
-        "provenance": {
-            "command": study.command,
-            "settings": settings(study),
-            "versions": versions(),
-        },
-    }
-    return json_text(document)
-
-
-def _record(one: Outcome) -> dict[str, Any]:
+def _case(one: Outcome) -> dict[str, Any]:
     return {
         "family": one.family,
         "case": one.label,
@@ -197,17 +231,3 @@ def _record(one: Outcome) -> dict[str, Any]:
         "lost": [name for name, told in one.told.items() if told.correct == -math.inf],
         "refused": one.refused,
     }
-
-
-def terminal_extremes(found: Extremes) -> str:
-    """Lines for a terminal: the answer, and the fewest correct digits of each family."""
-    lines = [f"{'fewest digits':18}" + "".join(f"{name:>10}" for name in HEADS)]
-    for family in dict.fromkeys(one.family for one in found.outcomes):
-        mine = [one for one in found.outcomes if one.family == family]
-        lines.append(f"{family:18}" + "".join(f"{_fewest(mine, name):>10}" for name in QUANTITIES))
-    return "\n".join((*extremes_answer(found), "", *lines))
-
-
-def _fewest(outcomes: Iterable[Outcome], name: str) -> str:
-    known = [one.told[name].correct for one in outcomes if not math.isnan(one.told[name].correct)]
-    return f"{min(known):.1f}" if known else "refused"

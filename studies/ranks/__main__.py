@@ -2,7 +2,7 @@
 
 from studies.command import main
 from studies.ranks.measure import SMALL, RanksStudy, measure
-from studies.ranks.page import terminal_ranks, write_ranks
+from studies.ranks.page import ranks_page, ranks_record
 
 if __name__ == "__main__":
-    main(RanksStudy(), SMALL, measure, terminal_ranks, write_ranks)
+    main(RanksStudy(), SMALL, measure, ranks_page, ranks_record)

@@ -3,7 +3,7 @@
 from studies.command import main
 from studies.speed.contests import SMALL, SpeedStudy
 from studies.speed.measure import measure
-from studies.speed.page import terminal_speed, write_speed
+from studies.speed.page import speed_page, speed_record
 
 if __name__ == "__main__":
-    main(SpeedStudy(), SMALL, measure, terminal_speed, write_speed)
+    main(SpeedStudy(), SMALL, measure, speed_page, speed_record)

@@ -3,99 +3,114 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 
-import imubayes
-from imubayes import reporting
-from imubayes.reporting.result.file import json_text
+from imubayes import __version__
+from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, answer, repeat
 from imubayes.reporting.rounding import duration, times
-from studies.command import settings, settings_text
+from studies.command import recorded
 from studies.speed.figures import contest_panel, law_panel
 from studies.speed.words import exponent_text, law_note, speed_answer, wrong
 
 if TYPE_CHECKING:
-    from imubayes.reporting.canvas import Panel
     from studies.speed.growth import Law
     from studies.speed.measure import Found, Place, Speed
 
-
 TITLE = "How fast is it?"
 
+QUESTION = (
+    "Time beside what people would use instead, on the same problems in one run, and the error beside every"
+    " time."
+)
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """An entrant's line of a table: its name, its numbers as texts, and what a reader should know."""
+WHO = ("who", "time", Both("median to longest", None), "times ours", "error", "remark")
+LAWS = ("work", "sizes", Both("time", None), "exponent", Both("which is", None))
 
-    name: str
-    cells: tuple[str, ...]
-    remark: str
+GROWTH = (
+    "Dots: the shortest time of each size, sticks up to the longest. The line is the power law fitted to the"
+    " sizes that take three times the smallest one’s time or more (to the largest three at least); the error"
+    " of its exponent is that of the points’ scatter about it."
+)
+
+TIMED = (
+    "Everybody solves the same problem in turns, so that what else the machine does meets all alike. A first"
+    " turn that compiles and imports does not count; who takes more than two seconds is timed twice, or once"
+    " above twenty.",
+    Markup(
+        "<em>Least squares</em>: 21 terms of the accelerometer’s library in SI units as they come, so that"
+        " columns differ by eight decades; the exact solution comes from refinement with products in"
+        " extended precision. <em>One-sided</em>: seven powers of an input that stays between 40 and 50 g,"
+        " columns that are nearly alike."
+    ),
+    Markup(
+        "<em>Every subset</em>: inclusion by the weights exp(−BIC/2); abess gives the best subset alone. The"
+        " exact answer comes from a QR of every subset."
+    ),
+    Markup(
+        "<em>Posterior over all models</em>: inclusion, coefficients, evidence and the best models; with its"
+        " scale integrated, the noise takes about ten values or more, and the same work each time."
+    ),
+    Markup(
+        "<em>Noise</em>: N, B and K of simulated records of a tactical accelerometer; by restricted maximum"
+        " likelihood, and read off the overlapping Allan deviation."
+    ),
+    Markup(
+        "<em>Coefficients at given noise</em>: both samplers give draws of the same posterior; seconds are"
+        " scaled to the same effective number of the worst coefficient, warm-up included."
+    ),
+)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Section:
-    """One contest of the page."""
-
-    anchor: str
-    found: Found
-    rows: tuple[Row, ...]
-    panel: Panel
-
-
-def write_speed(speed: Speed, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``result.json`` into a folder."""
-    report, values = folder / "report.html", folder / "result.json"
-    report.write_text(speed_html(speed), encoding="utf-8")
-    values.write_text(speed_json(speed), encoding="utf-8")
-    return report, values
-
-
-def speed_html(speed: Speed) -> str:
-    """Text of the report; names that come from the study file are escaped."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    folders = FileSystemLoader((Path(__file__).parent, Path(reporting.__file__).parent))
-    page = Environment(loader=folders, autoescape=True, undefined=StrictUndefined).get_template(
-        "page.html.j2"
-    )
-    return page.render(
-        study=speed.study,
-        answer=speed_answer(speed),
-        sections=tuple(
-            Section(f"contest-{k}", found, _rows(found), contest_panel(found, f"c{k}"))
-            for k, found in enumerate(speed.contests)
+def speed_page(speed: Speed) -> Page:
+    """Page of the report."""
+    first, *others = speed_answer(speed)
+    return Page(
+        TITLE,
+        QUESTION,
+        first=(answer([first]), Prose(others, "list")),
+        blocks=(
+            _beside(speed),
+            _growth(speed),
+            Section("What was timed", (Prose(TIMED, "list"),), "meaning", brief=False),
+            _made(speed),
         ),
-        laws=tuple(_law_row(law) for law in speed.laws),
-        panels=tuple(law_panel(law, f"l{k}") for k, law in enumerate(speed.laws)),
-        machine=speed.machine,
-        took=duration(speed.seconds),
-        version=imubayes.__version__,
-        title=TITLE,
-        command=speed.study.command,
-        settings=settings_text(speed.study),
     )
 
 
-def _rows(found: Found) -> tuple[Row, ...]:
-    return tuple(Row(place.name, _cells(found, place), _remark(found, place)) for place in found.places)
+def _beside(speed: Speed) -> Section:
+    repeats = speed.study.repeats
+    note = (
+        f"Shortest of {repeats} turn{'s' if repeats > 1 else ''}, as the dot in the figure; median and"
+        " longest beside it, as its stick. An answer that is wrong is marked: a fast wrong answer is no"
+        " peer."
+    )
+    panels = [contest_panel(found, f"c{k}") for k, found in enumerate(speed.contests)]
+    contests = (
+        Section(found.title, (_contest(found),), f"contest-{k}") for k, found in enumerate(speed.contests)
+    )
+    return Section("Beside others", (Prose(note, "note"), Figure(panels), *contests), "contests")
+
+
+def _contest(found: Found) -> Table:
+    rows = [(place.name, *_cells(found, place), _remark(found, place)) for place in found.places]
+    note = f"Time: of {found.time}. Error: {found.error}."
+    return Table(found.title, WHO, rows, "tnnnnw", note)
 
 
 def _cells(found: Found, place: Place) -> tuple[str, ...]:
     if not place.seconds:
         return ("", "", "", "")
     middle, longest = float(np.median(place.seconds)), max(place.seconds)
+    error = f"{place.error:.1e}" if 0.0 < place.error < 1e-3 else f"{place.error:.2g}"
     return (
         duration(place.fastest),
         f"{duration(middle)} to {duration(longest)}",
         times(found.ratio(place)),
-        ""
-        if math.isnan(place.error)
-        else f"{place.error:.1e}"
-        if 0.0 < place.error < 1e-3
-        else f"{place.error:.2g}",
+        "" if math.isnan(place.error) else error,
     )
 
 
@@ -105,57 +120,50 @@ def _remark(found: Found, place: Place) -> str:
     return "; ".join(part for part in ("wrong" if wrong(found, place) else "", place.remark) if part)
 
 
-def _law_row(law: Law) -> Row:
+def _growth(speed: Speed) -> Section:
+    panels = [law_panel(law, f"l{k}") for k, law in enumerate(speed.laws)]
+    table = Table("Exponents", LAWS, [_law(law) for law in speed.laws], "wnnnw", GROWTH)
+    return Section("How time grows", (Figure(panels), table), "growth")
+
+
+def _law(law: Law) -> tuple[str, ...]:
     name = f"{law.ladder.title[:1].upper()}{law.ladder.title[1:]}"
     ends = f"{law.sizes[0]:,.0f} to {law.sizes[-1]:,.0f} {law.ladder.quantity}"
-    cells = (ends, f"{duration(law.fastest[0])} to {duration(law.fastest[-1])}", exponent_text(law))
-    return Row(name, cells, law_note(law))
+    taken = f"{duration(law.fastest[0])} to {duration(law.fastest[-1])}"
+    return name, ends, taken, exponent_text(law), law_note(law)
 
 
-def speed_json(speed: Speed) -> str:
-    """Text of ``result.json``: every time, in s; what is not finite becomes null."""
-    study = speed.study
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": TITLE,
-        "seed": study.seed,
-        "repeats": study.repeats,
-        "answer": speed_answer(speed),
-        "machine": asdict(speed.machine),
-        "contests": [asdict(found) for found in speed.contests],
-        "growth": [_law_values(law) for law in speed.laws],
-        "seconds": speed.seconds,
-        "provenance": {
-            "command": study.command,
-            "settings": settings(study),
-        },
-    }
-    return json_text(document)
+def _made(speed: Speed) -> Section:
+    here = speed.machine
+    threads = ", ".join(f"{what} {count}" for what, count in here.threads.items())
+    load = "" if math.isnan(here.load) else f" Load before the first timing: {here.load:.1f}."
+    machine = f"{here.processor}, {here.cores} cores; {here.system}. Threads: {threads}.{load}"
+    said = f"{machine} It took {duration(speed.seconds)}. Seed {speed.study.seed}."
+    made_with = {"imubayes": __version__, **here.versions}
+    return repeat(speed.study.command, "", said, made_with=made_with)
+
+
+def speed_record(speed: Speed) -> dict[str, Any]:
+    """Values of ``result.json``: every time, in s."""
+    return recorded(
+        speed,
+        TITLE,
+        speed_answer(speed),
+        repeats=speed.study.repeats,
+        machine=asdict(speed.machine),
+        contests=[asdict(found) for found in speed.contests],
+        growth=[_law_values(law) for law in speed.laws],
+    )
 
 
 def _law_values(law: Law) -> dict[str, object]:
     return {
         "of": law.ladder.quantity,
         "work": law.ladder.title,
-        "sizes": law.sizes.tolist(),
-        "seconds": law.seconds.tolist(),
+        "sizes": law.sizes,
+        "seconds": law.seconds,
         "exponent": law.exponent,
         "sd": law.sd,
         "expected": law.ladder.expected,
-        "fitted_to": law.sizes[law.used].tolist(),
+        "fitted_to": law.sizes[law.used],
     }
-
-
-def terminal_speed(speed: Speed) -> str:
-    """Lines for a terminal: every contest's times and errors, and the exponents."""
-    lines: list[str] = []
-    for found in speed.contests:
-        lines += ["", f"{found.title}", f"  {'':34} {'shortest':>9} {'x ours':>8} {'error':>9}"]
-        for row in _rows(found):
-            shortest, _, ratio, error = row.cells
-            lines.append(f"  {row.name:34} {shortest:>9} {ratio:>8} {error:>9}  {row.remark}".rstrip())
-    lines += [
-        "",
-        *(f"{row.name}: {row.cells[0]}, exponent {row.cells[2]}" for row in map(_law_row, speed.laws)),
-    ]
-    return "\n".join(lines).lstrip("\n")

@@ -56,6 +56,8 @@ from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
 from studies.extremes.digits import MOST
+from studies.ranks.measure import Ranks, RanksStudy
+from studies.ranks.page import rank_panel
 from studies.speed import figures as speed_figures
 
 Panels = Iterable[Panel | None]
@@ -95,6 +97,10 @@ def _noise() -> SimpleNamespace:
 def _digits() -> tuple[SimpleNamespace, ...]:
     told = {name: SimpleNamespace(correct=MOST - 3.0) for name in ("mean", "evidence")}
     return tuple(SimpleNamespace(family="columns", label=f"1e{k}", told=told) for k in range(4))
+
+
+def _ranks() -> Ranks:
+    return Ranks(RanksStudy(), {"b0": np.arange(200)}, 1.0)
 
 
 def _of_methods(sensor: Any) -> Iterator[Panel | None]:
@@ -184,6 +190,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "plan": (_planned, _of_plan),
     "population": (lambda: term_found("b0"), lambda one: (population_figures.units_panel(one, (one,), "u"),)),
     "quality": (made_quality, _of_quality),
+    "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
     "sessions": (repeatability, _of_sessions),
     "speed": (made_speed, _of_speed),

@@ -9,7 +9,7 @@ import pytest
 from bench_readings import wrong_fleet, wrong_plan
 from lots_readings import wrong_lots
 from study_readings import wrong_study
-from tool_readings import wrong_extremes, wrong_quality, wrong_speed, wrong_trade
+from tool_readings import wrong_extremes, wrong_quality, wrong_ranks, wrong_speed, wrong_trade
 
 REPORTS = Path(__file__).parents[2] / "reports"
 
@@ -21,6 +21,7 @@ READERS = {
     "fleet": wrong_fleet,
     "mems_vs_fog": wrong_lots,
     "plan_tactical": wrong_plan,
+    "ranks": wrong_ranks,
     "scenes": wrong_lots,
     "scenes_accelerometers": wrong_lots,
     "speed": wrong_speed,

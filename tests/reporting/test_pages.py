@@ -17,7 +17,7 @@ from tool_readings import wrong_trade
 
 REPORTS = Path(__file__).parents[2] / "reports"
 COMMITTED = sorted(file.parent.name for file in REPORTS.glob("*/report.html"))
-OF_THE_TOOL = ("decision_quality", "extremes", "speed")
+OF_THE_TOOL = ("decision_quality", "extremes", "ranks", "speed")
 """Committed reports of kinds that no result is made of here."""
 
 CROWDED = {"chains", "extremes", "noise_catalogue", "sampler_speed", "tofupilot_thermal", "xsens_tumble"}

@@ -517,3 +517,32 @@ EXTREMES = (
     fixed(r"inclusion to (1e-\d+)"),
     fixed(r"from (0) \(dark\) to (15) \(light\)"),
 )  # fmt: skip
+
+
+# Ranks
+
+
+def wrong_ranks(html: str, result: dict[str, Any]) -> list[str]:
+    """What a page of ranks says that its result does not."""
+    return wrong_numbers(html, result, RANKS)
+
+
+def _quantity(result: Any, name: str) -> dict[str, Any]:
+    return next(one for one in result["quantities"] if one["name"] == name)
+
+
+def _count(result: Any, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+    name = re.findall(r"by rank of (\S+):", match.string)[0]
+    return [_quantity(result, name)["counts"][match.string.count(";", 0, match.end())]]
+
+
+RANKS = (
+    Reading(r"for all (\d+) quantities", lambda r, m, a: [len(r["quantities"])]),
+    Reading(r"as far as (\d+) simulated campaigns can tell", lambda r, m, a: [r["campaigns"]]),
+    Reading(rf"The smallest p-value is ({NUM}), of (\S+)\.",
+            lambda r, m, a: [min(one["p_value"] for one in r["quantities"]), None]),
+    Reading(rf"^(\S+): p = ({NUM})", lambda r, m, a: [None, _quantity(r, m[1])["p_value"]]),
+    Reading(r"(?:: |; )(\d+)(?=;|$)", _count),
+    fixed(r"below all \((0)\) to above all \((1)\)"),
+    fixed(r"in (99) % of cases"),
+)  # fmt: skip

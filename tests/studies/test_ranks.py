@@ -1,39 +1,43 @@
-"""Ranks of simulated truths: uniform, few as they are here, and of many in the committed report."""
+"""Ranks of simulated truths are uniform in the committed report; a small study is run by its command."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_readings import wrong_ranks
 
-from studies.ranks.measure import SMALL, Ranks, RanksStudy, measure
+from imubayes.reporting.html import page_html
+from imubayes.reporting.result.file import json_text
+from studies.ranks.measure import Ranks, RanksStudy
+from studies.ranks.page import DOUBTFUL, ranks_answer, ranks_page, ranks_record
 
-COMMITTED = Path(__file__).parents[2] / "reports" / "ranks" / "ranks.json"
-
-
-@pytest.fixture(scope="module")
-def found() -> Ranks:
-    return measure(SMALL)
+COMMITTED = Path(__file__).parents[2] / "reports" / "ranks" / "result.json"
 
 
-def test_ranks_of_few_campaigns_are_uniform(found):
-    for name, ranks in found.ranks.items():
-        assert ranks.min() >= 0 and ranks.max() <= SMALL.draws
-        assert found.counts(name).sum() == SMALL.campaigns
-        assert found.p_value(name) > 0.001, name
+def _found(ranks: dict[str, np.ndarray]) -> Ranks:
+    return Ranks(RanksStudy(campaigns=40, bins=4), ranks, 1.0)
 
 
 def test_ranks_of_the_committed_campaigns_are_uniform():
     told = json.loads(COMMITTED.read_text(encoding="utf-8"))
     study = RanksStudy()
-    for name, counts in told["counts"].items():
-        ranks = np.repeat(np.arange(study.bins) * (study.draws + 1) // study.bins, counts)
+    for one in told["quantities"]:
+        ranks = np.repeat(np.arange(study.bins) * (study.draws + 1) // study.bins, one["counts"])
         assert len(ranks) == study.campaigns == told["campaigns"]
-        p = Ranks(study, {name: ranks}, 0.0).p_value(name)
-        assert p == pytest.approx(told["p_values"][name], abs=1e-4)
-        assert p > 0.01
+        p = Ranks(study, {"any": ranks}, 0.0).p_value("any")
+        assert p == pytest.approx(one["p_value"], rel=1e-9)
+        assert p > DOUBTFUL
+
+
+def test_page_says_which_ranks_are_uneven_and_every_number_is_one_of_the_result():
+    found = _found({name: np.arange(40) * 2 for name in ("b0", "N.tumble")})
+    assert wrong_ranks(page_html(ranks_page(found)), json.loads(json_text(ranks_record(found)))) == []
+    uneven = replace(found, ranks={**found.ranks, "b1": np.zeros(40, dtype=int)})
+    assert ranks_answer(uneven)[0].startswith("The truth's rank is not uniform for b1, as far as")
 
 
 def test_ranks_of_an_overconfident_posterior_are_refused():

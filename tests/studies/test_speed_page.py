@@ -7,13 +7,17 @@ import math
 
 import numpy as np
 import pytest
+from rich.console import Console
 from tool_readings import wrong_speed
 
 from imubayes.ladder.trade.machine import Machine
+from imubayes.reporting.html import page_html
+from imubayes.reporting.result.file import json_text
+from imubayes.reporting.terminal import terminal_page
 from studies.speed.contests import Ladder, SpeedStudy
 from studies.speed.growth import fitted
 from studies.speed.measure import Found, Place, Speed
-from studies.speed.page import speed_html, terminal_speed, write_speed
+from studies.speed.page import speed_page, speed_record
 from studies.speed.words import speed_answer
 
 SIZES = (1_000, 10_000, 100_000)
@@ -65,7 +69,7 @@ def test_answer_names_the_models_a_second_and_the_peers(speed):
 
 
 def test_page_marks_the_wrong_answer_and_names_who_was_left_out(speed):
-    page = speed_html(speed)
+    page = page_html(speed_page(speed))
     assert "left out: R is not installed" in page
     assert "far off (wrong)" in page
     assert "Least squares of &lt;rows&gt;" in page
@@ -73,21 +77,23 @@ def test_page_marks_the_wrong_answer_and_names_who_was_left_out(speed):
 
 
 def test_terminal_has_every_entrant_with_time_ratio_and_error(speed):
-    lines = terminal_speed(speed).splitlines()
+    console = Console(width=80)
+    with console.capture() as capture:
+        console.print(terminal_page(speed_page(speed)))
+    lines = capture.get().splitlines()
+    assert max(map(len, lines)) <= 80
     right = next(line for line in lines if line.strip().startswith("right"))
     assert right.split() == ["right", "20", "ms", "10", "0.01"]
-    assert any("rows, exponent 1.00 ± 0.01" in line for line in lines)
+    assert any(line.split()[-3:] == ["1.00", "±", "0.01"] for line in lines)
 
 
-def test_result_file_holds_every_time_and_no_number_that_is_not_finite(speed, tmp_path):
-    _, values = write_speed(speed, tmp_path)
-    read = json.loads(values.read_text(encoding="utf-8"))
+def test_result_file_holds_every_time_and_no_number_that_is_not_finite(speed):
+    read = json.loads(json_text(speed_record(speed)))
     assert read["contests"][0]["places"][1]["seconds"] == [0.02, 0.05]
     assert read["contests"][0]["places"][3]["error"] is None
     assert read["growth"][0]["exponent"] == pytest.approx(1.0)
     assert read["machine"]["load"] is None
 
 
-def test_every_number_of_the_page_is_one_of_the_result(speed, tmp_path):
-    page, values = write_speed(speed, tmp_path)
-    assert wrong_speed(page.read_text("utf-8"), json.loads(values.read_text("utf-8"))) == []
+def test_every_number_of_the_page_is_one_of_the_result(speed):
+    assert wrong_speed(page_html(speed_page(speed)), json.loads(json_text(speed_record(speed)))) == []

@@ -1,41 +1,63 @@
-"""Each study about the tool runs by its one command, small, and says how it was made."""
+"""Each study about the tool runs by its one command, small, and its laws hold there."""
 
 from __future__ import annotations
 
-import os
-import re
+import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from studies.decision_quality.trials import TREATMENTS
+from studies.speed.contests import SMALL
+
 ROOT = Path(__file__).parents[2]
-STUDIES = sorted(path.parent.name for path in (ROOT / "studies").glob("*/__main__.py"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def _run(name: str, *options: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+def _timed(result: Any) -> bool:
+    asked = [(subject, size) for subject, sizes in SMALL.contests.items() for size in sizes]
+    contests = [(one["subject"], one["size"]) for one in result["contests"]]
+    return contests == asked and {one["of"] for one in result["growth"]} == set(SMALL.growth)
+
+
+LAWS: dict[str, Callable[[Any], bool]] = {
+    "decision_quality": lambda r: {one["treatment"] for one in r["scores"]} == set(TREATMENTS),
+    "extremes": lambda r: not any(one["silent"] or one["lost"] for one in r["cases"]),
+    "ranks": lambda r: all(one["p_value"] > 0.001 for one in r["quantities"]),
+    "speed": _timed,
+}
+"""What the result of each small study shows."""
+
+
+def _run(name: str, *options: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", f"studies.{name}", *options]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, env=os.environ)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("name", STUDIES)
-def test_small_study_runs_by_its_command_and_writes_its_report(name, tmp_path):
+def test_every_study_about_the_tool_is_tested():
+    assert LAWS.keys() == {path.parent.name for path in (ROOT / "studies").glob("*/__main__.py")}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_small_study_runs_by_its_command_and_its_law_holds(name, tmp_path):
     done = _run(name, "--small", "--seed", "5", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr
-    files = re.findall(r"[\w.]+$|(?<=/)[\w.]+(?=,)", done.stdout.strip().splitlines()[-1])
-    assert sorted(files) == sorted(path.name for path in (tmp_path / "out").iterdir())
-    command = f"python -m studies.{name} --small --seed 5"
-    assert any(command in path.read_text(encoding="utf-8") for path in (tmp_path / "out").iterdir())
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json"]
+    page, result = (tmp_path / "out" / name for name in ("report.html", "result.json"))
+    assert f"<pre>python -m studies.{name} --small --seed 5</pre>" in page.read_text(encoding="utf-8")
+    assert LAWS[name](json.loads(result.read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", LAWS)
 def test_readme_and_the_committed_report_state_the_command(name):
     command = f"python -m studies.{name}"
     assert f"`{command}`" in README
-    report = ROOT / "reports" / name
-    assert any(command in path.read_text(encoding="utf-8") for path in report.iterdir())
+    report = ROOT / "reports" / name / "report.html"
+    assert f"<pre>{command}</pre>" in report.read_text(encoding="utf-8")
 
 
 def test_folder_that_is_a_file_is_refused_before_anything_is_measured(tmp_path):
