@@ -9,7 +9,7 @@ A page is written so::
                 blocks=[Section("The terms", [terms], "terms"), Section("The fit", [fit], "fit"), end])
 
 `page_html` makes a file of it that opens offline, `terminal` what a console shows. A text is escaped unless
-it is `Markup`, which `strong`, `link`, `code` and `Markup(...).format(...)` make.
+it is `Markup`, which `strong`, `link` and `Markup(...).format(...)` make.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Prose:
     Attributes
     ----------
     texts : a paragraph each, or one.
-    style : "answer", "answer misfit", "sub" (of a title), "note", "list" or "pre" (as it stands); empty for
+    style : "answer", "answer misfit", "note", "list" or "pre" (as it stands); empty for
         plain paragraphs.
     """
 
@@ -168,11 +168,6 @@ class Page:
 def strong(text: str) -> Markup:
     """Text that stands out."""
     return Markup("<strong>{}</strong>").format(text)
-
-
-def code(text: str) -> Markup:
-    """Text of a program or a file."""
-    return Markup("<code>{}</code>").format(text)
 
 
 def link(text: str, anchor: str) -> Markup:

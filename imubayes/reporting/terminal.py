@@ -16,7 +16,7 @@ from imubayes.reporting.blocks import Both, Prose, Section, Table
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Block, Page, Text
 
-STYLES = {"answer": "bold", "note": "dim", "sub": "dim"}
+STYLES = {"answer": "bold", "note": "dim"}
 """Of prose, by its style."""
 
 

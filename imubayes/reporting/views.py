@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.reporting import figures, fit_figures
+from imubayes.reporting import figures
 from imubayes.reporting.blocks import (
     LEGEND,
     Block,
@@ -29,11 +29,12 @@ from imubayes.reporting.blocks import (
 )
 from imubayes.reporting.chain_views import bench_sections, chain_sections, change_sections, dwell_sections
 from imubayes.reporting.chain_words import unconverged_sentence
+from imubayes.reporting.fit_views import check_blocks, residual_blocks
 from imubayes.reporting.method_views import methods_sections, misfit_sections
 from imubayes.reporting.method_words import group_sentences
 from imubayes.reporting.noise_views import process_blocks
 from imubayes.reporting.posterior import written_draws
-from imubayes.reporting.rounding import NOISE_UNITS, in_unit, minus, pretty, probability, signed, superscript
+from imubayes.reporting.rounding import NOISE_UNITS, in_unit, minus, pretty, signed, superscript
 from imubayes.reporting.rows import (
     NoiseRow,
     TermRow,
@@ -48,24 +49,15 @@ from imubayes.reporting.scene_views import scene_section
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.standard_views import standard_section, standard_views
 from imubayes.reporting.words import answer as sensor_words
-from imubayes.reporting.words import averaged_text, fit_sentence, sensor_groups, weighed_text
+from imubayes.reporting.words import averaged_text, sensor_groups, weighed_text
 from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
-    from imubayes.inference.residuals import ResidualCheck
-    from imubayes.reporting.canvas import Panel
     from imubayes.selection.relevance import Relevance
-    from imubayes.sensors.terms import Kind
 
 MOST_PARTNERS = 4
 """Confounded terms that a row names."""
-
-MOST_CURVE_POINTS = 9000
-"""Points over all curves of a report, so that it stays below 2 MB."""
-
-MOST_RUNS, MOST_RUNS_OF_MANY = 8, 3
-"""Runs whose residuals are drawn: of one or two components, and of each of more."""
 
 MANY = 12
 """Components whose figures and answers a report holds; of more, each answer stands with its component, and
@@ -79,25 +71,10 @@ TERMS_HEAD = (
     "term", "symbol", "value", "± sd", "unit", "inclusion", "verdict", "largest effect", "confounded with",
 )  # fmt: skip
 
-FIT_HEAD = (
-    "run", "residual over noise", "white, p", "normal, p", "sample by sample", "stands out", "fits",
-)  # fmt: skip
-
 VALUES = (
     " ± one standard deviation; a term that is not needed has the limit that its size, were it in the"
     " model, stays below with 95 %. The bar is the probability that the term is in the model, its whisker"
     " the range over prior widths from a third to three times."
-)
-
-RESIDUALS = (
-    "Time: each dot is a block of samples in units of the sd that the noise gives it; the band is ± 2 sd."
-    " Autocorrelation: sticks inside the band are white noise. Allan deviation: dots are the residuals,"
-    " the line is the noise model."
-)
-
-INPUTS = (
-    "Grey: blocks of samples of all runs. Blue: means of bins with ± 2 sd; what the library explains"
-    " leaves them on zero."
 )
 
 CHOICE = (
@@ -318,68 +295,16 @@ def _reasons(sensor: SensorResult) -> Iterator[tuple[str, str, tuple[str, ...]]]
 def _fit(one: Shown) -> Iterator[Block]:
     """What the residuals say."""
     sensor = one.sensor
-    yield Prose(fit_sentence(sensor))
-    rows = [_check_cells(check) for check in sensor.checks]
-    yield Table(f"Residual checks of {sensor.id}", FIT_HEAD, rows, "tnnnntt")
-    if one.figures and sensor.checks:
-        yield Prose(
-            "Residuals under the full library, whitened by each run's noise: their rms over blocks of"
-            " samples is 1 at the noise floor. A run fits when its blocks are of that size, white (p"
-            f" above {sensor.checks[0].level:.1g}) and none stands out. All residual tests of the study"
-            " share one level: if its models are right, one study in a hundred gives any false alarm."
-            " Sample by sample the same two tests show the sensor's own filter and quantisation, which"
-            " need not touch the coefficients.",
-            "note",
-        )
+    yield from check_blocks(sensor, drawn=bool(one.figures))
     if one.twin is not None:
         said = Markup(
             "The rows of a reference-free tumble belong to all its components: the figures stand with {}."
         )
         yield Prose(said.format(link(one.result.sensors[one.twin].id, f"{_anchor(one.twin)}-fit")), "note")
     elif one.figures:
-        yield from _residuals(one)
+        yield from residual_blocks(sensor, one.anchor, one.figures)
     yield from misfit_sections(sensor, one.anchor, drawn=bool(one.figures) and one.twin is None)
     yield from dwell_sections(sensor)
-
-
-def _check_cells(check: ResidualCheck) -> tuple[str, ...]:
-    out = [f"{start:.4g} to {stop:.4g} s ({abs(size):.1f} sd)" for start, stop, size in check.outliers[:3]]
-    more = [f"and {len(check.outliers) - 3} more"] if len(check.outliers) > 3 else []
-    samples = quiet(f"{check.sample_scale:.2f}, p {probability(check.sample_whiteness_p)}")
-    return (
-        check.run,
-        f"{check.scale:.2f}",
-        probability(check.whiteness_p),
-        probability(check.normality_p),
-        samples,
-        ", ".join([*out, *more]) or "nothing",
-        "✓ yes" if check.fits else "✗ no",
-    )
-
-
-def _residuals(one: Shown) -> Iterator[Block]:
-    """Residuals of each run over time, and of all against the inputs."""
-    sensor, key = one.sensor, one.anchor
-    most_runs = MOST_RUNS if one.figures <= 2 else MOST_RUNS_OF_MANY
-    channels = {channel for check in sensor.checks for channel in check.inputs}
-    curves = one.figures * (min(len(sensor.checks), most_runs) + len(channels))
-    points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(curves, 1)))
-    runs = fit_figures.shown_runs(sensor, most_runs)
-    if 0 < len(runs) < len(sensor.checks):
-        yield Prose(f"Drawn below: the {len(runs)} runs of {len(sensor.checks)} that fit worst.", "note")
-    for n, check in enumerate(runs):
-        yield Section(check.run, [Figure([*_run_panels(check, sensor.kind, f"{key}r{n}", points)])])
-    yield Prose(RESIDUALS, "note")
-    if panels := list(fit_figures.against_inputs(sensor, key, points)):
-        yield Section("Against the inputs", [Figure(panels, INPUTS)])
-
-
-def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iterator[Panel]:
-    yield fit_figures.over_time(check, f"{key}t", points)
-    yield fit_figures.autocorrelation(check, f"{key}c")
-    deviation = fit_figures.allan(check, kind, f"{key}a")
-    if deviation:
-        yield deviation
 
 
 def _choice(one: Shown) -> Iterator[Block]:
