@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,20 +17,20 @@ import pytest
 import update_study
 
 import imubayes as ib
+from imubayes.errors import UnitError
 from imubayes.reporting.result import entries, sensors
 from imubayes.reporting.rows import MARKS
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
+from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
 from imubayes.study.schema import (
     described,
-    read,
     read_study,
     simulated,
 )
-from imubayes.study.schema.recorded import toml_lines
 from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]
@@ -63,12 +64,6 @@ def _sections() -> dict[str, list[list[str]]]:
 
 
 SECTIONS = _sections()
-KEYS = [
-    (section, *row)
-    for section in (*tables_of_keys(), "[sensor.reference]")
-    for row in SECTIONS.get(section, [])
-]
-"""(section, key, value, default, meaning, example) of every documented key."""
 
 
 def _code(cell: str) -> list[str]:
@@ -170,7 +165,39 @@ def test_shipped_study_names_the_schema_and_keeps_to_it(study):
     text = study.read_text(encoding="utf-8")
     named = text.partition("\n")[0].removeprefix("#:schema ")
     schema = json.loads((study.parent / named).read_text(encoding="utf-8"))
-    jsonschema.validate(tomllib.loads(text), schema)
+    jsonschema.Draft202012Validator(schema, format_checker=QUANTITIES).validate(tomllib.loads(text))
+
+
+def _quantity_of(like: str) -> Callable[[Any], bool]:
+    """Check of a text with a unit; one whose unit depends on the sensor has to be a quantity of some kind."""
+
+    unit = None if like.startswith(("output", "like", "of", "channel")) else like
+
+    def check(text: Any) -> bool:
+        return not isinstance(text, str) or quantity(text, unit or text.partition(" ")[2]) is not None
+
+    return check
+
+
+SCHEMA = described.study_schema()
+QUANTITIES = jsonschema.FormatChecker(())
+for form in set(re.findall(r"quantity \(.*?\)(?=')", str(SCHEMA))):
+    QUANTITIES.checks(form, raises=UnitError)(_quantity_of(form[len("quantity (") : -1]))
+
+
+@pytest.mark.parametrize("name", SCHEMA["$defs"])
+def test_documented_examples_of_a_tables_keys_are_what_these_may_be(name):
+    keys = SCHEMA["$defs"][name]["properties"]
+    examples = {key: one["examples"][0] for key, one in keys.items() if "examples" in one}
+    schema = {"$defs": SCHEMA["$defs"], "$ref": f"#/$defs/{name}"}
+    jsonschema.Draft202012Validator(schema, format_checker=QUANTITIES).validate(examples)
+    described.SHAPES[name](**examples)
+
+
+def test_a_quantity_of_something_else_is_no_example():
+    wrong = {"$ref": "#/$defs/SamplingTable", "$defs": SCHEMA["$defs"]}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.Draft202012Validator(wrong, format_checker=QUANTITIES).validate({"time_limit": "3 m"})
 
 
 def test_documented_errors_of_the_bench_have_the_catalogues_sizes():
@@ -179,112 +206,15 @@ def test_documented_errors_of_the_bench_have_the_catalogues_sizes():
     for name, default in rows.items():
         taken = [quantity(text.strip('"'), KINDS[name].unit) for text in default]
         assert taken == pytest.approx([KINDS[name].default] if KINDS[name].default else [], rel=1e-14)
+    for row in SECTIONS["[sensor.reference]"]:
+        ((name, example),) = tomllib.loads(_code(row[-1])[0]).items()
+        assert example is True or quantity(example, KINDS[name].unit) > 0.0
 
 
-READ = {"name": "case", "procedure": "other", "file": "case.csv"}
-MADE = {"name": "case", "procedure": "tumble", "simulate": {}}
-FREE = READ | {"procedure": "free-tumble", "gravity": "9.8 m/s^2"}
-IMU = {"id": "A", "kind": "imu", "class": "mems_consumer"}
-LOG = {"name": "log", "procedure": "static", "file": "log.csv"}
-NEEDED: dict[str, dict[str, Any]] = {
-    "gravity": {"latitude": "1 deg", "height": "1 m"},
-    "sections": {"rows": [0, 10], "up": "x"},
-    "[sensor.run.columns]": {"unit": "count", "scale": "1 mg/count"},
-    "[[sensor]]": {"unit": "U", "session": "1"},
-    "[lots]": {"kind": "accelerometer", "classes": ["mems_tactical"], "run": [MADE]},
-    "[lots.asks]": {"needed_by": ["fog_tactical"], "not_by": ["mems_tactical"]},
-    "[fleet]": {"kind": "accelerometer", "class": "mems_tactical", "units": 4, "run": [MADE]},
-    "[[scene]]": {"file": "flight.csv", "budget": {"position": "1 m"}},
-    "[[appendix]]": {"title": "Case", "file": "case.csv"},
-    "noise": {"N": "1 mg/sqrt(Hz)"},
-    "static": {"duration": "1 min", "rate": "1 Hz"},
-    "rate-table": {"rates": ["1 deg/s"]},
-    "positions": {"positions": 6},
-    "oscillation": {"frequencies": ["1 Hz"]},
-    "centrifuge": {"levels": ["1 g"]},
-    "vibration": {"levels": ["1 g"]},
-    "thermal": {"temperatures": ["300 K"]},
-    "steps": {"at": 0, "dwell": "1 s"},
-}
-"""Keys that most tables of a section cannot do without."""
-
-ALONE = {("noise", "run"), ("[sensor.run.columns]", "unit")}
-"""Keys that do not go with those."""
-
-
-def _hosted(section: str, given: dict[str, Any]) -> dict[str, Any]:
-    """Study with a table of a section, and of all else no more than it needs."""
-    others, sensor = {}, {"id": "A", "kind": "accelerometer", "class": "mems_tactical", "run": [READ, LOG]}
-    alone = any((section, key) in ALONE for key in given)
-    content = given if alone else NEEDED.get(section, {}) | given
-    match section:
-        case "[lots]" | "[fleet]":
-            return {section.strip("[]"): content}
-        case "[lots.asks]":
-            classes = {"kind": "gyroscope", "classes": ["mems_tactical", "fog_tactical"]}
-            return {"lots": NEEDED["[lots]"] | classes | {"asks": content}}
-        case "[study]" | "[sampling]" | "[decision]" | "[noise]":
-            others = {section.strip("[]"): content}
-        case "[[appendix]]":
-            others = {"appendix": [content]}
-        case "[[scene]]" if "scene" in given:
-            others = {"scene": [{"budget": content["budget"]} | given]}
-        case "[[scene]]":
-            others = {"scene": [content]}
-        case "[[sensor]]" if "bench" in given:
-            sensor |= {"run": [MADE], "reference": {"gravity": True}} | content
-        case "[[sensor]]":
-            sensor |= ({"run": [MADE]} if "truth" in given else {}) | content
-        case "[sensor.library]" | "[sensor.reference]":
-            sensor[section.strip("[]").partition(".")[2]] = content
-        case "[[sensor.run]]" if "gravity" in given:
-            sensor["run"] = [FREE | content]
-        case "[[sensor.run]]" if "gyroscope_file" in given:
-            sensor = IMU | {"run": [FREE | content]}
-        case "[[sensor.run]]" if "sections" in given:
-            sensor = IMU | {"run": [FREE | {"procedure": "ferraris"} | content]}
-        case "sections":
-            sensor = IMU | {"run": [FREE | {"procedure": "ferraris", "sections": [content]}]}
-        case "[[sensor.run]]":
-            sensor["run"] = [(MADE if "simulate" in given else READ) | content, LOG]
-        case "gravity":
-            sensor["run"] = [FREE | {"gravity": content}]
-        case "[sensor.run.columns]":
-            channel, own = ("t", {"scale": "1 us/count"}) if "wraps" in given else ("output", {})
-            sensor["run"] = [READ | {"columns": {channel: content | own}}]
-        case "noise":
-            sensor["run"] = [READ | {"noise": content}, LOG]
-        case "steps":
-            sensor["run"] = [MADE | {"simulate": {"angles": 4, "steps": [content]}}]
-        case _:
-            procedure = simulated.CALLED.get(section, section)
-            sensor["run"] = [MADE | {"procedure": procedure, "simulate": content}]
-    return {**others, "sensor": [sensor]}
-
-
-def _read(folder: Path, tables: dict[str, Any]):
-    path = folder / "case.toml"
-    path.write_text("\n".join(toml_lines(tables)), encoding="utf-8")
-    for appendix in tables.get("appendix", []):
-        (folder / appendix["file"]).write_text("sampler,ESS/s\nstretch,430\n")
-    (folder / "flight.csv").write_text("t [s],f_k [g],az [g]\n0,1,1\n1,1,1\n")
-    (folder / "own.toml").write_text(
-        STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0]
-    )
-    return read(path)[1]
-
-
-@pytest.mark.parametrize(
-    ("section", "example"),
-    [(section, row[-1]) for section, *row in KEYS],
-    ids=[f"{section} {key.strip('`')}" for section, key, *_ in KEYS],
-)
-def test_documented_example_of_a_key_is_accepted(section, example, tmp_path):
-    (line,) = _code(example)
-    table = tomllib.loads(line)
-    (key,) = table
-    assert [f"`{key}`", example] in ([row[1], row[-1]] for row in KEYS if row[0] == section)
-    _read(tmp_path, _hosted(section, table))
+def test_documented_own_classes_are_a_catalogue(tmp_path):
+    own = tmp_path / "own.toml"
+    own.write_text(STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0])
+    assert [entry.id for entry in read_catalogue(own)] == ["screened"]
 
 
 def test_documented_procedures_channels_formats_units_and_verdicts_are_those_that_there_are():
@@ -367,14 +297,14 @@ def test_documented_keys_of_results_are_those_of_the_published_type():
         "result.json": sensors.SensorsResult,
         "sensors[]": sensors.Sensor,
         "terms[]": sensors.Term,
-        "mcmc": sensors.Mcmc,
+        "mcmc": entries.Mcmc,
         "extras[]": entries.Extra,
         "scenes[]": sensors.Scene,
-        "sessions[]": sensors.Sessions,
-        "population[]": sensors.Population,
-        "population[].terms[]": sensors.PopulationTerm,
-        "cases[]": sensors.Case,
-        "recovered[]": sensors.RecoveredErrors,
+        "sessions[]": entries.Sessions,
+        "population[]": entries.Population,
+        "population[].terms[]": entries.PopulationTerm,
+        "cases[]": entries.Case,
+        "recovered[]": entries.RecoveredErrors,
     }
     names = {table: {key.rstrip("_") for key in kind.__annotations__} for table, kind in published.items()}
     assert _documented_results() == names

@@ -19,8 +19,7 @@ from imubayes.reporting.case_words import (
     pooled_sentence,
     recovered_sentence,
 )
-from imubayes.reporting.result.entries import Pooled
-from imubayes.reporting.result.sensors import Case, RecoveredErrors
+from imubayes.reporting.result.entries import Case, Pooled, RecoveredErrors
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import Measured, measured, per_unit, pretty, signed
 from imubayes.selection.verdicts import EQUAL, Costs

@@ -22,16 +22,14 @@ from imubayes.reporting.fleet_words import fleet_answer
 from imubayes.reporting.lots_headline import simulated, status
 from imubayes.reporting.lots_sentences import lots_answer
 from imubayes.reporting.provenance import provenance
-from imubayes.reporting.result.entries import Interval
+from imubayes.reporting.result.entries import Fleet, FleetTerm, Interval
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
     Class,
     ClassInScene,
     ClassTerm,
     ClassTermInScene,
-    Fleet,
     FleetResult,
-    FleetTerm,
     Lots,
     LotsResult,
     Unit,
@@ -124,7 +122,7 @@ def fleet_json(result: fleet.FleetResult) -> str:
             Fleet,
             answer,
             kind=study.spec.kind,
-            class_=study.sensor_class.id,
+            **{"class": study.sensor_class.id},
             units=len(study.units),
             read=answer.units,
             terms=tuple(_fleet_terms(result)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from imubayes.reporting.result.entries import (
+    Criterion,
     Dependence,
     Disagreement,
     Misfit,
@@ -14,7 +15,6 @@ from imubayes.reporting.result.entries import (
     Unasked,
     Votes,
 )
-from imubayes.reporting.result.sensors import Criterion
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import own_names
 

@@ -21,8 +21,7 @@ from imubayes.reporting.blocks import (
     verdict,
 )
 from imubayes.reporting.noise_figures import allan_panel
-from imubayes.reporting.result.entries import Allan
-from imubayes.reporting.result.sensors import Process, Processes
+from imubayes.reporting.result.entries import Allan, Process, Processes
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     NOISE_SI,

@@ -26,7 +26,7 @@ from imubayes.reporting.plan_words import (
     mounts,
     plan_answer,
 )
-from imubayes.reporting.provenance import versions
+from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.reporting.terminal import terminal
@@ -204,12 +204,7 @@ def plan_json(found: Proposal) -> str:
             "plans": [_plan_entry(found, outcome) for outcome in outcomes(found)],
         },
         "seconds": found.seconds,
-        "provenance": {
-            "study_file": str(study.path),
-            "study_text": study.text,
-            "command": f"imubayes plan {study.path}",
-            "versions": versions(),
-        },
+        "provenance": provenance(study, f"imubayes plan {study.path}"),
     }
     return json_text(document)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.result.sensors import Population, PopulationTerm, Sessions
+from imubayes.reporting.result.entries import Population, PopulationTerm, Sessions
 from imubayes.reporting.result.values import published
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def published_sessions(found: Repeatability) -> Sessions:
 
 def published_population(found: ClassInCommon) -> Population:
     """One class and kind."""
-    return published(Population, found, class_=found.class_id, terms=tuple(map(_term, found.terms)))
+    return published(Population, found, terms=tuple(map(_term, found.terms)), **{"class": found.class_id})
 
 
 def _term(term: TermInClass) -> PopulationTerm:

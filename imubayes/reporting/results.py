@@ -11,9 +11,9 @@ from imubayes.reporting.method_results import opinions
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.population_results import published_population, published_sessions
 from imubayes.reporting.provenance import provenance
-from imubayes.reporting.result.entries import Appendix, Confounded, Digits, DistrustedDwell, Noise
+from imubayes.reporting.result.entries import Appendix, Confounded, Digits, DistrustedDwell, Noise, Residuals
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.result.sensors import Residuals, Run, Sensor, SensorsResult, Term
+from imubayes.reporting.result.sensors import Run, Sensor, SensorsResult, Term
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.sampled_results import (

@@ -8,8 +8,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.evidence import exact_evidence
-from imubayes.reporting.result.entries import Extra
-from imubayes.reporting.result.sensors import Mcmc
+from imubayes.reporting.result.entries import Extra, Mcmc
 from imubayes.reporting.result.values import published
 
 if TYPE_CHECKING:

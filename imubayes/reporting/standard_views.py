@@ -11,8 +11,7 @@ import numpy as np
 from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, verdict
-from imubayes.reporting.result.entries import AbsorbedTerms
-from imubayes.reporting.result.sensors import Standard, Symbol
+from imubayes.reporting.result.entries import AbsorbedTerms, Standard, Symbol
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,

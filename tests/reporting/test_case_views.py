@@ -72,9 +72,9 @@ def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     squares = np.sum(one.after**2) / (30 if what == "closure" else 30 * width)
     printed = float(row.after.value) * 10.0**row.after.exponent
     assert printed == pytest.approx(math.sqrt(squares) / unit, rel=0.05)
-    (record,) = next(published_cases(cased(one))).recovered
-    assert record.rms["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
-    assert (row.inside, row.of) == (record.within_2_sd, record.of) == (one.inside, 30 * width)
+    (record,) = next(published_cases(cased(one)))["recovered"]
+    assert record["rms"]["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
+    assert (row.inside, row.of) == (record["within_2_sd"], record["of"]) == (one.inside, 30 * width)
 
 
 def test_the_sentence_on_gravity_has_the_numbers_of_its_row(cased):
@@ -143,8 +143,8 @@ def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as
     study = cased(found, cases=8)
     (sentence,) = held_together(case_views(study))
     assert word in sentence and f"{8 * found.inside} of {8 * found.after.size} lie" in sentence
-    records = [entry for case in published_cases(study) for entry in case.recovered]
-    assert sum(entry.within_2_sd for entry in records) == 8 * found.inside
+    records = [entry for case in published_cases(study) for entry in case["recovered"]]
+    assert sum(entry["within_2_sd"] for entry in records) == 8 * found.inside
     first, _, _ = report_html(study).partition('<h2 id="cases">')
     assert _ and word in first
 

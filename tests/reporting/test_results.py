@@ -7,30 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imubayes.reporting.result.file import adapter
 from imubayes.reporting.results import result_json
-
-SENSOR_KEYS = {
-    "id", "kind", "class", "samples", "noise", "terms", "model", "log_evidence", "criteria", "sindy", "mcmc",
-}  # fmt: skip
-TERM_KEYS = {
-    "name", "symbol", "unit", "mean", "sd", "q05", "q95", "full_mean", "full_sd", "prior_sd", "inclusion",
-    "inclusion_range", "limit95", "verdict", "reason", "confounded_with",
-}  # fmt: skip
-
-
-def test_result_has_every_key_of_the_contract(result) -> None:
-    document = json.loads(result_json(result))
-    assert {"imubayes", "study", "seed", "sensors", "scenes"} <= set(document)
-    (sensor,) = document["sensors"]
-    assert set(sensor) >= SENSOR_KEYS and all(set(term) >= TERM_KEYS for term in sensor["terms"])
-    assert set(sensor["noise"]["tumble"]) == {"N", "B", "K"}
 
 
 def test_result_is_strict_json_that_reads_back(result) -> None:
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
 
-    assert json.loads(result_json(result), parse_constant=refuse) == json.loads(result_json(result))
+    assert adapter().validate_python(json.loads(result_json(result), parse_constant=refuse))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, np.float64("nan")])

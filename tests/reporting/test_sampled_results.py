@@ -9,21 +9,16 @@ import pytest
 from imubayes.reporting.results import command, result_json
 from imubayes.reporting.sampled_results import column_moments, noise_posterior
 
-MCMC_KEYS = {
-    "sampler", "draws", "ess_min", "rhat_max", "acceptance", "seconds", "converged", "text", "tau_max",
-    "steps", "walkers", "ensembles", "worst", "interpolation_error", "log_evidence",
-}  # fmt: skip
-
 
 def written(study) -> dict:
     return json.loads(result_json(study))
 
 
 @pytest.mark.parametrize("method", ["exact", "collapsed"])
-def test_mcmc_block_has_every_key_whatever_the_method(make_sensor, make_sampled, make_study, method) -> None:
+def test_mcmc_block_names_the_method(make_sensor, make_sampled, make_study, method) -> None:
     sensor = make_sensor() if method == "exact" else make_sampled()
     (entry,) = written(make_study(sensor))["sensors"]
-    assert set(entry["mcmc"]) == MCMC_KEYS and entry["mcmc"]["sampler"] == entry["method"] == method
+    assert entry["mcmc"]["sampler"] == entry["method"] == method
 
 
 def test_mcmc_block_says_what_the_diagnostics_say(make_sampled, make_study) -> None:

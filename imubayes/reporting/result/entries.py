@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result.values import Count, Flag, Names, Number, Numbers
+from imubayes.reporting.result.values import Count, Flag, Kind, Matrix, Names, Number, Numbers
 
 # fmt: off
 Provenance = TypedDict("Provenance", {
@@ -91,3 +91,65 @@ Check = TypedDict("Check", {
 Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
 Broken = TypedDict("Broken", {"number": Count, "name": str, "error": str})
 NoiseIntervals = TypedDict("NoiseIntervals", {"N": Interval, "B": Interval, "K": Interval})
+Process = TypedDict("Process", {
+    "unit": str, "printed_unit": str, "inclusion": Number, "mean": Number, "sd": Number, "q05": Number,
+    "q50": Number, "q95": Number, "limit95": Number, "detection_limit": Number, "verdict": str,
+    "reason": str, "confounded_with": Names,
+})
+Processes = TypedDict("Processes", {
+    "identified": Names, "prior_source": str, "rows": Count, "processes": dict[str, Process],
+    "sets": tuple[ProcessSet, ...], "allan": Allan | None,
+})
+Criterion = TypedDict("Criterion", {
+    "model": Names, "value": Number, "lead": Number, "inclusion": dict[str, Number], "samples": Number,
+    "compared": Count, "exact": Flag, "pareto_k": Number, "note": str,
+})
+Mcmc = TypedDict("Mcmc", {
+    "sampler": str, "draws": Count, "ess_min": Number, "rhat_max": Number, "acceptance": Number,
+    "seconds": Number, "converged": Flag, "text": str, "tau_max": Number, "steps": Count, "walkers": Count,
+    "ensembles": Count, "worst": str | None, "interpolation_error": Number, "log_evidence": Evidence | None,
+})
+Residuals = TypedDict("Residuals", {
+    "run": str, "scale": Number, "whiteness_p": Number, "normality_p": Number, "sample_scale": Number,
+    "sample_whiteness_p": Number, "fits": Flag, "level": Number, "outliers": tuple[Outlier, ...],
+})
+Symbol = TypedDict("Symbol", {
+    "symbol": str, "value": Number, "sd": Number, "unit": str, "printed_unit": str, "term": str,
+    "verdict": str, "note": str,
+})
+Standard = TypedDict("Standard", {
+    "title": str, "values": tuple[Symbol, ...], "untested": Names, "absent": Names, "exact": str,
+    "standard_only": Names, "general_only": Names, "absorbed": AbsorbedTerms | None, "trouble": str,
+})
+Sessions = TypedDict("Sessions", {
+    "parameter": str, "unit": str, "printed_unit": str, "units": Names, "sessions": Names, "mean": Matrix,
+    "sd": Matrix, "pulls": tuple[Matrix, ...], "p_value": Number, "level": Number,
+    "between": BetweenSessions, "exceeds": Flag, "shared": Number,
+})
+PopulationTerm = TypedDict("PopulationTerm", {
+    "parameter": str, "term": str, "component": str, "unit": str, "printed_unit": str, "class_size": Number,
+    "mean": PopulationMean, "unit_to_unit": Spread, "turn_on": Spread, "turn_on_own": Spread,
+    "turn_on_common": Spread, "p_value": Number, "level": Number, "common_share": Spread,
+    "next_unit": Spread, "session_shift": SessionShift, "measurement": Measurement, "verdict": str,
+    "reason": str, "answers": dict[str, Count], "needed": NeededShare, "pooled_inclusion": Number,
+})
+Population = TypedDict("Population", {
+    "class": str, "kind": Kind, "units": Names, "sessions": Names, "components": Names,
+    "terms": tuple[PopulationTerm, ...],
+})
+RecoveredErrors = TypedDict("RecoveredErrors", {
+    "run": str, "what": str, "unit": str, "count": Count, "rms": RecoveredRms, "within_2_sd": Count,
+    "of": Count, "saturated": Flag, "errors": Matrix, "sd": Matrix,
+})
+Case = TypedDict("Case", {
+    "id": str, "recovered": tuple[RecoveredErrors, ...], "pooled": dict[str, dict[str, Pooled]],
+})
+FleetTerm = TypedDict("FleetTerm", {
+    "name": str, "needed": Interval, "open": Number, "mean": Interval, "spread": Interval,
+    "true_mean": Number, "true_spread": Number, "symbol": str, "unit": str, "verdicts": dict[str, Count],
+})
+Fleet = TypedDict("Fleet", {
+    "kind": Kind, "class": str, "units": Count, "read": Count, "samples": Count,
+    "terms": tuple[FleetTerm, ...], "order": Interval, "noise": NoiseIntervals, "outliers": Count,
+    "limit": Number, "worst": tuple[Worst, ...], "broken": tuple[Broken, ...],
+})

@@ -2,22 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from imubayes.reporting.result.entries import (
-    Broken,
-    Check,
-    Interval,
-    Noise,
-    NoiseIntervals,
-    Provenance,
-    Worst,
-)
-from imubayes.reporting.result.sensors import Kind
-from imubayes.reporting.result.values import PUBLISHED, Count, Names, Number, Numbers
+from imubayes.reporting.result.entries import Check, Fleet, Interval, Noise, Provenance
+from imubayes.reporting.result.values import PUBLISHED, Count, Kind, Names, Number, Numbers
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
@@ -115,40 +103,6 @@ class LotsResult:
     scenes: tuple[ClassInScene, ...]
     lots: Lots
     provenance: Provenance
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class FleetTerm:
-    """A term over the units of a fleet; units by verdict."""
-
-    name: str
-    needed: Interval
-    open: Number
-    mean: Interval
-    spread: Interval
-    true_mean: Number
-    true_spread: Number
-    symbol: str
-    unit: str
-    verdicts: dict[str, Count]
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Fleet:
-    """Units of one kind, and the population that they are of; `read` of them have a record."""
-
-    kind: Kind
-    class_: Annotated[str, Field(alias="class")]
-    units: Count
-    read: Count
-    samples: Count
-    terms: tuple[FleetTerm, ...]
-    order: Interval
-    noise: NoiseIntervals
-    outliers: Count
-    limit: Number
-    worst: tuple[Worst, ...]
-    broken: tuple[Broken, ...]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)

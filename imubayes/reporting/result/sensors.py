@@ -2,44 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from imubayes.reporting.result.entries import (
-    AbsorbedTerms,
-    Allan,
     Appendix,
-    BetweenSessions,
     Budget,
+    Case,
     Column,
     Confounded,
+    Criterion,
     Digits,
     DistrustedDwell,
     Drop,
     ErrorSize,
-    Evidence,
     Extra,
-    Measurement,
+    Mcmc,
     Misfit,
     ModelProbability,
-    NeededShare,
     Noise,
     NoiseDraws,
     Observed,
-    Outlier,
-    Pooled,
-    PopulationMean,
-    ProcessSet,
+    Population,
+    Processes,
     Provenance,
-    RecoveredRms,
     Reduced,
+    Residuals,
     RungChoice,
     Sensitivity,
-    SessionShift,
+    Sessions,
     SparseSupport,
-    Spread,
+    Standard,
     TermGroup,
     Unasked,
     Votes,
@@ -48,45 +43,13 @@ from imubayes.reporting.result.values import (
     PUBLISHED,
     Count,
     Flag,
+    Kind,
     Loose,
     Matrix,
     Names,
     Number,
     Numbers,
 )
-
-Kind = Literal["accelerometer", "gyroscope"]
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Process:
-    """A noise process of a run."""
-
-    unit: str
-    printed_unit: str
-    inclusion: Number
-    mean: Number
-    sd: Number
-    q05: Number
-    q50: Number
-    q95: Number
-    limit95: Number
-    detection_limit: Number
-    verdict: str
-    reason: str
-    confounded_with: Names
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Processes:
-    """Noise processes of a run that was asked for them."""
-
-    identified: Names
-    prior_source: str
-    rows: Count
-    processes: dict[str, Process]
-    sets: tuple[ProcessSet, ...]
-    allan: Allan | None
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
@@ -118,57 +81,6 @@ class Term:
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Criterion:
-    """The best subset by an information criterion or a predictive score."""
-
-    model: Names
-    value: Number
-    lead: Number
-    inclusion: dict[str, Number]
-    samples: Number
-    compared: Count
-    exact: Flag
-    pareto_k: Number
-    note: str
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Mcmc:
-    """How the draws came about, and how well the chains mixed."""
-
-    sampler: str
-    draws: Count
-    ess_min: Number
-    rhat_max: Number
-    acceptance: Number
-    seconds: Number
-    converged: Flag
-    text: str
-    tau_max: Number
-    steps: Count
-    walkers: Count
-    ensembles: Count
-    worst: str | None
-    interpolation_error: Number
-    log_evidence: Evidence | None
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Residuals:
-    """Residuals of a run against its noise."""
-
-    run: str
-    scale: Number
-    whiteness_p: Number
-    normality_p: Number
-    sample_scale: Number
-    sample_whiteness_p: Number
-    fits: Flag
-    level: Number
-    outliers: tuple[Outlier, ...]
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class Run:
     """A run: its source, and what it applied."""
 
@@ -186,35 +98,6 @@ class Run:
     columns: tuple[Column, ...]
     notes: Names
     stills: Matrix
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Symbol:
-    """A coefficient as a standard defines it."""
-
-    symbol: str
-    value: Number
-    sd: Number
-    unit: str
-    printed_unit: str
-    term: str
-    verdict: str
-    note: str
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Standard:
-    """The component in the terms of a standard."""
-
-    title: str
-    values: tuple[Symbol, ...]
-    untested: Names
-    absent: Names
-    exact: str
-    standard_only: Names
-    general_only: Names
-    absorbed: AbsorbedTerms | None
-    trouble: str
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
@@ -302,90 +185,6 @@ class Scene:
     path: tuple[Drop, ...]
     noise: Noise
     notes: Names
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Sessions:
-    """A parameter of units that were tested in several sessions."""
-
-    parameter: str
-    unit: str
-    printed_unit: str
-    units: Names
-    sessions: Names
-    mean: Matrix
-    sd: Matrix
-    pulls: tuple[Matrix, ...]
-    p_value: Number
-    level: Number
-    between: BetweenSessions
-    exceeds: Flag
-    shared: Number
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class PopulationTerm:
-    """A term over the units of a class."""
-
-    parameter: str
-    term: str
-    component: str
-    unit: str
-    printed_unit: str
-    class_size: Number
-    mean: PopulationMean
-    unit_to_unit: Spread
-    turn_on: Spread
-    turn_on_own: Spread
-    turn_on_common: Spread
-    p_value: Number
-    level: Number
-    common_share: Spread
-    next_unit: Spread
-    session_shift: SessionShift
-    measurement: Measurement
-    verdict: str
-    reason: str
-    answers: dict[str, Count]
-    needed: NeededShare
-    pooled_inclusion: Number
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Population:
-    """Units of a class and kind, put together."""
-
-    class_: Annotated[str, Field(alias="class")]
-    kind: Kind
-    units: Names
-    sessions: Names
-    components: Names
-    terms: tuple[PopulationTerm, ...]
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class RecoveredErrors:
-    """A known quantity of a run, before and after compensation."""
-
-    run: str
-    what: str
-    unit: str
-    count: Count
-    rms: RecoveredRms
-    within_2_sd: Count
-    of: Count
-    saturated: Flag
-    errors: Matrix
-    sd: Matrix
-
-
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Case:
-    """Components in one case."""
-
-    id: str
-    recovered: tuple[RecoveredErrors, ...]
-    pooled: dict[str, dict[str, Pooled]]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, PlainSerializer, Strict
+from pydantic import BeforeValidator, ConfigDict, Strict
 from pydantic_core import core_schema
 
 PUBLISHED = ConfigDict(validate_by_name=True, validate_by_alias=True, defer_build=True)
@@ -22,12 +22,7 @@ class _Real:
             mode="left_to_right",
             custom_error_type="number",
             custom_error_message="expected a number or null",
-            serialization=core_schema.plain_serializer_function_ser_schema(_finite),
         )
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _listed(value: Any) -> Any:
@@ -42,7 +37,7 @@ def plain(value: Any) -> Any:
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
-    return _finite(value) if isinstance(value, float) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 Number = Annotated[float, _Real()]
@@ -51,8 +46,10 @@ Flag = Annotated[bool, BeforeValidator(_listed), Strict()]
 Names = tuple[str, ...]
 Numbers = Annotated[tuple[Number, ...], BeforeValidator(_listed)]
 Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(_listed)]
-Loose = Annotated[dict[str, Any], PlainSerializer(plain)]
+Loose = dict[str, Any]
 """A table whose keys depend on what was tested."""
+
+Kind = Literal["accelerometer", "gyroscope"]
 
 _Published = TypeVar("_Published")
 

@@ -5,16 +5,28 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from pydantic.dataclasses import dataclass as shape
+
 from imubayes.campaign.study import Appendix
+from imubayes.study.schema.measured import STRICT, Text, key
 from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.shapes import Place, shaped
-from imubayes.study.schema.tables import AppendixTable
 
 LONGEST = 200
 """Rows of a table that a report can show; a longer one is data."""
 
 _Line = tuple[int, tuple[str, ...]]
 """Number of a line in the file, and its fields."""
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class AppendixTable:
+    """``[[appendix]]``."""
+
+    title: Text = key("heading", "Effective samples a second")
+    file: Text = key("CSV, UTF-8, commas: a line of headings and at most 200 rows", "speed.csv")
+    note: str = key("what it shows, in words", "Two cores.", "")
+    command: str = key("that made it", "pytest -m benchmark", "")
 
 
 def appendix(raw: object, folder: Path, place: Place) -> Appendix:

@@ -6,17 +6,31 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.population.parts import FleetStudy, Unit, recorded_units, simulated_units
 from imubayes.rig.runs import FREE_TUMBLE, plan_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
+from imubayes.study.schema.measured import STRICT, Count, Holds, Text, key
 from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
 from imubayes.study.schema.shapes import Place, shaped, shown
-from imubayes.study.schema.tables import FleetTable, HeaderTable, StudyFile
+from imubayes.study.schema.tables import (
+    CAMPAIGN,
+    ESTIMATED,
+    FixedNoiseTable,
+    HeaderTable,
+    Kind,
+    LibraryOf,
+    PriorOf,
+    ReferenceOf,
+    Runs,
+    StudyFile,
+)
 
 FEWEST = 2
 """Units below which nothing can be said of a population."""
@@ -24,6 +38,38 @@ FEWEST = 2
 WANTED = (
     'expected a number of simulated units, such as 1000, or a pattern of folders or files, such as "data/*"'
 )
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class FleetTable:
+    """``[fleet]``."""
+
+    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
+    class_: Text = key("class of the catalogue, or of the study's own", "mems_tactical", alias="class")
+    units: Annotated[Any, Holds({"type": "integer", "minimum": 2}, {"type": "string"})] = key(
+        "number of simulated units, 2 or more; or a pattern of folders (or files, where no folder matches),"
+        ' each a unit named by it, such as `units = "lot7/*"`',
+        1000,
+    )
+    part: Count = key("units that are done, and kept, together", 20, 8)
+    processes: Count = key("of this machine that share the work; with `--scheduler` the workers do", 8, 2)
+    library: LibraryOf = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
+    reference: ReferenceOf = key(
+        "errors of the test bench, as `[sensor.reference]`; of simulated units drawn anew for each",
+        {"gravity": True},
+        dict,
+    )
+    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable)] = key(
+        "of every unit, as in `[[sensor]]`", "white", None, '`"estimate"`'
+    )
+    prior: PriorOf = key("of every unit, as in `[[sensor]]`", {"b2": "100 ug/g^2"}, dict, "the class's")
+    robust: bool = key("dwells of every unit that outliers have contaminated are left out", True, False)
+    run: Runs = key(
+        "the campaign, as `[[sensor.run]]`: with `simulate`, or with a `file` in each unit's folder",
+        CAMPAIGN,
+        list,
+        "needed",
+    )
 
 
 def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:

@@ -5,17 +5,60 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.population.lots import Against, LotStudy
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind
+from imubayes.study.schema.measured import STRICT, Count, Holds, key
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
 from imubayes.study.schema.shapes import Place, hint, shaped, unique
-from imubayes.study.schema.tables import AgainstTable, HeaderTable, LotsTable, StudyFile
+from imubayes.study.schema.tables import CAMPAIGN, HeaderTable, LibraryOf, Names, ReferenceOf, Runs, StudyFile
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class AgainstTable:
+    """``[lots.asks]``."""
+
+    needed_by: Names = key("the first of two groups: which terms these need", ["fog_tactical"])
+    not_by: Names = key("and these do not", ["mems_tactical"])
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class LotsTable:
+    """``[lots]``."""
+
+    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
+    classes: Names = key(
+        "classes of the catalogue (`imubayes catalogue`), in the order of the report",
+        ["mems_tactical", "strategic_piga"],
+    )
+    units: Annotated[int, Field(ge=2)] = key("simulated of each class", 10, 8)
+    basic: bool = key(
+        "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
+    )
+    asks: Annotated[Any, Holds({"enum": ["classes", "scenes", "triad"]}, AgainstTable)] = key(
+        "what the report answers first, as its title asks: what each class needs (`classes`), what each"
+        " scene requires (`scenes`), whether the basic triad is enough (`triad`), or what some classes need"
+        " and others do not (a table `[lots.asks]`)",
+        "classes",
+        "classes",
+    )
+    processes: Count = key("that share the work", 4, 2)
+    library: LibraryOf = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
+    reference: ReferenceOf = key(
+        "errors of the test bench, as `[sensor.reference]`: drawn anew for each unit, and allowed for in its"
+        " analysis",
+        {"gravity": True},
+        dict,
+    )
+    run: Runs = key("the campaign, as `[[sensor.run]]` with `simulate`", CAMPAIGN, list, "needed")
 
 
 def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
@@ -94,12 +137,12 @@ def _asks(table: LotsTable, scenes: bool, place: Place) -> Literal["classes", "s
 
 
 def _against(classes: Sequence[str], table: AgainstTable, place: Place) -> Against:
-    for key, names in (("needed_by", table.needed_by), ("not_by", table.not_by)):
+    for group, names in (("needed_by", table.needed_by), ("not_by", table.not_by)):
         if not names:
-            raise place.at(key).error("expected at least one of the study's classes")
+            raise place.at(group).error("expected at least one of the study's classes")
         for k, name in enumerate(names):
             if name not in classes:
-                raise place.at(key).at(k).error(f"'{name}' is not among the classes: {hint(name, classes)}")
+                raise place.at(group).at(k).error(f"'{name}' is not among the classes: {hint(name, classes)}")
     both = sorted(set(table.needed_by) & set(table.not_by))
     if both:
         raise place.error(f"'{both[0]}' is in needed_by and in not_by: expected it in one of them")

@@ -85,7 +85,7 @@ class Holds:
 
     Parameters
     ----------
-    shapes : of which it is one: shapes of tables, or JSON Schemas.
+    shapes : of which it is one: shapes of tables, or their names, or JSON Schemas.
     many : whether it is a ``list`` of them, or a table of them by ``name``.
     """
 
@@ -94,7 +94,9 @@ class Holds:
 
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         """JSON Schema of the value; ``table`` names a shape."""
-        ways = [one if isinstance(one, dict) else {"table": one.__name__} for one in self.shapes]
+        ways = [
+            one if isinstance(one, dict) else {"table": getattr(one, "__name__", one)} for one in self.shapes
+        ]
         one = ways[0] if len(ways) == 1 else {"anyOf": ways}
         if self.many == "list":
             return {"type": "array", "items": one}

@@ -4,21 +4,79 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.planning.candidates import Handling
 from imubayes.planning.menu import Offer, PlanStudy
+from imubayes.study.schema.measured import (
+    STRICT,
+    Count,
+    Hertz,
+    Holds,
+    Seconds,
+    Settle,
+    Several,
+    Table,
+    Text,
+    key,
+)
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
 from imubayes.study.schema.shapes import Place, hint, shaped
-from imubayes.study.schema.tables import HeaderTable, OfferTable, PlanTable, StudyFile
+from imubayes.study.schema.tables import HeaderTable, Names, StudyFile
 
 PLANNED = ("tumble", "rate-table", "centrifuge")
 """Procedures whose dwells have constant inputs."""
 
 IN_PLANE = ("table_zero", "plane_zero")
 """Errors that need a whole plane of a tumble, of which a plan may take a few positions."""
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class OfferTable:
+    """``[[plan.run]]``."""
+
+    name: Text = key("of the run", "tumble")
+    procedure: Text = key("`tumble`, `rate-table` or `centrifuge`: dwells with constant inputs", "tumble")
+    candidates: Table = key(
+        "what could be set, as the procedure's `simulate` without its times", {"angles": 24, "planes": 3}
+    )
+    dwell: Annotated[tuple[Seconds, ...], Several] = key("that a dwell may take", ["60 s", "180 s"])
+    rate: Hertz = key("of the samples", "1 Hz", "10 Hz")
+    settle: Settle = key("before every dwell", "10 s", "5 s")
+    mount: Settle = key("more of it for another mount", "5 min", "0 s")
+    setup: Settle = key("once, if the run is made at all", "30 min", "0 s")
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class PlanTable:
+    """``[plan]``."""
+
+    time: Seconds = key("for all of it, handling included", "4 h")
+    aim: Literal["worst", "D", "scene"] = key(
+        "what to make small: `worst`, the worst-determined needed term (over what the scene needs of it, or"
+        " else over its prior sd); `D`, the volume of what is left open of them; `scene`, the error that is"
+        " left open in the `[[scene]]`",
+        "scene",
+        "worst",
+    )
+    needed: Names = key("terms that the aim is about", ["b0", "b1"], [], "what the candidates can tell")
+    even: Text | None = key(
+        "the run that the plan is held against: all its positions in order, evenly, in the same time",
+        "tumble",
+        None,
+        "the first",
+    )
+    units: Count = key("simulated to check the prediction", 1000, 200)
+    run: Annotated[list[Table], Holds(OfferTable, many="list")] = key(
+        "what could be done: one `[[plan.run]]` for each",
+        [{"name": "tumble", "procedure": "tumble", "candidates": {"angles": 24}, "dwell": ["1 min"]}],
+        list,
+        "needed",
+    )
 
 
 def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
@@ -81,9 +139,9 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
             )
         if not offer.dwell:
             raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
-        for key in ("dwell", "rate", "settle", "ramp", "steps"):
-            if key in offer.candidates:
-                raise place.at("candidates").at(key).error("is for a run, not its candidates: leave it out")
+        for name in ("dwell", "rate", "settle", "ramp", "steps"):
+            if name in offer.candidates:
+                raise place.at("candidates").at(name).error("is for a run, not its candidates: leave it out")
     raw = tables.sensor[0]
     runs = [
         {"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates} for offer in offers

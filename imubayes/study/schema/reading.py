@@ -25,7 +25,13 @@ from imubayes.study.schema.plan_tables import plan_study
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
 from imubayes.study.schema.shapes import Place, hint, shaped, unique
-from imubayes.study.schema.tables import DecisionTable, HeaderTable, NoiseTable, SamplingTable, StudyFile
+from imubayes.study.schema.tables import (
+    DecisionTable,
+    HeaderTable,
+    NoiseTable,
+    SamplingTable,
+    StudyFile,
+)
 
 AnyStudy = Study | LotStudy | FleetStudy
 """What a study file becomes."""

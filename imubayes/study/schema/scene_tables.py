@@ -5,9 +5,10 @@ from __future__ import annotations
 import zlib
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import Mission
 from imubayes.errors import StudyError
@@ -17,12 +18,74 @@ from imubayes.rig.scenes import BODY, Scene, read_scene
 from imubayes.rig.trajectories import MANNERS, generated
 from imubayes.selection.kernels import BUDGET_UNITS, Budget, Quantity
 from imubayes.sensors.terms import Kind
+from imubayes.study.schema.measured import STRICT, Holds, Seconds, Table, Text, key, quantities
 from imubayes.study.schema.run_tables import columns_of, located
 from imubayes.study.schema.shapes import Place, hint, quantity, shaped
-from imubayes.study.schema.tables import SceneTable
+from imubayes.study.schema.tables import Columns, Texts
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T")
 """Channels of a log."""
+
+
+_BUDGETS = {
+    "type": "object",
+    "properties": {name: quantities(BUDGET_UNITS.get(name, "output")) for name in get_args(Quantity)},
+    "additionalProperties": False,
+    "minProperties": 1,
+    "maxProperties": 1,
+}
+
+
+@shape(config=STRICT, frozen=True, kw_only=True)
+class SceneTable:
+    """``[[scene]]``."""
+
+    name: Text | None = key(
+        "catalogue scene; with `scene` or `file`, what to call it. In a class-level study each scene has"
+        " another",
+        "quadrotor",
+        None,
+        "needed, or `file`",
+    )
+    scene: Text | None = key(
+        "catalogue scene, where `name` is another: so that one scene can stand twice, with the same motion"
+        " and another budget",
+        "helicopter",
+        None,
+        "`name`",
+    )
+    file: Text | None = key(
+        "log of `t` and any of `f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T`, along the case axes x, y, z, in"
+        " any format of a run. Forces are specific forces: at rest +g upwards",
+        "flight.csv",
+        None,
+    )
+    columns: Columns = key(
+        "as `[sensor.run.columns]`, with `file` only", {"f_k": "az [g]"}, dict, "the file's own"
+    )
+    ignore: Texts = key("as in `[[sensor.run]]`, with `file` only", ["f_0"], [])
+    duration: Seconds | None = key(
+        "of the mission; the motion of a shorter record is repeated, its temperature runs on (of a log:"
+        " stays)",
+        "10 min",
+        None,
+        "the record's; of a catalogue scene the middle of its range",
+    )
+    budget: Annotated[Table, Holds(_BUDGETS)] = key(
+        "what the error may come to, one quantity: `output` (rms, in the unit of one kind of sensor, and"
+        " only for this kind), `attitude`, `velocity` or `position` (largest over the mission)",
+        {"position": "100 m"},
+    )
+    axis: Literal["x", "y", "z"] = key(
+        "case axis that a sensor's input axis lies along; the components of a triad have their own", "z", "x"
+    )
+    free_flight: bool | None = key(
+        "the navigator keeps no local level, so that errors are not held by gravity (Schuler); true for"
+        " `gun_projectile`, `reentry_spin` and `spacecraft`",
+        True,
+        None,
+        "by the scene",
+    )
 
 
 def scenes_of(
@@ -81,22 +144,22 @@ def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
 def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[Budget, Kind | None]:
     """Read the budget, and the kind that it is for; None where it is for both."""
     known = list(get_args(Quantity))
-    for key in table.budget:
-        if key not in known:
-            raise place.at(key).error(f"is nothing that a budget can be of: {hint(key, known)}")
+    for asked in table.budget:
+        if asked not in known:
+            raise place.at(asked).error(f"is nothing that a budget can be of: {hint(asked, known)}")
     if len(table.budget) != 1:
         came = ", ".join(table.budget) or "none"
         raise place.error(
             f'expected one of {", ".join(known)}, such as {{ position = "100 m" }}, came {came}'
         )
-    ((key, text),) = table.budget.items()
+    ((asked, text),) = table.budget.items()
     schuler = not _is_free(table)
-    if key == "output":
-        kind, limit = _output(text, kinds, place.at(key))
+    if asked == "output":
+        kind, limit = _output(text, kinds, place.at(asked))
         return Budget("output", limit, schuler), kind
-    quantity_of: Quantity = next(name for name in get_args(Quantity) if name == key)
+    quantity_of: Quantity = next(name for name in get_args(Quantity) if name == asked)
     return Budget(
-        quantity_of, quantity(text, BUDGET_UNITS[quantity_of], place.at(key), positive=True), schuler
+        quantity_of, quantity(text, BUDGET_UNITS[quantity_of], place.at(asked), positive=True), schuler
     ), None
 
 

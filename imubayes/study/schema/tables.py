@@ -15,12 +15,9 @@ from imubayes.study.schema.measured import (
     STRICT,
     Angle,
     Cost,
-    Count,
-    Hertz,
     Holds,
     Metres,
     Seconds,
-    Settle,
     Several,
     Table,
     Text,
@@ -35,10 +32,10 @@ Kind = Literal["accelerometer", "gyroscope"]
 
 _TEXT = {"type": "string"}
 _TABLE = {"type": "object"}
-_ESTIMATED = {"enum": ["estimate", "white"]}
+ESTIMATED = {"enum": ["estimate", "white"]}
 
 
-def _by_kind(one: dict[str, Any]) -> dict[str, Any]:
+def by_kind(one: dict[str, Any]) -> dict[str, Any]:
     """JSON Schema of a table with a value for each kind of component."""
     return {
         "type": "object",
@@ -257,7 +254,7 @@ class RunTable:
         None,
         "needed by `free-tumble` and `ferraris`, else refused",
     )
-    noise: Annotated[Any, Holds(_ESTIMATED, FixedNoiseTable, _by_kind(_TABLE))] = key(
+    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of this run", {"run": "log"}, None, "the sensor's"
     )
     simulate: Annotated[Table | None, Holds(*SIMULATED.values())] = key(
@@ -280,12 +277,12 @@ class RunTable:
 
 
 Runs = Annotated[list[Table], Holds(RunTable, many="list")]
-_Library = Annotated[Table, Holds(LibraryTable)]
-_Prior = Annotated[Table, Holds(quantities("like the term"), _TABLE, many="name")]
-_Reference = Annotated[
-    Table, Holds({"type": "boolean"}, quantities("of the error"), _by_kind(_TEXT), many="name")
+LibraryOf = Annotated[Table, Holds(LibraryTable)]
+PriorOf = Annotated[Table, Holds(quantities("like the term"), _TABLE, many="name")]
+ReferenceOf = Annotated[
+    Table, Holds({"type": "boolean"}, quantities("of the error"), by_kind(_TEXT), many="name")
 ]
-_CAMPAIGN = [{"name": "A", "procedure": "tumble", "simulate": {"angles": 12}}]
+CAMPAIGN = [{"name": "A", "procedure": "tumble", "simulate": {"angles": 12}}]
 
 
 @shape(config=STRICT, frozen=True, kw_only=True)
@@ -297,7 +294,7 @@ class SensorTable:
         "`accelerometer`, `gyroscope`, or `imu` for [six components in one case](#a-whole-imu)",
         "accelerometer",
     )
-    class_: Annotated[Text | Table | None, Holds(_TEXT, _by_kind(_TEXT))] = key(
+    class_: Annotated[Text | Table | None, Holds(_TEXT, by_kind(_TEXT))] = key(
         "class of the catalogue (`imubayes catalogue`): gives the priors of coefficients and noise. Without"
         " one, each term alone may move the output by its whole range, and the noise prior is vague;"
         " simulated runs, free tumbles and whole IMUs need one. Of an IMU also one for each kind,"
@@ -306,20 +303,20 @@ class SensorTable:
         None,
         alias="class",
     )
-    library: Annotated[Table, Holds(LibraryTable, _by_kind(_TABLE))] = key(
+    library: Annotated[Table, Holds(LibraryTable, by_kind(_TABLE))] = key(
         "candidate terms, `[sensor.library]`", {"powers": 2}, dict, "its defaults"
     )
-    noise: Annotated[Any, Holds(_ESTIMATED, FixedNoiseTable, _by_kind(_TABLE))] = key(
+    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of the runs that have no `noise` of their own", "white", None, '`"estimate"`'
     )
-    prior: _Prior = key(
+    prior: PriorOf = key(
         "prior sd of terms, in place of the class's (`imubayes catalogue CLASS` lists these, with units):"
         " what this lot may have",
         {"b0": "100 mg", "m_j": "20 mrad"},
         dict,
         "from the class",
     )
-    truth: _Prior = key(
+    truth: PriorOf = key(
         "coefficients of *simulated* runs; the analysis does not see them. A term that is not named is zero;"
         " terms outside the library are allowed. Of an IMU by component, `ax.b0`. Empty: a unit is drawn"
         " from the class",
@@ -327,7 +324,7 @@ class SensorTable:
         dict,
         "drawn from the class",
     )
-    reference: _Reference = key(
+    reference: ReferenceOf = key(
         "[errors of the test bench](#sensorreference) that are allowed for", {"gravity": True}, dict
     )
     bench: Literal["exact", "drawn"] = key(
@@ -361,190 +358,6 @@ class SensorTable:
 
 
 @shape(config=STRICT, frozen=True, kw_only=True)
-class AgainstTable:
-    """``[lots.asks]``."""
-
-    needed_by: Names = key("the first of two groups: which terms these need", ["fog_tactical"])
-    not_by: Names = key("and these do not", ["mems_tactical"])
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class LotsTable:
-    """``[lots]``."""
-
-    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
-    classes: Names = key(
-        "classes of the catalogue (`imubayes catalogue`), in the order of the report",
-        ["mems_tactical", "strategic_piga"],
-    )
-    units: Annotated[int, Field(ge=2)] = key("simulated of each class", 10, 8)
-    basic: bool = key(
-        "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
-    )
-    asks: Annotated[Any, Holds({"enum": ["classes", "scenes", "triad"]}, AgainstTable)] = key(
-        "what the report answers first, as its title asks: what each class needs (`classes`), what each"
-        " scene requires (`scenes`), whether the basic triad is enough (`triad`), or what some classes need"
-        " and others do not (a table `[lots.asks]`)",
-        "classes",
-        "classes",
-    )
-    processes: Count = key("that share the work", 4, 2)
-    library: _Library = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
-    reference: _Reference = key(
-        "errors of the test bench, as `[sensor.reference]`: drawn anew for each unit, and allowed for in its"
-        " analysis",
-        {"gravity": True},
-        dict,
-    )
-    run: Runs = key("the campaign, as `[[sensor.run]]` with `simulate`", _CAMPAIGN, list, "needed")
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class FleetTable:
-    """``[fleet]``."""
-
-    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
-    class_: Text = key("class of the catalogue, or of the study's own", "mems_tactical", alias="class")
-    units: Annotated[Any, Holds({"type": "integer", "minimum": 2}, _TEXT)] = key(
-        "number of simulated units, 2 or more; or a pattern of folders (or files, where no folder matches),"
-        ' each a unit named by it, such as `units = "lot7/*"`',
-        1000,
-    )
-    part: Count = key("units that are done, and kept, together", 20, 8)
-    processes: Count = key("of this machine that share the work; with `--scheduler` the workers do", 8, 2)
-    library: _Library = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
-    reference: _Reference = key(
-        "errors of the test bench, as `[sensor.reference]`; of simulated units drawn anew for each",
-        {"gravity": True},
-        dict,
-    )
-    noise: Annotated[Any, Holds(_ESTIMATED, FixedNoiseTable)] = key(
-        "of every unit, as in `[[sensor]]`", "white", None, '`"estimate"`'
-    )
-    prior: _Prior = key("of every unit, as in `[[sensor]]`", {"b2": "100 ug/g^2"}, dict, "the class's")
-    robust: bool = key("dwells of every unit that outliers have contaminated are left out", True, False)
-    run: Runs = key(
-        "the campaign, as `[[sensor.run]]`: with `simulate`, or with a `file` in each unit's folder",
-        _CAMPAIGN,
-        list,
-        "needed",
-    )
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class BudgetTable:
-    """What the error in a scene may come to: one of these."""
-
-    output: Annotated[Any, Holds(quantities("output"))] = None
-    attitude: Annotated[Any, Holds(quantities("rad"))] = None
-    velocity: Annotated[Any, Holds(quantities("m/s"))] = None
-    position: Annotated[Any, Holds(quantities("m"))] = None
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class SceneTable:
-    """``[[scene]]``."""
-
-    name: Text | None = key(
-        "catalogue scene; with `scene` or `file`, what to call it. In a class-level study each scene has"
-        " another",
-        "quadrotor",
-        None,
-        "needed, or `file`",
-    )
-    scene: Text | None = key(
-        "catalogue scene, where `name` is another: so that one scene can stand twice, with the same motion"
-        " and another budget",
-        "helicopter",
-        None,
-        "`name`",
-    )
-    file: Text | None = key(
-        "log of `t` and any of `f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T`, along the case axes x, y, z, in"
-        " any format of a run. Forces are specific forces: at rest +g upwards",
-        "flight.csv",
-        None,
-    )
-    columns: Columns = key(
-        "as `[sensor.run.columns]`, with `file` only", {"f_k": "az [g]"}, dict, "the file's own"
-    )
-    ignore: Texts = key("as in `[[sensor.run]]`, with `file` only", ["f_0"], [])
-    duration: Seconds | None = key(
-        "of the mission; the motion of a shorter record is repeated, its temperature runs on (of a log:"
-        " stays)",
-        "10 min",
-        None,
-        "the record's; of a catalogue scene the middle of its range",
-    )
-    budget: Annotated[Table, Holds(BudgetTable)] = key(
-        "what the error may come to, one quantity: `output` (rms, in the unit of one kind of sensor, and"
-        " only for this kind), `attitude`, `velocity` or `position` (largest over the mission)",
-        {"position": "100 m"},
-    )
-    axis: Literal["x", "y", "z"] = key(
-        "case axis that a sensor's input axis lies along; the components of a triad have their own", "z", "x"
-    )
-    free_flight: bool | None = key(
-        "the navigator keeps no local level, so that errors are not held by gravity (Schuler); true for"
-        " `gun_projectile`, `reentry_spin` and `spacecraft`",
-        True,
-        None,
-        "by the scene",
-    )
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class AppendixTable:
-    """``[[appendix]]``."""
-
-    title: Text = key("heading", "Effective samples a second")
-    file: Text = key("CSV, UTF-8, commas: a line of headings and at most 200 rows", "speed.csv")
-    note: str = key("what it shows, in words", "Two cores.", "")
-    command: str = key("that made it", "pytest -m benchmark", "")
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class OfferTable:
-    """``[[plan.run]]``."""
-
-    name: Text = key("of the run", "tumble")
-    procedure: Text = key("`tumble`, `rate-table` or `centrifuge`: dwells with constant inputs", "tumble")
-    candidates: Table = key(
-        "what could be set, as the procedure's `simulate` without its times", {"angles": 24, "planes": 3}
-    )
-    dwell: Annotated[tuple[Seconds, ...], Several] = key("that a dwell may take", ["60 s", "180 s"])
-    rate: Hertz = key("of the samples", "1 Hz", "10 Hz")
-    settle: Settle = key("before every dwell", "10 s", "5 s")
-    mount: Settle = key("more of it for another mount", "5 min", "0 s")
-    setup: Settle = key("once, if the run is made at all", "30 min", "0 s")
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class PlanTable:
-    """``[plan]``."""
-
-    time: Seconds = key("for all of it, handling included", "4 h")
-    aim: Literal["worst", "D", "scene"] = key(
-        "what to make small: `worst`, the worst-determined needed term (over what the scene needs of it, or"
-        " else over its prior sd); `D`, the volume of what is left open of them; `scene`, the error that is"
-        " left open in the `[[scene]]`",
-        "scene",
-        "worst",
-    )
-    needed: Names = key("terms that the aim is about", ["b0", "b1"], [], "what the candidates can tell")
-    even: Text | None = key(
-        "the run that the plan is held against: all its positions in order, evenly, in the same time",
-        "tumble",
-        None,
-        "the first",
-    )
-    units: Count = key("simulated to check the prediction", 1000, 200)
-    run: Annotated[list[Table], Holds(OfferTable, many="list")] = key(
-        "what could be done: one `[[plan.run]]` for each", [{"name": "tumble"}], list, "needed"
-    )
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
 class StudyFile:
     """A study file."""
 
@@ -553,8 +366,8 @@ class StudyFile:
     decision: Annotated[Table, Holds(DecisionTable)] = Field(default_factory=dict)
     noise: Annotated[Table, Holds(NoiseTable)] = Field(default_factory=dict)
     sensor: Annotated[list[Table], Holds(SensorTable, many="list")] = Field(default_factory=list)
-    lots: Annotated[Table | None, Holds(LotsTable)] = None
-    fleet: Annotated[Table | None, Holds(FleetTable)] = None
-    plan: Annotated[Table | None, Holds(PlanTable)] = None
-    scene: Annotated[list[Table], Holds(SceneTable, many="list")] = Field(default_factory=list)
-    appendix: Annotated[list[Table], Holds(AppendixTable, many="list")] = Field(default_factory=list)
+    lots: Annotated[Table | None, Holds("LotsTable")] = None
+    fleet: Annotated[Table | None, Holds("FleetTable")] = None
+    plan: Annotated[Table | None, Holds("PlanTable")] = None
+    scene: Annotated[list[Table], Holds("SceneTable", many="list")] = Field(default_factory=list)
+    appendix: Annotated[list[Table], Holds("AppendixTable", many="list")] = Field(default_factory=list)
