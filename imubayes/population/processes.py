@@ -25,6 +25,10 @@ HOPELESS = 4
 """Jobs that end their processes, before any other is done, from which it is not the jobs."""
 
 
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+"""What libraries of linear algebra read as they are loaded, later than a process begins."""
+
+
 @dataclass(frozen=True, slots=True)
 class Lost:
     """In place of the result of a job that ended its process, not only once."""
@@ -186,6 +190,7 @@ def _alone(held: Connection, one_thread: bool) -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if one_thread:
+        os.environ.update(ONE_THREAD)
         threadpool_limits(1)
 
     def follow() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.population.processes import Lost, as_done, shared
+from imubayes.population.processes import ONE_THREAD, Lost, as_done, shared
 
 
 def whoami(number: int) -> tuple[int, int]:
@@ -25,6 +25,13 @@ def killed(number: int, victims: tuple[int, ...], log: str, once: bool) -> int:
 
 def _tries(log: str, number: int) -> int:
     return Path(log).read_text().split().count(str(number))
+
+
+def threads_of_linear_algebra(_: int) -> int:
+    import scipy.linalg  # noqa: F401  # loads its own library
+    from threadpoolctl import threadpool_info
+
+    return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
 
 
 def test_results_come_in_the_order_of_the_jobs_from_other_processes():
@@ -156,3 +163,11 @@ def _until(holds) -> None:
     while not holds():
         assert time.monotonic() < end, "waited for a minute"
         time.sleep(0.05)
+
+
+def test_linear_algebra_has_one_thread_where_processes_share_the_cores(monkeypatch):
+    """Even where a library is loaded after the process has begun; two cores are needed to see it."""
+    for name in ONE_THREAD:
+        monkeypatch.delenv(name, raising=False)
+    found = shared(threads_of_linear_algebra, [(k,) for k in range(4)], 2, things="processes")
+    assert set(found) == {1}
