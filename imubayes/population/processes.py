@@ -25,7 +25,9 @@ HOPELESS = 4
 """Jobs that end their processes, before any other is done, from which it is not the jobs."""
 
 
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+ONE_THREAD: dict[str, str] = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1"
+)
 """What libraries of linear algebra read as they are loaded, later than a process begins."""
 
 
