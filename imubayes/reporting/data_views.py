@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Block, Prose, Section, Table
+from imubayes.reporting.blocks import Block, Prose, Section, Table, strong
 from imubayes.reporting.rounding import duration, minus, pretty
 from imubayes.reporting.rows import range_texts
 from imubayes.selection.verdicts import listed
@@ -50,7 +50,7 @@ def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
 
 def _file(source: dict[str, Any]) -> Markup:
     """A file, its hash, and what is taken from it."""
-    text = Markup("<strong>{}</strong>").format(source["file"])
+    text = strong(source["file"])
     if source["sha256"]:
         text += Markup(', SHA-256 <code class="hash">{}</code>').format(source["sha256"])
     columns = [

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, joined, quiet
+from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, joined, quiet, verdict
 from imubayes.reporting.population_figures import units_panel
 from imubayes.reporting.population_words import (
-    MARKS,
+    LIKE,
     changes,
     class_answer,
     class_sentences,
@@ -23,7 +23,7 @@ from imubayes.reporting.population_words import (
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, signed
 
 if TYPE_CHECKING:
-    from imubayes.selection.class_needs import ClassInCommon, Need, TermInClass
+    from imubayes.selection.class_needs import ClassInCommon, TermInClass
 
 MOST_PANELS = 8
 """Terms that are drawn."""
@@ -111,7 +111,9 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
     error = measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed)
     return (
         Markup("{}{}").format(term.parameter.name, quiet(", all") if together else ""),
-        "by axis" if together and len(answers) > 1 else _verdict(need),
+        "by axis"
+        if together and len(answers) > 1
+        else verdict(need.verdict, reason=need.reason, like=LIKE.get(need.verdict, "")).page,
         joined(needing, share),
         signed(mean),
         _signs(unit_text(term).removesuffix(f" {printed}")),
@@ -119,12 +121,6 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
         quiet(signed(error)),
         pretty(printed),
     )
-
-
-def _verdict(need: Need) -> Markup:
-    mark, style = MARKS[need.verdict]
-    span = Markup('<span class="v {}" title="{}"><span aria-hidden="true">{}</span> {}</span>')
-    return span.format(style, need.reason, mark, need.verdict)
 
 
 def _signs(text: str) -> str:

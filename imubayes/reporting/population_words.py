@@ -27,14 +27,8 @@ STANDS_OUT = 2.0
 MOST_NAMES = 6
 """Spreads that a sentence names."""
 
-MARKS = {
-    "needed": ("●", "needed"),
-    "some need it": ("◐", "undecided"),
-    "not needed": ("○", "not-needed"),
-    "undecided": ("◐", "undecided"),
-    "cannot tell": ("△", "unresolved"),
-}
-"""Shape, and style of the page, of each answer on a class."""
+LIKE = {"some need it": "undecided", "cannot tell": "unresolved"}
+"""Verdicts of a unit whose shape and colour answers on a class have that are none themselves."""
 
 
 def resolved(found: Share) -> bool:

@@ -6,7 +6,19 @@ from collections.abc import Iterable, Sequence
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, Table, Text, joined, repeat, strong
+from imubayes.reporting.blocks import (
+    Both,
+    Page,
+    Prose,
+    Row,
+    Section,
+    Table,
+    Text,
+    joined,
+    quiet,
+    repeat,
+    strong,
+)
 from imubayes.reporting.comparison.pulls import Pull, is_beyond, method_sentence
 from imubayes.reporting.comparison.records import Compared
 
@@ -61,7 +73,7 @@ def difference(pull: Pull | None, count: int, what: str = "") -> Both:
     text = f"{what} {pull.size:.1f} sd{pair}".lstrip()
     if is_beyond(pull):
         return Both(strong(f"{text}, beyond uncertainty"), f"! {text}")
-    return Both(Markup('<span class="quiet">{}</span>').format(text), text)
+    return Both(quiet(text), text)
 
 
 def headed(k: int, *texts: Text) -> tuple[Text, ...]:
