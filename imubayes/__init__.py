@@ -46,15 +46,15 @@ if TYPE_CHECKING:
     from imubayes.inference.prior import prior as prior
     from imubayes.inference.summary import Summary as Summary
     from imubayes.inference.summary import summarize as summarize
-    from imubayes.rig.profiles import centrifuge as centrifuge
-    from imubayes.rig.profiles import oscillation as oscillation
-    from imubayes.rig.profiles import positions as positions
-    from imubayes.rig.profiles import rate_table as rate_table
-    from imubayes.rig.profiles import static as static
-    from imubayes.rig.profiles import tumble as tumble
-    from imubayes.rig.profiles import vibration as vibration
+    from imubayes.rig.rotations import centrifuge as centrifuge
+    from imubayes.rig.rotations import oscillation as oscillation
+    from imubayes.rig.rotations import rate_table as rate_table
+    from imubayes.rig.shaking import vibration as vibration
     from imubayes.rig.simulate import simulate as simulate
     from imubayes.rig.thermal import thermal as thermal
+    from imubayes.rig.tumbles import positions as positions
+    from imubayes.rig.tumbles import static as static
+    from imubayes.rig.tumbles import tumble as tumble
     from imubayes.selection.decision import select as select
     from imubayes.selection.enumerate import enumerate_models as enumerate_models
     from imubayes.selection.feature_library import feature_library as feature_library
@@ -75,7 +75,9 @@ _NAMES = {
     "inference.mcmc.run": ("sample",),
     "inference.prior": ("GPrior", "HyperG", "ScalePrior", "ZellnerSiow", "prior"),
     "inference.summary": ("Summary", "summarize"),
-    "rig.profiles": ("centrifuge", "oscillation", "positions", "rate_table", "static", "tumble", "vibration"),
+    "rig.rotations": ("centrifuge", "oscillation", "rate_table"),
+    "rig.shaking": ("vibration",),
+    "rig.tumbles": ("positions", "static", "tumble"),
     "rig.simulate": ("simulate",),
     "rig.thermal": ("thermal",),
     "selection.decision": ("select",),

@@ -22,8 +22,9 @@ from imubayes.reporting.result import entries, sensors
 from imubayes.reporting.rows import MARKS
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
+from imubayes.rig.recordings import RUN_CHANNELS, TRIAD, Procedure
 from imubayes.rig.reference import KINDS
-from imubayes.rig.runs import PROFILES, RUN_CHANNELS, TRIAD, Procedure
+from imubayes.rig.runs import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
 from imubayes.study.schema import (

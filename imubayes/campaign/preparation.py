@@ -24,8 +24,9 @@ from imubayes.inference.triad_angles import angles_of
 from imubayes.rig.bench import effective
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
 from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, Run, TriadRun
+from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
-from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec, read_run, simulate_runs
+from imubayes.rig.runs import read_run, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -19,7 +19,7 @@ from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.scenes import Scene
 from imubayes.selection.class_needs import ClassInCommon
 from imubayes.selection.decision import Selection

@@ -19,7 +19,7 @@ from imubayes.sensors.terms import Library, columns
 if TYPE_CHECKING:
     from imubayes.inference.reml import Blocks
     from imubayes.inference.whiten import Processes, Rows
-    from imubayes.rig.streams import Stream
+    from imubayes.rig.inputs import Stream
 
 
 BLOCKS = 1500

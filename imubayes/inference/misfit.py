@@ -20,7 +20,7 @@ from imubayes.inference.reml import estimate, span
 from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
 from imubayes.inference.whiten import whiten, whitener
-from imubayes.rig.runs import OUTPUT_UNIT
+from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.sensors.noise import Noise
 
 

@@ -19,7 +19,7 @@ from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.reml import block_edges
 
 if TYPE_CHECKING:
-    from imubayes.rig.streams import Stream
+    from imubayes.rig.inputs import Stream
 
 
 COARSE = 1000

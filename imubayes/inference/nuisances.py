@@ -81,7 +81,7 @@ def extras_for(
 
     Examples
     --------
-    >>> from imubayes.rig.profiles import tumble
+    >>> from imubayes.rig.tumbles import tumble
     >>> plan = tumble(angles=4, planes=1)
     >>> run = Run("tumble", plan.procedure, plan.inputs, np.zeros(len(plan.inputs)))
     >>> [(extra.name, extra.sd) for extra in extras_for([run], {"gravity": 1e-5})]

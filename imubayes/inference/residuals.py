@@ -21,8 +21,7 @@ from imubayes.inference.linear import Linear, linear_of, residuals
 from imubayes.inference.reml import block_edges
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Rows, whiten, whitener
-from imubayes.rig.inputs import Run
-from imubayes.rig.streams import Stream
+from imubayes.rig.inputs import Run, Stream
 from imubayes.sensors.noise import allan_variance
 
 LAGS = 20

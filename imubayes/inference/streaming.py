@@ -24,8 +24,7 @@ from imubayes.inference.pieces import Pieces
 from imubayes.inference.reml import Blocks
 from imubayes.inference.stream_whitening import Carry, begin, padded, whiten_on
 from imubayes.inference.whiten import Processes, Rows, mattering
-from imubayes.rig.inputs import Run
-from imubayes.rig.streams import Part, Stream
+from imubayes.rig.inputs import Part, Run, Stream
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
 

@@ -24,8 +24,9 @@ from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.planning.candidates import Handling, Menu
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Run
-from imubayes.rig.profiles import Plan
-from imubayes.rig.runs import PROFILES, RunSpec
+from imubayes.rig.plans import Plan
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import PROFILES
 from imubayes.rig.sequences import menu_of
 from imubayes.sensors.catalogue import typical_noise
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from imubayes.population.records import Record
-from imubayes.rig.record import write_whole
+from imubayes.rig.recordings import write_whole
 
 if TYPE_CHECKING:
     import pyarrow as pa

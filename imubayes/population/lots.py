@@ -18,7 +18,7 @@ from imubayes.population.records import Record, record_of, simulate_unit
 from imubayes.population.scenes import exposures, missions
 from imubayes.population.tally import over_units, tally
 from imubayes.population.terms import population
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.selection.relevance import MATTERS
 from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import Lot, draw_lot

@@ -19,7 +19,7 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.population.records import Broken, Record, record_of, simulate_unit
 from imubayes.rig.inputs import Run
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
 

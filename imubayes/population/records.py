@@ -20,7 +20,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.runs import plan_run
 from imubayes.rig.simulate import simulate

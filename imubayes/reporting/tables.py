@@ -27,7 +27,7 @@ from imubayes.reporting.words import (
     strain_sentence,
     weighed_text,
 )
-from imubayes.rig.runs import ABSENT
+from imubayes.rig.recordings import ABSENT
 from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.standards import symbols

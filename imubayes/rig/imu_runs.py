@@ -26,8 +26,7 @@ from imubayes.rig.inputs import (
     taken,
 )
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import OFFSET
-from imubayes.rig.runs import (
+from imubayes.rig.recordings import (
     CASES,
     INPUTS,
     MOUNT,
@@ -37,12 +36,13 @@ from imubayes.rig.runs import (
     inputs_of,
     notes_of,
     outputs_of,
-    plan_run,
     sha256_of,
     source_of,
     time_of,
     values_of,
 )
+from imubayes.rig.reference import OFFSET
+from imubayes.rig.runs import plan_run
 from imubayes.rig.saturation import SATURATED, within_range
 from imubayes.rig.simulate import drawn_errors, simulate
 from imubayes.rig.stream_files import rows_in

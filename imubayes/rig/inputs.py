@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.sensors.imu import COMPONENTS, case_channel
-from imubayes.sensors.terms import CHANNELS
-
-if TYPE_CHECKING:
-    from imubayes.rig.streams import Stream
+from imubayes.sensors.terms import CHANNELS, Library
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -109,6 +106,64 @@ class Run:
         if self.stream is not None:
             return self.stream.extremes
         return {**self.inputs.channels, "output": self.output}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Consecutive rows of a run, in SI.
+
+    Attributes
+    ----------
+    first : number of the first of its k rows among those of the run, counted from 0.
+    before : time of the row before, s; NaN for the first part.
+    t, duration : (k,) time and averaging time, s.
+    channels : (k,) inputs by name.
+    output : (k,) what the component said.
+    """
+
+    first: int
+    before: float
+    t: FloatArray
+    duration: FloatArray
+    channels: Mapping[str, FloatArray]
+    output: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """A run whose rows are too many to be held, and what one pass over them found.
+
+    Attributes
+    ----------
+    parts : reads the rows, a part at a time; is told what for.
+    samples : n rows.
+    interval : averaging time of one sample, s.
+    library : of the p columns below.
+    counts : (m,) rows of each block that was averaged.
+    duration : (m,) s, averaging time of each.
+    X : (m, p) averages of the library's columns over the blocks.
+    reach : (p,) largest size of each column.
+    swing : largest size of output minus own input, SI.
+    extremes : rows (inputs and ``output``) with the largest and smallest of each, and of the force.
+    stretch : consecutive rows without a gap, at full rate.
+    stretch_first : number of its first row in the file, counted from 0.
+    """
+
+    parts: Callable[[str], Iterator[Part]]
+    samples: int
+    interval: float
+    library: Library
+    counts: NDArray[np.int64]
+    duration: FloatArray
+    X: FloatArray
+    reach: FloatArray
+    swing: float
+    extremes: Mapping[str, FloatArray]
+    stretch: Run
+    stretch_first: int
 
 
 @dataclass(frozen=True, slots=True)

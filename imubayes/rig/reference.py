@@ -27,7 +27,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.motion import Motion, faster, heavier, in_fixture, longer, on_table, stretched
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.sensors import terms
 
 OFFSET = "turn_on"
@@ -179,7 +179,7 @@ def errors_of(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[Error, 
 
     Examples
     --------
-    >>> from imubayes.rig.profiles import tumble
+    >>> from imubayes.rig.tumbles import tumble
     >>> [error.name for error in errors_of([tumble(planes=2)], ["gravity", "plane_zero"])]
     ['gravity', 'plane_zero.tumble.0', 'plane_zero.tumble.1']
     """

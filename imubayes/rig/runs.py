@@ -1,80 +1,47 @@
-"""A run: what the study says of it, and the file that it becomes when it is read."""
+"""Runs of a study, read from their files or simulated."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from stat import S_ISDIR
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError, StudyError
-from imubayes.rig.checks import check_output, check_time, check_values, earth_left_out, gaps, interval_jump
-from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
+from imubayes.rig.checks import check_output, earth_left_out
+from imubayes.rig.columns import resolve
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import Inputs, Run, Section, Source, TriadRun, sampling_interval, taken
-from imubayes.rig.profiles import (
-    Plan,
-    centrifuge,
-    oscillation,
-    positions,
-    rate_table,
-    static,
-    tumble,
-    vibration,
+from imubayes.rig.inputs import Run, TriadRun, sampling_interval, taken
+from imubayes.rig.plans import Plan
+from imubayes.rig.recordings import (
+    FREE_TUMBLE,
+    INPUTS,
+    MOUNT,
+    OUTPUT_UNIT,
+    TRIAD,
+    RunSpec,
+    assumed,
+    existing,
+    inputs_of,
+    notes_of,
+    outputs_of,
+    sha256_of,
+    source_of,
+    time_of,
+    values_of,
 )
+from imubayes.rig.rotations import centrifuge, oscillation, rate_table
 from imubayes.rig.saturation import refuse_stuck, within_range
 from imubayes.rig.sequences import planned
+from imubayes.rig.shaking import vibration
 from imubayes.rig.simulate import drawn_errors, simulate_on_bench
-from imubayes.rig.thermal import temperature_rate, thermal
+from imubayes.rig.stream_survey import read_long_run
+from imubayes.rig.streams import is_long, refuse_whole
+from imubayes.rig.thermal import thermal
+from imubayes.rig.tumbles import positions, static, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit
-from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
-from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library
-from imubayes.units import counted
-
-Procedure = Literal[
-    "tumble",
-    "centrifuge",
-    "rate-table",
-    "oscillation",
-    "thermal",
-    "static",
-    "free-tumble",
-    "ferraris",
-    "other",
-]
-"""What a study can call a run."""
-
-FREE_TUMBLE: Procedure = "free-tumble"
-FERRARIS: Procedure = "ferraris"
-"""Positions of which the case axis that points up is known, and turns about it by a known angle."""
-
-OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-
-TRIAD = ACCELEROMETERS
-"""Outputs of a reference-free run, along the case axes."""
-
-IMU_CHANNELS = ("t", *COMPONENTS)
-"""Columns of a run of a whole IMU."""
-
-CASES = (FREE_TUMBLE, FERRARIS)
-"""Procedures of several components in one case whose inputs are known in part."""
-
-INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
-MOUNT = "mount"
-"""Column with the number of each row's plane or mount."""
-
-KNOWN_IMU_CHANNELS = (*IMU_CHANNELS, *CASE_CHANNELS, MOUNT)
-"""Columns of a run of a whole IMU with known inputs, which are along the axes x, y, z of the case."""
-
-RUN_CHANNELS = ("t", "output", *INPUTS, MOUNT)
-"""Columns of a run with known inputs."""
 
 PROFILES = {
     "static": static,
@@ -87,49 +54,6 @@ PROFILES = {
     "thermal": thermal,
 }
 """Functions that plan what can be simulated, by the profile's name."""
-
-_MOST_MOUNTS = 2**31
-"""A number of a mount beyond this is something else."""
-
-LATE_EPOCH = 1e6
-"""s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunSpec:
-    """A run before it is read.
-
-    Attributes
-    ----------
-    name : as in the study, unique within the sensor.
-    procedure : a `Procedure`.
-    file : the recorded file; None for a simulated run.
-    shown : the file as the study gives it, for messages and the report.
-    columns : where the file's own names or units differ, by channel.
-    gravity : local gravity, m/s^2; needed by ``free-tumble`` only.
-    noise : how the noise of the run is to be known.
-    simulate : for a simulated run, ``profile`` (a key of `PROFILES`) and the arguments of its function by
-        name, in SI.
-    origin : where a public file comes from, for the message when it is not there.
-    gyroscope_file, gyroscope_shown : of an IMU whose gyroscopes have a file of their own, on the same clock;
-        as the study gives it.
-    sections : of an IMU: the parts of the run whose inputs are known.
-    ignore : columns of the file that are no channel, though their names are nearly those of one.
-    """
-
-    name: str
-    procedure: Procedure
-    file: Path | None = None
-    shown: str = ""
-    columns: Mapping[str, ColumnSpec] = field(default_factory=dict)
-    gravity: float | None = None
-    noise: NoiseRule = field(default_factory=NoiseRule)
-    simulate: Mapping[str, object] | None = None
-    origin: str = ""
-    gyroscope_file: Path | None = None
-    gyroscope_shown: str = ""
-    sections: tuple[Section, ...] = ()
-    ignore: tuple[str, ...] = ()
 
 
 def read_run(
@@ -177,14 +101,10 @@ def _long_run(
     spec: RunSpec, path: Path, kind: Kind, lib: Library | None, tell: Callable[[str], None]
 ) -> Run | None:
     """Read a long file a part at a time; None for a file that is read as a whole."""
-    from imubayes.rig.streams import is_long, refuse_whole
-
     if lib is None:
         refuse_whole(path, spec.shown or str(path))
     if lib is None or not is_long(path):
         return None
-    from imubayes.rig.stream_survey import read_long_run
-
     return read_long_run(spec, path, kind, lib, sha256=sha256_of(path), tell=tell)
 
 
@@ -261,25 +181,6 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     return Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)
 
 
-def inputs_of(table: Table, columns: Mapping[str, Column], t: FloatArray) -> tuple[Inputs, tuple[str, ...]]:
-    """Known inputs of a run, and what was derived for them.
-
-    Parameters
-    ----------
-    table : the file, for messages.
-    columns : of the inputs by channel, of the time, and of the mount where there is one.
-    t : (n,) time, s.
-    """
-    values = {name: values_of(table, column, len(t)) for name, column in columns.items() if name != "t"}
-    mount, notes = values.pop(MOUNT, None), ()
-    if "T" in values and "dT" not in values:
-        values["dT"] = temperature_rate(t, values["T"])
-        notes = ("dT/dt is the smoothed derivative of the recorded temperature",)
-    whole = None if mount is None else _whole(table, columns[MOUNT], mount)
-    channels = {name: frozen(column) for name, column in values.items()}
-    return Inputs(t, channels, sampling_interval(t), whole), notes
-
-
 def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
     if spec.gravity is None:
         raise DataError(
@@ -288,119 +189,3 @@ def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
     t, output, kept, source = outputs_of(spec, file, TRIAD)
     within, interval = (taken(t, kept), taken(output, kept)), sampling_interval(t)
     return TriadRun(spec.name, spec.procedure, *within, spec.gravity, interval, source)
-
-
-def outputs_of(
-    spec: RunSpec, file: Path, components: tuple[str, ...]
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], Source]:
-    """Time (n,), outputs (n, 3), which of them are within range (n,), and source of components in a file."""
-    shown = (spec.shown if file == spec.file else spec.gyroscope_shown) or str(file)
-    table = read_table(existing(file, shown, spec.origin), shown)
-    columns = resolve(table, spec.columns, required=("t", *components), optional=(), output_unit="")
-    t, epoch = time_of(table, columns["t"])
-    outputs = {name: values_of(table, columns[name], len(t)) for name in components}
-    for name in components:
-        check_output(table, columns[name])
-    kept, lost = within_range(table.file, outputs, columns)
-    source = source_of(table.file, sha256_of(file), columns, (*epoch, *notes_of(t), *lost))
-    return t, frozen(np.column_stack([outputs[name] for name in components])), kept, source
-
-
-def time_of(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
-    """Time in s; a clock that counts from an epoch is referred to its first reading before it is scaled."""
-    check_values(table, column)
-    running, turns = unwrapped(table, column)
-    t, notes = running.si(), ()
-    if turns:
-        notes = (f"the clock wrapped around {counted(turns, 'time')}",)
-    if abs(t[0]) > LATE_EPOCH:
-        clock = running.raw.astype(np.int64 if running.raw.dtype.kind in "iu" else np.float64)
-        t = (clock - clock[0]).astype(np.float64) * column.scale
-        notes = (*notes, "time is counted from the first sample")
-    check_time(table, column, t)
-    return frozen(t), notes
-
-
-def values_of(table: Table, column: Column, n: int) -> FloatArray:
-    """Values (n,) of a column in SI.
-
-    Raises
-    ------
-    DataError : if there are more or fewer of them, or one is not finite.
-    """
-    if len(column.raw) != n:
-        raise DataError(
-            f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has {n}: "
-            "expected columns of equal length"
-        )
-    check_values(table, column)
-    return column.si()
-
-
-def _whole(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64]:
-    """Numbers of mounts, which are whole."""
-    wrong = (np.rint(values) != values) | (np.abs(values) > _MOST_MOUNTS)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise DataError(
-            f"{table.file}, {table.place(row)}: column '{column.address}' holds {float(values[row]):g}: "
-            "expected a whole number, the same in all rows between which the case stayed in its fixture"
-        )
-    numbers = values.astype(np.int64)
-    numbers.setflags(write=False)
-    return numbers
-
-
-def notes_of(t: FloatArray) -> tuple[str, ...]:
-    """What the checks found of the time (n,) that does not stop a run."""
-    return tuple(note for note in (gaps(t), interval_jump(t)) if note)
-
-
-def assumed(kind: Kind, channels: Collection[str], axes: str = "ijk") -> tuple[str, ...]:
-    """Say which inputs are taken as zero because they are not among the channels of the file."""
-    families = ("f", "w", "dw") if kind == "accelerometer" else ("w", "f", "dw")
-    absent = [
-        f"{family}_{axis}" for family in families for axis in axes if f"{family}_{axis}" not in channels
-    ]
-    return (f"{ABSENT}: {', '.join(absent)}",) if absent else ()
-
-
-def source_of(file: str, sha256: str, columns: Mapping[str, Column], notes: tuple[str, ...]) -> Source:
-    """Say where a run came from: file, the columns that were used by channel, and notes."""
-    used = tuple((column.address, channel, column.unit) for channel, column in columns.items())
-    return Source(file, sha256, used, notes)
-
-
-ABSENT = "not in the file, taken as zero"
-"""How the notes of a run begin that name its absent inputs."""
-
-
-def existing(path: Path, shown: str, origin: str) -> Path:
-    """Path of a file that is there.
-
-    Raises
-    ------
-    DataError : if it is not, or is a directory. `shown` is what the study calls it, `origin` where it is
-        public.
-    """
-    try:
-        mode = path.stat().st_mode
-    except (OSError, ValueError):
-        public = f"; the data are public ({origin}): download them, and name their folder in IMUBAYES_DATA"
-        hint = public if origin else "; check the run's key 'file'"
-        raise DataError(f"{shown}: there is no such file (looked for {path}){hint}") from None
-    if S_ISDIR(mode):
-        raise DataError(f"{shown}: is a directory where a file with a run was expected")
-    return path
-
-
-def sha256_of(path: Path) -> str:
-    """Hash of a file's bytes."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def frozen(values: FloatArray) -> FloatArray:
-    """Make an array read-only."""
-    values.setflags(write=False)
-    return values

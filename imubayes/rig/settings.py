@@ -45,7 +45,8 @@ def settings_of(menu: Plan, options: Mapping[str, Any]) -> tuple[Setting, ...]:
 
     Examples
     --------
-    >>> from imubayes.rig.profiles import centrifuge, tumble
+    >>> from imubayes.rig.rotations import centrifuge
+    >>> from imubayes.rig.tumbles import tumble
     >>> options = {"profile": "tumble", "angles": 4, "planes": 1}
     >>> plan = tumble(angles=4, planes=1, dwell=1.0, rate=1.0)
     >>> settings_of(plan, options)[1]

@@ -16,7 +16,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Inputs, Run, Source
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.noise import Noise, flicker
@@ -55,7 +55,7 @@ def simulate(
 
     Examples
     --------
-    >>> from imubayes.rig.profiles import tumble
+    >>> from imubayes.rig.tumbles import tumble
     >>> from imubayes.sensors.catalogue import sensor
     >>> tactical = sensor("mems_tactical", kind="accelerometer")
     >>> (run,) = simulate(tactical, [tumble(angles=4, planes=1)], seed=1, truth={"b0": 0.0147})

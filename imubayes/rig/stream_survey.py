@@ -12,10 +12,10 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, jump_note
-from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps
-from imubayes.rig.runs import RunSpec, assumed, frozen, source_of
+from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps
+from imubayes.rig.recordings import RunSpec, assumed, frozen, source_of
 from imubayes.rig.saturation import Levels, Stretches, check_left, saturation_note
-from imubayes.rig.streams import Part, Reader, Stream, Tell, first_interval, opened
+from imubayes.rig.streams import Reader, Tell, first_interval, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
 

@@ -12,18 +12,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import check_time, check_values
 from imubayes.rig.columns import Column, resolve, unwrapped
 from imubayes.rig.formats import Table
-from imubayes.rig.inputs import Run, durations, sampling_interval
-from imubayes.rig.runs import INPUTS, LATE_EPOCH, OUTPUT_UNIT, RunSpec, values_of
+from imubayes.rig.inputs import Part, durations, sampling_interval
+from imubayes.rig.recordings import INPUTS, LATE_EPOCH, OUTPUT_UNIT, RunSpec, values_of
 from imubayes.rig.saturation import NEAR, Stretches, beyond, stretches_of
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
-from imubayes.sensors.terms import Kind, Library
+from imubayes.sensors.terms import Kind
 
 Tell = Callable[[str], None]
 
@@ -36,64 +35,6 @@ MOST_WHOLE = 30_000_000
 
 SAID_EVERY = 0.5
 """s between two messages of progress."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """Consecutive rows of a run, in SI.
-
-    Attributes
-    ----------
-    first : number of the first of its k rows among those of the run, counted from 0.
-    before : time of the row before, s; NaN for the first part.
-    t, duration : (k,) time and averaging time, s.
-    channels : (k,) inputs by name.
-    output : (k,) what the component said.
-    """
-
-    first: int
-    before: float
-    t: FloatArray
-    duration: FloatArray
-    channels: Mapping[str, FloatArray]
-    output: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Stream:
-    """A run whose rows are too many to be held, and what one pass over them found.
-
-    Attributes
-    ----------
-    parts : reads the rows, a part at a time; is told what for.
-    samples : n rows.
-    interval : averaging time of one sample, s.
-    library : of the p columns below.
-    counts : (m,) rows of each block that was averaged.
-    duration : (m,) s, averaging time of each.
-    X : (m, p) averages of the library's columns over the blocks.
-    reach : (p,) largest size of each column.
-    swing : largest size of output minus own input, SI.
-    extremes : rows (inputs and ``output``) with the largest and smallest of each, and of the force.
-    stretch : consecutive rows without a gap, at full rate.
-    stretch_first : number of its first row in the file, counted from 0.
-    """
-
-    parts: Callable[[str], Iterator[Part]]
-    samples: int
-    interval: float
-    library: Library
-    counts: NDArray[np.int64]
-    duration: FloatArray
-    X: FloatArray
-    reach: FloatArray
-    swing: float
-    extremes: Mapping[str, FloatArray]
-    stretch: Run
-    stretch_first: int
 
 
 def is_long(path: Path) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.units import STANDARD_GRAVITY
 
 _DIAGONAL = math.sqrt(0.5)

@@ -11,7 +11,7 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import row_blocks, triangular
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.scenes import Scene, in_case
-from imubayes.rig.vibration import mean_columns
+from imubayes.rig.shaking import mean_columns
 from imubayes.selection.kernels import CELLS, STATES, Budget, functionals, propagation, running_functionals
 from imubayes.sensors.terms import Factor, Kind, Library, columns, tied
 from imubayes.units import STANDARD_GRAVITY

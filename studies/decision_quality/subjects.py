@@ -12,9 +12,11 @@ import numpy as np
 from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
-from imubayes.rig.profiles import Plan, centrifuge, rate_table, tumble
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import KINDS, errors_of
+from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.simulate import simulate
+from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import SensorClass, classes, coupled, noise_prior
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library

@@ -15,8 +15,9 @@ from imubayes.inference.linear import Linear, blocks_of, linear_of
 from imubayes.inference.prior import prior
 from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.inputs import Inputs, Run
-from imubayes.rig.profiles import centrifuge, tumble
+from imubayes.rig.rotations import centrifuge
 from imubayes.rig.simulate import simulate, synthesise
+from imubayes.rig.tumbles import tumble
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -18,7 +18,8 @@ from imubayes.inference.linear import linear_of
 from imubayes.inference.streaming import streamed_pieces
 from imubayes.inference.whiten import Rows, mattering, whitener
 from imubayes.rig import streams
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library
 
@@ -146,7 +147,8 @@ import numpy as np
 sys.path.insert(0, {folder!r})
 from test_streaming_speed import LIB, write
 from imubayes.inference.summary import summarize
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.runs import read_run
+from imubayes.rig.recordings import RunSpec
 write(Path({file!r}), 6_000_000, np.random.default_rng(1))
 run = read_run(RunSpec("r", "other", file=Path({file!r})), "accelerometer", LIB)
 assert run.stream is not None

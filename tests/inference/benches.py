@@ -10,7 +10,7 @@ import numpy as np
 import imubayes as ib
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.sensors.noise import Noise
 
 QUIET = Noise(0.0, 0.0, 0.0)

@@ -15,7 +15,7 @@ from imubayes.inference.summary import summarize
 from imubayes.inference.triad_angles import RELATIVE, angles_of
 from imubayes.rig.imu_runs import Made, simulate_imu
 from imubayes.rig.inputs import Inputs, KnownRun
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.imu import COMPONENTS, Component, component_channels, forward, imu_of, kind_of, signals

@@ -4,11 +4,11 @@ import allantools
 import numpy as np
 import pytest
 from allantools import ci
+from quiet_logs import quiet_log
 from scipy.stats import chi2
 
 from imubayes.inference.allan import allan_deviation, confidence_band
 from imubayes.inference.allan_fit import allan_curve, fit_allan, log_covariance
-from imubayes.rig.quiet import quiet_log
 from imubayes.sensors.noise_processes import NoiseProcesses
 
 SAMPLES = 4000

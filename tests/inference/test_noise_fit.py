@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import fit_draws, fit_mode, parameters
 from imubayes.inference.noise_models import likelihood, noise_data
 from imubayes.inference.noise_rows import noise_rows
-from imubayes.rig.quiet import quiet_log
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
 

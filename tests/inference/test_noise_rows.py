@@ -4,12 +4,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
+from quiet_logs import quiet_log
 
 from imubayes.inference.linear import linear_of
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_files, stream_survey, streams
-from imubayes.rig.quiet import quiet_log
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
 from imubayes.selection.noise_choice import identify_noise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise_processes import NoiseProcesses, class_prior

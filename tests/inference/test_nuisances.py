@@ -15,7 +15,7 @@ from imubayes.inference.prior import class_sd
 from imubayes.inference.reml import span
 from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import draw_unit, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -26,7 +26,7 @@ from imubayes.inference.prior import (
     weak_sd,
 )
 from imubayes.inference.summary import summarize
-from imubayes.rig.profiles import oscillation, rate_table
+from imubayes.rig.rotations import oscillation, rate_table
 from imubayes.rig.simulate import simulate
 from imubayes.selection.decision import select
 from imubayes.selection.draws import posterior_draws, prior_draws

@@ -23,7 +23,8 @@ from imubayes.inference.stream_whitening import begin, padded, whiten_on
 from imubayes.inference.summary import summarize
 from imubayes.inference.whiten import Rows, mattering, whiten, whitener
 from imubayes.rig import stream_files, streams
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import synthesise
 from imubayes.selection.reduced import design_factor
 from imubayes.sensors.noise import Noise, NoiseRule

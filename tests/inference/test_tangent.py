@@ -11,7 +11,7 @@ from imubayes.inference import tangent as module
 from imubayes.inference.linear import linear_of
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import draw_unit
 

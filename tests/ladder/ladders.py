@@ -13,7 +13,8 @@ from pyarrow import parquet as pq
 from imubayes.campaign.study import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.rig import stream_files, streams
-from imubayes.rig.runs import RunSpec, read_run, simulate_runs
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run, simulate_runs
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -18,7 +18,8 @@ from imubayes.ladder.trade.subjects import with_options
 from imubayes.ladder.trade.told import told_of
 from imubayes.reporting.trade_words import trade_answer
 from imubayes.rig import streams
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
 from imubayes.selection.relevance import exposure
 
 

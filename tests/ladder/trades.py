@@ -14,7 +14,8 @@ from imubayes.ladder.problem import Problem, problem_of
 from imubayes.ladder.trade.alone import Measured, here
 from imubayes.ladder.trade.plan import Subject, Trade
 from imubayes.ladder.trade.told import Told
-from imubayes.rig.runs import RunSpec, simulate_runs
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import simulate_runs
 from imubayes.rig.scenes import recorded
 from imubayes.selection.kernels import Budget
 from imubayes.sensors.catalogue import sensor

@@ -9,7 +9,7 @@ from imubayes.inference.observability import observe
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import summarize
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.profiles import Plan
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import NoiseRule

@@ -13,8 +13,7 @@ from imubayes.population.engines import Engine
 from imubayes.population.parts import FleetStudy, parts_of, simulated_units
 from imubayes.population.processes import as_done
 from imubayes.population.records import simulate_unit
-from imubayes.rig.record import write_run
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library

@@ -8,7 +8,7 @@ import numpy as np
 
 from imubayes.campaign.study import Mission
 from imubayes.population.lots import LotStudy
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.scenes import recorded
 from imubayes.selection.kernels import Budget
 from imubayes.sensors.catalogue import sensor

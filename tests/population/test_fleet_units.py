@@ -14,7 +14,7 @@ from imubayes.population import records
 from imubayes.population.parts import Part, lot_of_some, part_found, parts_of, unit_record
 from imubayes.population.records import of_terms, simulate_unit
 from imubayes.rig import streams
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import Noise, NoiseRule

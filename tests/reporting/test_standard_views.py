@@ -12,7 +12,8 @@ from imubayes.algebra.factor import factor_of
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.reporting.standard_views import published_standards, standard_views
-from imubayes.rig.profiles import centrifuge, tumble
+from imubayes.rig.rotations import centrifuge
+from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.equations.standards import standard
 from imubayes.sensors.terms import columns, library

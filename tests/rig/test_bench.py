@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 from imubayes.errors import DataError, TermError
 from imubayes.rig.bench import bench_of, true_inputs
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.plans import EARTH_RATE
-from imubayes.rig.profiles import Plan, centrifuge, positions, rate_table, static, tumble, vibration
+from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.reference import KINDS, errors_of
+from imubayes.rig.rotations import centrifuge, rate_table
+from imubayes.rig.shaking import vibration
+from imubayes.rig.tumbles import positions, static, tumble
 
 seeds = st.integers(0, 2**32 - 1)
 SHORT = {"dwell": 2.0, "rate": 2.0}

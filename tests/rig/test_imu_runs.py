@@ -8,8 +8,8 @@ import pytest
 from imubayes.errors import DataError
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
 from imubayes.rig.inputs import KnownRun, Section
-from imubayes.rig.record import write_imu_run
-from imubayes.rig.runs import RunSpec, plan_run
+from imubayes.rig.recordings import RunSpec, write_imu_run
+from imubayes.rig.runs import plan_run
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.terms import library
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from imubayes.rig.inputs import Inputs, facts_of, sampling_interval
 from imubayes.rig.plans import EARTH_RATE
-from imubayes.rig.profiles import centrifuge, positions, rate_table, static, tumble
+from imubayes.rig.rotations import centrifuge, rate_table
+from imubayes.rig.tumbles import positions, static, tumble
 
 RATES = [-1.0, -0.3, 0.3, 1.0]
 

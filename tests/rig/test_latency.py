@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imubayes.rig.bench import delayed
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.latency import delayed
 
 
 def sampled(function, t, interval):

@@ -7,16 +7,10 @@ import pytest
 
 from imubayes.errors import InputError
 from imubayes.rig.bench import true_inputs
-from imubayes.rig.profiles import (
-    Plan,
-    centrifuge,
-    oscillation,
-    positions,
-    rate_table,
-    static,
-    tumble,
-    vibration,
-)
+from imubayes.rig.plans import Plan
+from imubayes.rig.rotations import centrifuge, oscillation, rate_table
+from imubayes.rig.shaking import vibration
+from imubayes.rig.tumbles import positions, static, tumble
 from imubayes.sensors.terms import Library, columns, library
 
 G = 9.80665

@@ -8,7 +8,7 @@ import pytest
 from imubayes.errors import DataError, TermError, UnobservableError
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.profiles import Plan, centrifuge, rate_table, static, tumble
+from imubayes.rig.plans import Plan
 from imubayes.rig.reference import (
     HEADS,
     KINDS,
@@ -17,6 +17,8 @@ from imubayes.rig.reference import (
     for_sensor,
     kind_of,
 )
+from imubayes.rig.rotations import centrifuge, rate_table
+from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import reference_errors
 from imubayes.units import factor
 

@@ -11,12 +11,13 @@ import pytest
 from imubayes.errors import DataError, StudyError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run, TriadRun
-from imubayes.rig.profiles import centrifuge, rate_table, static, tumble
-from imubayes.rig.record import write_run
-from imubayes.rig.runs import PROFILES, RunSpec, plan_run, read_run, simulate_runs
+from imubayes.rig.recordings import RunSpec, write_run
+from imubayes.rig.rotations import centrifuge, rate_table
+from imubayes.rig.runs import PROFILES, plan_run, read_run, simulate_runs
 from imubayes.rig.saturation import SATURATED
 from imubayes.rig.simulate import simulate
 from imubayes.rig.thermal import temperature_rate
+from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 from imubayes.study.schema.simulated import CALLED

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.rig.profiles import centrifuge, rate_table, tumble
-from imubayes.rig.runs import RunSpec, plan_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.rotations import centrifuge, rate_table
+from imubayes.rig.runs import plan_run
 from imubayes.rig.sequences import Dwell, in_order, menu_of
+from imubayes.rig.tumbles import tumble
 
 
 @pytest.mark.parametrize(

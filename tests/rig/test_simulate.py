@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError, TermError
-from imubayes.rig.profiles import centrifuge, static, tumble
+from imubayes.rig.rotations import centrifuge
 from imubayes.rig.simulate import drawn_errors, library_of, simulate, simulate_on_bench, synthesise
+from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import classes, draw_unit, sensor, typical_noise
 from imubayes.sensors.catalogue_file import figure_range, packaged_tables
 from imubayes.sensors.noise import Noise, allan_variance

@@ -15,7 +15,8 @@ from imubayes.errors import DataError
 from imubayes.rig import stream_files, streams
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import durations
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
 from imubayes.rig.saturation import SATURATED
 from imubayes.sensors.terms import columns, library
 

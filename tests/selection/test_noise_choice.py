@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
+from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import fit_draws, fit_mode
@@ -13,8 +14,8 @@ from imubayes.inference.noise_limits import detection_limits
 from imubayes.inference.noise_models import likelihood, noise_data
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams
-from imubayes.rig.quiet import quiet_log
-from imubayes.rig.runs import RunSpec, read_run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
 from imubayes.selection.noise_choice import SIZES, identify_noise
 from imubayes.selection.noise_found import NoiseQuestion, noise_of
 from imubayes.sensors.catalogue import classes, sensor

@@ -9,7 +9,7 @@ import pytest
 
 import imubayes as ib
 from imubayes.campaign.study import Sampling, SensorSpec, Study
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method
 from imubayes.study.classes import in_common

@@ -16,8 +16,7 @@ from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
 from imubayes.reporting.words import answer
 from imubayes.rig.inputs import TriadRun
-from imubayes.rig.record import write_run
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method

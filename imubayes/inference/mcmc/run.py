@@ -102,7 +102,7 @@ def sample(
     >>> from imubayes.inference.linear import linear_of
     >>> from imubayes.inference.prior import prior
     >>> from imubayes.inference.summary import summarize
-    >>> from imubayes.rig.profiles import tumble
+    >>> from imubayes.rig.tumbles import tumble
     >>> from imubayes.rig.simulate import simulate
     >>> from imubayes.sensors.catalogue import sensor
     >>> from imubayes.sensors.terms import library

@@ -20,9 +20,9 @@ from imubayes.ladder.trade.memory import with_peak
 from imubayes.ladder.trade.plan import NAMES
 from imubayes.ladder.trade.told import Told, told_of
 from imubayes.population.processes import Lost, elsewhere
-from imubayes.rig.profiles import tumble
-from imubayes.rig.runs import RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate
+from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 

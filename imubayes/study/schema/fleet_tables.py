@@ -12,7 +12,8 @@ from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.population.parts import FleetStudy, Unit, recorded_units, simulated_units
-from imubayes.rig.runs import FREE_TUMBLE, plan_run
+from imubayes.rig.recordings import FREE_TUMBLE
+from imubayes.rig.runs import plan_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.study.schema.measured import STRICT, Count, Holds, Text, key

@@ -13,7 +13,7 @@ from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
 from imubayes.rig.inputs import KnownRun, Run
-from imubayes.rig.record import write_imu_run, write_run
+from imubayes.rig.recordings import write_imu_run, write_run
 from imubayes.study.schema.run_tables import located
 
 TRUTH = "truth.json"

@@ -13,7 +13,7 @@ from imubayes import units
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.inputs import Section
-from imubayes.rig.runs import (
+from imubayes.rig.recordings import (
     CASES,
     FERRARIS,
     FREE_TUMBLE,

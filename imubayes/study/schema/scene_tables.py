@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass as shape
 
 from imubayes.campaign.study import Mission
 from imubayes.errors import StudyError
-from imubayes.rig.runs import OUTPUT_UNIT
+from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.rig.scene_ranges import scene_named
 from imubayes.rig.scenes import BODY, Scene, read_scene
 from imubayes.rig.trajectories import MANNERS, generated

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
+from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import KINDS, for_sensor
 from imubayes.rig.reference import Kind as BenchError
-from imubayes.rig.runs import FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.catalogue_file import read_catalogue

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from pydantic.dataclasses import dataclass as shape
 
-from imubayes.rig.runs import Procedure
+from imubayes.rig.recordings import Procedure
 from imubayes.study.schema.measured import (
     STRICT,
     Angle,
