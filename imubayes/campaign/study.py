@@ -20,13 +20,13 @@ from imubayes.inference.robust import Distrusted
 from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.scenes import Scene
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.record import Scene
+from imubayes.scenes.relevance import Relevance
 from imubayes.selection.class_needs import ClassInCommon
 from imubayes.selection.decision import Selection
-from imubayes.selection.kernels import Budget
 from imubayes.selection.noise_found import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
-from imubayes.selection.relevance import Relevance
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library

@@ -31,8 +31,8 @@ from imubayes.planning.menu import Bench, PlanStudy, bench_columns, own_input, s
 from imubayes.planning.rehearsal import rehearsed
 from imubayes.rig.inputs import Facts, facts_of
 from imubayes.rig.settings import Setting, settings_of
-from imubayes.selection.relevance import MATTERS
-from imubayes.selection.scene_effects import SceneEffects, budget_effects
+from imubayes.scenes.effects import SceneEffects, budget_effects
+from imubayes.scenes.relevance import MATTERS
 
 SEEN = 0.9
 """Posterior over prior sd below which all candidates together tell a term."""

@@ -19,7 +19,7 @@ from imubayes.population.scenes import exposures, missions
 from imubayes.population.tally import over_units, tally
 from imubayes.population.terms import population
 from imubayes.rig.recordings import RunSpec
-from imubayes.selection.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS
 from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.sensor_class import SensorClass

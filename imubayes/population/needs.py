@@ -15,7 +15,7 @@ from imubayes.inference.intervals import Share, frequency
 from imubayes.population.records import Record
 from imubayes.population.scenes import MissionFound, MissionTerm
 from imubayes.population.terms import PopulationTerm
-from imubayes.selection.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS
 from imubayes.sensors.sensor_class import SensorClass
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"

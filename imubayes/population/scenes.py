@@ -15,7 +15,7 @@ from imubayes.errors import UnobservableError
 from imubayes.inference.intervals import Share
 from imubayes.population.records import Record
 from imubayes.population.tally import over_units
-from imubayes.selection.relevance import SURE, Exposure, Knowledge, Relevance, exposure, weigh
+from imubayes.scenes.relevance import SURE, Exposure, Knowledge, Relevance, exposure, weigh
 from imubayes.sensors.equations.basic import TERMS, project
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library

@@ -29,7 +29,7 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.lots_words import amid, capitalised, class_name, of_budget, scene_name, slug
 from imubayes.reporting.rounding import percent, percents
-from imubayes.selection.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.units import counted
 

@@ -22,7 +22,7 @@ from imubayes.population.needs import (
 from imubayes.reporting.lots_headline import Said, counts_by_class, headline
 from imubayes.reporting.lots_words import amid, capitalised, class_name, covered, of_budget, scene_name, slug
 from imubayes.reporting.rounding import NARROW, percent
-from imubayes.selection.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from imubayes.reporting.rounding import NARROW, duration, percents, pretty, share
 from imubayes.reporting.scene_words import budget_unit
-from imubayes.selection.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import Mission

@@ -23,10 +23,10 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.rounding import pretty, share
 from imubayes.reporting.scene_words import printed_unit
-from imubayes.selection.relevance import MATTERS, QUADRANTS, THERE
+from imubayes.scenes.relevance import MATTERS, QUADRANTS, THERE
 
 if TYPE_CHECKING:
-    from imubayes.selection.relevance import Relevance, TermRelevance
+    from imubayes.scenes.relevance import Relevance, TermRelevance
 
 
 HEIGHT = 330

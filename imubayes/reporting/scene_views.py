@@ -25,7 +25,7 @@ from imubayes.reporting.scene_figures import SIGNS, path, quadrants
 from imubayes.reporting.scene_words import amount, limit, printed_unit, scene_sentences
 
 if TYPE_CHECKING:
-    from imubayes.selection.relevance import Relevance, TermRelevance
+    from imubayes.scenes.relevance import Relevance, TermRelevance
 
 CAPTION = (
     "Right of the pale line a term takes a tenth of the budget or more, right of the dashed one all of it;"

@@ -16,12 +16,12 @@ from imubayes.reporting.rounding import (
     per_unit,
     share,
 )
-from imubayes.selection.relevance import QUADRANTS
+from imubayes.scenes.relevance import QUADRANTS
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.selection.relevance import Relevance, TermRelevance
+    from imubayes.scenes.relevance import Relevance, TermRelevance
     from imubayes.sensors.terms import Kind
 
 MOST_NAMES = 6

@@ -54,7 +54,7 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
-    from imubayes.selection.relevance import Relevance
+    from imubayes.scenes.relevance import Relevance
 
 MOST_PARTNERS = 4
 """Confounded terms that a row names."""

@@ -12,9 +12,9 @@ from imubayes.campaign.study import SensorResult, SensorSpec, Study, StudyResult
 from imubayes.inference.levels import Likelihoods, likelihoods
 from imubayes.inference.populations import FEWEST, spreads
 from imubayes.inference.sessions import Parameter, level_among
+from imubayes.scenes.relevance import Relevance
 from imubayes.selection.class_needs import ClassInCommon, TermInClass, class_need, unit_answer
 from imubayes.selection.pooled import pooled_inclusion
-from imubayes.selection.relevance import Relevance
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.terms import Kind
 from imubayes.study.sessions import between_sessions

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.campaign.study import Mission, SensorResult, SensorSpec
-from imubayes.selection.relevance import (
+from imubayes.scenes.relevance import (
     MATTERS,
     QUADRANTS,
     Exposure,

@@ -20,7 +20,7 @@ from imubayes.reporting.trade_words import trade_answer
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.selection.relevance import exposure
+from imubayes.scenes.relevance import exposure
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ from imubayes.ladder.trade.plan import Subject, Trade
 from imubayes.ladder.trade.told import Told
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import simulate_runs
-from imubayes.rig.scenes import recorded
-from imubayes.selection.kernels import Budget
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.record import recorded
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 

@@ -9,8 +9,8 @@ import numpy as np
 from imubayes.campaign.study import Mission
 from imubayes.population.lots import LotStudy
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.scenes import recorded
-from imubayes.selection.kernels import Budget
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.record import recorded
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 

@@ -7,8 +7,8 @@ from lot_studies import shaken, small
 from imubayes.campaign.study import Mission
 from imubayes.population.records import Record
 from imubayes.population.scenes import basic_left, exposures, missions
-from imubayes.selection.kernels import Budget
-from imubayes.selection.relevance import exposure
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.relevance import exposure
 from imubayes.sensors.terms import columns
 
 STUDY = small()

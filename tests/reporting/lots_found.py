@@ -13,9 +13,9 @@ from imubayes.population.needs import ClassFound
 from imubayes.population.records import Record
 from imubayes.population.scenes import MissionFound, MissionTerm
 from imubayes.population.terms import PopulationTerm
-from imubayes.rig.scene_ranges import scene_named
-from imubayes.rig.trajectories import generated
-from imubayes.selection.kernels import Budget
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.ranges import scene_named
+from imubayes.scenes.trajectories import generated
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Library, library

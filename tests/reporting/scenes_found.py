@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from imubayes.selection.kernels import Budget
-from imubayes.selection.relevance import QUADRANTS, Relevance, TermRelevance
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.relevance import QUADRANTS, Relevance, TermRelevance
 
 TERMS = (
     # name, inclusion, share (5 %, 50 %, 95 %), at the limit, kept

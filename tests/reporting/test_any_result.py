@@ -51,7 +51,7 @@ from imubayes.reporting import (
 )
 from imubayes.reporting.canvas import Panel
 from imubayes.reporting.session_views import session_section
-from imubayes.selection.relevance import QUADRANTS
+from imubayes.scenes.relevance import QUADRANTS
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures

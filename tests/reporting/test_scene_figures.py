@@ -13,8 +13,8 @@ from scenes_found import TERMS, a_relevance
 from imubayes.reporting import scene_figures
 from imubayes.reporting.scene_figures import LINE, MARKERS, SIGNS, placed, shown_share
 from imubayes.reporting.scene_views import scene_section
-from imubayes.selection.kernels import Budget
-from imubayes.selection.relevance import QUADRANTS
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.relevance import QUADRANTS
 
 
 @pytest.fixture

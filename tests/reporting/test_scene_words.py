@@ -11,7 +11,7 @@ from scenes_found import a_relevance
 
 from imubayes.reporting.rounding import duration, share
 from imubayes.reporting.scene_words import scene_sentences
-from imubayes.selection.kernels import Budget
+from imubayes.scenes.propagation import Budget
 
 
 @pytest.fixture

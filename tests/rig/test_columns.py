@@ -15,7 +15,7 @@ from imubayes.rig.formats import Table
 from imubayes.rig.imu_runs import read_imu_run
 from imubayes.rig.recordings import INPUTS, RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.rig.scenes import read_scene
+from imubayes.scenes.record import read_scene
 from imubayes.sensors.terms import library
 
 DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))

@@ -10,7 +10,7 @@ from imubayes.population.lots import Against, measure
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_page import lots_page
 from imubayes.reporting.lots_results import lots_json
-from imubayes.rig.scene_ranges import catalogue_scenes
+from imubayes.scenes.ranges import catalogue_scenes
 from imubayes.study.schema import read, read_study
 
 STUDIES = Path(__file__).parents[2] / "studies"

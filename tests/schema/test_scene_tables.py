@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import StudyError
-from imubayes.rig.trajectories import MANNERS
+from imubayes.scenes.trajectories import MANNERS
 from imubayes.study.schema import read_study
 
 G = 9.80665

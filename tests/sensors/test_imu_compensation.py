@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.rig.scene_ranges import Ranges, catalogue_scenes
+from imubayes.scenes.ranges import Ranges, catalogue_scenes
 from imubayes.sensors.catalogue import classes, draw_unit, sensor
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals
 from imubayes.sensors.imu_compensation import basic_model, compensate, is_basic, split_jumps

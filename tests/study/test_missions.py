@@ -8,8 +8,8 @@ import pytest
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scenes import Scene
-from imubayes.selection.kernels import Budget
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 from imubayes.study.scenes import component_library, required

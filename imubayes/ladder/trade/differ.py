@@ -9,7 +9,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.ladder.trade.told import Told
-from imubayes.selection.relevance import Exposure, Knowledge, weigh
+from imubayes.scenes.relevance import Exposure, Knowledge, weigh
 
 ENOUGH = 400.0
 """Effective sample size from which chains can be what others are held against: they are off by 0.05 sd."""

@@ -23,7 +23,7 @@ from imubayes.ladder.trade.recommend import front, recommended
 from imubayes.ladder.trade.record import Place, Standing, Traded, places
 from imubayes.ladder.trade.score import Score, score
 from imubayes.population.processes import Progress, shared
-from imubayes.selection.relevance import Exposure, exposure
+from imubayes.scenes.relevance import Exposure, exposure
 
 Exposed = Mapping[str, Mapping[str, Exposure]]
 """What each scene makes of a component's terms: by component, by scene."""

@@ -13,7 +13,7 @@ from imubayes.inference.intervals import Share, frequency
 from imubayes.ladder.trade.again import Repeat
 from imubayes.ladder.trade.differ import knowledge_of, knowledge_of_truth, resolved, scene_needs
 from imubayes.ladder.trade.told import Told
-from imubayes.selection.relevance import Exposure
+from imubayes.scenes.relevance import Exposure
 from imubayes.selection.verdicts import TENTH, Costs
 
 INTERVAL = 0.9

@@ -13,10 +13,10 @@ from pydantic.dataclasses import dataclass as shape
 from imubayes.campaign.study import Mission
 from imubayes.errors import StudyError
 from imubayes.rig.recordings import OUTPUT_UNIT
-from imubayes.rig.scene_ranges import scene_named
-from imubayes.rig.scenes import BODY, Scene, read_scene
-from imubayes.rig.trajectories import MANNERS, generated
-from imubayes.selection.kernels import BUDGET_UNITS, Budget, Quantity
+from imubayes.scenes.propagation import BUDGET_UNITS, Budget, Quantity
+from imubayes.scenes.ranges import scene_named
+from imubayes.scenes.record import BODY, Scene, read_scene
+from imubayes.scenes.trajectories import MANNERS, generated
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.measured import STRICT, Holds, Seconds, Table, Text, key, quantities
 from imubayes.study.schema.run_tables import columns_of, located

@@ -9,11 +9,11 @@ from scipy.linalg import expm
 
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scene_ranges import scene_named
-from imubayes.rig.scenes import AXES, Course, Scene, recorded
-from imubayes.rig.trajectories import generated
-from imubayes.selection.kernels import Budget
-from imubayes.selection.scene_effects import TIMES, budget_effects, cell_loads, output_effects, turned_force
+from imubayes.scenes.effects import TIMES, budget_effects, cell_loads, output_effects, turned_force
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.ranges import scene_named
+from imubayes.scenes.record import AXES, Course, Scene, recorded
+from imubayes.scenes.trajectories import generated
 from imubayes.sensors.catalogue import coupled, draw_unit, sensor
 from imubayes.sensors.terms import library
 

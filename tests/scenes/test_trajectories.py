@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError, TermError
-from imubayes.rig.scene_ranges import catalogue_scenes, scene_named
-from imubayes.rig.trajectories import ACROSS, MANNERS, MOST, _turning, _waves, generated
+from imubayes.scenes.ranges import catalogue_scenes, scene_named
+from imubayes.scenes.trajectories import ACROSS, MANNERS, MOST, _turning, _waves, generated
 
 SCENES = catalogue_scenes()
 GRAVITY = 9.80665

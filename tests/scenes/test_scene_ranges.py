@@ -7,8 +7,8 @@ import math
 import pytest
 
 from imubayes.errors import TermError
-from imubayes.rig.scene_ranges import catalogue_scenes, ranges_of, scene_named
-from imubayes.rig.trajectories import MANNERS
+from imubayes.scenes.ranges import catalogue_scenes, ranges_of, scene_named
+from imubayes.scenes.trajectories import MANNERS
 
 
 def test_every_scene_of_the_catalogue_has_a_manner_to_move_and_no_manner_is_left_over() -> None:

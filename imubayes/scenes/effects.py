@@ -10,9 +10,9 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import row_blocks, triangular
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scenes import Scene, in_case
 from imubayes.rig.shaking import mean_columns
-from imubayes.selection.kernels import CELLS, STATES, Budget, functionals, propagation, running_functionals
+from imubayes.scenes.propagation import CELLS, STATES, Budget, functionals, propagation, running_functionals
+from imubayes.scenes.record import Scene, in_case
 from imubayes.sensors.terms import Factor, Kind, Library, columns, tied
 from imubayes.units import STANDARD_GRAVITY
 
@@ -76,7 +76,7 @@ def output_effects(scene: Scene, lib: Library, axis: str = "x") -> SceneEffects:
 
     Examples
     --------
-    >>> from imubayes.rig.scenes import recorded
+    >>> from imubayes.scenes.record import recorded
     >>> from imubayes.sensors.terms import library
     >>> up = np.tile([0.0, 0.0, 2.0], (5, 1))
     >>> desk = recorded("desk", np.arange(5.0), up, np.zeros((5, 3)))

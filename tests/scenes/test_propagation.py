@@ -13,7 +13,7 @@ from imubayes.errors import InputError, StudyError
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
-from imubayes.selection.kernels import (
+from imubayes.scenes.propagation import (
     CELLS,
     STATES,
     Budget,

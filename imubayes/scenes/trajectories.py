@@ -28,8 +28,8 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scene_ranges import Ranges
-from imubayes.rig.scenes import BODY, Course, Scene
+from imubayes.scenes.ranges import Ranges
+from imubayes.scenes.record import BODY, Course, Scene
 from imubayes.units import STANDARD_GRAVITY
 
 FEWEST, MOST = 2_000, 30_000
@@ -111,7 +111,7 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
 
     Examples
     --------
-    >>> from imubayes.rig.scene_ranges import scene_named
+    >>> from imubayes.scenes.ranges import scene_named
     >>> sea = generated(scene_named("marine"), np.random.default_rng(1), duration=3600.0)
     >>> bool(np.abs(sea.mean_motion.channels["w_i"]).max() < np.radians(20.0))
     True

@@ -9,7 +9,7 @@ from scipy.io import loadmat
 from imubayes.errors import DataError, InputError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scenes import AXES, Scene, in_case, read_scene, recorded
+from imubayes.scenes.record import AXES, Scene, in_case, read_scene, recorded
 from imubayes.units import STANDARD_GRAVITY
 
 FUSION = {

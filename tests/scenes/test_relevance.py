@@ -10,18 +10,18 @@ import pytest
 
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.scene_ranges import scene_named
-from imubayes.rig.scenes import Scene, recorded
-from imubayes.rig.trajectories import generated
-from imubayes.selection.kernels import Budget, noise_growth
-from imubayes.selection.relevance import (
+from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
+from imubayes.scenes.propagation import Budget, noise_growth
+from imubayes.scenes.ranges import scene_named
+from imubayes.scenes.record import Scene, recorded
+from imubayes.scenes.relevance import (
     QUADRANTS,
     Knowledge,
     known,
     relevance,
     smallest_model,
 )
-from imubayes.selection.scene_effects import SceneEffects, budget_effects, output_effects
+from imubayes.scenes.trajectories import generated
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 

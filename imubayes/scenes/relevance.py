@@ -17,16 +17,16 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
-from imubayes.rig.scenes import Scene, in_case
-from imubayes.selection.decision import Selection
-from imubayes.selection.kernels import Budget, noise_growth
-from imubayes.selection.scene_effects import (
+from imubayes.scenes.effects import (
     SceneEffects,
     budget_effects,
     cell_loads,
     output_effects,
     turned_force,
 )
+from imubayes.scenes.propagation import Budget, noise_growth
+from imubayes.scenes.record import Scene, in_case
+from imubayes.selection.decision import Selection
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
