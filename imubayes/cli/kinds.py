@@ -96,9 +96,8 @@ def trade(
     ------
     InputError : if the study cannot be read, or has nothing of what was asked.
     """
-    from imubayes.ladder.trade.measure import measure
-    from imubayes.ladder.trade.plan import NAMES, rungs_of
-    from imubayes.ladder.trade.subjects import with_options
+    from imubayes.ladder.trade.subjects import NAMES, rungs_of, with_options
+    from imubayes.ladder.trade.table import measure
     from imubayes.reporting.trade_page import terminal_trade, write_trade
     from imubayes.study.schema import read
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.campaign.fidelity import RungName
-from imubayes.ladder.trade.plan import DEFAULT
-from imubayes.ladder.trade.recommend import SURE, allowed
 from imubayes.ladder.trade.score import INTERVAL
+from imubayes.ladder.trade.subjects import DEFAULT
+from imubayes.ladder.trade.table import SURE, allowed
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -27,10 +28,11 @@ from imubayes.reporting.canvas import (
     plain_logs,
 )
 from imubayes.reporting.rounding import duration
-from imubayes.reporting.trade_words import error_text
 
 if TYPE_CHECKING:
-    from imubayes.ladder.trade.record import Place, Traded
+    from imubayes.inference.intervals import Share
+    from imubayes.ladder.trade.score import Score
+    from imubayes.ladder.trade.table import Place, Traded
 
 HEIGHT = 270
 """px."""
@@ -50,12 +52,25 @@ LEAST = 0.01
 
 def trade_panels(found: Traded) -> tuple[Panel, ...]:
     """Coefficients and inclusions on the study's own data, coverage and wrong verdicts on repeats."""
-    return (pareto_panel(found), inclusion_panel(found), *repeat_panels(found))
+    places = [one for one in found.places if found.score(one.rung)]
+    scores = [one for one in found.scores if found.place(one.rung)]
+    repeats = (_coverage(found, places, scores), _cost(found, places, scores)) if places else ()
+    return (_pareto(found), _inclusion(found), *repeats)
 
 
-def pareto_panel(found: Traded) -> Panel:
+def _panel(found: Traded, paint: Callable[[Axes], None], title: str, alt: str, key: str) -> Panel:
+    """Panel over the time that rungs take."""
+
+    def painted(axes: Axes) -> None:
+        axes.set_xlim(*_wide(found.places))
+        paint(axes)
+
+    return draw(painted, title=title, alt=alt, key=key, height=HEIGHT, margins=SPACE)
+
+
+def _pareto(found: Traded) -> Panel:
     """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms."""
-    floor = max(found.floor[0], LEAST)
+    floor, good = max(found.floor[0], LEAST), allowed(found.floor[0])
     height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in found.places}
     height[found.best] = floor
 
@@ -64,13 +79,13 @@ def pareto_panel(found: Traded) -> Panel:
             ends = [min(max(one.rms, LEAST), height[one.rung]), height[one.rung]]
             axes.plot([one.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
         front = [one for one in found.places if one.rung in found.front]
-        _stairs(axes, front, [max(height[one.rung], floor) for one in front])
+        steps = [max(height[one.rung], floor) for one in front]  # to be better takes the next one's time
+        axes.step([one.whole_seconds for one in front], steps, where="post", color=ACCENT, linewidth=1.2)
         _points(axes, found.places, height, hollow=found.best)
-        axes.axhline(allowed(found.floor[0]), color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
-        most = max(max(one.largest for one in found.places), 2.0 * allowed(found.floor[0]))
+        _limit(axes, good)
+        most = max(max(one.largest for one in found.places), 2.0 * good)
         least = min(max(one.rms, LEAST) for one in found.places)
         axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), 12.0 * most))
-        axes.set_xlim(*_wide(found.places))
         axes.axhspan(axes.get_ylim()[0], floor, color=PALE, alpha=0.5, linewidth=0.0)
         plain_logs(axes)
 
@@ -79,111 +94,75 @@ def pareto_panel(found: Traded) -> Panel:
         f" {error_text(one.largest)} at most"
         for one in found.places
     )
-    title = f"Coefficients: {_front_words(found)}"
-    return draw(
-        paint, title=title, alt=f"Error against time: {told}", key="pareto", height=HEIGHT, margins=SPACE
-    )
-
-
-def _front_words(found: Traded) -> str:
     last = found.place(found.front[-1])
-    if last is None or len(found.front) == 1:
-        return "the cheapest rung is as good as any"
-    return f"errors fall until {last.rung}, {duration(last.whole_seconds)}"
+    said = "the cheapest rung is as good as any"
+    if last is not None and len(found.front) > 1:
+        said = f"errors fall until {last.rung}, {duration(last.whole_seconds)}"
+    return _panel(found, paint, f"Coefficients: {said}", f"Error against time: {told}", "pareto")
 
 
-def inclusion_panel(found: Traded) -> Panel:
+def _inclusion(found: Traded) -> Panel:
     """Largest difference of an inclusion against time."""
     height: dict[RungName, float] = {one.rung: max(one.inclusion, LEAST) for one in found.places}
 
     def paint(axes: Axes) -> None:
         _points(axes, found.places, height, hollow=found.best)
-        axes.axhline(SURE, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
+        _limit(axes, SURE)
         axes.set(xlabel="s", ylabel="difference of inclusion", ylim=(0.5 * LEAST, 10.0))
-        axes.set_xlim(*_wide(found.places))
         plain_logs(axes)
 
     wrong = [k for k, one in enumerate(found.places) if one.inclusion > SURE]
     good = found.places[wrong[-1] + 1].rung if wrong and found.places[wrong[-1] + 1 :] else found.best
     title = f"Inclusions are right from {good} on" if wrong else "Inclusions are right by every rung"
     told = "; ".join(f"{one.rung} {error_text(one.inclusion)}" for one in found.places)
-    alt = f"Largest difference of an inclusion against time: {told}"
-    return draw(
-        paint,
-        title=title,
-        alt=alt,
-        key="inclusion",
-        height=HEIGHT,
-        margins=SPACE,
+    return _panel(
+        found, paint, title, f"Largest difference of an inclusion against time: {told}", "inclusion"
     )
 
 
-def repeat_panels(found: Traded) -> tuple[Panel, ...]:
-    """Coverage and wrong verdicts on repeats against time; none where nothing was repeated."""
-    places = [one for one in found.places if found.score(one.rung)]
-    return (_coverage_panel(found, places), _cost_panel(found, places)) if places else ()
+def _coverage(found: Traded, places: Sequence[Place], scores: Sequence[Score]) -> Panel:
+    """Share of the truths of repeats that 90 % intervals hold, with its own interval."""
+    shares: dict[RungName, Share] = {one.rung: one.coverage.share for one in scores}
 
-
-def _coverage_panel(found: Traded, places: Sequence[Place]) -> Panel:
-    scores = [one for one in found.scores if found.place(one.rung)]
     height: dict[RungName, float] = {one.rung: one.coverage.share.value for one in scores}
 
     def paint(axes: Axes) -> None:
-        for place, one in zip(places, scores, strict=True):
-            share = one.coverage.share
+        for place in places:
+            share = shares[place.rung]
             axes.plot([place.whole_seconds] * 2, [share.low, share.high], color=GREY, linewidth=1.5)
-        axes.axhline(INTERVAL, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
+        _limit(axes, INTERVAL)
         _points(axes, places, height, linear=1.6)
         axes.set(xlabel="s", ylabel="share of the truths held", ylim=(0.0, 1.6), yticks=(0.0, 0.5, 0.9, 1.0))
-        axes.set_xlim(*_wide(found.places))
         log_scale(axes, "x")
 
-    short = [one.rung for one in scores if one.coverage.share.high < INTERVAL]
-    title = (
-        f"90 % intervals are too short: {', '.join(short)}"
-        if short
-        else "90 % intervals hold what they should"
-    )
-    told = "; ".join(f"{one.rung} {one.coverage.share.value:.0%}" for one in scores)
-    return draw(
-        paint,
-        title=title,
-        alt=f"Coverage of 90 % intervals: {told}",
-        key="coverage",
-        height=HEIGHT,
-        margins=SPACE,
-    )
+    short = [rung for rung, share in shares.items() if share.high < INTERVAL]
+    title = "90 % intervals hold what they should"
+    if short:
+        title = f"90 % intervals are too short: {', '.join(short)}"
+    told = "; ".join(f"{rung} {share.value:.0%}" for rung, share in shares.items())
+    return _panel(found, paint, title, f"Coverage of 90 % intervals: {told}", "coverage")
 
 
-def _cost_panel(found: Traded, places: Sequence[Place]) -> Panel:
-    scores = [one for one in found.scores if found.place(one.rung)]
+def _cost(found: Traded, places: Sequence[Place], scores: Sequence[Score]) -> Panel:
+    """Wrong verdicts a sensor on repeats, weighed by their costs."""
     height: dict[RungName, float] = {one.rung: one.cost for one in scores}
 
     def paint(axes: Axes) -> None:
         high = 1.4 * max(*height.values(), 0.5)
         _points(axes, places, height, linear=high)
         axes.set(xlabel="s", ylabel="wrong verdicts a sensor", ylim=(-0.06 * high, high))
-        axes.set_xlim(*_wide(found.places))
         few_ticks(axes)
         log_scale(axes, "x")
 
-    least = min(scores, key=lambda one: one.cost)
-    told = "; ".join(f"{one.rung} {one.cost:.2f}" for one in scores)
-    most = max(height.values())
-    return draw(
-        paint,
-        title=f"Wrong verdicts a sensor: {least.cost:.2f} by {least.rung}, {most:.2f} at most",
-        alt=f"Wrong verdicts a sensor against time: {told}",
-        key="cost",
-        height=HEIGHT,
-        margins=SPACE,
-    )
+    least, most = min(scores, key=lambda one: one.cost), max(height.values())
+    title = f"Wrong verdicts a sensor: {least.cost:.2f} by {least.rung}, {most:.2f} at most"
+    told = "; ".join(f"{rung} {cost:.2f}" for rung, cost in height.items())
+    return _panel(found, paint, title, f"Wrong verdicts a sensor against time: {told}", "cost")
 
 
-def _stairs(axes: Axes, places: Sequence[Place], heights: Sequence[float]) -> None:
-    """The front: to be better takes the next one's time."""
-    x = [one.whole_seconds for one in places]
-    axes.step(x, heights, where="post", color=ACCENT, linewidth=1.2)
+def _limit(axes: Axes, value: float) -> None:
+    """What is good enough."""
+    axes.axhline(value, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
 
 
 def _points(
@@ -200,7 +179,7 @@ def _points(
     """
     for one in places:
         at = np.array([one.whole_seconds]), np.array([height[one.rung]])
-        dots(axes, *at, color=_colour(one), size=8.0)
+        dots(axes, *at, color=ACCENT if one.rung == DEFAULT else INK, size=8.0)
         if one.rung == hollow:
             dots(axes, *at, color="white", size=5.0)
     for group in _close(places, height, linear):
@@ -211,12 +190,8 @@ def _points(
             textcoords="offset points",
             rotation=SLANT,
             rotation_mode="anchor",
-            color=_colour(group[-1]),
+            color=ACCENT if group[-1].rung == DEFAULT else INK,
         )
-
-
-def _colour(place: Place) -> str:
-    return ACCENT if place.rung == DEFAULT else INK
 
 
 def _close(
@@ -240,3 +215,20 @@ def _wide(places: Sequence[Place]) -> tuple[float, float]:
     """Limits of the time axis, with room for names."""
     low, high = min(one.whole_seconds for one in places), max(one.whole_seconds for one in places)
     return 0.6 * low, 1.8 * high
+
+
+def error_text(value: float) -> str:
+    """Write an error in posterior sd: two digits, and no more than hundredths.
+
+    Examples
+    --------
+    >>> error_text(1384.0), error_text(11.18), error_text(0.162), error_text(0.0004), error_text(0.0)
+    ('1,400', '11', '0.16', '<0.01', '0')
+    """
+    if math.isnan(value):
+        return ""
+    if value == 0.0:
+        return "0"
+    if value < 1.0:
+        return "<0.01" if value < 0.005 else f"{value:.2f}"
+    return f"{value:.1f}" if value < 9.95 else f"{float(f'{value:.2g}'):,.0f}"

@@ -11,23 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import imubayes
 from imubayes.campaign.fidelity import rung_of
-from imubayes.ladder.trade.plan import DEFAULT, NAMES
-from imubayes.ladder.trade.recommend import allowed
+from imubayes.ladder.trade.subjects import DEFAULT, NAMES
+from imubayes.ladder.trade.table import allowed, faults
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
 from imubayes.reporting.html import write_page
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.rounding import duration
+from imubayes.reporting.rounding import duration, times
 from imubayes.reporting.terminal import terminal
-from imubayes.reporting.trade_figures import trade_panels
-from imubayes.reporting.trade_words import bytes_text, error_text, rate_text, seconds_of, trade_answer
+from imubayes.reporting.trade_figures import error_text, trade_panels
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.ladder.trade.alone import Measured
-    from imubayes.ladder.trade.differ import Difference
-    from imubayes.ladder.trade.record import Place, Standing, Traded
-    from imubayes.ladder.trade.score import Score
+    from imubayes.ladder.trade.measurement import Measured
+    from imubayes.ladder.trade.score import Rate, Score
+    from imubayes.ladder.trade.table import Place, Standing, Traded
 
 HEADS = ("rung", "time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw",
          "inclusion off", "other verdicts")  # fmt: skip
@@ -62,13 +60,10 @@ def trade_page(found: Traded) -> Page:
     """Page of a trade."""
     first, *rest = trade_answer(found)
     on = ", and on sensors simulated from what was found" if found.scores else ""
-    what = _counted(len(found.standings))
-    components = Table(
-        "Component by component",
-        (*COMPONENT_HEADS, *(["other needs of scenes"] if found.trade.missions else [])),
-        list(_component_rows(found)),
-        "ttnnntnw",
-    )
+    what = "component" if len(found.standings) == 1 else f"{len(found.standings)} components"
+    components = [_component_row(found, one, m) for one in found.standings for m in one.measured]
+    heads = (*COMPONENT_HEADS, *(["other needs of scenes"] if found.trade.missions else []))
+    by_component = Table("Component by component", heads, components, "ttnnntnw")
     return Page(
         f"{found.trade.title}: speed for accuracy",
         f"Every method of the ladder on this study’s own {what}{on}.",
@@ -77,7 +72,7 @@ def trade_page(found: Traded) -> Page:
             Section("Time and error", [_figure(found)], "figure"),
             Section("The rungs", [*_rungs(found)], "rungs"),
             *([Section("Simulated repeats", [_scores(found)], "repeats")] if found.scores else []),
-            Section("Component by component", [components], "components"),
+            Section("Component by component", [by_component], "components"),
             Section("How to read this", [_meaning(found)], "meaning"),
             _repeat(found),
         ],
@@ -118,11 +113,61 @@ def _rungs(found: Traded) -> Iterator[Block]:
     yield Prose(told, "list")
 
 
+def _row(place: Place, scenes: bool) -> tuple[str, ...]:
+    cells = (
+        f"{place.rung} (default)" if place.rung == DEFAULT else place.rung,
+        seconds_of(place),
+        f"{place.processor_seconds:.2g} s",
+        bytes_text(place.memory),
+        *map(error_text, (place.rms, place.largest, place.monte_carlo, place.foreseen, place.inclusion)),
+        str(place.verdicts),
+    )
+    return (*cells, error_text(place.scene_share), str(place.scene_terms)) if scenes else cells
+
+
 def _scores(found: Traded) -> Table:
+    """What the rungs got right on simulated sensors, and where these come from."""
+    if any(one.lot is not None for one in found.trade.subjects):
+        drawn = "The simulated sensors are further units of the lots, each on a bench with errors of its own."
+    else:
+        drawn = (
+            "The simulated sensors have coefficients and noise that are drawn from the posterior of"
+            f" {found.standings[0].best}, each by itself, and go through the same tests."
+        )
     scenes = bool(found.trade.missions)
-    rows = [_score_row(one, scenes) for one in found.scores]
     head = (*SCORE_HEADS, *(["terms off a scene"] if scenes else []))
-    return Table("Simulated repeats", head, rows, note=f"{_drawn(found)} {COUNTED}")
+    rows = [_score_row(one, scenes) for one in found.scores]
+    return Table("Simulated repeats", head, rows, note=f"{drawn} {COUNTED}")
+
+
+def _score_row(one: Score, scenes: bool) -> tuple[str, ...]:
+    wrong = (one.false_needed, one.false_not_needed, one.missed_large)
+    cells = (
+        one.rung,
+        str(one.repeats),
+        rate_text(one.coverage),
+        error_text(one.error),
+        *(f"{rate.events} of {rate.of}" for rate in wrong),
+        f"{one.cost:.2f}",
+    )
+    return (*cells, f"{one.scene_terms:.1f}") if scenes else cells
+
+
+def _component_row(found: Traded, standing: Standing, one: Measured) -> tuple[str, ...]:
+    apart = one.difference
+    if one.rung == standing.best:
+        off = ("", "", "", "", "held against")
+    else:
+        verdicts = "; ".join(f"{name}: {said}, not {right}" for name, said, right in apart.verdicts)
+        off = (
+            *map(error_text, (apart.rms, apart.largest)),
+            apart.worst,
+            error_text(apart.inclusion),
+            verdicts,
+        )
+    needs = "; ".join(f"{scene.scene}: {', '.join(scene.terms)}" for scene in apart.scenes if scene.terms)
+    cells = (standing.subject, one.rung, f"{one.seconds:.2g} s", *off)
+    return (*cells, needs) if found.trade.missions else cells
 
 
 def _meaning(found: Traded) -> Prose:
@@ -151,85 +196,12 @@ def _repeat(found: Traded) -> Section:
 
 
 def command(found: Traded) -> str:
-    """The command that made it.
-
-    Only what is not the usual is said.
-    """
+    """The command that made it; only what is not the usual is said."""
     trade = found.trade
     parts = ["imubayes trade", shlex.quote(str(trade.path)), f"--repeats {trade.repeats}"]
     parts += [f"--only {shlex.quote(','.join(trade.only))}"] if trade.only else []
     parts += [f"--rungs {','.join(trade.rungs)}"] if trade.rungs != NAMES else []
     return " ".join([*parts, f'--limit "{trade.limit:g} s"'])
-
-
-def _counted(components: int) -> str:
-    return "component" if components == 1 else f"{components} components"
-
-
-def _row(place: Place, scenes: bool) -> tuple[str, ...]:
-    name = f"{place.rung} (default)" if place.rung == DEFAULT else place.rung
-    cells = (
-        name,
-        seconds_of(place),
-        f"{place.processor_seconds:.2g} s",
-        bytes_text(place.memory),
-        error_text(place.rms),
-        error_text(place.largest),
-        error_text(place.monte_carlo),
-        error_text(place.foreseen),
-        error_text(place.inclusion),
-        str(place.verdicts),
-    )
-    needs = (error_text(place.scene_share), str(place.scene_terms)) if scenes else ()
-    return (*cells, *needs)
-
-
-def _score_row(one: Score, scenes: bool) -> tuple[str, ...]:
-    cells = (
-        one.rung,
-        str(one.repeats),
-        rate_text(one.coverage),
-        error_text(one.error),
-        f"{one.false_needed.events} of {one.false_needed.of}",
-        f"{one.false_not_needed.events} of {one.false_not_needed.of}",
-        f"{one.missed_large.events} of {one.missed_large.of}",
-        f"{one.cost:.2f}",
-    )
-    return (*cells, f"{one.scene_terms:.1f}") if scenes else cells
-
-
-def _drawn(found: Traded) -> str:
-    """Say where the simulated sensors come from."""
-    if any(one.lot is not None for one in found.trade.subjects):
-        return "The simulated sensors are further units of the lots, each on a bench with errors of its own."
-    best = found.standings[0].best
-    return (
-        f"The simulated sensors have coefficients and noise that are drawn from the posterior of {best}, each"
-        " by itself, and go through the same tests."
-    )
-
-
-def _component_rows(found: Traded) -> Iterator[tuple[str, ...]]:
-    for standing in found.standings:
-        for one, apart in zip(standing.measured, standing.differences, strict=True):
-            yield _component_row(standing, one, apart, scenes=bool(found.trade.missions))
-
-
-def _component_row(standing: Standing, one: Measured, apart: Difference, *, scenes: bool) -> tuple[str, ...]:
-    verdicts = "; ".join(f"{name}: {said}, not {right}" for name, said, right in apart.verdicts)
-    needs = "; ".join(f"{scene.scene}: {', '.join(scene.terms)}" for scene in apart.scenes if scene.terms)
-    best = one.told.rung == standing.best
-    cells = (
-        standing.subject,
-        one.told.rung,
-        f"{one.seconds:.2g} s",
-        "" if best else error_text(apart.rms),
-        "" if best else error_text(apart.largest),
-        "" if best else apart.worst,
-        "" if best else error_text(apart.inclusion),
-        "held against" if best else verdicts,
-    )
-    return (*cells, needs) if scenes else cells
 
 
 def trade_json(found: Traded) -> str:
@@ -246,7 +218,7 @@ def trade_json(found: Traded) -> str:
         "default": DEFAULT,
         "best": found.best,
         "front": found.front,
-        "monte_carlo_floor": {"largest": found.floor[0], "rms": found.floor[1]},
+        "monte_carlo_floor": dict(zip(("largest", "rms"), found.floor, strict=True)),
         "good_enough": allowed(found.floor[0]),
         "rungs": [asdict(place) for place in found.places],
         "scores": [asdict(one) for one in found.scores],
@@ -266,38 +238,30 @@ def _standing_values(standing: Standing) -> dict[str, Any]:
     return {
         "id": standing.subject,
         "best": standing.best,
-        "monte_carlo_floor": {"largest": standing.floor[0], "rms": standing.floor[1]},
+        "monte_carlo_floor": dict(zip(("largest", "rms"), standing.floor, strict=True)),
         "skipped": dict(standing.skipped),
-        "rungs": [
-            _measured_values(one, apart)
-            for one, apart in zip(standing.measured, standing.differences, strict=True)
-        ],
+        "rungs": [_measured_values(one) for one in standing.measured],
     }
 
 
-def _measured_values(one: Measured, apart: Difference) -> dict[str, Any]:
-    told = one.told
-    terms = zip(
-        told.names, told.mean, told.full_mean, told.full_sd, told.inclusion, told.verdicts, strict=True
-    )
+def _measured_values(one: Measured) -> dict[str, Any]:
     keys = ("name", "mean", "full_mean", "full_sd", "inclusion", "verdict")
+    numbers = (values.tolist() for values in (one.mean, one.full_mean, one.full_sd, one.inclusion))
     return {
-        "rung": told.rung,
+        "rung": one.rung,
         "seconds": one.seconds,
         "seconds_to_what_was_asked": one.whole_seconds,
         "processor_seconds": one.processor_seconds,
         "memory": one.memory,
-        "ess": told.ess,
+        "ess": one.ess,
         "foreseen_change_sd": one.foreseen[0],
         "foreseen_change_inclusion": one.foreseen[1],
-        "difference": asdict(apart),
-        "model": told.model,
-        "terms": [dict(zip(keys, _plain(term), strict=True)) for term in terms],
+        "difference": asdict(one.difference),
+        "model": one.model,
+        "terms": [
+            dict(zip(keys, term, strict=True)) for term in zip(one.names, *numbers, one.verdicts, strict=True)
+        ],
     }
-
-
-def _plain(term: tuple[Any, ...]) -> Iterator[Any]:
-    return (value if isinstance(value, str) else float(value) for value in term)
 
 
 def terminal_trade(found: Traded) -> Group:
@@ -310,9 +274,7 @@ def terminal_trade(found: Traded) -> Group:
             place.rung,
             seconds_of(place).replace("about ", "~"),
             bytes_text(place.memory),
-            error_text(place.rms),
-            error_text(place.largest),
-            error_text(place.inclusion),
+            *map(error_text, (place.rms, place.largest, place.inclusion)),
             str(place.verdicts),
             f"{score.coverage.share.value:.0%}" if score and score.coverage.of else "",
             f"{score.cost:.2f}" if score else "",
@@ -320,3 +282,164 @@ def terminal_trade(found: Traded) -> Group:
         rows.append(cells)
     first, *rest = trade_answer(found)
     return terminal([Table("", heads, rows), Prose(first, "answer"), Prose(rest)])
+
+
+def trade_answer(found: Traded) -> tuple[str, ...]:
+    """The recommendation with its reasons, the span of the ladder, and the place of the default."""
+    return (_recommendation(found), *_cheaper(found), _span(found), *_default(found), *_best(found))
+
+
+def _recommendation(found: Traded) -> str:
+    place, score = found.place(found.recommended), found.score(found.recommended)
+    name = f"Take {found.recommended} ({rung_of(found.recommended).title})"
+    if place is None:
+        return f"{name}."
+    if reasons := [*faults(place, score, found.floor[0])]:
+        return f"{name}: no rung is good enough, and it is the best; {' and '.join(reasons)}."
+    return f"{name}: the cheapest that is good enough, {seconds_of(place)}; {_good(found, place, score)}."
+
+
+def _good(found: Traded, place: Place, score: Score | None) -> str:
+    """What a rung is good for."""
+    if place.rung == found.best:
+        floor = f", with a Monte Carlo error of up to {found.floor[0]:.2g} posterior sd"
+        off = f"the others are held against it{floor if found.floor[0] > 0.0 else ''}"
+    else:
+        off = (
+            f"no coefficient is off by more than {place.largest:.2g} posterior sd"
+            f" ({allowed(found.floor[0]):.2g} is allowed), no inclusion by more than {place.inclusion:.2g}"
+        )
+    held = f", and its 90 % intervals hold {rate_text(score.coverage)} of the truths" if score else ""
+    return off + held
+
+
+def _cheaper(found: Traded) -> Iterator[str]:
+    """Why not a cheaper rung."""
+    said = []
+    for place in found.places:
+        if place.rung == found.recommended:
+            break
+        if wrong := _worst(found, place):
+            said.append(f"{place.rung} ({seconds_of(place)}): {wrong}")
+    if said:
+        yield f"Not cheaper: {'; '.join(said)}."
+
+
+def _worst(found: Traded, place: Place) -> str:
+    """First fault of a rung; empty if it is good enough."""
+    return next(faults(place, found.score(place.rung), found.floor[0]), "")
+
+
+def _span(found: Traded) -> str:
+    """How much time, and how much error, lie between the ends."""
+    first, last = found.places[0], found.places[-1]
+    decades, spent = (math.log10(s / first.seconds) for s in (last.whole_seconds, last.seconds))
+    measured = f" ({spent:.1f} measured)" if spent < decades else ""
+    return (
+        f"From {first.rung} ({seconds_of(first)}) to {last.rung} ({seconds_of(last)}) time grows by"
+        f" {decades:.1f} decades{measured}; coefficients of the cheapest are off by"
+        f" {first.largest:.2g} posterior sd at most, {first.rms:.2g} rms."
+    )
+
+
+def _default(found: Traded) -> Iterator[str]:
+    """The place of what a run takes where nothing is asked."""
+    place = found.place(DEFAULT)
+    if place is None:
+        return
+    if found.recommended == DEFAULT:
+        yield f"That is what a run takes without being asked{_above(found, place)}."
+        return
+    how = _worst(found, place) or "it is good enough too"
+    recommended = found.place(found.recommended)
+    ratio = place.whole_seconds / recommended.whole_seconds if recommended else math.nan
+    much = "about" if 0.85 < ratio < 1.15 else f"{times(ratio)} times"
+    yield (
+        f"A run takes {DEFAULT} without being asked: {much} the recommended rung's time; {how}"
+        f"{_above(found, place)}."
+    )
+
+
+def _above(found: Traded, place: Place) -> str:
+    """What lies above a rung."""
+    names = [one.rung for one in found.places]
+    above = found.places[names.index(place.rung) + 1 :]
+    if not above:
+        return ""
+    if place.rms <= found.floor[1]:
+        gain = "nothing that can be told from Monte Carlo error"
+    else:
+        gain = f"{place.rms:.2g} posterior sd rms (Monte Carlo error {found.floor[1]:.2g})"
+    more = times(above[-1].whole_seconds / place.whole_seconds)
+    return f"; {above[-1].rung} would take {more} times as long and change {gain}"
+
+
+def _best(found: Traded) -> Iterator[str]:
+    """What the best rung did not come to."""
+    for standing in found.standings:
+        for one in standing.measured:
+            if one.wanting > 1.0:
+                yield (
+                    f"{standing.subject}: {one.rung} ran for {duration(one.seconds)} and has"
+                    f" {one.ess:,.0f} effective draws ({found.trade.ess:,.0f} are asked for); until its"
+                    f" chains count as converged it would take about {duration(one.whole_seconds)}, by the"
+                    " measured seconds a step."
+                )
+        for rung, reason in standing.skipped:
+            yield f"{standing.subject}: {rung} was left out: {reason}."
+    there = {one.subject for one in found.standings}
+    missing = [one.name for one in found.trade.subjects if one.name not in there]
+    if missing:
+        yield f"No time was left to measure {', '.join(missing)}: give a larger --limit."
+    for name, reason in found.trade.left_out:
+        yield f"{name} was left out: {reason}."
+    for one in found.trade.subjects:
+        if found.trade.repeats and not one.repeatable:
+            yield f"{one.name} has no simulated repeats: a run that is read a part at a time is too long."
+    if found.dear:
+        yield f"Simulated repeats did not afford {', '.join(found.dear)}."
+
+
+def seconds_of(place: Place) -> str:
+    """Wall time of a rung; what is extrapolated says so.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> seconds_of(SimpleNamespace(seconds=60.0, whole_seconds=130.0)), seconds_of(
+    ...     SimpleNamespace(seconds=0.02, whole_seconds=0.02)
+    ... )
+    ('about 2.17 min', '20 ms')
+    """
+    text = duration(place.whole_seconds)
+    return f"about {text}" if place.whole_seconds > 1.01 * place.seconds else text
+
+
+def rate_text(rate: Rate) -> str:
+    """Write a share with its 90 % interval.
+
+    Examples
+    --------
+    >>> from imubayes.inference.intervals import frequency
+    >>> from imubayes.ladder.trade.score import Rate
+    >>> rate_text(Rate(18, 20, frequency(18, 20)))
+    '90 % (75 to 97 %)'
+    """
+    if not rate.of:
+        return "none"
+    share = rate.share
+    return f"{100 * share.value:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f} %)"
+
+
+def bytes_text(size: float) -> str:
+    """Write bytes in MB or GB.
+
+    Examples
+    --------
+    >>> bytes_text(6.7e6), bytes_text(2.4e9), bytes_text(float("nan"))
+    ('6.7 MB', '2.4 GB', '')
+    """
+    if math.isnan(size):
+        return ""
+    unit, scale = ("GB", 1e9) if size >= 1e9 else ("MB", 1e6)
+    return f"{size / scale:.{0 if size / scale >= 100.0 else 1}f} {unit}"

@@ -23,15 +23,15 @@ from imubayes.sensors.terms import library
 TRUTH = {"b0": 0.015, "b1": 3e-4, "m_j": 3.5e-4}
 
 
-def problem(*, seed: int = 1, rule: NoiseRule | None = None, **options) -> Problem:
+def problem(
+    *, seed: int = 1, rule: NoiseRule | None = None, reference: dict | None = None, **options
+) -> Problem:
     """A tumble of a tactical accelerometer: bias, scale, quadratic and cross terms."""
     profile = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 10.0, "rate": 4.0} | options
     run = RunSpec("tumble", "tumble", simulate=profile, noise=rule or NoiseRule())
-    entry, lib = (
-        sensor("mems_tactical", kind="accelerometer"),
-        library("accelerometer", powers=2, asymmetry=-1),
-    )
-    spec = SensorSpec("unit", "accelerometer", entry, lib, (run,), TRUTH)
+    entry = sensor("mems_tactical", kind="accelerometer")
+    lib = library("accelerometer", powers=2, asymmetry=-1)
+    spec = SensorSpec("<ACC>", "accelerometer", entry, lib, (run,), TRUTH, reference=reference or {})
     runs, _ = simulate_runs(spec.runs, entry, lib, truth=TRUTH, rng=np.random.default_rng(seed))
     return problem_of(spec, runs)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from trades import told
 
-from imubayes.ladder.trade.again import Repeat
+from imubayes.ladder.trade.repeats import Repeat
 from imubayes.ladder.trade.score import WIDTH, score
 from imubayes.selection.verdicts import EQUAL, Costs
 
@@ -10,7 +10,7 @@ NONE = {"<ACC>": {}}
 
 
 def _repeats(*pairs):
-    return [Repeat("<ACC>", np.array(truth), (one,)) for truth, one in pairs]
+    return [Repeat("<ACC>", 0, np.array(truth), answers=(one,)) for truth, one in pairs]
 
 
 def test_a_rung_that_draws_from_its_own_posterior_holds_nine_in_ten():
@@ -40,7 +40,7 @@ def test_wrong_verdicts_are_counted_against_the_truth():
 
 def test_errors_are_counted_in_the_sd_of_the_best_rung_that_answered():
     wide = told("means", full_mean=np.array([1.03, 0.0, 0.0]), full_sd=np.array([0.1, 0.1, 1.0]))
-    one = Repeat("<ACC>", np.array([1.0, 0.0, 0.0]), (wide, told()))
+    one = Repeat("<ACC>", 0, np.array([1.0, 0.0, 0.0]), answers=(wide, told()))
     found = score("means", [one], EQUAL, NONE)
     assert found.error == pytest.approx(3.0 / np.sqrt(2.0))
     assert found.coverage.events == 2

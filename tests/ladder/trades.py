@@ -5,35 +5,24 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import ladders
 import numpy as np
 
 from imubayes.campaign.fidelity import RungName
-from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.campaign.study import Mission
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder.problem import Problem, problem_of
-from imubayes.ladder.trade.alone import Measured, here
-from imubayes.ladder.trade.plan import Subject, Trade
-from imubayes.ladder.trade.told import Told
-from imubayes.rig.recordings import RunSpec
-from imubayes.rig.runs import simulate_runs
+from imubayes.ladder.problem import Problem
+from imubayes.ladder.trade.measurement import Measured, here
+from imubayes.ladder.trade.subjects import Subject, Trade
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import recorded
-from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.terms import library
 
-TRUTH = {"b0": 0.015, "b1": 3e-4, "m_j": 3.5e-4}
 SHORT = Limits(ess=100.0, time_limit=1.0, seed=1)
 
 
-def problem(seed: int = 1, **reference: float) -> Problem:
-    """A tumble of a tactical accelerometer: bias, scale, quadratic and cross terms."""
-    profile = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 4.0, "rate": 4.0}
-    runs = (RunSpec("tumble", "tumble", simulate=profile),)
-    entry = sensor("mems_tactical", kind="accelerometer")
-    lib = library("accelerometer", powers=2, asymmetry=-1)
-    spec = SensorSpec("<ACC>", entry.kind, entry, lib, runs, TRUTH, reference=reference)
-    simulated, _ = simulate_runs(runs, entry, lib, truth=TRUTH, rng=np.random.default_rng(seed))
-    return problem_of(spec, simulated)
+def problem(**reference: float) -> Problem:
+    """A short tumble."""
+    return ladders.problem(dwell=4.0, reference=reference)
 
 
 def mission() -> Mission:
@@ -66,7 +55,7 @@ def in_this_process(problem: Problem, rung: RungName, limits: Limits, seed: tupl
     return here(problem, rung, SHORT, seed)
 
 
-def told(rung: RungName = "plug-in", **options) -> Told:
+def told(rung: RungName = "plug-in", seconds: float = 0.1, **options) -> Measured:
     """An answer about three terms: one is there, one is not, one cannot be told."""
     asked = {
         "rung": rung,
@@ -85,12 +74,9 @@ def told(rung: RungName = "plug-in", **options) -> Told:
         "ess": math.inf,
         "wanting": 1.0,
         "chain_seconds": 0.0,
-        "seconds": 0.1,
+        "seconds": seconds,
+        "processor_seconds": 1.5 * seconds,
+        "memory": 2e7,
+        "foreseen": (math.nan, math.nan) if rung == "raw" else (0.3, 0.01),
     }
-    return Told(**{**asked, **options})
-
-
-def measured(one: Told, seconds: float) -> Measured:
-    """An answer that took some time."""
-    ahead = (math.nan, math.nan) if one.rung == "raw" else (0.3, 0.01)
-    return Measured(one, seconds, 1.5 * seconds, 2e7, ahead)
+    return Measured(**{**asked, **options})

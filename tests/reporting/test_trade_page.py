@@ -4,8 +4,7 @@ import pytest
 from trades_found import traded
 
 from imubayes.reporting.html import page_html
-from imubayes.reporting.trade_page import trade_json, trade_page
-from imubayes.reporting.trade_words import trade_answer
+from imubayes.reporting.trade_page import trade_answer, trade_json, trade_page
 
 
 @pytest.fixture(scope="module")

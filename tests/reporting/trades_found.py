@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from trades import measured, told, trade
+from trades import told, trade
 
 from imubayes.campaign.fidelity import RungName
 from imubayes.inference.intervals import frequency
-from imubayes.ladder.trade.machine import Machine
-from imubayes.ladder.trade.measure import standing_of
-from imubayes.ladder.trade.recommend import front, recommended
-from imubayes.ladder.trade.record import Traded, places
+from imubayes.ladder.machine import Machine
 from imubayes.ladder.trade.score import Rate, Score
+from imubayes.ladder.trade.table import Traded, standing_of
+from imubayes.ladder.trade.table import traded as trade_of
 
 RUNGS = ("means", "plug-in", "collapsed", "raw")
 NOTHING = Rate(0, 40, frequency(0, 40))
@@ -23,26 +22,15 @@ def _score(rung: RungName, held: int) -> Score:
 
 def traded(held: int = 180, name: str = "<ACC>") -> Traded:
     """Four rungs on one component: the second is right within half an sd, the last is dear."""
+    wrong = {"mean": np.array([1.1, 0.0, 0.0]), "inclusion": np.array([1.0, 0.5, 0.4])}
     each = [
-        measured(told("means", mean=np.array([1.1, 0.0, 0.0]), inclusion=np.array([1.0, 0.5, 0.4])), 0.02),
-        measured(told("plug-in", mean=np.array([1.005, 0.0, 0.0])), 0.3),
-        measured(told("collapsed", monte_carlo=np.full(3, 0.02), ess=2000.0), 5.0),
-        measured(told("raw", monte_carlo=np.full(3, 0.03), ess=400.0, wanting=2.5, chain_seconds=40.0), 50.0),
+        told("means", 0.02, **wrong),
+        told("plug-in", 0.3, mean=np.array([1.005, 0.0, 0.0])),
+        told("collapsed", 5.0, monte_carlo=np.full(3, 0.02), ess=2000.0),
+        told("raw", 50.0, monte_carlo=np.full(3, 0.03), ess=400.0, wanting=2.5, chain_seconds=40.0),
     ]
     one = trade(title=name, rungs=RUNGS, missions=())
     standing = standing_of(name, each, {}, [("averaged", "it takes about 90 s, and 20 s were left")])
-    found = places([standing], RUNGS)
     scores = (_score("means", 100), _score("plug-in", held), _score("collapsed", held))
-    return Traded(
-        trade=one,
-        standings=(standing,),
-        places=found,
-        best=standing.best,
-        floor=standing.floor,
-        front=front(found, standing.floor[0]),
-        recommended=recommended(found, scores, standing.best, standing.floor[0]),
-        scores=scores,
-        dear=("raw",),
-        machine=Machine("A processor", "System 1", 2, {"linear algebra": 1}, 0.1, {"numpy": "2.0"}),
-        seconds=70.0,
-    )
+    machine = Machine("A processor", "System 1", 2, {"linear algebra": 1}, 0.1, {"numpy": "2.0"})
+    return trade_of(one, [standing], scores, machine, 70.0)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.arrays import BoolArray
 from imubayes.campaign.fidelity import RungName
 from imubayes.inference.intervals import Share, frequency
-from imubayes.ladder.trade.again import Repeat
-from imubayes.ladder.trade.differ import knowledge_of, knowledge_of_truth, resolved, scene_needs
-from imubayes.ladder.trade.told import Told
-from imubayes.scenes.relevance import Exposure
+from imubayes.ladder.trade.measurement import Measured
+from imubayes.ladder.trade.repeats import Repeat
+from imubayes.scenes.relevance import Exposure, Knowledge, Relevance, weigh
 from imubayes.selection.verdicts import TENTH, Costs
 
 INTERVAL = 0.9
@@ -27,6 +26,9 @@ SMALL = 1.0
 
 LARGE = 8.0
 """Posterior sd above which no method should leave a term out."""
+
+Exposed = Mapping[str, Mapping[str, Exposure]]
+"""What each scene makes of a component's terms: by component, by scene."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,32 +70,7 @@ class Score:
     scene_terms: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Asked:
-    """Every term of the repeats of one rung.
-
-    Attributes
-    ----------
-    away : difference from the truth over the best rung's sd, where the test tells; NaN elsewhere.
-    held : whether the interval holds the truth.
-    size : of the truth, in sd of the best.
-    above : whether the truth is above a tenth of the prior sd.
-    kept : whether the model has it.
-    needed, not_needed : verdicts.
-    """
-
-    away: FloatArray
-    held: BoolArray
-    size: FloatArray
-    above: BoolArray
-    kept: BoolArray
-    needed: BoolArray
-    not_needed: BoolArray
-
-
-def score(
-    rung: RungName, repeats: Sequence[Repeat], costs: Costs, exposed: Mapping[str, Mapping[str, Exposure]]
-) -> Score | None:
+def score(rung: RungName, repeats: Sequence[Repeat], costs: Costs, exposed: Exposed) -> Score | None:
     """Score a rung over the repeats that it answered; None where there are none.
 
     Parameters
@@ -103,39 +80,47 @@ def score(
     costs : of wrong choices.
     exposed : what each scene makes of the terms, by component.
     """
-    pairs = [(one, told) for one in repeats for told in one.told if told.rung == rung]
+    pairs = [(one, found) for one in repeats for found in one.answers if found.rung == rung]
     if not pairs:
         return None
-    each = [_asked(one, told) for one, told in pairs]
-    a = _Asked(*(np.concatenate([getattr(x, key) for x in each]) for key in _Asked.__slots__))
-    told = np.isfinite(a.away)
-    false_needed = _rate(a.needed, a.size < SMALL)
-    false_not_needed = _rate(a.not_needed, a.above)
+    off, told, size, held, kept, above, needed, not_needed = map(
+        np.concatenate, zip(*(_terms(one, found) for one, found in pairs), strict=True)
+    )
+    false_needed, false_not_needed = _rate(needed, size < SMALL), _rate(not_needed, above)
     cost = costs.false_keep * false_needed.events + costs.false_drop * false_not_needed.events
+    other = [terms for one, found in pairs for terms in _other_terms(exposed[one.subject], one, found)]
     return Score(
         rung=rung,
         repeats=len(pairs),
-        coverage=_rate(a.held, told),
-        error=float(np.sqrt(np.mean(a.away[told] ** 2))) if told.any() else float("nan"),
+        coverage=_rate(held, told),
+        error=float(np.sqrt(np.mean(off[told] ** 2))) if told.any() else float("nan"),
         false_needed=false_needed,
         false_not_needed=false_not_needed,
-        missed_large=_rate(~a.kept, told & (a.size > LARGE)),
+        missed_large=_rate(~kept, told & (size > LARGE)),
         cost=cost / len(pairs),
-        scene_terms=_scene_terms(pairs, exposed),
+        scene_terms=float(np.mean(other)) if other else float("nan"),
     )
 
 
-def _asked(one: Repeat, told: Told) -> _Asked:
-    best = one.told[-1]
-    off, size = told.full_mean - one.truth, np.abs(one.truth) / best.full_sd
-    return _Asked(
-        away=np.where(resolved(best), off / best.full_sd, np.nan),
-        held=np.abs(off) <= WIDTH * told.full_sd,
-        size=size,
-        above=np.abs(one.truth) > TENTH * told.prior_sd,
-        kept=np.array([name in told.model for name in told.names]),
-        needed=np.array([verdict == "needed" for verdict in told.verdicts]),
-        not_needed=np.array([verdict == "not needed" for verdict in told.verdicts]),
+def _terms(one: Repeat, found: Measured) -> tuple[np.ndarray, ...]:
+    """Every term (p,) of a repeat, as a rung sees it.
+
+    Returns
+    -------
+    difference from the truth over the best rung's sd; whether the test tells it; size of the truth in sd of
+    the best; whether the interval holds the truth; whether the model has it; whether the truth is above a
+    tenth of the prior sd; whether the verdict is "needed"; and "not needed".
+    """
+    best, off, verdicts = one.answers[-1], found.full_mean - one.truth, np.array(found.verdicts)
+    return (
+        off / best.full_sd,
+        best.resolved,
+        np.abs(one.truth) / best.full_sd,
+        np.abs(off) <= WIDTH * found.full_sd,
+        np.isin(found.names, found.model),
+        np.abs(one.truth) > TENTH * found.prior_sd,
+        verdicts == "needed",
+        verdicts == "not needed",
     )
 
 
@@ -144,16 +129,14 @@ def _rate(happened: BoolArray, where: BoolArray) -> Rate:
     return Rate(events, of, frequency(events, of))
 
 
-def _scene_terms(
-    pairs: Sequence[tuple[Repeat, Told]], exposed: Mapping[str, Mapping[str, Exposure]]
-) -> float:
-    other = [
-        len(set(said.model) ^ set(true.model))
-        for one, told in pairs
-        for said, true in zip(
-            scene_needs(exposed[one.subject], knowledge_of(told)),
-            scene_needs(exposed[one.subject], knowledge_of_truth(one.truth)),
-            strict=True,
-        )
-    ]
-    return float(np.mean(other)) if other else float("nan")
+def _other_terms(exposed: Mapping[str, Exposure], one: Repeat, found: Measured) -> list[int]:
+    """By how many terms the model that each scene requires is another than by the truth."""
+    truth = Knowledge(one.truth[None, :], (one.truth != 0.0).astype(float), np.abs(one.truth))
+    said, true = required(exposed, found), {name: weigh(seen, truth) for name, seen in exposed.items()}
+    return [len(set(said[name].model) ^ set(true[name].model)) for name in exposed]
+
+
+def required(exposed: Mapping[str, Exposure], found: Measured) -> dict[str, Relevance]:
+    """What every scene requires of a component, by what a rung knows of it."""
+    knowledge = Knowledge(found.draws, found.inclusion, found.limit95)
+    return {name: weigh(seen, knowledge) for name, seen in exposed.items()}

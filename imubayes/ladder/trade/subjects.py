@@ -1,26 +1,114 @@
-"""Which components a study has for the rungs to answer: its sensors, or a unit of each class of its lots."""
+"""What a trade measures: components of a study, the rungs that are held against each other, and the time."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.fidelity import RungName
+from imubayes.campaign.fidelity import LADDER, RungName, rung_of
 from imubayes.campaign.preparation import runs_of
-from imubayes.campaign.study import SensorSpec, Study
+from imubayes.campaign.study import Mission, SensorSpec, Study
 from imubayes.errors import InputError
-from imubayes.ladder.problem import problem_of
-from imubayes.ladder.trade.plan import ESS, LIMIT, NAMES, REPEATS, Subject, Trade, cores
+from imubayes.ladder.machine import cores
+from imubayes.ladder.problem import Problem, problem_of
 from imubayes.population.lots import LotStudy, lot_of, spec_of
 from imubayes.population.records import simulate_unit
 from imubayes.rig.inputs import ImuRun, TriadRun
 from imubayes.sensors.lots import Lot
 
+NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
+"""From the cheapest to the best."""
+
+DEFAULT: RungName = "collapsed"
+"""What a run takes that is not asked for a budget."""
+
+REPEATS = 20
+"""Simulated repeats of a study, where none are asked for."""
+
+LIMIT = 300.0
+"""s; time of a trade, where none is asked for."""
+
+ESS = 1000.0
+"""Effective sample size that chains are asked for, where the study does not say."""
+
 FREE = "free tumbles and whole IMUs have one method, and no ladder"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """A component that the rungs answer for.
+
+    Attributes
+    ----------
+    name : of the sensor, or of the class that it is a unit of.
+    problem : that it poses.
+    lot : that the unit is of; None for a sensor of a study, whose repeats are drawn from its posterior.
+    """
+
+    name: str
+    problem: Problem
+    lot: Lot | None = None
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether its tests can be simulated again: runs that are read a part at a time are too long."""
+        return all(run.stream is None for run in self.problem.runs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trade:
+    """What is measured.
+
+    Attributes
+    ----------
+    title, seed, path, text : of the study.
+    subjects : that the rungs answer for, in the order in which time is spent on them.
+    missions : scenes that the answers are held against.
+    rungs : from the cheapest to the best.
+    repeats : simulated sensors that every rung that can be afforded answers for, too.
+    limit : s, of all.
+    ess : effective sample size asked of chains.
+    processes : that share the repeats.
+    left_out : components that no rung answers for, each with the reason.
+    only : sensors or classes that were asked for by name; none for all.
+    """
+
+    title: str
+    seed: int
+    path: Path
+    text: str
+    subjects: tuple[Subject, ...]
+    missions: tuple[Mission, ...] = ()
+    rungs: tuple[RungName, ...] = NAMES
+    repeats: int = REPEATS
+    limit: float = LIMIT
+    ess: float = ESS
+    processes: int = 1
+    left_out: tuple[tuple[str, str], ...] = ()
+    only: tuple[str, ...] = ()
+
+
+def rungs_of(asked: Sequence[str]) -> tuple[RungName, ...]:
+    """Rungs by name, in the order of the ladder.
+
+    Raises
+    ------
+    InputError : if one is not known, or there are fewer than two.
+
+    Examples
+    --------
+    >>> rungs_of(["plug-in", "means"])
+    ('means', 'plug-in')
+    """
+    wanted = {rung_of(name.strip()).name for name in asked}
+    if len(wanted) < 2:
+        raise InputError(f"rungs '{', '.join(asked)}': expected two or more of {', '.join(NAMES)}")
+    return tuple(name for name in NAMES if name in wanted)
 
 
 def of_study(study: Study, only: Collection[str] = ()) -> Trade:
@@ -44,18 +132,8 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         subjects.append(Subject(spec.id, problem))
     if not subjects:
         raise InputError(f"{study.path}: {FREE}: a trade needs a single component with known inputs")
-    return Trade(
-        title=study.title,
-        seed=study.seed,
-        path=study.path,
-        text=study.text,
-        subjects=tuple(subjects),
-        missions=study.scenes,
-        ess=study.sampling.ess,
-        processes=cores(),
-        left_out=tuple(left_out),
-        only=tuple(only),
-    )
+    one = _trade(study, subjects, study.scenes, only)
+    return replace(one, ess=study.sampling.ess, left_out=tuple(left_out))
 
 
 def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS) -> Trade:
@@ -72,20 +150,17 @@ def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS)
     larger = replace(study, units=1 + math.ceil(repeats / len(chosen)))
     subjects = []
     for k in chosen:
-        lot = lot_of(larger, k)
-        subjects.append(
-            unit(lot, 0, spec_of(study, lot.sensor_class), np.random.default_rng([study.seed, k, 1, 0, 0]))
-        )
-    return Trade(
-        title=study.title,
-        seed=study.seed,
-        path=study.path,
-        text=study.text,
-        subjects=tuple(subjects),
-        missions=study.missions,
-        processes=cores(),
-        only=tuple(only),
-    )
+        lot, rng = lot_of(larger, k), np.random.default_rng([study.seed, k, 1, 0, 0])
+        problem = unit_of(lot, 0, spec_of(study, lot.sensor_class), rng)
+        subjects.append(Subject(lot.sensor_class.id, problem, lot))
+    return _trade(study, subjects, study.missions, only)
+
+
+def _trade(
+    study: Study | LotStudy, subjects: Sequence[Subject], missions: Sequence[Mission], only: Collection[str]
+) -> Trade:
+    given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(missions)
+    return Trade(*given, processes=cores(), only=tuple(only))
 
 
 def with_options(
@@ -94,7 +169,6 @@ def with_options(
     rungs: Sequence[RungName] = NAMES,
     repeats: int = REPEATS,
     limit: float = LIMIT,
-    ess: float | None = None,
 ) -> Trade:
     """Trade with what the command line asks for.
 
@@ -104,11 +178,11 @@ def with_options(
     """
     if repeats < 0:
         raise InputError(f"{repeats} repeats: expected 0 (none) or more, such as {REPEATS}")
-    return replace(trade, rungs=tuple(rungs), repeats=repeats, limit=limit, ess=ess or trade.ess or ESS)
+    return replace(trade, rungs=tuple(rungs), repeats=repeats, limit=limit, ess=trade.ess or ESS)
 
 
-def unit(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> Subject:
-    """One unit of a lot after its campaign, on a bench with errors.
+def unit_of(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> Problem:
+    """Problem of one unit of a lot after its campaign, on a bench with errors.
 
     Parameters
     ----------
@@ -118,7 +192,7 @@ def unit(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> S
     rng : draws the errors of the bench and the noise.
     """
     own = replace(spec, truth=lot.truth(number))
-    return Subject(lot.sensor_class.id, problem_of(own, simulate_unit(own, lot, number, rng)), lot)
+    return problem_of(own, simulate_unit(own, lot, number, rng))
 
 
 def _check_named(only: Collection[str], known: Sequence[str], what: str) -> None:

@@ -7,7 +7,7 @@ from trades import problem
 
 from imubayes.campaign.study import Study
 from imubayes.errors import InputError
-from imubayes.ladder.trade.again import sensors
+from imubayes.ladder.trade.repeats import drawn
 from imubayes.ladder.trade.subjects import of_lots, of_study
 from imubayes.study.schema import read
 
@@ -24,11 +24,9 @@ def lots():
 def test_a_lot_gives_one_unit_of_each_class_and_further_units_as_repeats(lots):
     found = of_lots(lots, ["mems_tactical", "fog_tactical"], repeats=5)
     assert [one.name for one in found.subjects] == ["mems_tactical", "fog_tactical"]
-    drawn = sensors(found.subjects, [None, None], 5)
-    for k, one in enumerate(drawn):
-        lot = found.subjects[k % 2].lot
-        np.testing.assert_array_equal(one.theta, lot.theta[k // 2 + 1])
-        assert not np.array_equal(one.theta, lot.theta[0])
+    for subject in found.subjects:
+        np.testing.assert_array_equal(drawn(subject, None, 1).truth, subject.lot.theta[2])
+        assert not np.array_equal(subject.lot.theta[2], subject.lot.theta[0])
 
 
 def test_the_bench_of_a_lot_is_allowed_for(lots):

@@ -1,25 +1,28 @@
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from trades import SHORT, problem
+from trades import SHORT, problem, told
 
 from imubayes.algebra.factor import posterior
+from imubayes.ladder.answer import change
+from imubayes.ladder.machine import STATUS
 from imubayes.ladder.problem import ground_of
 from imubayes.ladder.rungs import stand
-from imubayes.ladder.trade.alone import Measured
-from imubayes.ladder.trade.told import monte_carlo, told_of
+from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
 
 
 @pytest.fixture(scope="module")
 def answers():
     ground = ground_of(problem(), np.random.default_rng(2), lambda message: None, SHORT)
-    return {name: stand(name, ground) for name in ("means", "plug-in", "averaged", "collapsed")}
+    return {name: stand(name, ground) for name in ("means", "sparse", "plug-in", "averaged", "collapsed")}
 
 
 def test_what_is_kept_of_an_answer_is_what_it_says(answers):
     for rung, answer in answers.items():
-        told = told_of(answer, 100.0, np.random.default_rng(1))
+        told = measured_of(answer, 100.0, np.random.default_rng(1))
         assert told.rung == rung
         assert told.verdicts == tuple(term.verdict for term in answer.selection.terms)
         # draws of the posterior have its mean: four standard errors
@@ -58,7 +61,38 @@ def test_draws_that_are_taken_again_make_the_monte_carlo_error_no_smaller(answer
 
 def test_chains_that_fall_short_want_more_time(answers):
     asked = 10.0 * float(answers["collapsed"].chains.diagnostics.ess.min())
-    short = told_of(replace(answers["collapsed"], converged=False), asked, np.random.default_rng(1))
+    short = measured_of(replace(answers["collapsed"], converged=False), asked, np.random.default_rng(1))
     assert short.wanting >= 10.0
-    whole = Measured(short, short.seconds, short.seconds, 0.0, (0.0, 0.0)).whole_seconds
-    assert whole == pytest.approx(short.seconds + (short.wanting - 1.0) * short.chain_seconds)
+    assert short.whole_seconds == pytest.approx(short.seconds + (short.wanting - 1.0) * short.chain_seconds)
+
+
+def test_the_largest_difference_is_what_the_ladder_calls_a_change(answers):
+    below, best = answers["sparse"], answers["plug-in"]
+    one, other = (measured_of(answer, 100.0, np.random.default_rng(1)) for answer in (below, best))
+    got = difference(one, replace(other, verdicts=("needed",) * len(other.names)), {}, {})
+    assert (got.largest, got.inclusion) == pytest.approx(change(below, best), rel=1e-12)
+    # of terms that the runs do not excite nothing counts
+    got = difference(one, replace(other, verdicts=("untested",) * len(other.names)), {}, {})
+    assert got.largest == got.inclusion == 0.0
+
+
+def test_chains_that_are_too_short_are_held_against_others_and_not_others_against_them():
+    assert best_of([told("collapsed", ess=900.0), told("raw", ess=50.0)]).rung == "collapsed"
+
+
+ALONE = """
+import numpy as np
+from imubayes.ladder.machine import with_peak
+
+with_peak(lambda: np.ones(25_000_000).sum())  # a larger peak before does not count
+print(*with_peak(lambda: float(np.ones(8_000_000).sum())))
+"""
+"""In a process of its own: what other tests left is given back at any time."""
+
+
+@pytest.mark.skipif(not STATUS.exists(), reason="needs /proc")
+def test_the_peak_is_what_an_array_takes_though_it_is_freed():
+    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
+    found, taken = map(float, done.stdout.split())
+    assert found == 8e6
+    assert 60e6 < taken < 80e6

@@ -1,0 +1,159 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyarrow import parquet as pq
+from trades import in_this_process, mission, problem, told, trade
+
+from imubayes.campaign.fidelity import NEEDS_ROWS
+from imubayes.errors import InputError
+from imubayes.inference.intervals import frequency
+from imubayes.ladder.problem import problem_of
+from imubayes.ladder.trade import table
+from imubayes.ladder.trade.score import Rate, Score
+from imubayes.ladder.trade.subjects import NAMES, Subject, rungs_of, with_options
+from imubayes.ladder.trade.table import Place, allowed, faults, front, recommended
+from imubayes.reporting.trade_page import trade_answer
+from imubayes.rig import streams
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_run
+from imubayes.scenes.relevance import exposure
+
+
+@pytest.fixture(scope="module")
+def found():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(table, "measured", in_this_process)
+        return table.measure(trade())
+
+
+def test_a_trade_measures_every_rung_and_repeats_each(found):
+    assert [one.rung for one in found.places] == ["means", "plug-in"]
+    assert [one.repeats for one in found.scores] == [6, 6]
+    assert found.best == "plug-in"
+    means, best = found.places
+    assert best.rms == best.largest == 0.0 < means.rms <= means.largest
+    assert 0.0 < means.seconds <= best.seconds
+    assert found.dear == ()
+    assert np.isfinite([one.scene_terms for one in found.scores]).all()
+
+
+def test_what_a_scene_requires_of_the_best_rung_does_not_differ_from_itself():
+    one = problem()
+    seen = {"shaken": exposure(mission().scene, one.library, mission().budget)}
+    p = len(one.library.terms)
+    big, none = (np.tile(np.where(np.arange(p) == 0, size, 0.0), (4, 1)) for size in (1.0, 0.0))
+    shape = {
+        "names": one.library.names,
+        "inclusion": np.ones(p),
+        "limit95": np.ones(p),
+        "prior_sd": np.ones(p),
+    }
+    shape |= {key: np.zeros(p) for key in ("mean", "full_mean", "monte_carlo")}
+    shape |= {"full_sd": np.ones(p), "verdicts": ("needed",) * p}
+    pair = [told("means", draws=none, **shape), told(draws=big, **shape)]
+    means, best = (found.difference.scenes[0] for found in table.standing_of("a", pair, seen).measured)
+    assert best.terms == ()
+    # a bias of 1 m/s^2 is a thousand budgets of 1 mm/s^2
+    assert means.terms == (one.library.names[0],)
+    assert means.share == pytest.approx(1000.0, rel=1e-6)
+
+
+def test_a_rung_whose_process_ends_is_left_out_and_said(monkeypatch):
+    def dying(problem, rung, limits, seed):
+        return None if rung == "plug-in" else in_this_process(problem, rung, limits, seed)
+
+    monkeypatch.setattr(table, "measured", dying)
+    found = table.measure(trade(repeats=0))
+    assert [one.rung for one in found.places] == ["means"]
+    assert found.standings[0].skipped == (("plug-in", "its process ended: is memory short?"),)
+
+
+@pytest.mark.parametrize("asked", [["means"], ["means", "mean"]])
+def test_rungs_that_cannot_be_traded_are_refused(asked):
+    with pytest.raises(InputError):
+        rungs_of(asked)
+
+
+def test_a_negative_number_of_repeats_is_refused():
+    with pytest.raises(InputError, match="-1 repeats"):
+        with_options(trade(), repeats=-1)
+
+
+def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(monkeypatch, tmp_path):
+    one = problem()
+    run = one.runs[0]
+    columns = {"t [s]": run.inputs.t, "output [m/s^2]": run.output}
+    columns |= {f"{name} [m/s^2]": values for name, values in run.inputs.channels.items() if name[0] == "f"}
+    pq.write_table(pa.table(columns), tmp_path / "run.parquet")
+    spec = replace(one.spec, runs=(RunSpec("r", "tumble", file=tmp_path / "run.parquet"),))
+    monkeypatch.setattr(streams, "STREAMED", 100)
+    streamed = problem_of(spec, [read_run(spec.runs[0], spec.kind, spec.library)])
+    monkeypatch.setattr(table, "measured", in_this_process)
+    asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in", "raw"), missions=())
+    found = table.measure(asked)
+    assert [place.rung for place in found.places] == ["means", "plug-in"]
+    assert found.standings[0].skipped == (("raw", NEEDS_ROWS),)
+    assert found.scores == found.dear == ()
+    assert any("no simulated repeats" in text for text in trade_answer(found))
+
+
+FINE = Place("means", 1.0, 1.0, 1.0, 1e7, 0.05, 0.02, 0.01, 0, 0.0, 0, 0.0, 0.1, 1)
+NOTHING = Rate(0, 10, frequency(0, 10))
+
+
+def _place(name, seconds, rms):
+    return replace(FINE, rung=name, seconds=seconds, whole_seconds=seconds, rms=rms, largest=3.0 * rms)
+
+
+def _score(rung, held):
+    return Score(rung, 5, Rate(held, 100, frequency(held, 100)), 1.0, NOTHING, NOTHING, NOTHING, 0.0, 0.0)
+
+
+PLACES = st.lists(
+    st.tuples(st.floats(1e-2, 1e3), st.floats(0.0, 10.0)), min_size=1, max_size=len(NAMES), unique=True
+).map(lambda each: [_place(name, *values) for name, values in zip(NAMES, each, strict=False)])
+
+
+@given(PLACES, st.floats(1e-3, 0.5))
+def test_nothing_on_the_front_is_beaten_and_everything_beside_it_is(places, floor):
+    kept = front(places, floor)
+
+    def beaten(one):
+        return any(
+            other.seconds <= one.seconds and max(other.largest, floor) <= max(one.largest, floor)
+            for other in places
+            if other is not one
+        )
+
+    assert kept
+    for one in places:
+        assert one.rung in kept or beaten(one)
+    chosen = [one for one in places if one.rung in kept]
+    errors = [max(one.largest, floor) for one in sorted(chosen, key=lambda one: one.seconds)]
+    assert all(later < earlier for earlier, later in pairwise(errors))
+
+
+def test_the_cheapest_rung_without_faults_is_recommended():
+    places = [_place("means", 0.1, 3.0), _place("plug-in", 1.0, 0.02), _place("collapsed", 9.0, 0.0)]
+    assert recommended(places, [], "collapsed", 0.01) == "plug-in"
+    # too short intervals rule it out, too long ones do not
+    assert recommended(places, [_score("plug-in", 70)], "collapsed", 0.01) == "collapsed"
+    assert recommended(places, [_score("plug-in", 99)], "collapsed", 0.01) == "plug-in"
+
+
+def test_where_nothing_is_good_enough_the_best_is_recommended_with_its_faults():
+    places = [_place("means", 0.1, 3.0), _place("plug-in", 1.0, 0.0)]
+    assert recommended(places, [_score("plug-in", 50)], "plug-in", 0.0) == "plug-in"
+    assert "intervals hold only 50%" in next(faults(places[1], _score("plug-in", 50), 0.0))
+
+
+def test_differences_within_monte_carlo_error_are_no_fault():
+    off = replace(FINE, largest=0.3)
+    assert any(faults(off, None, 0.01))
+    assert not any(faults(off, None, 0.2))
+    assert allowed(0.0) == 0.1
