@@ -79,11 +79,12 @@ class Place:
     file: str
     key: str = ""
 
-    def at(self, key: str | int) -> Place:
-        """Go to a key of the table here, or to an entry of the list here."""
-        if isinstance(key, int):
-            return Place(self.file, f"{self.key}[{key}]")
-        return Place(self.file, f"{self.key}.{key}" if self.key else key)
+    def at(self, *keys: str | int) -> Place:
+        """Go to a key of the table here, or to an entry of the list here, and so on."""
+        path = self.key
+        for key in keys:
+            path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
+        return Place(self.file, path)
 
     def error(self, text: str) -> StudyError:
         """Give the error that says `text` of this place."""

@@ -3,6 +3,8 @@
 The registry is the domain's own. ``g`` is standard gravity, so ``mg`` and ``ug`` are accelerations
 (in pint's default registry ``mg`` is a milligram); ``ppm`` is 1e-6; a ``count`` is a pure number.
 Angles are radians, which SI counts as pure numbers, so ``deg/h`` is a frequency like ``rad/s``.
+
+An argument that a study can give says so in its annotation, by a `Key` and what the file's value is.
 """
 
 from __future__ import annotations
@@ -11,9 +13,9 @@ import math
 import re
 from functools import cache
 from tokenize import TokenError
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-from imubayes.errors import UnitError
+from imubayes.errors import InputError, UnitError
 
 if TYPE_CHECKING:
     import pint
@@ -209,6 +211,79 @@ def quantity(text: str, like: str = "") -> float:
 def offset(unit: str, like: str) -> float:
     """SI value of zero on the scale of `unit`: 273.15 for ``degC`` as a temperature, else 0."""
     return ZERO_CELSIUS if like == "K" and _CELSIUS.fullmatch(unit.strip()) else 0.0
+
+
+class Key(NamedTuple):
+    """Marks an argument that a study can give: what it means, and a value as it stands in the file."""
+
+    meaning: str
+    example: Any
+
+
+class Quantity:
+    """Marks a number that is a text with a unit in a study, like ``"30 s"``.
+
+    Parameters
+    ----------
+    like : SI unit.
+    positive : whether it has to be more than zero.
+    size : SI value of one, where the number is not in SI.
+    """
+
+    def __init__(self, like: str, *, positive: bool = False, size: float = 1.0) -> None:
+        self.like, self.positive, self.size = like, positive, size
+
+    def read(self, value: Any) -> float:
+        """Number of a text; a `ValueError` says what was expected."""
+        if not isinstance(value, str):
+            raise ValueError(f'expected a quantity with its unit, such as "1 {self.like}"')
+        try:
+            si = quantity(value, self.like)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        if self.positive and not si > 0.0:
+            raise ValueError("expected more than zero")
+        return si / self.size
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Read the text first."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, str]:
+        """JSON Schema of the text."""
+        return quantities(self.like)
+
+
+def quantities(like: str) -> dict[str, str]:
+    """JSON Schema of a text with a unit."""
+    return {"type": "string", "format": f"quantity ({like})"}
+
+
+class Limits:
+    """Marks a number or a text that has limits, by pydantic's names of them."""
+
+    def __init__(self, **limits: Any) -> None:
+        self.limits = limits
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Check them."""
+        return {**handler(source), **self.limits}
+
+
+Seconds = Annotated[float, Quantity("s", positive=True)]
+Pause = Annotated[float, Quantity("s")]
+Hertz = Annotated[float, Quantity("Hz", positive=True)]
+Metres = Annotated[float, Quantity("m")]
+Angle = Annotated[float, Quantity("rad")]
+Rate = Annotated[float, Quantity("rad/s")]
+Acceleration = Annotated[float, Quantity("m/s^2", positive=True)]
+Gravities = Annotated[float, Quantity("m/s^2", size=STANDARD_GRAVITY)]
+Kelvin = Annotated[float, Quantity("K", positive=True)]
+Count = Annotated[int, Limits(ge=1)]
+Positive = Annotated[float, Limits(gt=0, allow_inf_nan=False)]
+Name = Annotated[str, Limits(min_length=1)]
 
 
 def counted(count: int, noun: str) -> str:

@@ -30,7 +30,7 @@ from imubayes.study.method import run
 from imubayes.study.schema import (
     described,
     read_study,
-    simulated,
+    tables,
 )
 from imubayes.units import factor, quantity
 
@@ -153,7 +153,7 @@ def test_every_table_of_a_study_has_its_section():
 @pytest.mark.parametrize("profile", PROFILES)
 def test_usual_value_of_an_option_reads_back_to_that_of_the_profile(profile):
     parameters = inspect.signature(PROFILES[profile]).parameters
-    shape = simulated.SIMULATED[profile]
+    shape = tables.SIMULATED[profile]
     stated = described.study_schema()["$defs"][shape.__name__]["properties"]
     for key, one in stated.items():
         if "default" in one:

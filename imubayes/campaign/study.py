@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
@@ -30,6 +31,7 @@ from imubayes.selection.panel import Panel
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library
+from imubayes.units import Key, Positive, Seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +82,6 @@ class Sampling:
     Attributes
     ----------
     method : ``exact``, ``collapsed``, ``full``, or ``auto``: the one that is right for each sensor.
-    ess : effective sample size asked of every parameter.
-    time_limit : s, for each sensor.
     checkpoints : folder of the chains' files; None keeps none.
     resume : continue the chains that are in that folder.
     budget : s of compute that each sensor may take; the best rung of the ladder that fits in is taken.
@@ -89,8 +89,17 @@ class Sampling:
     """
 
     method: str = "auto"
-    ess: float = 1000.0
-    time_limit: float = 600.0
+    ess: Annotated[
+        Positive,
+        Key(
+            "effective sample size at which the chains of a sensor stop, reached by every parameter",
+            400,
+        ),
+    ] = 1000.0
+    time_limit: Annotated[
+        Seconds,
+        Key("for each sensor; chains that are not done by then are reported as not converged", "1 h"),
+    ] = 600.0
     checkpoints: Path | None = None
     resume: bool = False
     budget: float | None = None

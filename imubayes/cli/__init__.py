@@ -195,7 +195,7 @@ def _plan(
     from imubayes.planning.proposal import propose
     from imubayes.reporting.plan_page import terminal_plan, write_plan
     from imubayes.study.schema import read_plan
-    from imubayes.study.schema.planned import write_planned
+    from imubayes.study.schema.recorded import write_planned
 
     folder = usable(out or Path("reports") / study.stem)
     with waiting() as told:

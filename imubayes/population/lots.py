@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library
+from imubayes.units import Key, Name
 
 DRAWS = 500
 """Posterior draws of a unit: quantiles over them scatter by less than units do."""
@@ -31,15 +32,12 @@ DRAWS = 500
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """The question which terms some classes need that others do not.
+    """The question which terms some classes need that others do not: ids of the classes."""
 
-    Attributes
-    ----------
-    needed_by, not_by : ids of the classes.
-    """
-
-    needed_by: tuple[str, ...]
-    not_by: tuple[str, ...]
+    needed_by: Annotated[
+        tuple[Name, ...], Key("the first of two groups: which terms these need", ["fog_tactical"])
+    ]
+    not_by: Annotated[tuple[Name, ...], Key("and these do not", ["mems_tactical"])]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
+
+from imubayes.units import Angle, Key, Metres
 
 SEMI_MAJOR_AXIS = 6378137.0
 """m, WGS-84 (NIMA TR8350.2, table 3.1)."""
@@ -18,21 +21,15 @@ ROTATION_RATIO = 0.00344978650684
 """m = omega^2 a^2 b / GM, WGS-84 (TR8350.2, table 3.4)."""
 
 
-def normal_gravity(latitude: float, height: float) -> float:
-    """Gravity of the reference ellipsoid at a place.
+def normal_gravity(
+    latitude: Annotated[Angle, Key("geodetic, north positive", "45.4 deg")],
+    height: Annotated[Metres, Key("above the ellipsoid", "12 m")],
+) -> float:
+    """Gravity of the reference ellipsoid at a place, m/s^2.
 
     Somigliana's closed formula on the ellipsoid, continued upwards to second order in the height
     (TR8350.2, equations 4-1 and 4-3). Local anomalies, which reach 5e-4 m/s^2 in hills, are not in it: a
     gravimeter's value is better.
-
-    Parameters
-    ----------
-    latitude : geodetic, rad.
-    height : above the ellipsoid, m.
-
-    Returns
-    -------
-    gravity in m/s^2.
 
     Examples
     --------

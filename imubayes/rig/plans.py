@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,18 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
+from imubayes.units import Acceleration, Angle, Count, Hertz, Key, Metres, Pause, Seconds
+
+EARTH = "north positive; puts the Earth's rate into `w_i w_j w_k`"
+CUBE = "the first of i, -i, j, -j, k, -k up, then halfway between i-j, i-k, j-k"
+
+DwellTime = Annotated[Seconds, Key("recorded time at a step", "1 min")]
+Sampling = Annotated[Hertz, Key("samples a second", "1 Hz")]
+Settling = Annotated[Pause, Key("between steps, not recorded", "20 s")]
+Gravity = Annotated[Acceleration, Key("local gravity", "9.81 m/s^2")]
+Latitude = Annotated[Angle | None, Key(EARTH, "48.1 deg")]
+Radius = Annotated[Metres, Key("of the sensing point from the axis", "2 cm")]
+Mounts = Annotated[Count, Key(CUBE, 6)]
 
 Direction = tuple[float, float, float]
 Mount = tuple[Direction, Direction]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -20,9 +21,15 @@ from imubayes.rig.plans import (
     I_AXIS,
     J_AXIS,
     K_AXIS,
+    DwellTime,
     FloatArray,
+    Latitude,
     Mount,
+    Mounts,
     Plan,
+    Radius,
+    Sampling,
+    Settling,
     Turn,
     angles_turned,
     channels_of,
@@ -35,21 +42,24 @@ from imubayes.rig.plans import (
     turning_rate,
     unit,
 )
-from imubayes.units import STANDARD_GRAVITY
+from imubayes.units import STANDARD_GRAVITY, Angle, Count, Gravities, Hertz, Key, Metres, Rate
 
 SAMPLES_A_PERIOD = 8.0
 """Of an oscillation, at least: the mean over a sample is within 3 % of the value at its middle."""
 
 
 def rate_table(
-    rates: Sequence[float],
+    rates: Annotated[
+        Sequence[Rate],
+        Key("table rates, counter-clockwise from above positive", ["-100 deg/s", "100 deg/s"]),
+    ],
     *,
-    mounts: int = 9,
-    dwell: float = 30.0,
-    rate: float = 10.0,
-    settle: float = 5.0,
-    latitude: float | None = math.pi / 4.0,
-    radius: float = 0.0,
+    mounts: Mounts = 9,
+    dwell: DwellTime = 30.0,
+    rate: Sampling = 10.0,
+    settle: Settling = 5.0,
+    latitude: Latitude = math.pi / 4.0,
+    radius: Radius = 0.0,
 ) -> Plan:
     """Rate steps about a vertical axis, in one mount after the other (IEEE 952's rate test, 12.9).
 
@@ -63,14 +73,7 @@ def rate_table(
     S only the sum is there. Off the axis, ``g_j`` or ``g_k`` times the centripetal force looks like ``b2``.
     Nothing of dw/dt.
 
-    Parameters
-    ----------
-    rates : table rates, rad/s, counter-clockwise seen from above positive.
-    mounts : the first of 9 orientations: i, -i, j, -j, k, -k up, then halfway between i-j, i-k and j-k.
-    dwell, rate, settle : as in `imubayes.rig.tumbles.tumble`.
-    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer. At the first
-        sample of each mount, north is along the first case axis that is most across the vertical.
-    radius : distance of the sensing point from the axis, m.
+    At the first sample of each mount, north is along the first case axis that is most across the vertical.
 
     Raises
     ------
@@ -92,15 +95,15 @@ def rate_table(
 
 
 def oscillation(
-    frequencies: Sequence[float],
+    frequencies: Annotated[Sequence[Hertz], Key("one dwell at each", ["1 Hz", "5 Hz"])],
     *,
-    amplitude: float = math.radians(2.0),
-    mounts: int = 9,
-    dwell: float = 10.0,
-    rate: float = 100.0,
-    settle: float = 5.0,
-    latitude: float | None = math.pi / 4.0,
-    radius: float = 0.0,
+    amplitude: Annotated[Angle, Key("A", "0.5 deg")] = math.pi / 90.0,
+    mounts: Mounts = 9,
+    dwell: DwellTime = 10.0,
+    rate: Annotated[Hertz, Key("samples a second, 8 a period or more", "200 Hz")] = 100.0,
+    settle: Settling = 5.0,
+    latitude: Latitude = math.pi / 4.0,
+    radius: Radius = 0.0,
 ) -> Plan:
     """Angular oscillation ``A sin(2 pi f t)`` about a vertical axis, in one mount after the other.
 
@@ -113,16 +116,6 @@ def oscillation(
     is not told from ``b3 c_ij c_ik``. A gyroscope sees ``b1 m_j m_k``, ``g_i g_j g_k`` and ``s_i s_j s_k``; a
     latency tau acts on it as an ``s_i`` of -tau does. Source: angular acceleration tests as usual in practice
     (IEEE 1293, IEEE 952).
-
-    Parameters
-    ----------
-    frequencies : Hz.
-    amplitude : A, rad.
-    mounts : as in `rate_table`.
-    dwell : recorded time at a frequency, s.
-    rate : samples per second; 8 a period or more.
-    settle : time between dwells, not recorded, s.
-    latitude, radius : as in `rate_table`.
 
     Raises
     ------
@@ -149,14 +142,23 @@ def oscillation(
 
 
 def centrifuge(
-    levels: Sequence[float],
+    levels: Annotated[Sequence[Gravities], Key("centripetal accelerations", ["1 g", "5 g", "20 g"])],
     *,
-    mounts: int = 12,
-    dwell: float = 30.0,
-    rate: float = 10.0,
-    settle: float = 5.0,
-    arm: float = 1.0,
-    ramp: bool = False,
+    mounts: Annotated[
+        Count,
+        Key(
+            "the first of: i outward and inward with j and with k up, i along the motion both ways, two at 45"
+            " degrees, four tilted",
+            4,
+        ),
+    ] = 12,
+    dwell: DwellTime = 30.0,
+    rate: Sampling = 10.0,
+    settle: Settling = 5.0,
+    arm: Annotated[Metres, Key("radius", "2.5 m")] = 1.0,
+    ramp: Annotated[
+        bool, Key("records the changes of level too (constant dw/dt over `settle`)", True)
+    ] = False,
 ) -> Plan:
     """Levels of centripetal acceleration on a precision centrifuge, in one mount after the other (IEEE 836).
 
@@ -172,15 +174,8 @@ def centrifuge(
     not: errors of the bench, which an analysis may allow for (`imubayes.rig.reference`: ``radius``,
     ``arm_stretch``). A gyroscope sees its g-sensitivities ``g_i g_j g_k`` and all of S.
 
-    Parameters
-    ----------
-    levels : centripetal accelerations in g (standard gravity), not in SI: the unit of centrifuge practice.
-    mounts : the first of 12 orientations: the input axis along the arm both ways, with j and with k up, along
-        the motion both ways, at 45 degrees to the arm, and four that tilt all axes out of its plane.
-    dwell, rate, settle : as in `imubayes.rig.tumbles.tumble`.
-    arm : radius R, m.
-    ramp : whether each change of level, including those from rest and back to it, is recorded: a constant
-        dw/dt that takes `settle`.
+    Levels are in g (standard gravity), not in SI: the unit of centrifuge practice. Ramps include those from
+    rest and back to it.
 
     Raises
     ------

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan, Turn, angles_turned, channels_of, samples, turning_rate
+from imubayes.units import Key, Limits, Pause, Seconds
 
 USUAL_RATE = 10.0
 """Samples per second where none are given, as in the procedures."""
@@ -24,18 +25,17 @@ OF_STEPS = frozenset({"dwell", "settle", "ramp"})
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """One dwell of a sequence.
+    """One dwell of a sequence."""
 
-    Attributes
-    ----------
-    at : which of the procedure's dwells it is, counted from 0 in the order in which the procedure has them.
-    dwell : recorded time, s.
-    pause : before it, not recorded, s: to settle, and to mount the case anew.
-    """
-
-    at: int
-    dwell: float
-    pause: float = 0.0
+    at: Annotated[
+        int,
+        Limits(ge=0, strict=True),
+        Key("which of the procedure's dwells, counted from 0, mount by mount", 3),
+    ]
+    dwell: Annotated[Seconds, Key("recorded time", "1 min")]
+    pause: Annotated[Pause, Key("before it, not recorded: to settle, or to mount the case anew", "5 min")] = (
+        0.0
+    )
 
 
 def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from imubayes.rig.plans import (
     I_AXIS,
     J_AXIS,
     K_AXIS,
+    DwellTime,
     Mount,
     Plan,
+    Settling,
     channels_of,
     check_steps,
     dwells,
@@ -31,20 +34,34 @@ from imubayes.rig.plans import (
     unit,
 )
 from imubayes.sensors.terms import Factor, Library, Term, column
-from imubayes.units import STANDARD_GRAVITY
+from imubayes.units import STANDARD_GRAVITY, Count, Gravities, Hertz, Key
 
 SAMPLING = 2.56
 """Samples a second over the upper end of the band, at least: the custom of shaker control."""
 
 
 def vibration(
-    levels: Sequence[float],
+    levels: Annotated[
+        Sequence[Gravities], Key("rms along the shaken direction; 0 is at rest", ["0 g", "2 g", "5 g"])
+    ],
     *,
-    mounts: int = 8,
-    dwell: float = 5.0,
-    rate: float = 1000.0,
-    settle: float = 5.0,
-    band: tuple[float, float] = (20.0, 120.0),
+    mounts: Annotated[
+        Count,
+        Key(
+            "the first of: shaken along i with i, -i and j up, along j with k up, along k with j up, halfway"
+            " between i-j with k up, i-k with j up, j-k with i up",
+            3,
+        ),
+    ] = 8,
+    dwell: DwellTime = 5.0,
+    rate: Annotated[
+        Hertz, Key("samples a second, 2.56 times the band's upper end or more", "2 kHz")
+    ] = 1000.0,
+    settle: Settling = 5.0,
+    band: Annotated[tuple[Hertz, Hertz], Key("lowest and highest frequency", ["20 Hz", "100 Hz"])] = (
+        20.0,
+        120.0,
+    ),
 ) -> Plan:
     """Dwells of Gaussian vibration at several levels along a direction, in one mount after the other.
 
@@ -61,15 +78,7 @@ def vibration(
     cross motion of a shaker (1 to 10 %) are not in it. Source: vibration rectification tests as usual in
     practice (IEEE 1293).
 
-    Parameters
-    ----------
-    levels : rms in g (standard gravity), not in SI: the unit of shaker practice; 0 is at rest.
-    mounts : the first of 8: shaken along i with i up, with -i up and with j up; along j with k up; along k
-        with j up; halfway between i-j with k up, i-k with j up, and j-k with i up.
-    dwell : recorded time at a level, s.
-    rate : samples per second; 2.56 times the band's upper end or more.
-    settle : time between dwells, not recorded, s.
-    band : lowest and highest frequency, Hz.
+    Levels are in g (standard gravity), not in SI: the unit of shaker practice.
 
     Raises
     ------

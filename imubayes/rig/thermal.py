@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.plans import Plan
-from imubayes.units import STANDARD_GRAVITY
+from imubayes.rig.plans import CUBE, Plan, Sampling
+from imubayes.units import STANDARD_GRAVITY, Count, Kelvin, Key, Pause, Quantity, Rate, Seconds
+
+Ramp = Annotated[float, Quantity("K/s", positive=True)]
 
 _DIAGONAL = math.sqrt(0.5)
 
@@ -43,31 +46,29 @@ ENOUGH = 5
 
 
 def thermal(
-    temperatures: Sequence[float],
+    temperatures: Annotated[
+        Sequence[Kelvin],
+        Key(
+            "of the soaks, in order; up and down again shows hysteresis",
+            ["-20 degC", "60 degC", "-20 degC"],
+        ),
+    ],
     *,
-    positions: int = 6,
-    dwell: float = 60.0,
-    soak: float = 1800.0,
-    ramp: float = 1.0 / 60.0,
-    rate: float = 1.0,
-    turning: float = 0.0,
+    positions: Annotated[Count, Key(CUBE, 2)] = 6,
+    dwell: Annotated[Seconds, Key("time in each position", "30 s")] = 60.0,
+    soak: Annotated[Pause, Key("time at a temperature before the positions", "1 h")] = 1800.0,
+    ramp: Annotated[Ramp, Key("size of the rate between soaks", "3 degC/min")] = 1.0 / 60.0,
+    rate: Sampling = 1.0,
+    turning: Annotated[
+        Rate,
+        Key("rate about the vertical in each position, which a gyroscope's `b1*T` needs", "60 deg/s"),
+    ] = 0.0,
 ) -> Plan:
     """Soak at one temperature after the other, with still positions at the end of each, and ramps between.
 
     Everything is recorded. The input axis is up during the first soak, and points down and up by turns
     during the ramps (and the soaks that they end in), so that what dT/dt does to the bias and to the scale
     factor can be told apart; lead the temperatures up and down again to see hysteresis.
-
-    Parameters
-    ----------
-    temperatures : of the soaks, K.
-    positions : the first of 9 at the end of each soak: i, -i, j, -j, k, -k up, then halfway between i-j, i-k
-        and j-k; two tell ``b1*T``.
-    dwell : time in each position, s.
-    soak : time at a temperature before the positions, s.
-    ramp : size of dT/dt between the soaks, K/s.
-    rate : samples per second.
-    turning : rate about the vertical in each position, rad/s: a gyroscope's ``b1*T`` needs it.
 
     Raises
     ------

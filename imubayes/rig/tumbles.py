@@ -5,14 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import product
+from typing import Annotated
 
 import numpy as np
 
 from imubayes.errors import InputError
 from imubayes.rig.plans import (
+    EARTH,
     Direction,
+    DwellTime,
     FloatArray,
+    Gravity,
+    Latitude,
     Plan,
+    Sampling,
+    Settling,
     at_rest,
     dwells,
     earth_rate,
@@ -22,31 +29,29 @@ from imubayes.rig.plans import (
     snapped,
     unit,
 )
-from imubayes.units import STANDARD_GRAVITY
+from imubayes.units import STANDARD_GRAVITY, Angle, Count, Key, Seconds
 
 
 def static(
-    duration: float,
-    rate: float,
+    duration: Annotated[Seconds, Key("of the log", "2 h")],
+    rate: Sampling,
     *,
-    up: Direction = (1.0, 0.0, 0.0),
-    gravity: float = STANDARD_GRAVITY,
-    latitude: float | None = None,
-    north: Direction | None = None,
+    up: Annotated[Direction, Key("vertical in case axes i, j, k, any length", [0, 0, 1])] = (1.0, 0.0, 0.0),
+    gravity: Gravity = STANDARD_GRAVITY,
+    latitude: Latitude = None,
+    north: Annotated[
+        Direction | None,
+        Key(
+            "in case axes; only its horizontal part counts, and only with a `latitude`; without it along the"
+            " first axis most across the vertical",
+            [0, 1, 0],
+        ),
+    ] = None,
 ) -> Plan:
     """Log at rest.
 
     Sees the noise (N, B, K), and one number of the model: the mean of the output. Every term that is excited
     is confounded with the bias. Source: the noise tests of IEEE 952 and IEEE 1293.
-
-    Parameters
-    ----------
-    duration : s.
-    rate : samples per second.
-    up : direction of the local vertical in case axes, any length.
-    gravity : local gravity, m/s^2.
-    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer.
-    north : in case axes; only its horizontal part counts. By default that of the first axis most across `up`.
 
     Raises
     ------
@@ -71,13 +76,19 @@ def static(
 
 def tumble(
     *,
-    angles: int = 24,
-    planes: int = 3,
-    dwell: float = 30.0,
-    rate: float = 10.0,
-    settle: float = 5.0,
-    gravity: float = STANDARD_GRAVITY,
-    latitude: float | None = None,
+    angles: Annotated[Count, Key("equal steps of a turn in each plane", 36)] = 24,
+    planes: Annotated[Count, Key("the first of i-j, i-k, j-k", 2)] = 3,
+    dwell: DwellTime = 30.0,
+    rate: Sampling = 10.0,
+    settle: Settling = 5.0,
+    gravity: Gravity = STANDARD_GRAVITY,
+    latitude: Annotated[
+        Angle | None,
+        Key(
+            f"{EARTH}. A gyroscope feels it; the axis of the table lies level to the north",
+            "48.1 deg",
+        ),
+    ] = None,
 ) -> Plan:
     """Multiposition tumble in the Earth's field (IEEE 1293's static test), plane by plane.
 
@@ -92,16 +103,9 @@ def tumble(
     so that in a plane the rate is ``W sin(latitude)`` along f and ``W cos(latitude)`` along the normal, and
     ``b1 m_j m_k`` look like ``g_i g_j g_k`` but for steps from plane to plane: take them from a rate table.
 
-    Parameters
-    ----------
-    angles : equally spaced positions in each plane; 4 leave the asymmetries and K3 open, 24 do not.
-    planes : 1 to 3 of the planes i-j, i-k, j-k; each starts with its first axis up, turns towards its second
-        one, and has the normal that is right-handed to that, k, -j or i, to the north.
-    dwell : recorded time at a position, s.
-    rate : samples per second.
-    settle : time between dwells, not recorded, s.
-    gravity : local gravity, m/s^2.
-    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer.
+    Of the angles 4 leave the asymmetries and K3 open, 24 do not. Each plane starts with its first axis up,
+    turns towards its second one, and has the normal that is right-handed to that, k, -j or i, to the north.
+    Without a latitude the Earth's rate is left out, as suits an accelerometer.
 
     Raises
     ------
@@ -130,13 +134,13 @@ def tumble(
 
 
 def positions(
-    positions: int = 24,
+    positions: Annotated[Count, Key("which set: 4, 6, 12, 24 or 26", 26)] = 24,
     *,
-    dwell: float = 30.0,
-    rate: float = 10.0,
-    settle: float = 5.0,
-    gravity: float = STANDARD_GRAVITY,
-    latitude: float | None = None,
+    dwell: DwellTime = 30.0,
+    rate: Sampling = 10.0,
+    settle: Settling = 5.0,
+    gravity: Gravity = STANDARD_GRAVITY,
+    latitude: Latitude = None,
 ) -> Plan:
     """Standard sets of positions at rest, for an accelerometer, or with the Earth's rate for a gyroscope.
 
@@ -154,12 +158,6 @@ def positions(
     ``b1 m_j m_k``, because the Earth's rate is not along gravity except at a pole; 15 deg/h say little of
     ``b1`` below navigation grade. The bias is confounded with the trace of S: |f| = g. In 4 and 12 positions
     w is along f but for a constant: ``b1`` looks like ``g_i``, and ``m_j`` like ``g_j``.
-
-    Parameters
-    ----------
-    positions : 4, 6, 12, 24 or 26.
-    dwell, rate, settle, gravity : as in `tumble`.
-    latitude : rad, north positive; None leaves the Earth's rate out, as suits an accelerometer.
 
     Raises
     ------

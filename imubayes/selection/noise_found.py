@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -13,8 +14,9 @@ from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.reml import span
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.noise_choice import NoiseChoice, identify_noise
-from imubayes.sensors.noise_processes import OPTIONAL
+from imubayes.sensors.noise_processes import OPTIONAL, Process
 from imubayes.sensors.sensor_class import SensorClass
+from imubayes.units import Key
 
 SHORTEST = 100
 """Samples below which a run tells nothing of its noise processes."""
@@ -22,17 +24,20 @@ SHORTEST = 100
 
 @dataclass(frozen=True, slots=True)
 class NoiseQuestion:
-    """Which runs are asked for their noise processes.
+    """Which runs are asked for their noise processes."""
 
-    Attributes
-    ----------
-    identify : ``static`` (the quiet logs), ``all`` (tests too; of the components of a case their rest) or
-        ``none``.
-    candidates : processes beside white noise that a run may show.
-    """
-
-    identify: str = "static"
-    candidates: tuple[str, ...] = OPTIONAL
+    identify: Annotated[
+        Literal["static", "all", "none"],
+        Key(
+            "which runs are asked for their noise processes: `static` (quiet logs), `all` (tests too; of a"
+            " triad or a whole IMU the samples at rest), or `none` ([docs/noise.md](noise.md))",
+            "all",
+        ),
+    ] = "static"
+    candidates: Annotated[
+        tuple[Process, ...],
+        Key("processes beside white noise that a run may show", ["B", "K", "Q"]),
+    ] = OPTIONAL
 
     def asks(self, rows: Linear) -> bool:
         """Whether a run is asked."""

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -27,7 +28,8 @@ from imubayes.sensors.sensor_class import SensorClass
 
 LogNormal = tuple[float, float]
 
-OPTIONAL = ("B", "K", "Q", "R", "G")
+Process = Literal["B", "K", "Q", "R", "G"]
+OPTIONAL: tuple[Process, ...] = get_args(Process)
 """Processes that a sensor may or may not have; white noise every sensor has."""
 
 NAMES: Mapping[str, str] = {

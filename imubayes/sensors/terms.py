@@ -18,12 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
+from imubayes.units import Key
 
 Kind = Literal["accelerometer", "gyroscope"]
 
@@ -114,28 +115,41 @@ class Library:
 def library(
     kind: Kind,
     *,
-    powers: int = 3,
-    asymmetry: int = 2,
-    set: Literal["slide", "extended"] = "slide",
-    temperature: int = 0,
-    temperature_of: tuple[str, ...] = ("b0", "b1"),
-    rate_of: tuple[str, ...] = ("b0",),
+    powers: Annotated[int, Key("highest power of the own input, 1 to 12", 4)] = 3,
+    asymmetry: Annotated[
+        int, Key("highest power that also comes times the sign of the input, up to 12; -1 for none", -1)
+    ] = 2,
+    set: Annotated[
+        Literal["slide", "extended"],
+        Key(
+            "`extended` adds `S_ii S_jj S_kk` and, for a gyroscope, `g_i g_j g_k` and `s_i s_j s_k`",
+            "extended",
+        ),
+    ] = "slide",
+    temperature: Annotated[
+        int,
+        Key(
+            "highest power of T - 25 degC that multiplies the terms of `temperature_of`, up to 12; 0 for no"
+            " term of temperature",
+            2,
+        ),
+    ] = 0,
+    temperature_of: Annotated[
+        tuple[str, ...], Key("terms that may depend on temperature", ["b0", "b1", "m_j"])
+    ] = ("b0", "b1"),
+    rate_of: Annotated[
+        tuple[str, ...],
+        Key(
+            "terms that may depend on the rate of temperature (`b0*dT`), where `temperature` is 1 or more",
+            ["b0", "b1"],
+        ),
+    ] = ("b0",),
     technology: str = "",
 ) -> Library:
     """Candidate terms of an accelerometer or a gyroscope.
 
-    Parameters
-    ----------
-    kind : ``accelerometer`` or ``gyroscope``.
-    powers : N_a, the highest power of the own input.
-    asymmetry : N_a', the highest power that also comes times the sign of the input; -1 for none.
-    set : ``slide`` is exactly the slides' equation; ``extended`` adds the diagonal of S and, for a
-        gyroscope, linear g-sensitivity and angular acceleration.
-    temperature : highest power of T - T0 that multiplies each term of `temperature_of`; 0 for no term of
-        temperature at all.
-    temperature_of : names of the terms that are expanded in temperature.
-    rate_of : names of the terms that also come times dT/dt (``b0*dT``), where `temperature` is 1 or more.
-    technology : of the sensor's class, in words.
+    ``slide`` is exactly the slides' equation, with powers up to N_a, and up to N_a' with the sign of the
+    input. `technology` is that of the sensor's class, in words.
 
     Raises
     ------

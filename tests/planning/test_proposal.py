@@ -13,8 +13,8 @@ from imubayes.errors import InputError, StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import term_rows, write_plan
 from imubayes.reporting.plan_words import inseparable, plan_answer
-from imubayes.study.schema.planned import write_planned
 from imubayes.study.schema.reading import read_plan, read_study
+from imubayes.study.schema.recorded import write_planned
 
 TUMBLE = """
 [study]

@@ -20,7 +20,7 @@ from imubayes.rig.thermal import temperature_rate
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
-from imubayes.study.schema.simulated import CALLED
+from imubayes.study.schema.tables import CALLED
 
 G = 9.80665
 DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))

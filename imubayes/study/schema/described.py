@@ -7,21 +7,13 @@ from typing import Any
 from pydantic import TypeAdapter
 from pydantic.dataclasses import is_pydantic_dataclass
 
-from imubayes.study.schema import (
-    appendix_tables,
-    fleet_tables,
-    lot_tables,
-    plan_tables,
-    scene_tables,
-    tables,
-)
-from imubayes.study.schema.simulated import SIMULATED, StepOptions
+from imubayes.study.schema import plan_tables, scene_tables, tables, unit_tables
 
 SHAPES: dict[str, Any] = {
     shape.__name__: shape
-    for module in (tables, lot_tables, fleet_tables, plan_tables, scene_tables, appendix_tables)
-    for shape in (*vars(module).values(), StepOptions, *SIMULATED.values())
-    if isinstance(shape, type) and is_pydantic_dataclass(shape)
+    for module in (tables, unit_tables, plan_tables, scene_tables)
+    for shape in (*vars(module).values(), *tables.SIMULATED.values())
+    if isinstance(shape, type) and is_pydantic_dataclass(shape) and shape is not unit_tables.UnitsTable
 }
 """Tables of a study file, by the name of their shape."""
 

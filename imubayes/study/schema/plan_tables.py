@@ -6,27 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic.dataclasses import dataclass as shape
-
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.planning.candidates import Handling
 from imubayes.planning.menu import Offer, PlanStudy
-from imubayes.study.schema.measured import (
-    STRICT,
-    Count,
-    Hertz,
-    Holds,
-    Seconds,
-    Settle,
-    Several,
-    Table,
-    Text,
-    key,
-)
 from imubayes.study.schema.scene_tables import scenes_of
-from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
-from imubayes.study.schema.shapes import Place, hint, shaped
-from imubayes.study.schema.tables import HeaderTable, Names, StudyFile
+from imubayes.study.schema.sensor_tables import headed, sensor_spec
+from imubayes.study.schema.shapes import Holds, Names, Place, Several, Table, Text, hint, key, shape, shaped
+from imubayes.study.schema.tables import StudyFile
+from imubayes.units import Count, Hertz, Pause, Seconds
 
 PLANNED = ("tumble", "rate-table", "centrifuge")
 """Procedures whose dwells have constant inputs."""
@@ -35,7 +22,7 @@ IN_PLANE = ("table_zero", "plane_zero")
 """Errors that need a whole plane of a tumble, of which a plan may take a few positions."""
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class OfferTable:
     """``[[plan.run]]``."""
 
@@ -46,12 +33,12 @@ class OfferTable:
     )
     dwell: Annotated[tuple[Seconds, ...], Several] = key("that a dwell may take", ["60 s", "180 s"])
     rate: Hertz = key("of the samples", "1 Hz", "10 Hz")
-    settle: Settle = key("before every dwell", "10 s", "5 s")
-    mount: Settle = key("more of it for another mount", "5 min", "0 s")
-    setup: Settle = key("once, if the run is made at all", "30 min", "0 s")
+    settle: Pause = key("before every dwell", "10 s", "5 s")
+    mount: Pause = key("more of it for another mount", "5 min", "0 s")
+    setup: Pause = key("once, if the run is made at all", "30 min", "0 s")
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class PlanTable:
     """``[plan]``."""
 
@@ -82,11 +69,6 @@ class PlanTable:
 def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
     """Check a study with a plan to make.
 
-    Parameters
-    ----------
-    tables : of the file.
-    path, text : of the file.
-
     Raises
     ------
     StudyError : naming the file and the key, what was expected, what came, and what to do.
@@ -96,15 +78,14 @@ def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
     if tables.plan is None:
         raise here.error("the table is missing: it says what could be done, and in what time")
     table = shaped(PlanTable, tables.plan, here)
-    header = shaped(HeaderTable, tables.study, place.at("study"))
+    header, own = headed(tables, path)
     if len(tables.sensor) != 1:
         raise place.at("sensor").error(
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
         )
-    own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
-    offers = tuple(shaped(OfferTable, raw, here.at("run").at(k)) for k, raw in enumerate(table.run))
-    there = place.at("sensor").at(0)
-    spec = sensor_spec(_with_offers(tables, offers, here), path.parent, there, catalogue=own)
+    offers = tuple(shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run))
+    raw = _with_offers(tables, offers, here)
+    spec = sensor_spec(raw, path.parent, place.at("sensor", 0), catalogue=own)
     _check(spec, table, offers, place)
     done = len(spec.runs) - len(offers)
     return PlanStudy(
@@ -131,7 +112,7 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
     if not offers:
         raise here.at("run").error("there is none: expected at least one [[plan.run]] table")
     for k, offer in enumerate(offers):
-        place = here.at("run").at(k)
+        place = here.at("run", k)
         if offer.procedure not in PLANNED:
             raise place.at("procedure").error(
                 f"'{offer.procedure}' cannot be planned: expected {' or '.join(PLANNED)}, whose dwells have"
@@ -141,7 +122,7 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
             raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
         for name in ("dwell", "rate", "settle", "ramp", "steps"):
             if name in offer.candidates:
-                raise place.at("candidates").at(name).error("is for a run, not its candidates: leave it out")
+                raise place.at("candidates", name).error("is for a run, not its candidates: leave it out")
     raw = tables.sensor[0]
     runs = [
         {"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates} for offer in offers
@@ -154,11 +135,11 @@ def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], p
     known = list(spec.library.names)
     for k, name in enumerate(table.needed):
         if name not in known:
-            raise here.at("needed").at(k).error(f"'{name}' is not a term of the library: {hint(name, known)}")
+            raise here.at("needed", k).error(f"'{name}' is not a term of the library: {hint(name, known)}")
     names = [offer.name for offer in offers]
     if table.even is not None and table.even not in names:
         raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
-    there = place.at("sensor").at(0).at("reference")
+    there = place.at("sensor", 0, "reference")
     for kind in IN_PLANE:
         if kind in spec.reference:
             raise there.at(kind).error(
@@ -167,15 +148,12 @@ def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], p
 
 
 def _mission(tables: StudyFile, table: PlanTable, spec: SensorSpec, seed: int, path: Path) -> Mission | None:
-    place = Place(str(path)).at("scene")
+    place = Place(str(path), "scene")
     missions = scenes_of(tables.scene, path.parent, place, seed, {spec.kind})
     if len(missions) > 1:
         raise place.error(f"a plan is for one scene: expected one table, came {len(missions)}")
     if table.aim == "scene" and not missions:
-        raise (
-            Place(str(path))
-            .at("plan")
-            .at("aim")
-            .error("'scene' needs a [[scene]] with its budget: add one, or choose worst or D")
+        raise Place(str(path), "plan.aim").error(
+            "'scene' needs a [[scene]] with its budget: add one, or choose worst or D"
         )
     return missions[0] if missions else None

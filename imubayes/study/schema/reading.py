@@ -18,20 +18,12 @@ from imubayes.population.parts import FleetStudy
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
-from imubayes.study.schema.appendix_tables import appendix
-from imubayes.study.schema.fleet_tables import fleet_study
-from imubayes.study.schema.lot_tables import lot_study
 from imubayes.study.schema.plan_tables import plan_study
-from imubayes.study.schema.scene_tables import scenes_of
-from imubayes.study.schema.sensor_tables import own_classes, sensor_spec
-from imubayes.study.schema.shapes import Place, hint, shaped, unique
-from imubayes.study.schema.tables import (
-    DecisionTable,
-    HeaderTable,
-    NoiseTable,
-    SamplingTable,
-    StudyFile,
-)
+from imubayes.study.schema.scene_tables import appendix, scenes_of
+from imubayes.study.schema.sensor_tables import headed, sensor_spec
+from imubayes.study.schema.shapes import Place, arguments, hint, shaped, unique
+from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
+from imubayes.study.schema.unit_tables import fleet_study, lot_study
 
 AnyStudy = Study | LotStudy | FleetStudy
 """What a study file becomes."""
@@ -136,14 +128,13 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
     place = Place(str(path))
     if tables.plan is not None and not any(raw.get("run") for raw in tables.sensor):
         raise place.at("plan").error("nothing has been run yet: 'imubayes plan' it")
-    header = shaped(HeaderTable, tables.study, place.at("study"))
+    header, own = headed(tables, path)
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
-    sampling = shaped(SamplingTable, tables.sampling, place.at("sampling"))
+    sampling = Sampling(header.method, **arguments(SAMPLING, tables.sampling, place.at("sampling")))
     decision = shaped(DecisionTable, tables.decision, place.at("decision"))
-    noise = shaped(NoiseTable, tables.noise, place.at("noise"))
+    noise = NoiseQuestion(**arguments(NOISE, tables.noise, place.at("noise")))
     here, there = place.at("sensor"), place.at("appendix")
-    own = own_classes(header.catalogue, path.parent, place.at("study").at("catalogue"))
     sensors = tuple(
         sensor_spec(raw, path.parent, here.at(k), catalogue=own) for k, raw in enumerate(tables.sensor)
     )
@@ -155,13 +146,13 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
         sensors,
         path,
         text,
-        Sampling(header.method, sampling.ess, sampling.time_limit),
+        sampling,
         tuple(appendix(raw, path.parent, there.at(k)) for k, raw in enumerate(tables.appendix)),
         Costs(decision.false_keep, decision.false_drop),
         decision.hierarchy,
         decision.compare,
         scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, _kinds(sensors)),
-        NoiseQuestion(noise.identify, noise.candidates),
+        noise,
     )
 
 
@@ -247,19 +238,11 @@ def _check_sessions(sensors: Sequence[SensorSpec], place: Place) -> None:
             continue
         earlier = sensors[first.setdefault(one.unit, k)]
         if (one.kind, one.library) != (earlier.kind, earlier.library):
-            raise (
-                place.at(k)
-                .at("unit")
-                .error(
-                    f"'{one.unit}' is the unit of sensor '{earlier.id}' too, with another kind or library: "
-                    "expected the same, so that the sessions have the same parameters"
-                )
+            raise place.at(k, "unit").error(
+                f"'{one.unit}' is the unit of sensor '{earlier.id}' too, with another kind or library: "
+                "expected the same, so that the sessions have the same parameters"
             )
         if (other := seen.setdefault((one.unit, one.session), k)) != k:
-            raise (
-                place.at(k)
-                .at("session")
-                .error(
-                    f"'{one.session}' of unit '{one.unit}' is {place.at(other).key} already: expected another"
-                )
+            raise place.at(k, "session").error(
+                f"'{one.session}' of unit '{one.unit}' is {place.at(other).key} already: expected another"
             )

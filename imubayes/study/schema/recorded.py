@@ -1,4 +1,4 @@
-"""A simulated study becomes files: its runs, the truth, and a study that reads them back."""
+"""Studies that are written: a simulated one with its runs as files, and the one that a plan comes to."""
 
 from __future__ import annotations
 
@@ -7,31 +7,32 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
+from imubayes.planning.candidates import pauses, runs_of
 from imubayes.rig.inputs import KnownRun, Run
 from imubayes.rig.recordings import write_imu_run, write_run
 from imubayes.study.schema.run_tables import located
+
+if TYPE_CHECKING:
+    from imubayes.planning.candidates import Step
+    from imubayes.planning.proposal import Proposal
+
+PLANNED = "plan.toml"
+"""Name of the study of the planned runs."""
 
 TRUTH = "truth.json"
 """Coefficients of the simulated sensors, SI, by sensor and term."""
 
 
 def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
-    """Simulate every simulated run of a study, and write what a recorded study would have.
+    """Simulate every simulated run of a study, and write what a recorded study would have; give the files.
 
-    Parameters
-    ----------
-    study : with at least one simulated run.
-    folder : that exists; gets a CSV for each simulated run, ``truth.json``, and a study under the name of
-        the original one, in which these runs have a ``file`` in place of ``simulate``.
-
-    Returns
-    -------
-    the files that were written.
+    The folder exists; it gets a CSV for each simulated run, ``truth.json``, and a study under the name of the
+    original one, in which these runs have a ``file`` in place of ``simulate``.
 
     Raises
     ------
@@ -51,10 +52,47 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
-    for table, key in named_files(tables):
-        if key in table:
-            table[key] = str(located(table[key], study.path.parent).resolve())
-    return (*files, *_written(folder, study, tables, truths))
+    _make_absolute(tables, study.path.parent)
+    truth, toml = folder / TRUTH, folder / study.path.name
+    truth.write_text(json.dumps(truths, indent=1) + "\n", encoding="utf-8")
+    toml.write_text("\n".join(toml_lines(tables)).lstrip() + "\n", encoding="utf-8")
+    return (*files, truth, toml)
+
+
+def write_planned(found: Proposal, folder: Path) -> Path:
+    """Write the best plan as a study with simulated runs, one line for each dwell, in a folder that exists.
+
+    Runs that are done are named by their full paths.
+    """
+    tables = tomllib.loads(found.study.text)
+    offers = tables.pop("plan")["run"]
+    sensor = tables.pop("sensor")[0]
+    _make_absolute(tables, found.study.path.parent)
+    for run, spec in zip(sensor.get("run", []), found.study.spec.runs, strict=True):
+        if spec.file is not None:
+            run["file"] = str(spec.file.resolve())
+    lines = [*toml_lines(tables | {"sensor": [sensor]})]
+    for offer, steps in runs_of(found.best.steps):
+        lines += _run_lines(found, offers[offer], offer, steps)
+    file = folder / PLANNED
+    file.write_text("\n".join(lines).lstrip() + "\n", encoding="utf-8")
+    return file
+
+
+def _run_lines(found: Proposal, table: dict[str, Any], offer: int, steps: list[Step]) -> Iterator[str]:
+    run = {"name": table["name"], "procedure": table["procedure"]}
+    yield "\n[[sensor.run]]"
+    yield from toml_lines(run)
+    yield "\n[sensor.run.simulate]"
+    yield from toml_lines(table["candidates"] | {"rate": f"{found.study.offers[offer].rate:g} Hz"})
+    yield "steps = ["
+    for step, pause in zip(steps, pauses(found.menus[offer], steps), strict=True):
+        words = found.settings[offer][step.setting]
+        yield (
+            f'  {{ at = {step.setting}, pause = "{pause:.9g} s", dwell = "{step.dwell:.9g} s" }},'
+            f"  # {', '.join(filter(None, (words.mount, words.at)))}"
+        )
+    yield "]"
 
 
 def _write(run: Run | KnownRun, file: Path, sensor: SensorSpec) -> None:
@@ -64,10 +102,12 @@ def _write(run: Run | KnownRun, file: Path, sensor: SensorSpec) -> None:
         write_run(run, file, kind=sensor.kind)
 
 
-def named_files(tables: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Tables beside the runs that name a file, and the key that does."""
-    yield from ((table, "file") for table in (*tables.get("appendix", []), *tables.get("scene", [])))
-    yield tables.get("study", {}), "catalogue"
+def _make_absolute(tables: dict[str, Any], folder: Path) -> None:
+    """Make the paths absolute of files that are named beside the runs."""
+    beside = [(table, "file") for table in (*tables.get("appendix", []), *tables.get("scene", []))]
+    for table, key in (*beside, (tables.get("study", {}), "catalogue")):
+        if key in table:
+            table[key] = str(located(table[key], folder).resolve())
 
 
 def _point(table: dict[str, Any], name: str, file: str) -> None:
@@ -84,13 +124,6 @@ def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:
     for run, spec in zip(table["run"], sensor.runs, strict=True):
         if spec.file is not None:
             run["file"] = str(spec.file.resolve())
-
-
-def _written(folder: Path, study: Study, tables: dict[str, Any], truths: object) -> tuple[Path, Path]:
-    truth, toml = folder / TRUTH, folder / study.path.name
-    truth.write_text(json.dumps(truths, indent=1) + "\n", encoding="utf-8")
-    toml.write_text("\n".join(toml_lines(tables)).lstrip() + "\n", encoding="utf-8")
-    return truth, toml
 
 
 def _free(path: Path, taken: list[Path]) -> Path:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +25,16 @@ from imubayes.rig.recordings import (
 )
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Kind
-from imubayes.study.schema.shapes import Place, hint, quantity, shaped, shown
-from imubayes.study.schema.simulated import CALLED, SIMULATED
-from imubayes.study.schema.tables import ColumnTable, FixedNoiseTable, RunTable, SectionTable, SiteTable
+from imubayes.study.schema.shapes import Place, arguments, hint, quantity, shaped, shown
+from imubayes.study.schema.tables import (
+    CALLED,
+    SIMULATED,
+    SITE,
+    ColumnTable,
+    FixedNoiseTable,
+    RunTable,
+    SectionTable,
+)
 
 DATA_VARIABLE = "IMUBAYES_DATA"
 """Environment variable that names the folder of public data; a file may start with ``$IMUBAYES_DATA/``."""
@@ -41,15 +47,7 @@ _COUNTABLE = 2.0**53
 
 
 def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool = False) -> RunSpec:
-    """Check one run of a sensor.
-
-    Parameters
-    ----------
-    raw : the table.
-    kind : of the sensor.
-    folder : of the study's file.
-    place : of the table, for errors.
-    imu : whether the run is one of a whole IMU.
+    """Check one run of a sensor, with paths relative to the study's folder.
 
     Raises
     ------
@@ -164,13 +162,6 @@ def columns_of(
 ) -> dict[str, ColumnSpec]:
     """Check the table of columns of a file: where it has a channel under another name, unit or scale.
 
-    Parameters
-    ----------
-    raw : the table.
-    known : channels that the file may have.
-    output_unit : SI unit of the channel ``output``.
-    place : of the table, for errors.
-
     Raises
     ------
     StudyError : naming the key.
@@ -228,8 +219,7 @@ def _local_gravity(run: RunTable, place: Place) -> float | None:
         wanted = '"9.81 m/s^2" or { latitude = "45 deg", height = "100 m" }'
         raise place.error(f"the key is missing: a {run.procedure} run needs {wanted}")
     if isinstance(run.gravity, dict):
-        site = shaped(SiteTable, run.gravity, place)
-        return normal_gravity(site.latitude, site.height)
+        return normal_gravity(**arguments(SITE, run.gravity, place))
     return quantity(run.gravity, "m/s^2", place, positive=True)
 
 
@@ -238,8 +228,7 @@ def _simulation(run: RunTable, place: Place) -> dict[str, object]:
     if profile not in SIMULATED:
         known = ", ".join(dict.fromkeys(CALLED.get(profile, profile) for profile in SIMULATED))
         raise place.at("procedure").error(f"'{run.procedure}' cannot be simulated: expected one of {known}")
-    given = asdict(shaped(SIMULATED[profile], run.simulate, place.at("simulate")))
-    return {"profile": profile, **{key: value for key, value in given.items() if value is not None}}
+    return {"profile": profile, **arguments(SIMULATED[profile], run.simulate, place.at("simulate"))}
 
 
 def _profile(run: RunTable) -> str:

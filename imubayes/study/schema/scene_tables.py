@@ -1,16 +1,16 @@
-"""``[[scene]]`` tables become missions: what the sensors will see, and what their error may come to."""
+"""``[[scene]]`` tables become missions, ``[[appendix]]`` tables what a CSV file holds."""
 
 from __future__ import annotations
 
+import csv
 import zlib
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic.dataclasses import dataclass as shape
 
-from imubayes.campaign.study import Mission
+from imubayes.campaign.study import Appendix, Mission
 from imubayes.errors import StudyError
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.scenes.propagation import BUDGET_UNITS, Budget, Quantity
@@ -18,14 +18,16 @@ from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.record import BODY, Scene, read_scene
 from imubayes.scenes.trajectories import MANNERS, generated
 from imubayes.sensors.terms import Kind
-from imubayes.study.schema.measured import STRICT, Holds, Seconds, Table, Text, key, quantities
 from imubayes.study.schema.run_tables import columns_of, located
-from imubayes.study.schema.shapes import Place, hint, quantity, shaped
-from imubayes.study.schema.tables import Columns, Texts
+from imubayes.study.schema.shapes import Holds, Place, Table, Text, Texts, hint, key, quantity, shape, shaped
+from imubayes.study.schema.tables import Columns
+from imubayes.units import Seconds, quantities
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T")
 """Channels of a log."""
 
+LONGEST = 200
+"""Rows of a table that a report can show; a longer one is data."""
 
 _BUDGETS = {
     "type": "object",
@@ -36,7 +38,7 @@ _BUDGETS = {
 }
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class SceneTable:
     """``[[scene]]``."""
 
@@ -91,16 +93,10 @@ class SceneTable:
 def scenes_of(
     tables: Sequence[object], folder: Path, place: Place, seed: int, kinds: Collection[Kind]
 ) -> tuple[Mission, ...]:
-    """Check the scenes of a study, and read or generate them.
+    """Check the scenes of a study, and read or generate them; an output's budget is of one kind.
 
-    Parameters
-    ----------
-    tables : one for each scene.
-    folder : of the study's file.
-    place : of the list, for errors.
-    seed : of the study. With the catalogue's scene it decides a trajectory, whatever other scenes there are,
-        and by whatever name the study calls it.
-    kinds : of the study's sensors: a budget of the output has the unit of one kind.
+    The seed decides a trajectory with the catalogue's scene, whatever other scenes there are, and by whatever
+    name the study calls it.
 
     Raises
     ------
@@ -180,3 +176,57 @@ def _is_free(table: SceneTable) -> bool:
         return table.free_flight
     manner = MANNERS.get((table.scene or table.name or "").replace("-", "_"))
     return table.file is None and manner is not None and manner.rest == 0.0
+
+
+@shape
+class AppendixTable:
+    """``[[appendix]]``."""
+
+    title: Text = key("heading", "Effective samples a second")
+    file: Text = key("CSV, UTF-8, commas: a line of headings and at most 200 rows", "speed.csv")
+    note: str = key("what it shows, in words", "Two cores.", "")
+    command: str = key("that made it", "pytest -m benchmark", "")
+
+
+def appendix(raw: object, folder: Path, place: Place) -> Appendix:
+    """Check one table from elsewhere and read its file.
+
+    Raises
+    ------
+    StudyError : naming the key or the file's line.
+    """
+    table = shaped(AppendixTable, raw, place)
+    here = place.at("file")
+    lines = _lines(located(table.file, folder), table.file, here)
+    if len(lines) < 2:
+        raise here.error(f"{table.file}: expected a line of headings and at least one row")
+    if len(lines) - 1 > LONGEST:
+        raise here.error(
+            f"{table.file}: has {len(lines) - 1} rows: expected at most {LONGEST}; give a summary of it"
+        )
+    (_, header), *rows = lines
+    for number, row in rows:
+        if len(row) != len(header):
+            raise here.error(
+                f"{table.file}, line {number}: expected {len(header)} fields, as many as headings, "
+                f"came {len(row)}"
+            )
+    return Appendix(table.title, table.note, table.command, header, tuple(row for _, row in rows))
+
+
+def _lines(path: Path, shown: str, place: Place) -> list[tuple[int, tuple[str, ...]]]:
+    """Lines of a CSV file that hold something: their numbers and fields."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True, skipinitialspace=True)
+            return [(reader.line_num, tuple(map(str.strip, row))) for row in reader if any(row)]
+    except UnicodeDecodeError:
+        raise place.error(f"{shown}: is not a text in UTF-8: expected a CSV file") from None
+    except (FileNotFoundError, ValueError):
+        raise place.error(f"{shown}: there is no such file (looked for {path})") from None
+    except IsADirectoryError:
+        raise place.error(f"{shown}: is a directory: expected a CSV file") from None
+    except OSError as error:
+        raise place.error(f"{shown}: cannot be read ({error.strerror}): check its permissions") from None
+    except csv.Error as error:
+        raise place.error(f"{shown}: is not a CSV file: {error}") from None

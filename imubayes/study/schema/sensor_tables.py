@@ -3,57 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, RunSpec
-from imubayes.rig.reference import KINDS, for_sensor
+from imubayes.rig.reference import KINDS, OFFSET, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.catalogue_file import read_catalogue
+from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library, library
-from imubayes.study.schema.imu_tables import KINDS_OF_IMU, check_imu, half, truths_of, without_component
 from imubayes.study.schema.run_tables import located, noise_rule, run_spec
-from imubayes.study.schema.shapes import Place, hint, quantity, shaped, shown, unique
-from imubayes.study.schema.tables import LibraryTable, SensorTable
+from imubayes.study.schema.shapes import Place, arguments, hint, quantity, shaped, shown, unique
+from imubayes.study.schema.tables import LIBRARY, HeaderTable, SensorTable, StudyFile
+
+KINDS_OF_IMU: tuple[Kind, Kind] = ("accelerometer", "gyroscope")
 
 LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
 """Errors of the reference that runs of several components in one case can allow for."""
 
 
-def own_classes(file: str | None, folder: Path, place: Place) -> tuple[SensorClass, ...]:
-    """Read the classes of a study's own catalogue; none where it names no file.
-
-    Parameters
-    ----------
-    file : as the study names it.
-    folder : of the study's file.
-    place : of the key, for errors.
+def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable, tuple[SensorClass, ...]]:
+    """Header of a study, and the classes of its own catalogue; `exact` names one without a choice of method.
 
     Raises
     ------
-    StudyError : naming the file, the class and the key.
+    StudyError : naming the key; of a catalogue also its file, the class and the key there.
     """
-    with place.blamed():
-        return () if file is None else read_catalogue(located(file, folder))
+    place = Place(str(file), "study")
+    header = shaped(HeaderTable, tables.study, place)
+    if exact and header.method not in ("auto", "exact"):
+        raise place.at("method").error(f"{exact} is exact: leave it out")
+    if header.catalogue is None:
+        return header, ()
+    with place.at("catalogue").blamed():
+        return header, read_catalogue(located(header.catalogue, file.parent))
 
 
 def sensor_spec(
     raw: object, folder: Path, place: Place, *, catalogue: Sequence[SensorClass] = ()
 ) -> SensorSpec:
-    """Check one sensor of a study.
-
-    Parameters
-    ----------
-    raw : the table.
-    folder : of the study's file.
-    place : of the table, for errors.
-    catalogue : classes of the study's own.
+    """Check one sensor of a study in a folder, which may have a catalogue of its own.
 
     Raises
     ------
@@ -65,7 +60,7 @@ def sensor_spec(
     _check_session(table, place)
     if table.kind != "imu":
         return _of_kind(table, table.kind, folder, place, catalogue)
-    check_imu(table, place)
+    _check_imu(table, place)
     halves = (_of_kind(table, kind, folder, place, catalogue) for kind in KINDS_OF_IMU)
     accelerometer, gyroscope = halves
     return replace(accelerometer, gyroscope=gyroscope)
@@ -76,19 +71,19 @@ def _of_kind(
 ) -> SensorSpec:
     """What a sensor's table says of its components of one kind; a whole IMU has both."""
     imu = table.kind == "imu"
-    name, there = half(table.class_, kind, place.at("class"), imu=imu)
+    name, there = _half(table.class_, kind, place.at("class"), imu=imu)
     if isinstance(name, dict):
         raise there.error(f"expected the id of a class, came {shown(name)}")
     with there.blamed():
         sensor_class = None if name is None else sensor(name, kind=kind, catalogue=catalogue)
     technology = sensor_class.technology if sensor_class else ""
-    lib = _candidates(kind, technology, *half(table.library, kind, place.at("library"), imu=imu))
+    lib = _candidates(kind, technology, *_half(table.library, kind, place.at("library"), imu=imu))
     runs = tuple(_runs(table, kind, folder, place))
     _check_runs(runs, sensor_class, place)
     _check_robust(table, runs, place.at("robust"))
-    prior, there = half(table.prior, kind, place.at("prior"), imu=imu)
+    prior, there = _half(table.prior, kind, place.at("prior"), imu=imu)
     prior = _prior(prior, lib, there)
-    truth = truths_of(table.truth, kind) if imu else table.truth
+    truth = _truths_of(table.truth, kind) if imu else table.truth
     truth = _truth(truth, kind, runs, place.at("truth"))
     if sensor_class is not None:
         lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
@@ -111,7 +106,7 @@ def _of_kind(
 def _halves(table: SensorTable, kind: Kind, place: Place) -> dict[str, Any]:
     """Entries of ``reference`` for a kind; one that speaks of the other kind alone is left out."""
     entries = {
-        name: half(value, kind, place.at(name), imu=table.kind == "imu")[0]
+        name: _half(value, kind, place.at(name), imu=table.kind == "imu")[0]
         for name, value in table.reference.items()
     }
     return {name: value for name, value in entries.items() if value != {}}
@@ -131,11 +126,11 @@ def _bench_drawn(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> b
 def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterator[RunSpec]:
     """Read the runs of a sensor; a run without a noise rule has the sensor's."""
     imu = table.kind == "imu"
-    noise, there = half(table.noise, kind, place.at("noise"), imu=imu)
+    noise, there = _half(table.noise, kind, place.at("noise"), imu=imu)
     usual = noise_rule(noise, kind, there)
     for k, raw in enumerate(table.run):
         here = place.at("run").at(k)
-        own, _ = half(raw.get("noise"), kind, here.at("noise"), imu=imu)
+        own, _ = _half(raw.get("noise"), kind, here.at("noise"), imu=imu)
         run = run_spec(raw | {"noise": own} if imu else raw, kind, folder, here, imu=imu)
         if isinstance(raw, dict) and "noise" not in raw:
             # the static log that the others lean on cannot lean on itself
@@ -144,9 +139,9 @@ def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterato
 
 
 def _candidates(kind: Kind, technology: str, raw: object, place: Place) -> Library:
-    options = shaped(LibraryTable, raw, place)
+    options = arguments(LIBRARY, raw, place)
     with place.blamed():
-        return library(kind, **asdict(options), technology=technology)
+        return library(kind, **options, technology=technology)
 
 
 def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
@@ -154,7 +149,7 @@ def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Plac
     truth = {}
     for name, text in raw.items():
         with place.at(name).blamed():
-            (term,) = library_of(kind, [without_component(name)]).terms
+            (term,) = library_of(kind, [_without_component(name)]).terms
         truth[name] = quantity(text, term.unit, place.at(name))
     if truth and not any(run.simulate for run in runs):
         raise place.error("no run is simulated: expected a [sensor.run.simulate] table, or no truth")
@@ -176,7 +171,7 @@ def _tied(lib: Library, prior: dict[str, float], truth: dict[str, float]) -> tup
     """Leave out ties that the study contradicts; a prior sd that it states of one term holds for both."""
 
     def simulated(term: str) -> dict[str, float]:
-        return {key.rpartition(".")[0]: x for key, x in truth.items() if without_component(key) == term}
+        return {key.rpartition(".")[0]: x for key, x in truth.items() if _without_component(key) == term}
 
     ties = tuple(
         (name, leader)
@@ -263,3 +258,71 @@ def _check_noise(run: RunSpec, runs: tuple[RunSpec, ...], place: Place) -> None:
         raise place.error(
             f"run '{like}' takes its noise from a run too: expected one with a noise of its own"
         )
+
+
+def _half(value: Any, kind: Kind, place: Place, *, imu: bool) -> tuple[Any, Place]:
+    """What a key says of one kind, and where: its own entry where an IMU's value is a table of both kinds.
+
+    The entry is an empty table where a table of both kinds does not have it.
+
+    Examples
+    --------
+    >>> _half({"gyroscope": {"powers": 1}}, "gyroscope", Place("s.toml", "library"), imu=True)
+    ({'powers': 1}, Place(file='s.toml', key='library.gyroscope'))
+    >>> _half("mems_tactical", "gyroscope", Place("s.toml", "class"), imu=True)[0]
+    'mems_tactical'
+    """
+    if not imu or not isinstance(value, dict) or not value.keys() <= set(KINDS_OF_IMU):
+        return value, place
+    return value.get(kind, {} if value else value), place.at(kind)
+
+
+def _check_imu(table: SensorTable, place: Place) -> None:
+    """Refuse what an IMU cannot have, and tables that do not say which kind they are for."""
+    for name in _flat(table.truth):
+        if name.partition(".")[0] not in COMPONENTS or "." not in name:
+            raise place.at("truth", name).error(
+                f"expected a component and its term, such as ax.b0; components are {', '.join(COMPONENTS)}"
+            )
+    for name in ("library", "prior"):
+        for key in getattr(table, name):
+            if key not in KINDS_OF_IMU:
+                raise place.at(name, key).error(
+                    f"unknown key: expected [sensor.{name}.accelerometer] and [sensor.{name}.gyroscope]; "
+                    f"{hint(key, KINDS_OF_IMU)}"
+                )
+    if isinstance(table.class_, dict) and set(table.class_) != set(KINDS_OF_IMU):
+        raise place.at("class").error("expected one class, or { accelerometer = ..., gyroscope = ... }")
+    if isinstance(table.reference.get(OFFSET), str):
+        raise place.at("reference", OFFSET).error(
+            "accelerometers and gyroscopes have other units: expected"
+            ' { accelerometer = "200 ug", gyroscope = "5 deg/h" }'
+        )
+    if table.robust:
+        raise place.at("robust").error("is not known for a whole IMU: leave it out")
+
+
+def _truths_of(raw: dict[str, Any], kind: Kind) -> dict[str, Any]:
+    """Entries of an IMU's ``truth`` for the components of a kind, by component and term.
+
+    Examples
+    --------
+    >>> _truths_of({"ax": {"b0": "1 mg"}, "gx.b1": "30 ppm"}, "gyroscope")
+    {'gx.b1': '30 ppm'}
+    """
+    return {name: value for name, value in _flat(raw).items() if kind_of(name.partition(".")[0]) == kind}
+
+
+def _without_component(name: str) -> str:
+    """Term of a coefficient's name: ``b0`` of ``ax.b0`` and of ``b0``."""
+    first, _, term = name.partition(".")
+    return term if first in COMPONENTS else name
+
+
+def _flat(raw: dict[str, Any]) -> dict[str, Any]:
+    """Entries by component and term: TOML reads ``ax.b0 = ...`` as a table in a table."""
+    flat: dict[str, Any] = {}
+    for name, value in raw.items():
+        inner = value if isinstance(value, dict) else None
+        flat |= {name: value} if inner is None else {f"{name}.{term}": one for term, one in inner.items()}
+    return flat

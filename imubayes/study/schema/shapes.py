@@ -1,18 +1,187 @@
-"""A table of a study is checked against its shape; an error becomes a sentence that names file and key."""
+"""Tables of a study: how their keys are described, checked, and named in an error.
+
+A key is described where its value is used, in the annotation of an argument (`imubayes.units.Key`), or by
+`key` in a table whose values depend on the sensor or the folder. This module, the tables and `described` are
+the only ones that know pydantic.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, fields
 from difflib import get_close_matches
-from typing import TypeVar
+from types import UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from pydantic import ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.dataclasses import dataclass
 
+from imubayes import units
 from imubayes.errors import MISSING, Place, said, shown
-from imubayes.study.schema.measured import measured
 
 _Shape = TypeVar("_Shape")
+
+STRICT = ConfigDict(extra="forbid", strict=True)
+WITHIN = ConfigDict(extra="forbid")
+"""Of a table that is read with the one that it stands in."""
+
+Several = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+Table = dict[str, Any]
+Text = units.Name
+Texts = Annotated[tuple[str, ...], Several]
+Names = Annotated[tuple[Text, ...], Several]
+
+_UNIONS = (Union, UnionType)
+_PRINTED = {
+    "s": ("h", "min", "s"), "Hz": ("Hz",), "m/s^2": ("m/s^2",), "rad": ("deg",), "m": ("m",),
+    "K/s": ("degC/min",), "rad/s": ("deg/s",),
+}  # fmt: skip
+"""Units that people use for the usual value of an argument, by the SI unit."""
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+def shape(table: type[_Shape]) -> type[_Shape]:
+    """Make a class the shape of a table."""
+    made: Any = dataclass(config=STRICT, frozen=True, kw_only=True)(table)
+    return made
+
+
+class Holds:
+    """What a value comes to that is checked later, where the sensor and the folder are known.
+
+    Parameters
+    ----------
+    shapes : of which it is one: shapes of tables, or their names, or JSON Schemas.
+    many : whether it is a ``list`` of them, or a table of them by ``name``.
+    """
+
+    def __init__(self, *shapes: Any, many: Literal["", "list", "name"] = "") -> None:
+        self.shapes, self.many = shapes, many
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        """JSON Schema of the value; ``table`` names a shape."""
+        ways = [
+            one if isinstance(one, dict) else {"table": getattr(one, "__name__", one)} for one in self.shapes
+        ]
+        one = ways[0] if len(ways) == 1 else {"anyOf": ways}
+        if self.many == "list":
+            return {"type": "array", "items": one}
+        return {"type": "object", "additionalProperties": one} if self.many else one
+
+
+def key(
+    meaning: str, example: Any, default: Any = ..., shown: str = "", *, usual: Any = None, alias: str = ""
+) -> Any:
+    """Describe a key of a table, for the documentation and for editors.
+
+    Parameters
+    ----------
+    meaning : in words.
+    example : of a value, as it stands in the file.
+    default : of the key; without one it is needed. A text with a unit is read like one of the file, and a
+        type makes it.
+    shown : what the default comes to, in words.
+    usual : value that stands for the default.
+    alias : the key, where Python has a word for itself.
+    """
+    said = {"usual": shown, "default": usual}
+    start: dict[str, Any] = {"default_factory" if isinstance(default, type) else "default": default}
+    return Field(
+        **start,
+        alias=alias or None,
+        description=meaning,
+        examples=[example],
+        json_schema_extra={word: value for word, value in said.items() if value not in ("", None)},
+        validate_default=default is not None,
+    )
+
+
+def table_of(
+    source: Callable[..., Any],
+    name: str,
+    heading: str,
+    *,
+    needed: str = "",
+    config: ConfigDict = STRICT,
+    more: Mapping[str, Any] | None = None,
+) -> type:
+    """Shape of a table that gives the annotated arguments of a function, or fields of a dataclass.
+
+    Parameters
+    ----------
+    source : whose arguments have a `Key`; the others are not for a study.
+    name, heading : of the shape, and of the table.
+    needed : argument that has to be given though it has a default.
+    config : of the check.
+    more : annotated types of keys that are no arguments.
+    """
+    hints = get_type_hints(source, include_extras=True)
+    usual = {name: one.default for name, one in inspect.signature(source).parameters.items()}
+    kinds, values = dict[str, Any](), dict[str, Any]()
+    for argument, kind in (hints | dict(more or {})).items():
+        described = next((mark for mark in _unwrapped(kind)[1] if isinstance(mark, units.Key)), None)
+        default = usual.get(argument)
+        if described and (default is inspect.Parameter.empty or argument == needed):
+            kinds[argument], values[argument] = _read(kind), key(*described)
+        elif described:
+            kinds[argument] = _read(kind) | None
+            values[argument] = key(*described, None, usual=_written(default, kind))
+    made = type(name, (), {"__annotations__": kinds, "__doc__": f"``{heading}``.", **values})
+    return dataclass(config=config, frozen=True, kw_only=True)(made)
+
+
+def arguments(wanted: type, raw: object, place: Place) -> dict[str, Any]:
+    """Check the table of a function's arguments, and give those that it has."""
+    return asdict(
+        shaped(wanted, raw, place), dict_factory=lambda pairs: {k: v for k, v in pairs if v is not None}
+    )
+
+
+def _read(kind: Any) -> Any:
+    """Type of an argument as a study gives it: a list for several values."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        marks = [mark for mark in inner[1:] if not isinstance(mark, units.Key)]
+        return Annotated[_read(inner[0]), *marks] if marks else _read(inner[0])
+    if origin is Sequence:
+        return Annotated[tuple[inner[0], ...], Several]
+    if origin is tuple:
+        return Annotated[kind, Several]
+    return _read(inner[0]) | None if origin in _UNIONS else kind
+
+
+def _unwrapped(kind: Any) -> tuple[Any, list[Any]]:
+    """Type of an argument that is given, and what it is annotated with."""
+    if get_origin(kind) is Annotated:
+        bare, marks = _unwrapped(get_args(kind)[0])
+        return bare, [*marks, *get_args(kind)[1:]]
+    return _unwrapped(get_args(kind)[0]) if get_origin(kind) in _UNIONS else (kind, [])
+
+
+def _written(value: Any, kind: Any) -> Any:
+    """Value of a signature, in SI, as a study would have it."""
+    bare, marks = _unwrapped(kind)
+    if isinstance(value, tuple):
+        return [_written(one, get_args(bare)[0]) for one in value]
+    like = next((mark.like for mark in marks if isinstance(mark, units.Quantity)), None)
+    if like is None or value is None:
+        return value
+    sizes = {unit: value / units.factor(unit, like) for unit in _PRINTED[like]}
+    whole = (unit for unit, size in sizes.items() if size > 0.5 and math.isclose(size, round(size)))
+    unit = next(whole, _PRINTED[like][-1])
+    return f"{sizes[unit]:.6g} {unit}"
 
 
 def shaped(wanted: type[_Shape], raw: object, place: Place) -> _Shape:
@@ -32,8 +201,7 @@ def shaped(wanted: type[_Shape], raw: object, place: Place) -> _Shape:
         return wanted(**raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        for step in first["loc"]:
-            place = place.at(step)
+        place = place.at(*first["loc"])
         raise place.error(f"{said(first)}: add it" if first["type"] in MISSING else said(first)) from None
 
 
@@ -45,7 +213,7 @@ def quantity(text: object, like: str, place: Place, *, positive: bool = False) -
     StudyError : if it is not a quantity like `like`.
     """
     try:
-        return measured(like, positive=positive)(text)
+        return units.Quantity(like, positive=positive).read(text)
     except ValueError as error:
         raise place.error(f"{error}, came {shown(text)}") from None
 
@@ -60,7 +228,7 @@ def unique(names: Sequence[str], key: str, place: Place) -> None:
     for k, name in enumerate(names):
         if name in names[:k]:
             first = place.at(names.index(name)).key
-            raise place.at(k).at(key).error(f"'{name}' is the {key} of {first} already: expected another")
+            raise place.at(k, key).error(f"'{name}' is the {key} of {first} already: expected another")
 
 
 def hint(key: str, known: Sequence[str]) -> str:

@@ -1,6 +1,7 @@
 """Tables of a study file: the keys of each, what a value of each may be, and what it means.
 
-Each table is described once, here: `docs/study.md`, `docs/plan.md` and the JSON Schema are made of it.
+Each key is described once, here or where its value is used: `docs/study.md`, `docs/plan.md` and the JSON
+Schema are made of it.
 """
 
 from __future__ import annotations
@@ -8,26 +9,27 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
-from pydantic.dataclasses import dataclass as shape
 
+from imubayes.campaign.study import Sampling
+from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.recordings import Procedure
-from imubayes.study.schema.measured import (
-    STRICT,
-    Angle,
-    Cost,
+from imubayes.rig.runs import PROFILES
+from imubayes.rig.sequences import Dwell
+from imubayes.selection.noise_found import NoiseQuestion
+from imubayes.sensors.terms import library
+from imubayes.study.schema.shapes import (
+    WITHIN,
     Holds,
-    Metres,
-    Seconds,
     Several,
     Table,
     Text,
+    Texts,
     key,
-    quantities,
+    shape,
+    table_of,
 )
-from imubayes.study.schema.simulated import SIMULATED
+from imubayes.units import Key, Limits, Positive, quantities
 
-Texts = Annotated[tuple[str, ...], Several]
-Names = Annotated[tuple[Text, ...], Several]
 Kind = Literal["accelerometer", "gyroscope"]
 
 _TEXT = {"type": "string"}
@@ -44,18 +46,50 @@ def by_kind(one: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+SAMPLING = table_of(Sampling, "SamplingTable", "[sampling]")
+NOISE = table_of(NoiseQuestion, "NoiseTable", "[noise]")
+LIBRARY = table_of(library, "LibraryTable", "[sensor.library]")
+SITE = table_of(normal_gravity, "SiteTable", "gravity")
+STEP = table_of(Dwell, "StepOptions", "steps", config=WITHIN)
+
+_STEPPED = ("tumble", "positions", "rate-table", "centrifuge")
+"""Profiles whose dwells can be given one by one."""
+
+_STEPS = {
+    "steps": Annotated[
+        tuple[STEP, ...],
+        Key("the dwells in an order and with times of their own, see `steps`", [{"at": 1, "dwell": "1 min"}]),
+    ]
+}
+
+SIMULATED = {
+    profile: table_of(
+        plan,
+        f"{profile}-options",
+        profile,
+        needed="positions" if profile == "positions" else "",  # it alone tells of a standard set
+        more=_STEPS if profile in _STEPPED else None,
+    )
+    for profile, plan in PROFILES.items()
+}
+"""Profiles that can be simulated, with the shape of their options: the arguments of their functions."""
+
+CALLED = {"positions": "tumble", "vibration": "other"}
+"""What a study calls the profiles that have no procedure of their own."""
+
+
 def _column_name(value: Any) -> str | int:
     if isinstance(value, bool) or not isinstance(value, str | int) or value == "":
         raise ValueError("expected a column's name, or its number counted from 0")
     return value
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class HeaderTable:
     """``[study]``."""
 
     title: str = key("heading of the report", "ACC-07 acceptance", "", "name of the file")
-    seed: Annotated[int, Field(ge=0)] = key(
+    seed: Annotated[int, Limits(ge=0)] = key(
         "of simulated runs, of generated scenes and of posterior draws", 1, 0
     )
     catalogue: Text | None = key(
@@ -69,26 +103,14 @@ class HeaderTable:
     )
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
-class SamplingTable:
-    """``[sampling]``."""
-
-    ess: Cost = key(
-        "effective sample size at which the chains of a sensor stop, reached by every parameter", 400, 1000.0
-    )
-    time_limit: Seconds = key(
-        "for each sensor; chains that are not done by then are reported as not converged", "1 h", "10 min"
-    )
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class DecisionTable:
     """``[decision]``."""
 
-    false_keep: Cost = key(
+    false_keep: Positive = key(
         "cost of a term kept that is zero; only its ratio to `false_drop` counts", 1.0, 1.0
     )
-    false_drop: Cost = key("cost of a term dropped that is not zero", 4.0, 1.0)
+    false_drop: Positive = key("cost of a term dropped that is not zero", 4.0, 1.0)
     hierarchy: bool = key(
         "a term may only be in a model that has what it modifies: `b3` calls for `b1`, `b1p` for `b1`,"
         " `b0*T2` for `b0*T`",
@@ -102,57 +124,7 @@ class DecisionTable:
     )
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
-class NoiseTable:
-    """``[noise]``: the arguments of `imubayes.selection.noise_found.NoiseQuestion`."""
-
-    identify: Literal["static", "all", "none"] = key(
-        "which runs are asked for their noise processes: `static` (quiet logs), `all` (tests too; of a triad"
-        " or a whole IMU the samples at rest), or `none` ([docs/noise.md](noise.md))",
-        "all",
-        "static",
-    )
-    candidates: Annotated[tuple[Literal["B", "K", "Q", "R", "G"], ...], Several] = key(
-        "processes beside white noise that a run may show", ["B", "K", "Q"], ["B", "K", "Q", "R", "G"]
-    )
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class LibraryTable:
-    """``[sensor.library]``: the arguments of `imubayes.sensors.terms.library`."""
-
-    powers: int = key("highest power of the own input, 1 to 12", 4, 3)
-    asymmetry: int = key(
-        "highest power that also comes times the sign of the input, up to 12; -1 for none", -1, 2
-    )
-    set: Literal["slide", "extended"] = key(
-        "`extended` adds `S_ii S_jj S_kk` and, for a gyroscope, `g_i g_j g_k` and `s_i s_j s_k`",
-        "extended",
-        "slide",
-    )
-    temperature: int = key(
-        "highest power of T - 25 degC that multiplies the terms of `temperature_of`, up to 12; 0 for no term"
-        " of temperature",
-        2,
-        0,
-    )
-    temperature_of: Texts = key("terms that may depend on temperature", ["b0", "b1", "m_j"], ["b0", "b1"])
-    rate_of: Texts = key(
-        "terms that may depend on the rate of temperature (`b0*dT`), where `temperature` is 1 or more",
-        ["b0", "b1"],
-        ["b0"],
-    )
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
-class SiteTable:
-    """``gravity`` of a run by place."""
-
-    latitude: Angle = key("geodetic, north positive", "45.4 deg")
-    height: Metres = key("above the ellipsoid", "12 m")
-
-
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class SectionTable:
     """``sections``: one of those of a run of an IMU."""
 
@@ -167,7 +139,7 @@ class SectionTable:
     )
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class ColumnTable:
     """``[sensor.run.columns]``: a channel of it."""
 
@@ -202,7 +174,7 @@ class ColumnTable:
 Columns = Annotated[Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, many="name")]
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class FixedNoiseTable:
     """``noise`` that is given, or another run's."""
 
@@ -223,7 +195,7 @@ class FixedNoiseTable:
     )
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class RunTable:
     """``[[sensor.run]]``."""
 
@@ -248,7 +220,7 @@ class RunTable:
         ["f_q"],
         [],
     )
-    gravity: Annotated[Any, Holds(quantities("m/s^2"), SiteTable)] = key(
+    gravity: Annotated[Any, Holds(quantities("m/s^2"), SITE)] = key(
         "local gravity, or the place",
         "9.8123 m/s^2",
         None,
@@ -277,7 +249,7 @@ class RunTable:
 
 
 Runs = Annotated[list[Table], Holds(RunTable, many="list")]
-LibraryOf = Annotated[Table, Holds(LibraryTable)]
+LibraryOf = Annotated[Table, Holds(LIBRARY)]
 PriorOf = Annotated[Table, Holds(quantities("like the term"), _TABLE, many="name")]
 ReferenceOf = Annotated[
     Table, Holds({"type": "boolean"}, quantities("of the error"), by_kind(_TEXT), many="name")
@@ -285,7 +257,7 @@ ReferenceOf = Annotated[
 CAMPAIGN = [{"name": "A", "procedure": "tumble", "simulate": {"angles": 12}}]
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class SensorTable:
     """``[[sensor]]``."""
 
@@ -303,7 +275,7 @@ class SensorTable:
         None,
         alias="class",
     )
-    library: Annotated[Table, Holds(LibraryTable, by_kind(_TABLE))] = key(
+    library: Annotated[Table, Holds(LIBRARY, by_kind(_TABLE))] = key(
         "candidate terms, `[sensor.library]`", {"powers": 2}, dict, "its defaults"
     )
     noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
@@ -357,14 +329,14 @@ class SensorTable:
     )
 
 
-@shape(config=STRICT, frozen=True, kw_only=True)
+@shape
 class StudyFile:
     """A study file."""
 
     study: Annotated[Table, Holds(HeaderTable)] = Field(default_factory=dict)
-    sampling: Annotated[Table, Holds(SamplingTable)] = Field(default_factory=dict)
+    sampling: Annotated[Table, Holds(SAMPLING)] = Field(default_factory=dict)
     decision: Annotated[Table, Holds(DecisionTable)] = Field(default_factory=dict)
-    noise: Annotated[Table, Holds(NoiseTable)] = Field(default_factory=dict)
+    noise: Annotated[Table, Holds(NOISE)] = Field(default_factory=dict)
     sensor: Annotated[list[Table], Holds(SensorTable, many="list")] = Field(default_factory=list)
     lots: Annotated[Table | None, Holds("LotsTable")] = None
     fleet: Annotated[Table | None, Holds("FleetTable")] = None

@@ -1,0 +1,324 @@
+"""The tables ``[lots]`` and ``[fleet]``, of many units, become a `LotStudy` and a `FleetStudy`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.population.lots import Against, LotStudy
+from imubayes.population.parts import FleetStudy, Unit, recorded_units, simulated_units
+from imubayes.rig.recordings import FREE_TUMBLE
+from imubayes.rig.runs import plan_run
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.study.schema.run_tables import located
+from imubayes.study.schema.scene_tables import scenes_of
+from imubayes.study.schema.sensor_tables import headed, sensor_spec
+from imubayes.study.schema.shapes import (
+    Holds,
+    Names,
+    Place,
+    Text,
+    arguments,
+    hint,
+    key,
+    shape,
+    shaped,
+    shown,
+    table_of,
+    unique,
+)
+from imubayes.study.schema.tables import (
+    CAMPAIGN,
+    ESTIMATED,
+    FixedNoiseTable,
+    Kind,
+    LibraryOf,
+    PriorOf,
+    ReferenceOf,
+    Runs,
+    StudyFile,
+)
+from imubayes.units import Count, Limits
+
+FEWEST = 2
+"""Units below which nothing can be said of a population."""
+
+WANTED = (
+    'expected a number of simulated units, such as 1000, or a pattern of folders or files, such as "data/*"'
+)
+
+AGAINST = table_of(Against, "AgainstTable", "[lots.asks]")
+
+
+@shape
+class UnitsTable:
+    """Keys that lots and a fleet have in common."""
+
+    kind: Kind = key("`accelerometer` or `gyroscope`", "accelerometer")
+    processes: Count = key(
+        "of this machine that share the work; of a fleet with `--scheduler` the workers do", 4, 2
+    )
+    library: LibraryOf = key("candidate terms, as `[sensor.library]`", {"powers": 2}, dict, "its defaults")
+    reference: ReferenceOf = key(
+        "errors of the test bench, as `[sensor.reference]`: of simulated units drawn anew for each, and"
+        " allowed for in its analysis",
+        {"gravity": True},
+        dict,
+    )
+    run: Runs = key(
+        "the campaign, as `[[sensor.run]]`: with `simulate`, or of a fleet with a `file` in each unit's"
+        " folder",
+        CAMPAIGN,
+        list,
+        "needed",
+    )
+
+
+@shape
+class LotsTable(UnitsTable):
+    """``[lots]``."""
+
+    classes: Names = key(
+        "classes of the catalogue (`imubayes catalogue`), in the order of the report",
+        ["mems_tactical", "strategic_piga"],
+    )
+    units: Annotated[int, Limits(ge=2)] = key("simulated of each class", 10, 8)
+    basic: bool = key(
+        "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
+    )
+    asks: Annotated[Any, Holds({"enum": ["classes", "scenes", "triad"]}, AGAINST)] = key(
+        "what the report answers first, as its title asks: what each class needs (`classes`), what each"
+        " scene requires (`scenes`), whether the basic triad is enough (`triad`), or what some classes need"
+        " and others do not (a table `[lots.asks]`)",
+        "classes",
+        "classes",
+    )
+
+
+@shape
+class FleetTable(UnitsTable):
+    """``[fleet]``."""
+
+    class_: Text = key("class of the catalogue, or of the study's own", "mems_tactical", alias="class")
+    units: Annotated[Any, Holds({"type": "integer", "minimum": 2}, {"type": "string"})] = key(
+        "number of simulated units, 2 or more; or a pattern of folders (or files, where no folder matches),"
+        ' each a unit named by it, such as `units = "lot7/*"`',
+        1000,
+    )
+    part: Count = key("units that are done, and kept, together", 20, 8)
+    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable)] = key(
+        "of every unit, as in `[[sensor]]`", "white", None, '`"estimate"`'
+    )
+    prior: PriorOf = key("of every unit, as in `[[sensor]]`", {"b2": "100 ug/g^2"}, dict, "the class's")
+    robust: bool = key("dwells of every unit that outliers have contaminated are left out", True, False)
+
+
+def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
+    """Check a class-level study.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    header, own = headed(tables, path, "a class-level study")
+    here = Place(str(path), "lots")
+    table = shaped(LotsTable, tables.lots, here)
+    entries = _classes(table, own, here.at("classes"))
+    campaign = _campaign(table, table.classes[0], path.parent, own, here)
+    for k, run in enumerate(campaign.runs):
+        if run.simulate is None:
+            raise here.at("run", k).error("units of a lot are simulated: expected simulate, not a file")
+    there = Place(str(path), "scene")
+    missions = scenes_of(tables.scene, path.parent, there, header.seed, {table.kind})
+    unique([one.name for one in missions], "name", there)
+    return LotStudy(
+        title=header.title or path.stem,
+        seed=header.seed,
+        kind=table.kind,
+        classes=entries,
+        units=table.units,
+        library=replace(campaign.library, technology="", ties=()),
+        runs=campaign.runs,
+        reference=campaign.reference,
+        missions=missions,
+        basic=table.basic,
+        processes=table.processes,
+        path=path,
+        text=text,
+        asks=_asks(table, missions, here.at("asks")),
+    )
+
+
+def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:
+    """Check a study of a fleet.
+
+    Raises
+    ------
+    StudyError : naming the key.
+    """
+    header, own = headed(tables, path, "a study of a fleet")
+    here = Place(str(path), "fleet")
+    table = shaped(FleetTable, tables.fleet, here)
+    with here.at("class").blamed():
+        entry = sensor(table.class_, kind=table.kind, catalogue=own)
+    units = _units(table, path.parent, here.at("units"))
+    return FleetStudy(
+        title=header.title or path.stem,
+        seed=header.seed,
+        spec=_fleet_campaign(table, units, own, here),
+        sensor_class=entry,
+        units=units,
+        part=table.part,
+        processes=table.processes,
+        path=path,
+        text=text,
+    )
+
+
+def _campaign(
+    table: UnitsTable, class_id: str, folder: Path, own: Sequence[SensorClass], place: Place, **other: Any
+) -> SensorSpec:
+    """Check the test campaign as that of a sensor of one class: it is the same for all units."""
+    raw = {
+        "id": class_id,
+        "kind": table.kind,
+        "class": class_id,
+        "library": table.library,
+        "reference": table.reference,
+        "run": table.run,
+    }
+    return sensor_spec(raw | other, folder, place, catalogue=own)
+
+
+def _classes(table: LotsTable, own: Sequence[SensorClass], place: Place) -> tuple[SensorClass, ...]:
+    found = list[SensorClass]()
+    if not table.classes:
+        raise place.error("expected the id of at least one class ('imubayes catalogue' lists them)")
+    for k, name in enumerate(table.classes):
+        if name in table.classes[:k]:
+            raise place.at(k).error(f"'{name}' is there already: expected each class once")
+        with place.at(k).blamed():
+            found.append(sensor(name, kind=table.kind, catalogue=own))
+    return tuple(found)
+
+
+def _asks(
+    table: LotsTable, scenes: Sequence[Mission], place: Place
+) -> Literal["classes", "scenes", "triad"] | Against:
+    """What the report answers first, which the study must give an answer to."""
+    if isinstance(table.asks, dict):
+        return _against(table.classes, Against(**arguments(AGAINST, table.asks, place)), place)
+    if table.asks == "classes":
+        return "classes"
+    if table.asks == "scenes":
+        if not scenes:
+            raise place.error("'scenes' asks what each scene requires: expected at least one [[scene]]")
+        return "scenes"
+    if table.asks == "triad":
+        if not (scenes and table.basic):
+            raise place.error(
+                "'triad' asks where the basic triad is enough: expected basic = true, and at least one"
+                " [[scene]]"
+            )
+        return "triad"
+    raise place.error(
+        "expected 'classes', 'scenes', 'triad' or { needed_by = [...], not_by = [...] }, came"
+        f" {table.asks!r}"
+    )
+
+
+def _against(classes: Sequence[str], table: Against, place: Place) -> Against:
+    for group, names in (("needed_by", table.needed_by), ("not_by", table.not_by)):
+        if not names:
+            raise place.at(group).error("expected at least one of the study's classes")
+        for k, name in enumerate(names):
+            if name not in classes:
+                raise place.at(group, k).error(f"'{name}' is not among the classes: {hint(name, classes)}")
+    both = sorted(set(table.needed_by) & set(table.not_by))
+    if both:
+        raise place.error(f"'{both[0]}' is in needed_by and in not_by: expected it in one of them")
+    return table
+
+
+def _units(table: FleetTable, folder: Path, place: Place) -> tuple[Unit, ...]:
+    asked = table.units
+    if isinstance(asked, int) and not isinstance(asked, bool):
+        if asked < FEWEST:
+            raise place.error(f"expected {FEWEST} units or more, came {asked}")
+        return simulated_units(table.class_, asked)
+    if not isinstance(asked, str) or not asked:
+        raise place.error(f"{WANTED}, came {shown(asked)}")
+    names, places = _matching(located(asked, folder).absolute())
+    if len(places) < FEWEST:
+        raise place.error(
+            f"'{asked}' matches {len(places)} folders or files: expected {FEWEST} units or more"
+        )
+    return recorded_units(names, places)
+
+
+def _matching(pattern: Path) -> tuple[list[str], list[Path]]:
+    """Folders that match a pattern, or files where none does; their names start where the pattern does."""
+    fixed = next(
+        (k for k, part in enumerate(pattern.parts) if re.search(r"[*?\[]", part)), len(pattern.parts) - 1
+    )
+    base = Path(*pattern.parts[:fixed])
+    found = sorted(
+        one for one in base.glob(str(Path(*pattern.parts[fixed:]))) if not one.name.startswith(".")
+    )
+    chosen = [one for one in found if one.is_dir()] or found
+    names = [one.relative_to(base).as_posix() for one in chosen]
+    bare = [
+        one if place.is_dir() else str(Path(one).with_suffix(""))
+        for one, place in zip(names, chosen, strict=True)
+    ]
+    return bare if len(set(bare)) == len(bare) else names, chosen
+
+
+def _fleet_campaign(
+    table: FleetTable, units: Sequence[Unit], own: Sequence[SensorClass], place: Place
+) -> SensorSpec:
+    """Check the test campaign as that of the first unit: it is the same for all."""
+    first = units[0].place
+    in_files = first is not None and not first.is_dir()
+    runs = _in_file(table.run, units[0], place.at("run")) if in_files else table.run
+    other = {
+        "id": units[0].name,
+        "prior": table.prior,
+        "noise": table.noise,
+        "robust": table.robust,
+        "run": runs,
+    }
+    spec = _campaign(table, table.class_, first or Path(), own, place, **other)
+    _check_runs(spec, simulated=first is None, place=place.at("run"))
+    return replace(spec, runs=tuple(replace(run, shown="") for run in spec.runs)) if in_files else spec
+
+
+def _in_file(runs: Sequence[Any], unit: Unit, place: Place) -> list[Any]:
+    """Give the only run of units that are files its file."""
+    if len(runs) != 1:
+        raise place.error(
+            f"units are files, such as {unit.name}: expected one run, came {len(runs)}; with several runs "
+            "a unit is a folder"
+        )
+    if "file" in runs[0]:
+        raise place.at(0, "file").error(f"units are files, such as {unit.name}: leave it out")
+    return [{**runs[0], "file": str(unit.place)}]
+
+
+def _check_runs(spec: SensorSpec, *, simulated: bool, place: Place) -> None:
+    for k, run in enumerate(spec.runs):
+        if run.procedure == FREE_TUMBLE:
+            raise place.at(k, "procedure").error(
+                "a unit of a fleet is one component: expected a procedure with known inputs"
+            )
+        if simulated and run.simulate is None:
+            raise place.at(k).error("a number of units are simulated: expected simulate, not a file")
+        if not simulated and run.simulate is not None:
+            raise place.at(k).error("units are recorded: expected a file in each unit's folder, not simulate")
+        with place.at(k, "simulate").blamed():
+            _ = plan_run(run) if simulated else None
