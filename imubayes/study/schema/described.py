@@ -2,17 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import TypeAdapter
 from pydantic.dataclasses import is_pydantic_dataclass
 
+from imubayes.rig.reference import KINDS, OFFSET
 from imubayes.study.schema import plan_tables, scene_tables, tables, unit_tables
+from imubayes.study.schema.shapes import Holds, key, shape
+from imubayes.units import factor, quantities
+
+_EACH = {
+    "bench": "the same in all runs",
+    "machine": "one for each procedure",
+    "run": "another in each run",
+    "mount": "another in each mount",
+}
+"""What a kind of error is one error of, in words."""
+
+
+def _reference() -> type:
+    """Shape of ``[sensor.reference]``: the kinds of errors, with the sizes that the catalogue has."""
+    kinds, values = dict[str, Any](), dict[str, Any]()
+    for kind in KINDS.values():
+        text = quantities("like the output" if kind.name == OFFSET else kind.unit)
+        ways = [text, {"type": "boolean"}, *([tables.by_kind(text)] if kind.name == OFFSET else [])]
+        size = kind.default and f"{kind.default / factor(kind.printed, kind.unit):g} {kind.printed}"
+        kinds[kind.name] = Annotated[Any, Holds(*ways)]
+        meaning = f"{kind.text}, {_EACH[kind.each]}"
+        values[kind.name] = key(meaning, size or f"1 {kind.printed}", None, f'`"{size}"`' if size else "none")
+    made = {"__annotations__": kinds, "__doc__": "``[sensor.reference]``.", **values}
+    return shape(type("ReferenceTable", (), made))
+
 
 SHAPES: dict[str, Any] = {
     shape.__name__: shape
     for module in (tables, unit_tables, plan_tables, scene_tables)
-    for shape in (*vars(module).values(), *tables.SIMULATED.values())
+    for shape in (*vars(module).values(), *tables.SIMULATED.values(), _reference())
     if isinstance(shape, type) and is_pydantic_dataclass(shape) and shape is not unit_tables.UnitsTable
 }
 """Tables of a study file, by the name of their shape."""

@@ -251,9 +251,7 @@ class RunTable:
 Runs = Annotated[list[Table], Holds(RunTable, many="list")]
 LibraryOf = Annotated[Table, Holds(LIBRARY)]
 PriorOf = Annotated[Table, Holds(quantities("like the term"), _TABLE, many="name")]
-ReferenceOf = Annotated[
-    Table, Holds({"type": "boolean"}, quantities("of the error"), by_kind(_TEXT), many="name")
-]
+ReferenceOf = Annotated[Table, Holds("ReferenceTable")]
 CAMPAIGN = [{"name": "A", "procedure": "tumble", "simulate": {"angles": 12}}]
 
 
