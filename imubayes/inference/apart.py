@@ -14,8 +14,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, reorder, with_prior_rows
-from imubayes.inference.layout import narrowed
-from imubayes.inference.linear import Linear
+from imubayes.inference.linear import Linear, narrowed
 from imubayes.inference.summary import RunSummary, Summary
 
 

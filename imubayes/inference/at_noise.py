@@ -11,11 +11,12 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
-from imubayes.inference.linear import Linear, whitened_factor
+from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import mattering
+from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 

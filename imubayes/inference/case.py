@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.layout import narrowed
-from imubayes.inference.linear import Linear
+from imubayes.inference.linear import Linear, narrowed
 from imubayes.inference.norm_only import FreeTumble
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Rules, Summary

@@ -82,7 +82,7 @@ def evidence(
     tau : (m,) prior sd of the offset of each dwell, SI.
     """
     W = _whitening(dwells, noise)
-    X, y = np.concatenate([d.X for d in dwells]), np.concatenate([d.y for d in dwells])
+    X, y = np.concatenate([d.means.X for d in dwells]), np.concatenate([d.means.y for d in dwells])
     # in units of the prior sd a column is no larger than what it may explain
     basis = np.linalg.qr(np.concatenate((W @ X * prior_sd, np.eye(len(prior_sd)))))[0][: len(y)]
     left = W - basis @ (basis.T @ W)
@@ -96,7 +96,7 @@ def _whitening(dwells: Sequence[Dwells], noise: Sequence[Noise]) -> FloatArray:
     W, first = np.zeros((m, m)), 0
     for d, n in zip(dwells, noise, strict=True):
         last = first + len(d)
-        W[first:last, first:last] = whiten(whitener(n, d.rows), np.eye(len(d)))
+        W[first:last, first:last] = whiten(whitener(n, d.means.rows), np.eye(len(d)))
         first = last
     return W
 

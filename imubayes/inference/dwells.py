@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import Linear, reach_of
-from imubayes.inference.whiten import Rows
+from imubayes.inference.linear import Linear, averages, reach_of
 from imubayes.rig.inputs import Run, Source, between_gaps
 
 LONG = 8
@@ -39,24 +38,18 @@ class Dwells:
 
     Attributes
     ----------
-    run : its name.
     edges : (q + 1,) first row of each dwell, and the number of rows.
     start, stop : (q,) s.
-    rows : when the dwells were taken.
-    X : (q, p) mean of each column.
-    y : (q,) mean response, SI.
+    means : of the rows of each dwell.
     """
 
-    run: str
     edges: NDArray[np.int64]
     start: FloatArray
     stop: FloatArray
-    rows: Rows
-    X: FloatArray
-    y: FloatArray
+    means: Linear
 
     def __len__(self) -> int:
-        return len(self.y)
+        return len(self.means)
 
 
 def dwells_of(rows: Linear) -> Dwells:
@@ -75,19 +68,8 @@ def dwells_of(rows: Linear) -> Dwells:
         return bool(np.sum(change**2) > STEADY**2 * len(change))
 
     edges = dwell_edges(rows.t, rows.interval, varies)
-    first, counts = edges[:-1], np.diff(edges)
-    lasting = np.add.reduceat(rows.duration, first)
-    half = 0.5 * rows.duration
-    axes = None if rows.axes is None else np.add.reduceat(rows.axes, first) / counts[:, None]
-    return Dwells(
-        run=rows.name,
-        edges=edges,
-        start=(rows.t - half)[first],
-        stop=(rows.t + half)[edges[1:] - 1],
-        rows=Rows(np.add.reduceat(rows.t, first) / counts, lasting, axes),
-        X=np.array([rows.columns(a, b).mean(axis=0) for a, b in pairwise(edges.tolist())]),
-        y=np.add.reduceat(rows.y, first) / counts,
-    )
+    first, last, half = edges[:-1], edges[1:] - 1, 0.5 * rows.duration
+    return Dwells(edges, (rows.t - half)[first], (rows.t + half)[last], averages(rows, first))
 
 
 def dwell_edges(

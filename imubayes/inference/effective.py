@@ -16,8 +16,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.linear import CHUNK, Linear
-from imubayes.inference.whiten import Rows, averaged_variance, mattering
+from imubayes.inference.linear import CHUNK, Linear, Rows
+from imubayes.inference.whiten import averaged_variance, mattering
 from imubayes.sensors.noise import Noise
 
 

@@ -23,11 +23,11 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import add, posterior
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Asked, Case, Component, along, components_of
-from imubayes.inference.layout import widened
-from imubayes.inference.linear import Extra, Linear, averaged, blocks_of, residuals, whitened_factor
-from imubayes.inference.reml import NoiseEstimate, block_edges, estimate
+from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, residuals, widened
+from imubayes.inference.reml import NoiseEstimate, estimate
 from imubayes.inference.summary import RunSummary, Summary
 from imubayes.inference.triad import Triad, spans, triad_of
+from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, ImuRun, Section, durations
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import noise_prior

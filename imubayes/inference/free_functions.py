@@ -9,7 +9,6 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear, blocks_of
-from imubayes.inference.reml import Blocks
 from imubayes.inference.summary import RunSummary
 
 BLOCKS = 400
@@ -55,7 +54,7 @@ class Look:
 
     run: RunSummary
     input: str
-    blocks: Blocks
+    blocks: Linear
     beside: FloatArray
     columns: FloatArray
     x: FloatArray

@@ -27,13 +27,23 @@ from imubayes.inference.between_stills import (
     turning,
 )
 from imubayes.inference.case import Asked, Case, Component, along, components_of
-from imubayes.inference.layout import widened, widened_factor
-from imubayes.inference.linear import Extra, Linear, averaged, blocks_of, residuals, whitened_factor
+from imubayes.inference.linear import (
+    Extra,
+    Linear,
+    averaged,
+    block_edges,
+    blocks_of,
+    residuals,
+    widened,
+    widened_factor,
+    with_columns,
+)
 from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
-from imubayes.inference.reml import Blocks, NoiseEstimate, block_edges, estimate
+from imubayes.inference.reml import NoiseEstimate, estimate
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.triad import Triad, spans, triad_of
+from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import ImuRun
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -126,7 +136,7 @@ def _at_rest(seen: _Seen, gyroscopes: Triad, asked: Asked) -> list[_Judged]:
     return [_judged(averaged(part), blocks_of(part), asked, seen.run.name) for part in parts]
 
 
-def _judged(rows: Linear, blocks: Blocks, asked: Asked, run: str, *, sd: FloatArray | None = None) -> _Judged:
+def _judged(rows: Linear, blocks: Linear, asked: Asked, run: str, *, sd: FloatArray | None = None) -> _Judged:
     """Rows with their noise by the rule of their run; `sd` as `reml.estimate` takes it."""
     rule = (asked.rules or {}).get(run, NoiseRule())
     if rule.value is not None:
@@ -188,7 +198,7 @@ def _turn_noise(rows: Linear, known: Factor, sd: FloatArray, asked: Asked, run: 
     """
     mean, root = posterior_root(known, sd)
     X = rows.columns(0, len(rows))
-    blocks = Blocks(rows.rows, X @ root, rows.y - X @ mean)
+    blocks = with_columns(rows, X @ root, rows.y - X @ mean)
     return _judged(rows, blocks, asked, run, sd=np.ones(root.shape[1]))
 
 

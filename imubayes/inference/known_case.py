@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import add, posterior
 from imubayes.inference.case import Asked, Case, Component
-from imubayes.inference.layout import widened, widened_factor
-from imubayes.inference.linear import Extra, Linear, residuals
+from imubayes.inference.linear import Extra, Linear, residuals, widened, widened_factor
 from imubayes.inference.nuisances import Linearised, Taken, held, settled_rows, tilt_of
 from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.summary import RunSummary, Summary, summarize

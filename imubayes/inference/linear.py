@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,9 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.rig.inputs import Run, durations
+from imubayes.rig.inputs import Run, Stream, between_gaps, durations
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
-
-if TYPE_CHECKING:
-    from imubayes.inference.reml import Blocks
-    from imubayes.inference.whiten import Processes, Rows
-    from imubayes.rig.inputs import Stream
-
 
 BLOCKS = 1500
 """Blocks that a run is averaged to: N is then known to 2 %, and an evaluation takes milliseconds."""
@@ -31,6 +25,30 @@ CHUNK = 200_000
 
 FAINT = 1e-6
 """Share of a component in a row below which the row says nothing of it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """When the rows were taken.
+
+    Attributes
+    ----------
+    t : (n,) centres, s, increasing.
+    duration : (n,) averaging times, s.
+    axes : (n, a) weights of a alike and independent components in each row; None for a single component.
+    finest : averaging time, s, of the samples that the rows were averaged from, where these have flicker
+        noise of their own to account for; None where the rows are what there is.
+    """
+
+    t: FloatArray
+    duration: FloatArray
+    axes: FloatArray | None = None
+    finest: float | None = None
+
+    @property
+    def span(self) -> float:
+        """Time from the start of the first row to the end of the last, s."""
+        return float(self.t[-1] - self.t[0] + 0.5 * (self.duration[-1] + self.duration[0]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,10 +95,13 @@ class Linear:
         return np.ones(len(self), dtype=np.int64) if self.stream is None else self.stream.counts
 
     @property
+    def X(self) -> FloatArray:  # noqa: N802 - the letter of the algebra
+        """All columns (n, p)."""
+        return self.columns(0, len(self))
+
+    @property
     def rows(self) -> Rows:
         """When the rows were taken."""
-        from imubayes.inference.whiten import Rows
-
         return Rows(self.t, self.duration, self.axes, None if self.stream is None else self.stream.interval)
 
 
@@ -114,9 +135,7 @@ def linear_of(run: Run, lib: Library) -> Linear:
     Of a run that is read a part at a time, averages over its blocks.
     """
     if run.stream is not None:
-        from imubayes.inference.streaming import streamed_rows
-
-        return streamed_rows(run, lib, run.stream)
+        return _streamed_rows(run, lib, run.stream)
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -126,6 +145,32 @@ def linear_of(run: Run, lib: Library) -> Linear:
         interval=run.inputs.interval,
         y=deviation(run, lib),
         columns=lambda start, stop: library_rows(run, lib, start, stop),
+    )
+
+
+def _streamed_rows(run: Run, lib: Library, stream: Stream) -> Linear:
+    """Averages over the blocks of a run as rows of a linear model, with the stream behind them.
+
+    Raises
+    ------
+    ValueError : if the run was read for another library.
+    """
+    if stream.library != lib:
+        raise ValueError(
+            f"run '{run.name}' is read a part at a time, for the terms {', '.join(stream.library.names)}:"
+            " read it again for another library"
+        )
+    own = run.inputs.channels.get(lib.own, 0.0)
+    return Linear(
+        name=run.name,
+        procedure=run.procedure,
+        names=lib.names,
+        t=run.inputs.t,
+        duration=stream.duration,
+        interval=run.inputs.interval,
+        y=run.output - own,
+        columns=lambda start, stop: stream.X[start:stop],
+        stream=stream,
     )
 
 
@@ -163,99 +208,64 @@ def reach_of(rows: Linear) -> FloatArray:
     return np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
 
 
-def blocks_of(rows: Linear, blocks: int = BLOCKS) -> Blocks:
-    """Averages over about so many short blocks that never reach across a gap."""
-    from imubayes.inference.reml import Blocks, block_edges
-    from imubayes.inference.whiten import Rows
-
-    edges = block_edges(rows.t, rows.interval, blocks)
+def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
+    """Averages over the m parts of a run that begin at the rows `edges` (m,), as rows of the same model."""
     counts = np.diff(np.append(edges, len(rows)))
     X = np.empty((len(edges), len(rows.names)))
-    for inside, a, b in _whole_blocks(edges, len(rows)):
+    for inside, a, b in whole_parts(edges, len(rows)):
         X[inside] = np.add.reduceat(rows.columns(a, b), edges[inside] - a, axis=0)
     X /= counts[:, None]
-    axes = None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None]
-    lasting = np.add.reduceat(rows.duration, edges)
-    taken = Rows(np.add.reduceat(rows.t, edges) / counts, lasting, axes, rows.rows.finest)
-    return Blocks(taken, X, np.add.reduceat(rows.y, edges) / counts)
-
-
-def averaged(rows: Linear, blocks: int = BLOCKS) -> Linear:
-    """Averages over the blocks of `blocks_of` as rows: they tell of the coefficients what the rows do."""
-    taken = blocks_of(rows, blocks)
     return replace(
         rows,
-        t=taken.rows.t,
-        duration=taken.rows.duration,
-        interval=float(np.median(taken.rows.duration)),
-        y=taken.y,
-        columns=lambda start, stop: taken.X[start:stop],
-        axes=taken.rows.axes,
+        t=np.add.reduceat(rows.t, edges) / counts,
+        duration=np.add.reduceat(rows.duration, edges),
+        y=np.add.reduceat(rows.y, edges) / counts,
+        columns=lambda start, stop: X[start:stop],
+        axes=None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None],
+        shared=None,
     )
 
 
-def within_blocks(rows: Linear) -> FloatArray:
-    """Triangular factor (p + 1, p + 1) of what the averages over the blocks of `blocks_of` leave of the rows.
+def whole_parts(edges: NDArray[np.int64], n: int):
+    """Stretches of at most about `CHUNK` rows of whole parts: (parts, first row, row after the last)."""
+    counts = np.diff(np.append(edges, n))
+    per_part = max(1, CHUNK // int(counts.max()))
+    for first in range(0, len(edges), per_part):
+        inside = slice(first, min(first + per_part, len(edges)))
+        yield inside, int(edges[first]), int(edges[inside.stop]) if inside.stop < len(edges) else n
 
-    Columns are those of X, then the response; each row is divided by the square root of its share of white
-    noise, ``1/sqrt(duration)``, so that white noise of unit density has unit variance.
+
+def with_columns(rows: Linear, X: FloatArray, y: FloatArray | None = None) -> Linear:
+    """The same rows with columns X (n, q), and with another response (n,) where it is given."""
+    return replace(rows, columns=lambda start, stop: X[start:stop], y=rows.y if y is None else y)
+
+
+def blocks_of(rows: Linear, blocks: int = BLOCKS) -> Linear:
+    """Averages over about so many short blocks that never reach across a gap."""
+    return averages(rows, block_edges(rows.t, rows.interval, blocks))
+
+
+def averaged(rows: Linear) -> Linear:
+    """Blocks of `blocks_of` as a record of their own: they tell of the coefficients what the rows do."""
+    taken = blocks_of(rows)
+    return replace(taken, interval=float(np.median(taken.duration)))
+
+
+def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray[np.int64]:
+    """Start indices of blocks of nearly equal length that never reach across a gap.
+
+    Examples
+    --------
+    >>> block_edges(np.array([0.0, 1.0, 2.0, 3.0, 50.0, 51.0]), 1.0, blocks=3).tolist()
+    [0, 2, 4]
     """
-    from imubayes.inference.reml import block_edges
-
-    if rows.stream is not None:
-        from imubayes.inference.streaming import streamed_within
-
-        return streamed_within(rows, rows.stream)
-    edges = block_edges(rows.t, rows.interval)
-
-    def parts():
-        for inside, a, b in _whole_blocks(edges, len(rows)):
-            part = np.column_stack((rows.columns(a, b), rows.y[a:b]))
-            starts = edges[inside] - a
-            counts = np.diff(np.append(starts, b - a))
-            part -= np.repeat(np.add.reduceat(part, starts, axis=0) / counts[:, None], counts, axis=0)
-            part *= np.sqrt(rows.duration[a:b])[:, None]
-            yield from (part[i:j] for i, j in algebra.row_blocks(b - a))
-
-    return algebra.triangular(parts(), len(rows.names) + 1)
+    longest = max(1, math.ceil(len(t) / blocks))
+    return np.concatenate([_cut(a, b, longest) for a, b in between_gaps(t, interval)])
 
 
-def whitened_factor(
-    rows: Linear, noise: Noise, parts: Processes | None = None, *, sharp: bool = False
-) -> tuple[Factor, FloatArray]:
-    """Factor of all rows, whitened, and the largest size (p,) of each column.
-
-    Parameters
-    ----------
-    rows : of a run.
-    noise : N, B, K, SI.
-    parts : the processes that stand for B; by default those that matter beside the white noise.
-    sharp : whether columns that are nearly dependent are factored once more in twice the digits: of use where
-        no prior holds them apart, as that of errors of the bench does. A stream always is.
-    """
-    from imubayes.inference.whiten import whiten, whitener
-
-    if rows.shared is not None and parts is None:
-        return rows.shared(noise)
-    if rows.stream is not None:
-        from imubayes.inference.streaming import streamed_factor
-
-        return streamed_factor(rows, rows.stream, noise, parts), rows.stream.reach
-    n, p = len(rows), len(rows.names)
-    table = np.empty((n, p + 1))
-    for a in range(0, n, CHUNK):
-        b = min(a + CHUNK, n)
-        table[a:b, :p] = rows.columns(a, b)
-    table[:, p] = rows.y
-    blocks = tuple(algebra.row_blocks(n))
-    reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
-    w = whitener(noise, rows.rows, parts)
-    whiten(w, table)
-    if not sharp:
-        R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
-        return Factor(rows.names, R, n, w.log_det), reach
-    R, better = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
-    return Factor(rows.names, R if better is None else better.astype(np.float64), n, w.log_det), reach
+def _cut(start: int, stop: int, longest: int) -> NDArray[np.int64]:
+    pieces = math.ceil((stop - start) / longest)
+    return np.linspace(start, stop, pieces, endpoint=False).astype(np.int64)
 
 
 def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) -> Factor:
@@ -283,10 +293,41 @@ def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) 
     return Factor(tuple(names), R, n)
 
 
-def _whole_blocks(edges: NDArray[np.int64], n: int):
-    """Parts of the rows that hold whole blocks: (blocks, first row, row after the last)."""
-    counts = np.diff(np.append(edges, n))
-    per_part = max(1, CHUNK // int(counts.max()))
-    for first in range(0, len(edges), per_part):
-        inside = slice(first, min(first + per_part, len(edges)))
-        yield inside, int(edges[first]), int(edges[inside.stop]) if inside.stop < len(edges) else n
+def widened(rows: Linear, names: Sequence[str]) -> Linear:
+    """Rows with zeros in the columns of `names` that they do not have."""
+    where = [list(names).index(name) for name in rows.names]
+
+    def columns(start: int, stop: int) -> FloatArray:
+        part = rows.columns(start, stop)
+        whole = np.zeros((len(part), len(names)))
+        whole[:, where] = part
+        return whole
+
+    return replace(rows, names=tuple(names), columns=columns)
+
+
+def narrowed(rows: Linear, where: Sequence[int]) -> Linear:
+    """Rows with some of their columns alone, by their numbers."""
+    kept = list(where)
+    return replace(
+        rows,
+        names=tuple(rows.names[k] for k in kept),
+        columns=lambda start, stop: rows.columns(start, stop)[:, kept],
+    )
+
+
+def widened_factor(f: Factor, names: Sequence[str]) -> Factor:
+    """Factor of the same rows among the columns `names`: those that it does not have are zero.
+
+    Examples
+    --------
+    >>> f = Factor(("b",), np.array([[2.0, 6.0], [0.0, 1.0]]), 5)
+    >>> R = widened_factor(f, ("a", "b")).R
+    >>> (R.T @ R).tolist()
+    [[0.0, 0.0, 0.0], [0.0, 4.0, 12.0], [0.0, 12.0, 37.0]]
+    """
+    where = [list(names).index(name) for name in f.names]
+    rows = np.zeros((f.p + 1, len(names) + 1))
+    rows[:, [*where, len(names)]] = f.R
+    R = algebra.triangular((rows,), len(names) + 1)
+    return Factor(tuple(names), R, f.n, f.log_det)

@@ -15,7 +15,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
-from imubayes.inference.linear import Linear, blocks_of
+from imubayes.inference.linear import Linear, blocks_of, with_columns
 from imubayes.inference.reml import estimate, span
 from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
@@ -259,7 +259,7 @@ def _noises(look: Look) -> list[tuple[float, Noise]]:
     run, prior = look.run, look.run.noise_prior
     if run.noise_origin != "REML" or look.input == TIME:
         return [(1.0, run.noise)]
-    mean = replace(look.blocks, X=np.column_stack((look.blocks.X, look.beside, look.columns)))
+    mean = with_columns(look.blocks, np.column_stack((look.blocks.X, look.beside, look.columns)))
     found = estimate(mean, (prior[0], prior[1], prior[2]) if prior else None)
     N, B, K = found.noise.N, found.noise.B, found.noise.K
     nodes = [

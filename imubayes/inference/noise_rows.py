@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import Linear, linear_of
-from imubayes.inference.reml import block_edges
+from imubayes.inference.linear import Linear, averages, block_edges, linear_of
+from imubayes.inference.reml import beside_stretch
 
 if TYPE_CHECKING:
     from imubayes.rig.inputs import Stream
@@ -82,22 +82,14 @@ def noise_rows(rows: Linear) -> NoiseRows:
     if rows.stream is not None:
         return _around_stretch(rows, rows.stream)
     edges, levels = piece_edges(rows.t, rows.interval)
-    counts = np.diff(np.append(edges, len(rows)))
-    X = np.empty((len(edges), len(rows.names)))
-    for a in range(0, len(edges), COARSE):
-        inside = edges[a : a + COARSE]
-        stop = edges[a + COARSE] if a + COARSE < len(edges) else len(rows)
-        X[a : a + COARSE] = np.add.reduceat(
-            rows.columns(int(inside[0]), int(stop)), inside - inside[0], axis=0
-        )
-    duration = np.add.reduceat(rows.duration, edges)
+    means = averages(rows, edges)
     start = rows.t[edges] - 0.5 * rows.duration[edges]
     return NoiseRows(
         start=start,
-        duration=duration,
-        joined=_joined(start, duration, rows.interval),
-        X=X / counts[:, None],
-        y=np.add.reduceat(rows.y, edges) / counts,
+        duration=means.duration,
+        joined=_joined(start, means.duration, rows.interval),
+        X=means.X,
+        y=means.y,
         levels=levels,
         interval=rows.interval,
     )
@@ -111,8 +103,6 @@ def _joined(start: FloatArray, duration: FloatArray, interval: float) -> NDArray
 
 def _around_stretch(rows: Linear, stream: Stream) -> NoiseRows:
     """Averages of a run that is read a part at a time, in time order."""
-    from imubayes.inference.streaming import beside_stretch
-
     fine = noise_rows(linear_of(stream.stretch, stream.library))
     before, after = beside_stretch(stream)
 

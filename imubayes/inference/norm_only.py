@@ -21,13 +21,14 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, posterior, row_blocks, triangular
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.linear import Extra, Linear, blocks_of, residuals, whitened_factor
+from imubayes.inference.linear import Extra, Linear, Rows, blocks_of, residuals
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reml import Blocks, NoiseEstimate, estimate
+from imubayes.inference.reml import NoiseEstimate, estimate
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.summary import Rules, RunSummary, Summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, TriadRun, durations
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -133,7 +134,7 @@ def _start(run: TriadRun, stills: Stills, rule: NoiseRule) -> NoiseEstimate:
 
 
 def _judged(
-    rows: Sequence[Blocks],
+    rows: Sequence[Linear],
     noises: Sequence[NoiseEstimate],
     rules: Sequence[NoiseRule],
     sd: FloatArray,
@@ -185,7 +186,7 @@ def _rows(triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, ...]
     )
 
 
-def _factor(part: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
+def _factor(part: Linear, noise: Noise, names: tuple[str, ...]) -> Factor:
     w = whitener(noise, part.rows)
     white = whiten(w, np.column_stack((part.X, part.y)))
     R = triangular((white[i:j] for i, j in row_blocks(len(white))), white.shape[1])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +15,6 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.dwells import dwells_of
-from imubayes.inference.linear import CHUNK, Linear
-from imubayes.inference.whiten import whiten, whitener
-from imubayes.sensors.noise import Noise
 
 ROUNDING = 1e-15
 """A direction of a dwell that is smaller, beside the columns of all dwells, is rounding."""
@@ -51,39 +46,6 @@ class Pieces:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-
-def pieces_of(rows: Linear, noise: Noise) -> Pieces:
-    """Whiten a run as a whole and factor each of its dwells.
-
-    Parameters
-    ----------
-    rows : of the run.
-    noise : that whitens it, SI.
-    """
-    if rows.stream is not None:
-        from imubayes.inference.streaming import streamed_pieces
-
-        return streamed_pieces(rows, rows.stream, noise)
-    n, p = len(rows), len(rows.names)
-    dwells = dwells_of(rows)
-    table = np.empty((n, p + 1))
-    for a in range(0, n, CHUNK):
-        b = min(a + CHUNK, n)
-        table[a:b, :p] = rows.columns(a, b)
-    table[:, p] = rows.y
-    w = whitener(noise, rows.rows)
-    whiten(w, table)
-    log_d = np.log(w.d)
-    return Pieces(
-        run=rows.name,
-        names=rows.names,
-        start=dwells.start,
-        stop=dwells.stop,
-        rows=np.diff(dwells.edges),
-        R=np.array([algebra.triangular([table[a:b]], p + 1) for a, b in pairwise(dwells.edges.tolist())]),
-        log_det=np.add.reduceat(log_d, dwells.edges[:-1]),
-    )
 
 
 def always(f: Factor) -> Pieces:

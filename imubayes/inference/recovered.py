@@ -22,10 +22,9 @@ from imubayes.algebra.factor import posterior_root
 from imubayes.inference.between_stills import TURNS, closures, directions, lasting
 from imubayes.inference.case import Case
 from imubayes.inference.effective import marginal_variance
-from imubayes.inference.linear import Linear
+from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import Stills, find_stills
 from imubayes.inference.triad import Triad
-from imubayes.inference.whiten import Rows
 from imubayes.rig.inputs import ImuRun, Section, TriadRun
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 

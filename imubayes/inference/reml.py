@@ -8,15 +8,15 @@ so averages of its columns are exact, and only the noise within a block is lost.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import BLOCKS
-from imubayes.inference.whiten import Processes, Rows, processes, whiten, whitener
-from imubayes.rig.inputs import between_gaps
+from imubayes.inference.linear import Linear, Rows, averages, blocks_of, linear_of, with_columns
+from imubayes.inference.whiten import Processes, processes, whiten, whitener
+from imubayes.rig.inputs import Stream
 from imubayes.sensors.noise import Noise
 
 LogNormal = tuple[float, float]
@@ -32,22 +32,6 @@ REACH = 6.0
 
 STEP = 0.05
 """Step of the second differences in ln N, ln B, ln K."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Blocks:
-    """Averages over blocks of samples.
-
-    Attributes
-    ----------
-    rows : when the blocks were taken.
-    X : (m, p) averaged columns of the library.
-    y : (m,) averaged output minus input.
-    """
-
-    rows: Rows
-    X: FloatArray
-    y: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,25 +52,8 @@ class NoiseEstimate:
     steering: tuple[LogNormal, ...] = ()
 
 
-def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray[np.int64]:
-    """Start indices of blocks of nearly equal length that never reach across a gap.
-
-    Examples
-    --------
-    >>> block_edges(np.array([0.0, 1.0, 2.0, 3.0, 50.0, 51.0]), 1.0, blocks=3).tolist()
-    [0, 2, 4]
-    """
-    longest = max(1, math.ceil(len(t) / blocks))
-    return np.concatenate([_cut(a, b, longest) for a, b in between_gaps(t, interval)])
-
-
-def _cut(start: int, stop: int, longest: int) -> NDArray[np.int64]:
-    pieces = math.ceil((stop - start) / longest)
-    return np.linspace(start, stop, pieces, endpoint=False).astype(np.int64)
-
-
 def estimate(
-    blocks: Blocks, prior: tuple[LogNormal, LogNormal, LogNormal] | None = None, sd: FloatArray | None = None
+    blocks: Linear, prior: tuple[LogNormal, LogNormal, LogNormal] | None = None, sd: FloatArray | None = None
 ) -> NoiseEstimate:
     """Noise parameters at the maximum of their restricted posterior.
 
@@ -142,7 +109,7 @@ def span(X: FloatArray) -> FloatArray:
     return U[:, s > RANK * s[0]] if len(s) else U
 
 
-def _first_white(blocks: Blocks) -> float:
+def _first_white(blocks: Linear) -> float:
     """White noise from the scatter of neighbouring blocks, robust to steps between dwells."""
     steps = np.diff(blocks.y) * np.sqrt(blocks.rows.duration[1:])
     spread = float(np.median(np.abs(steps)))
@@ -150,7 +117,7 @@ def _first_white(blocks: Blocks) -> float:
     return max(spread / (0.6745 * math.sqrt(2.0)), np.finfo(float).eps * largest, np.finfo(float).tiny)
 
 
-def _vague(blocks: Blocks) -> tuple[LogNormal, LogNormal, LogNormal]:
+def _vague(blocks: Linear) -> tuple[LogNormal, LogNormal, LogNormal]:
     """Wide prior without a class: B and K as large as would just show beside the white noise in this run."""
     white, span = _first_white(blocks), blocks.rows.span
     middle = math.sqrt(float(blocks.rows.duration.min()) * span)
@@ -171,3 +138,52 @@ def _curvature_sd(cost, best: FloatArray, width: FloatArray) -> tuple[float, flo
     variance = (vectors**2) @ (1.0 / np.maximum(values, 1.0 / np.max(width) ** 2))
     sds = np.minimum(np.sqrt(variance), width)
     return float(sds[0]), float(sds[1]), float(sds[2])
+
+
+RUNGS = 192
+"""Averages of one length in the ladder: each rung tells the noise there to 5 %."""
+
+RATIO = 4
+"""Length of the averages of a rung over that of the rung before."""
+
+
+def noise_blocks(rows: Linear) -> Linear:
+    """Averages that the noise of a run is judged by.
+
+    Of a run that is read a part at a time they tell it at all time scales: a ladder of ever longer averages
+    over the stretch at full rate, so that white noise is seen where it is larger than bias instability, and
+    the blocks beside it.
+    """
+    stream = rows.stream
+    if stream is None:
+        return blocks_of(rows)
+    fine = linear_of(stream.stretch, stream.library)
+    rungs = averages(fine, _ladder(len(fine)))
+    before, after = beside_stretch(stream)
+
+    def joined(coarse: FloatArray, ladder: FloatArray) -> FloatArray:
+        return np.concatenate((coarse[before], ladder, coarse[after]))
+
+    times = replace(rows, t=joined(rows.t, rungs.t), duration=joined(rows.duration, rungs.duration))
+    return with_columns(times, joined(stream.X, rungs.X), joined(rows.y, rungs.y))
+
+
+def beside_stretch(stream: Stream) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which blocks (m,) end before the stretch at full rate begins, and which begin after its end."""
+    begins = np.cumsum(stream.counts) - stream.counts
+    ends = begins + stream.counts
+    first = stream.stretch_first
+    return ends <= first, begins >= first + len(stream.stretch.inputs)
+
+
+def _ladder(n: int) -> NDArray[np.int64]:
+    """First rows of averages over `n` rows whose length grows.
+
+    Examples
+    --------
+    >>> _ladder(1000)[[0, 1, 191, 192, 193]].tolist()
+    [0, 1, 191, 192, 196]
+    """
+    lengths = [np.full(RUNGS, RATIO**k) for k in range(1 + int(np.ceil(np.emath.logn(RATIO, n))))]
+    first = np.cumsum(np.concatenate(([0], *lengths)))
+    return first[first < n]

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import allan_deviation
-from imubayes.inference.linear import Linear, linear_of, residuals
-from imubayes.inference.reml import block_edges
+from imubayes.inference.linear import Linear, Rows, block_edges, linear_of, residuals
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.inference.whiten import whiten, whitener
 from imubayes.rig.inputs import Run, Stream
 from imubayes.sensors.noise import allan_variance
 

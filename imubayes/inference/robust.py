@@ -211,7 +211,7 @@ def _leaving_out(
 
 def _named(dwells: Sequence[Dwells], offsets: Offsets, bad: Mask) -> tuple[Distrusted, ...]:
     """The dwells that are `bad` (m,), those that would do most harm first."""
-    where = [(d.run, float(a), float(b)) for d in dwells for a, b in zip(d.start, d.stop, strict=True)]
+    where = [(d.means.name, float(a), float(b)) for d in dwells for a, b in zip(d.start, d.stop, strict=True)]
     worst = sorted(np.flatnonzero(bad).tolist(), key=lambda k: -offsets.harm[k])
     return tuple(
         Distrusted(*where[k], *(float(v[k]) for v in (offsets.probability, offsets.mean, offsets.sd)))

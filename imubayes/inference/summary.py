@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,14 +14,12 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, LeastSquares
 from imubayes.errors import InputError, StudyError, UnobservableError
-from imubayes.inference.linear import Extra, Linear, blocks_of, linear_of, whitened_factor
+from imubayes.inference.linear import Extra, Linear, linear_of
+from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
-
-if TYPE_CHECKING:
-    from imubayes.inference.reml import Blocks
 
 Rules = Mapping[str, NoiseRule]
 
@@ -247,7 +244,7 @@ def _noise(
     rows: Linear, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
 ) -> _Known:
     """Noise of a run by its rule."""
-    from imubayes.inference.reml import estimate
+    from imubayes.inference.reml import estimate, noise_blocks
 
     prior = noise_prior(sensor) if sensor else ()
     if rule.rule == "white":
@@ -261,17 +258,8 @@ def _noise(
             )
         other = done[rule.like]
         return _Known(other.noise, f"run {rule.like}", rule.like, other.noise_sd, prior, other.steering)
-    found = estimate(_blocks(rows), prior or None)
+    found = estimate(noise_blocks(rows), prior or None)
     return _Known(found.noise, "REML", rows.name, found.sd, prior, found.steering)
-
-
-def _blocks(rows: Linear) -> Blocks:
-    """Averages that the noise of a run is judged by."""
-    if rows.stream is None:
-        return blocks_of(rows)
-    from imubayes.inference.streaming import noise_blocks
-
-    return noise_blocks(rows, rows.stream)
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:

@@ -44,7 +44,7 @@ def first_suspects(
     theta = _least_absolute(dwells, prior_sd)
     suspects, tau = [], []
     for part, d in zip(rows, dwells, strict=True):
-        left = d.y - d.X @ theta
+        left = d.means.y - d.means.X @ theta
         sd = _robust_sd(left)
         rough = np.log(_scatter(part, d, theta))
         rough -= np.median(rough)
@@ -57,7 +57,7 @@ def first_suspects(
 
 def _least_absolute(dwells: Sequence[Dwells], prior_sd: FloatArray) -> FloatArray:
     """Coefficients (p,) of least absolute deviations within their prior, by reweighted least squares."""
-    X, y = np.concatenate([d.X for d in dwells]) * prior_sd, np.concatenate([d.y for d in dwells])
+    X, y = np.concatenate([d.means.X for d in dwells]) * prior_sd, np.concatenate([d.means.y for d in dwells])
     runs = np.split(np.arange(len(y)), np.cumsum([len(d) for d in dwells])[:-1])
     eye, theta, weight = np.eye(X.shape[1]), np.zeros(X.shape[1]), np.ones(len(y))
     for _ in range(STEPS):

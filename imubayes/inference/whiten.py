@@ -18,6 +18,7 @@ import numpy as np
 from celerite2 import driver  # pyright: ignore[reportAttributeAccessIssue]: a compiled module without stubs
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.linear import Rows
 from imubayes.sensors.noise import Noise, flicker
 
 FASTEST = 20.0
@@ -26,30 +27,6 @@ FASTEST = 20.0
 
 OVER = 500.0
 """Processes that much shorter than a row are white to 0.1 %, and their exponentials would overflow."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """When the rows were taken.
-
-    Attributes
-    ----------
-    t : (n,) centres, s, increasing.
-    duration : (n,) averaging times, s.
-    axes : (n, a) weights of a alike and independent components in each row; None for a single component.
-    finest : averaging time, s, of the samples that the rows were averaged from, where these have flicker
-        noise of their own to account for; None where the rows are what there is.
-    """
-
-    t: FloatArray
-    duration: FloatArray
-    axes: FloatArray | None = None
-    finest: float | None = None
-
-    @property
-    def span(self) -> float:
-        """Time from the start of the first row to the end of the last, s."""
-        return float(self.t[-1] - self.t[0] + 0.5 * (self.duration[-1] + self.duration[0]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,10 +14,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from imubayes.campaign.fidelity import Cost, CostLaw, RungName, Size, rungs_for
-from imubayes.inference.linear import BLOCKS
+from imubayes.inference.linear import BLOCKS, Rows
 from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
-from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.inference.whiten import whiten, whitener
 from imubayes.ladder import law_file
 from imubayes.selection.enumerate import LARGEST
 from imubayes.selection.tree import walk

@@ -18,9 +18,9 @@ from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posteri
 from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.preparation import Prepared
 from imubayes.inference.dwells import dwells_of
-from imubayes.inference.linear import blocks_of, linear_of
+from imubayes.inference.linear import Linear, blocks_of, linear_of
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reml import Blocks, estimate
+from imubayes.inference.reml import estimate
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import whiten, whitener
 from imubayes.ladder.answer import Answer
@@ -67,8 +67,8 @@ def _colour(ground: Ground, found: Answer) -> Foresight:
     factors = []
     for run in problem.runs:
         d = dwells_of(linear_of(run, problem.library))
-        noise = estimate(Blocks(d.rows, d.X, d.y), prior).noise
-        factors.append(_factor(Blocks(d.rows, d.X, d.y), noise, problem.library.names))
+        noise = estimate(d.means, prior).noise
+        factors.append(_factor(d.means, noise, problem.library.names))
     whole = reduce(add, factors)
     full, sd = posterior(whole, problem.prior.sd)
     mean, inclusion = _weighed(whole, problem, found)
@@ -205,7 +205,7 @@ def _times(noise: Noise, logs: FloatArray) -> Noise:
     return Noise(N, B, K)
 
 
-def _factor(blocks: Blocks, noise: Noise, names: tuple[str, ...]) -> Factor:
+def _factor(blocks: Linear, noise: Noise, names: tuple[str, ...]) -> Factor:
     """Factor of block averages, whitened."""
     white = whiten(whitener(noise, blocks.rows), np.column_stack((blocks.X, blocks.y)))
     return factor_of(white[:, :-1], white[:, -1], names)

@@ -169,11 +169,11 @@ def _averaged(problem: Problem) -> _Averages:
     """Dwell means of all runs, and how long a dwell of each lasts."""
     rows = [linear_of(run, problem.library) for run in problem.runs]
     dwells = [dwells_of(part) for part in rows]
-    X, y = np.concatenate([d.X for d in dwells]), np.concatenate([d.y for d in dwells])
+    X, y = np.concatenate([d.means.X for d in dwells]), np.concatenate([d.means.y for d in dwells])
     reach = np.abs(X).max(axis=0).tolist()
     return _Averages(
         factor=factor_of(X, y, problem.library.names),
         reach=dict(zip(problem.library.names, reach, strict=True)),
-        duration=tuple(float(d.rows.duration.mean()) for d in dwells),
+        duration=tuple(float(d.means.rows.duration.mean()) for d in dwells),
         facts=facts_of([run.inputs.channels for run in problem.runs], problem.spec.kind),
     )

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import invert_triangular
-from imubayes.inference.whiten import Rows, mattering, whiten, whitener
+from imubayes.inference.linear import Rows
+from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.sensors.noise import Noise
 
 POWER = 16.0

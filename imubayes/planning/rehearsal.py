@@ -9,7 +9,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import solve_triangular
-from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.inference.linear import Rows
+from imubayes.inference.whiten import whiten, whitener
 from imubayes.planning.candidates import Menu, Problem, Step, runs_of, starts
 from imubayes.rig.simulate import synthesise
 

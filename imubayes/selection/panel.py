@@ -16,10 +16,11 @@ from imubayes.inference.apart import Apart, apart
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.mcmc.chains import Chains
-from imubayes.inference.pieces import Pieces, always, pieces_of
+from imubayes.inference.pieces import Pieces, always
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, judge
 from imubayes.inference.summary import Summary
+from imubayes.inference.whitened import pieces_of
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
 from imubayes.selection.model_prior import hierarchy

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.linear import Rows
 from imubayes.inference.prior import GFamily, GPrior, HyperG, ZellnerSiow
-from imubayes.inference.whiten import Processes, Rows
+from imubayes.inference.whiten import Processes
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, gains, library
 

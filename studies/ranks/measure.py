@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.stats import chisquare
 
 import imubayes as ib
-from imubayes.inference.linear import linear_of
+from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample
-from imubayes.inference.whiten import Rows, whitener
+from imubayes.inference.whiten import whitener
 from imubayes.population.processes import Progress, shared
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.catalogue import noise_prior

@@ -12,9 +12,10 @@ import pytest
 from celerite2 import driver
 from numba.core import config
 
+from imubayes.inference.linear import Rows
 from imubayes.inference.prior import GPrior, ScalePrior
 from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.whiten import Rows, whitener
+from imubayes.inference.whiten import whitener
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -14,9 +14,9 @@ from celerite2 import driver
 from pyarrow import parquet as pq
 
 from imubayes.algebra import factor as algebra
-from imubayes.inference.linear import linear_of
-from imubayes.inference.streaming import streamed_pieces
-from imubayes.inference.whiten import Rows, mattering, whitener
+from imubayes.inference.linear import Rows, linear_of
+from imubayes.inference.whiten import mattering, whitener
+from imubayes.inference.whitened import streamed_pieces
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run

@@ -9,7 +9,8 @@ from scipy.stats import multivariate_normal
 
 from imubayes.inference.contamination import SHARE, conditional, evidence, log_odds, log_posterior, sample
 from imubayes.inference.dwells import Dwells
-from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.inference.linear import Linear
+from imubayes.inference.whiten import whiten, whitener
 from imubayes.sensors.noise import Noise
 
 NOISE = Noise(1.0, 0.3, 0.05)
@@ -19,8 +20,10 @@ TAU = 20.0
 
 def dwells(X, y, name="run"):
     start = 12.0 * np.arange(len(y))
-    rows = Rows(start + 5.0, np.full(len(y), 10.0))
-    return Dwells(name, np.arange(len(y) + 1), start, start + 10.0, rows, X, y)
+    means = Linear(
+        name, "", tuple("abc"), start + 5.0, np.full(len(y), 10.0), 10.0, y, lambda first, last: X[first:last]
+    )
+    return Dwells(np.arange(len(y) + 1), start, start + 10.0, means)
 
 
 def two_runs(seed, offsets, sizes=(6, 4)):
@@ -39,11 +42,11 @@ def dense(runs):
     """Covariance of all dwell means where none is contaminated, their mean's columns, and the means."""
     covariance = np.zeros((0, 0))
     for d in runs:
-        W = whiten(whitener(NOISE, d.rows), np.eye(len(d)))
+        W = whiten(whitener(NOISE, d.means.rows), np.eye(len(d)))
         n = len(covariance)
         covariance = np.pad(covariance, ((0, len(d)), (0, len(d))))
         covariance[n:, n:] = np.linalg.inv(W.T @ W)
-    return covariance, np.concatenate([d.X for d in runs]), np.concatenate([d.y for d in runs])
+    return covariance, np.concatenate([d.means.X for d in runs]), np.concatenate([d.means.y for d in runs])
 
 
 def states_of(runs):

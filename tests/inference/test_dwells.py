@@ -7,8 +7,9 @@ import pytest
 
 import imubayes as ib
 from imubayes.inference.dwells import MOST, PIECES, dwell_edges, dwells_of, rows_kept, rows_outside, run_kept
-from imubayes.inference.linear import linear_of, whitened_factor
+from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import processes, whiten, whitener
+from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 TACTICAL = ib.sensor("mems_tactical", kind="accelerometer")
@@ -39,12 +40,12 @@ def test_means_and_their_covariance_are_those_of_the_averaged_samples():
     rows = linear_of(tumble(), LIBRARY)
     dwells = dwells_of(rows)
     average = np.kron(np.eye(12), np.full(30, 1.0 / 30.0))
-    np.testing.assert_allclose(dwells.X, average @ rows.columns(0, len(rows)), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(dwells.y, average @ rows.y, rtol=1e-12)
+    np.testing.assert_allclose(dwells.means.X, average @ rows.columns(0, len(rows)), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(dwells.means.y, average @ rows.y, rtol=1e-12)
     parts = processes(rows.rows)
     of_samples = average @ covariance(rows.rows, parts) @ average.T
     # averages of averages: to rounding of the inverse
-    np.testing.assert_allclose(covariance(dwells.rows, parts), of_samples, rtol=1e-9)
+    np.testing.assert_allclose(covariance(dwells.means.rows, parts), of_samples, rtol=1e-9)
 
 
 @pytest.mark.parametrize("parts", [1, 2, 5, 9, 50, 1000, 5000])

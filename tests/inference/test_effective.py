@@ -8,8 +8,9 @@ from numpy.linalg import inv, solve
 
 from imubayes.algebra.factor import add, reorder
 from imubayes.inference.effective import effective_samples, marginal_variance, samples_of
-from imubayes.inference.linear import Linear, whitened_factor
-from imubayes.inference.whiten import Rows, whiten, whitener
+from imubayes.inference.linear import Linear, Rows
+from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 NOISE = Noise(N=0.3, B=0.2, K=0.02)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.linear import linear_of, whitened_factor
-from imubayes.inference.pieces import pieces_of, stacked
+from imubayes.inference.linear import linear_of
+from imubayes.inference.pieces import stacked
 from imubayes.inference.whiten import mattering
+from imubayes.inference.whitened import pieces_of, whitened_factor
 from imubayes.sensors.noise import Noise
 
 NOISE = Noise(1e-3, 5e-4, 1e-5)

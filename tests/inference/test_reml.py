@@ -1,15 +1,16 @@
 """Noise estimates: against the dense likelihood, and against simulated truths."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 import imubayes as ib
-from imubayes.inference.linear import blocks_of, deviation, library_rows, linear_of
-from imubayes.inference.reml import Blocks, block_edges, estimate
-from imubayes.inference.whiten import Rows, processes, whiten, whitener
+from imubayes.inference.linear import Linear, block_edges, blocks_of, linear_of, with_columns
+from imubayes.inference.reml import estimate
+from imubayes.inference.whiten import processes, whiten, whitener
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise, allan_variance
@@ -36,12 +37,18 @@ def logs(found):
     return np.log([found.noise.N, found.noise.B, found.noise.K])
 
 
+def rows_of(t, duration, X, y):
+    """Rows of one duration."""
+    names = tuple(map(str, range(X.shape[1])))
+    return Linear("", "", names, t, np.full(len(t), duration), duration, y, lambda a, b: X[a:b])
+
+
 def small_blocks(rng, n=60, p=4):
     """Rows of one duration with a gap, in noise that shows all three processes."""
     start = np.concatenate((10.0 * np.arange(n // 2), 2e3 + 10.0 * np.arange(n - n // 2)))
     y = synthesise(Noise(1.0, 0.5, 0.02), start, 10.0, rng)
     X = rng.normal(size=(n, p))
-    return Blocks(Rows(start + 5.0, np.full(n, 10.0)), X, y + X @ rng.normal(size=p))
+    return rows_of(start + 5.0, 10.0, X, y + X @ rng.normal(size=p))
 
 
 def dense_cost(x, blocks, prior, sd):
@@ -140,7 +147,7 @@ def test_a_term_that_the_library_lacks_is_mistaken_for_drift():
 def test_noise_has_no_unit():
     run = run_of(5)
     blocks = blocks_of(linear_of(run, LIBRARY))
-    thousand = Blocks(blocks.rows, blocks.X, 1e3 * blocks.y)
+    thousand = replace(blocks, y=1e3 * blocks.y)
     prior = tuple((1e3 * median, spread) for median, spread in PRIOR)
     plain, other = estimate(blocks, PRIOR), estimate(thousand, prior)
     np.testing.assert_array_less(np.abs(logs(other) - math.log(1e3) - logs(plain)), 0.01 * np.array(plain.sd))
@@ -151,20 +158,15 @@ def test_order_and_units_of_the_library_change_nothing():
     rng = np.random.default_rng(1)
     p = blocks.X.shape[1]
     mixed = blocks.X[:, rng.permutation(p)] * 10.0 ** rng.uniform(-6.0, 6.0, p)
-    plain, other = estimate(blocks, PRIOR), estimate(Blocks(blocks.rows, mixed, blocks.y), PRIOR)
+    plain, other = estimate(blocks, PRIOR), estimate(with_columns(blocks, mixed), PRIOR)
     np.testing.assert_array_less(np.abs(logs(other) - logs(plain)), 0.01 * np.array(plain.sd))
 
 
 def test_averages_over_blocks_estimate_what_the_samples_do():
     run = run_of(6, angles=8, rate=10.0)
-    n = len(run.inputs)
-    samples = Blocks(
-        Rows(run.inputs.t, np.full(n, run.inputs.interval)),
-        library_rows(run, LIBRARY),
-        deviation(run, LIBRARY),
-    )
-    blocks = blocks_of(linear_of(run, LIBRARY))
-    assert len(blocks.y) <= n / 4
+    samples = linear_of(run, LIBRARY)
+    blocks = blocks_of(samples)
+    assert len(blocks) <= len(samples) / 4
     fine, coarse = estimate(samples, PRIOR), estimate(blocks, PRIOR)
     # B and K show in the blocks as they do in the samples
     np.testing.assert_array_less(np.abs(logs(fine) - logs(coarse))[1:], 0.3 * np.array(coarse.sd)[1:])
@@ -181,8 +183,7 @@ def test_fewer_rows_than_columns_are_judged_under_a_proper_prior():
         sd = np.where(np.arange(20) < 3, 1e3, 1e-6)
         X = rng.normal(size=(12, 20))
         y = synthesise(Noise(1.0, 0.0, 0.0), start, 1.0, rng) + X @ (sd * rng.normal(size=20))
-        rows = Rows(start, np.ones(12))
-        found = estimate(Blocks(rows, X, y), ((1.0, 2.0), (1e-3, 0.1), (1e-6, 0.1)), sd)
+        found = estimate(rows_of(start, 1.0, X, y), ((1.0, 2.0), (1e-3, 0.1), (1e-6, 0.1)), sd)
         assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 9.0), rel=0.3)
         pulls.append(math.log(found.noise.N) / found.sd[0])
     assert max(np.abs(pulls)) < 4.0

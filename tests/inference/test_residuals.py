@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.linear import linear_of
+from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.residuals import FAMILIES, SUSPECT, check_residuals, judge, level_of
 from imubayes.inference.summary import summarize
-from imubayes.inference.whiten import Rows
 from imubayes.rig.inputs import Run
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -323,8 +323,8 @@ def test_student_t_residuals_say_the_same_where_noise_is_white(name, measured):
     mean, sd = posterior(summary_of(found.runs, found.rows).factor, clean.prior)
     dwells = [dwells_of(part) for part in rows]
     other, other_sd = student_t(
-        np.concatenate([d.X for d in dwells]),
-        np.concatenate([d.y for d in dwells]),
+        np.concatenate([d.means.X for d in dwells]),
+        np.concatenate([d.means.y for d in dwells]),
         np.repeat([0, 1], [len(d) for d in dwells]),
         clean.prior,
         np.random.default_rng(2),

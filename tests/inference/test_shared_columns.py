@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from imubayes.algebra.factor import posterior, with_prior_rows
-from imubayes.inference.linear import Linear, linear_of, whitened_factor
+from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.shared_columns import shared_rows
+from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Inputs, KnownRun
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.imu import COMPONENTS, kind_of

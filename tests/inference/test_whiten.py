@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from imubayes.inference.whiten import Processes, Rows, processes, whiten, whitener
+from imubayes.inference.linear import Rows
+from imubayes.inference.whiten import Processes, processes, whiten, whitener
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 

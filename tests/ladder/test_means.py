@@ -91,11 +91,13 @@ def test_full_library_is_ordinary_least_squares_on_the_dwell_means():
     one = problem()
     d = dwells_of(linear_of(one.runs[0], one.library))
     found = means(ground(one))
-    told = np.abs(d.X).max(axis=0) > 0.0
+    told = np.abs(d.means.X).max(axis=0) > 0.0
     # on the sphere |f| = g the last even column depends on those before it, and is left out
-    kept = [j for j in np.flatnonzero(told) if np.linalg.matrix_rank(d.X[:, : j + 1] / 10.0, 1e-9) >
-            np.linalg.matrix_rank(d.X[:, :j] / 10.0, 1e-9)]  # fmt: skip
-    theta, rss, *_ = np.linalg.lstsq(d.X[:, kept], d.y, rcond=None)
-    sd = np.sqrt(np.diag(np.linalg.inv(d.X[:, kept].T @ d.X[:, kept])) * rss[0] / (len(d) - len(kept)))
+    kept = [j for j in np.flatnonzero(told) if np.linalg.matrix_rank(d.means.X[:, : j + 1] / 10.0, 1e-9) >
+            np.linalg.matrix_rank(d.means.X[:, :j] / 10.0, 1e-9)]  # fmt: skip
+    theta, rss, *_ = np.linalg.lstsq(d.means.X[:, kept], d.means.y, rcond=None)
+    sd = np.sqrt(
+        np.diag(np.linalg.inv(d.means.X[:, kept].T @ d.means.X[:, kept])) * rss[0] / (len(d) - len(kept))
+    )
     np.testing.assert_allclose(found.full_mean[kept], theta, rtol=1e-7, atol=1e-7 * sd.min())
     np.testing.assert_allclose(found.full_sd[kept], sd, rtol=1e-6)

@@ -10,7 +10,8 @@ import pytest
 from mpmath import mp
 from scipy.linalg import solve_triangular
 
-from imubayes.inference.whiten import Processes, Rows
+from imubayes.inference.linear import Rows
+from imubayes.inference.whiten import Processes
 from imubayes.sensors.noise import Noise
 from studies.extremes import exact
 from studies.extremes.cases import Stamps

@@ -58,7 +58,9 @@ def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -
     dwells, blocks = dwells_of(rows), blocks_of(rows)
     parts = mattering(estimated, rows.rows)
     # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
-    owner = np.clip(np.searchsorted(dwells.start, blocks.rows.t, side="right") - 1, 0, len(dwells.y) - 1)
+    owner = np.clip(
+        np.searchsorted(dwells.start, blocks.rows.t, side="right") - 1, 0, len(dwells.means.y) - 1
+    )
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     residuals = blocks.y - theta @ blocks.X.T
     scores = np.empty((len(theta), len(first)))
@@ -69,7 +71,7 @@ def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -
     index = owner[first]
     return Pointwise(
         dwells=tuple((rows.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index),
-        observed=dwells.y[index],
-        predicted=theta @ dwells.X[index].T,
+        observed=dwells.means.y[index],
+        predicted=theta @ dwells.means.X[index].T,
         log_likelihood=scores,
     )

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import BLOCKS, Linear, blocks_of, whitened_factor, within_blocks
+from imubayes.inference.linear import BLOCKS, Linear, block_edges, blocks_of
 from imubayes.inference.mcmc.coordinates import Coordinates
-from imubayes.inference.reml import Blocks, block_edges
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten, whitener
+from imubayes.inference.whitened import whitened_factor, within_blocks
 from imubayes.sensors.noise import Noise
 
 WHOLE = 4000
@@ -50,7 +50,7 @@ class Split:
     determinant's rest. As a share of the matrix it stays small where the matrix does: it can be carried on.
     """
 
-    blocks: Blocks
+    blocks: Linear
     stacked: FloatArray
     parts: Processes
     within: FloatArray
@@ -138,7 +138,7 @@ def _exact(rows: Linear, split: Split, log_b: float, log_k: float) -> FloatArray
     return np.append(packed_of(split.c.gram(f.R)), f.log_det)
 
 
-def _rise(rows: Linear, blocks: Blocks, parts: Processes) -> tuple[float, float]:
+def _rise(rows: Linear, blocks: Linear, parts: Processes) -> tuple[float, float]:
     """Variance within a block by unit B and by unit K, relative to that of unit white noise in a sample.
 
     Of blocks of the mean number of rows, those of a single row (beside lost samples) left aside.

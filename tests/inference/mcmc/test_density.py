@@ -7,7 +7,6 @@ import pytest
 from campaigns import near
 from scipy.stats import multivariate_normal, norm
 
-from imubayes.inference.linear import whitened_factor
 from imubayes.inference.mcmc.density import (
     condition,
     draw_conditional,
@@ -17,6 +16,7 @@ from imubayes.inference.mcmc.density import (
     theta_of,
 )
 from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 

@@ -1,9 +1,8 @@
-"""A run that is read a part at a time, as rows of a linear model: every row counts, few are held.
+"""Rows whitened, as one factor or a dwell at a time, whether they are held or read a part at a time.
 
-The factor is that of all rows, whitened with the state carried from part to part. What looks at rows has
-averages over about 1,500 blocks, which are rows of the same model under the same noise: the columns are
-averaged, not made of averaged inputs. The noise is judged by these averages and by a ladder of ever longer
-averages over a stretch at full rate, so that white noise is seen where it is larger than bias instability.
+A run that is read a part at a time counts with every row: its factor is that of all rows, whitened with the
+state carried from part to part, and what looks at rows has averages over about 1,500 blocks, which are rows
+of the same model under the same noise: the columns are averaged, not made of averaged inputs.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,89 +19,108 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import dwells_of
-from imubayes.inference.linear import Linear, linear_of
-from imubayes.inference.pieces import Pieces
-from imubayes.inference.reml import Blocks
+from imubayes.inference.linear import CHUNK, Linear, block_edges, whole_parts
+from imubayes.inference.pieces import Pieces, stacked
 from imubayes.inference.stream_whitening import Carry, begin, padded, whiten_on
-from imubayes.inference.whiten import Processes, Rows, mattering
-from imubayes.rig.inputs import Part, Run, Stream
+from imubayes.inference.whiten import Processes, mattering, whiten, whitener
+from imubayes.rig.inputs import Part, Stream
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
 
 TILE = 8192
 """Rows whose columns are made, whitened and factored at a time: they stay in the cache."""
 
-RUNGS = 192
-"""Averages of one length in the ladder: each rung tells the noise there to 5 %."""
-
-RATIO = 4
-"""Length of the averages of a rung over that of the rung before."""
 
 REMEMBERED = 4
 """Runs whose last pass is remembered: the factor and the dwells come of the same one."""
 
 
-def streamed_rows(run: Run, lib: Library, stream: Stream) -> Linear:
-    """Averages over the blocks of a run as rows of a linear model, with the stream behind them.
+def whitened_factor(
+    rows: Linear, noise: Noise, parts: Processes | None = None, *, sharp: bool = False
+) -> tuple[Factor, FloatArray]:
+    """Factor of all rows, whitened, and the largest size (p,) of each column.
 
-    Raises
-    ------
-    ValueError : if the run was read for another library.
+    Parameters
+    ----------
+    rows : of a run.
+    noise : N, B, K, SI.
+    parts : the processes that stand for B; by default those that matter beside the white noise.
+    sharp : whether columns that are nearly dependent are factored once more in twice the digits: of use where
+        no prior holds them apart, as that of errors of the bench does. A stream always is.
     """
-    if stream.library != lib:
-        raise ValueError(
-            f"run '{run.name}' is read a part at a time, for the terms {', '.join(stream.library.names)}:"
-            " read it again for another library"
-        )
-    own = run.inputs.channels.get(lib.own, 0.0)
-    return Linear(
-        name=run.name,
-        procedure=run.procedure,
-        names=lib.names,
-        t=run.inputs.t,
-        duration=stream.duration,
-        interval=run.inputs.interval,
-        y=run.output - own,
-        columns=lambda start, stop: stream.X[start:stop],
-        stream=stream,
+    if rows.shared is not None and parts is None:
+        return rows.shared(noise)
+    if rows.stream is not None:
+        return streamed_factor(rows, rows.stream, noise, parts), rows.stream.reach
+    table = _table(rows)
+    n, p = len(rows), len(rows.names)
+    blocks = tuple(algebra.row_blocks(n))
+    reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
+    w = whitener(noise, rows.rows, parts)
+    whiten(w, table)
+    if not sharp:
+        R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
+        return Factor(rows.names, R, n, w.log_det), reach
+    R, better = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
+    return Factor(rows.names, R if better is None else better.astype(np.float64), n, w.log_det), reach
+
+
+def pieces_of(rows: Linear, noise: Noise) -> Pieces:
+    """Whiten a run as a whole and factor each of its dwells.
+
+    Parameters
+    ----------
+    rows : of the run.
+    noise : that whitens it, SI.
+    """
+    if rows.stream is not None:
+        return streamed_pieces(rows, rows.stream, noise)
+    dwells, table = dwells_of(rows), _table(rows)
+    w = whitener(noise, rows.rows)
+    whiten(w, table)
+    return Pieces(
+        run=rows.name,
+        names=rows.names,
+        start=dwells.start,
+        stop=dwells.stop,
+        rows=np.diff(dwells.edges),
+        R=np.array(
+            [algebra.triangular([table[a:b]], table.shape[1]) for a, b in pairwise(dwells.edges.tolist())]
+        ),
+        log_det=np.add.reduceat(np.log(w.d), dwells.edges[:-1]),
     )
 
 
-def noise_blocks(rows: Linear, stream: Stream) -> Blocks:
-    """Averages that tell the noise at all time scales: a ladder over the stretch, blocks beside it."""
-    fine = linear_of(stream.stretch, stream.library)
-    first = _ladder(len(fine))
-    counts = np.diff(np.append(first, len(fine)))
-    rungs = [np.add.reduceat(values, first) for values in (fine.t, fine.duration, fine.y)]
-    X = np.add.reduceat(fine.columns(0, len(fine)), first, axis=0) / counts[:, None]
-    before, after = beside_stretch(stream)
-
-    def joined(coarse: FloatArray, ladder: FloatArray) -> FloatArray:
-        return np.concatenate((coarse[before], ladder, coarse[after]))
-
-    taken = Rows(joined(rows.t, rungs[0] / counts), joined(rows.duration, rungs[1]), None, stream.interval)
-    return Blocks(taken, joined(stream.X, X), joined(rows.y, rungs[2] / counts))
+def _table(rows: Linear) -> FloatArray:
+    """Columns and, last, the response of all rows: (n, p + 1)."""
+    table = np.empty((len(rows), len(rows.names) + 1))
+    for a in range(0, len(rows), CHUNK):
+        b = min(a + CHUNK, len(rows))
+        table[a:b, :-1] = rows.columns(a, b)
+    table[:, -1] = rows.y
+    return table
 
 
-def beside_stretch(stream: Stream) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which blocks (m,) end before the stretch at full rate begins, and which begin after its end."""
-    begins = np.cumsum(stream.counts) - stream.counts
-    ends = begins + stream.counts
-    first = stream.stretch_first
-    return ends <= first, begins >= first + len(stream.stretch.inputs)
+def within_blocks(rows: Linear) -> FloatArray:
+    """Triangular factor (p + 1, p + 1) of what the averages over the blocks of `blocks_of` leave of the rows.
 
-
-def _ladder(n: int) -> NDArray[np.int64]:
-    """First rows of averages over `n` rows whose length grows.
-
-    Examples
-    --------
-    >>> _ladder(1000)[[0, 1, 191, 192, 193]].tolist()
-    [0, 1, 191, 192, 196]
+    Columns are those of X, then the response; each row is divided by the square root of its share of white
+    noise, ``1/sqrt(duration)``, so that white noise of unit density has unit variance.
     """
-    lengths = [np.full(RUNGS, RATIO**k) for k in range(1 + int(np.ceil(np.emath.logn(RATIO, n))))]
-    first = np.cumsum(np.concatenate(([0], *lengths)))
-    return first[first < n]
+    if rows.stream is not None:
+        return streamed_within(rows, rows.stream)
+    edges = block_edges(rows.t, rows.interval)
+
+    def parts():
+        for inside, a, b in whole_parts(edges, len(rows)):
+            part = np.column_stack((rows.columns(a, b), rows.y[a:b]))
+            starts = edges[inside] - a
+            counts = np.diff(np.append(starts, b - a))
+            part -= np.repeat(np.add.reduceat(part, starts, axis=0) / counts[:, None], counts, axis=0)
+            part *= np.sqrt(rows.duration[a:b])[:, None]
+            yield from (part[i:j] for i, j in algebra.row_blocks(b - a))
+
+    return algebra.triangular(parts(), len(rows.names) + 1)
 
 
 def streamed_pieces(rows: Linear, stream: Stream, noise: Noise, parts: Processes | None = None) -> Pieces:
@@ -129,8 +148,6 @@ def streamed_factor(rows: Linear, stream: Stream, noise: Noise, parts: Processes
 
     Parameters as of `streamed_pieces`.
     """
-    from imubayes.inference.pieces import stacked
-
     made = stacked([streamed_pieces(rows, stream, noise, parts)])
     chosen, width = mattering(noise, rows.rows) if parts is None else parts, len(rows.names) + 1
     tiles = _whitened(stream, noise, chosen, "columns that are nearly alike")
@@ -197,7 +214,7 @@ def _shares(edges: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[i
 def streamed_within(rows: Linear, stream: Stream) -> FloatArray:
     """Triangular factor (p + 1, p + 1) of what the averages over the blocks leave of the rows.
 
-    As `imubayes.inference.linear.within_blocks`; one pass.
+    As `imubayes.inference.whitened.within_blocks`; one pass.
     """
     width = len(rows.names) + 1
     means = np.column_stack((stream.X, rows.y))
