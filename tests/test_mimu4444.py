@@ -15,8 +15,8 @@ from imubayes.algebra.factor import posterior
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
-from imubayes.inference.sessions import SessionEstimate, repeatability
 from imubayes.inference.triad import COMPONENTS, triad_of
+from imubayes.population.sessions import SessionEstimate, repeatability
 from imubayes.rig.inputs import TriadRun
 from imubayes.study.method import run
 from imubayes.study.schema import read_runs, read_study

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
@@ -18,13 +18,11 @@ from imubayes.inference.observability import Observability
 from imubayes.inference.recovered import Recovered
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
-from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
 from imubayes.scenes.relevance import Relevance
-from imubayes.selection.class_needs import ClassInCommon
 from imubayes.selection.decision import Selection
 from imubayes.selection.noise_found import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
@@ -32,6 +30,10 @@ from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Positive, Seconds
+
+if TYPE_CHECKING:
+    from imubayes.population.classes import ClassInCommon
+    from imubayes.population.sessions import Repeatability
 
 
 @dataclass(frozen=True, slots=True, eq=False)

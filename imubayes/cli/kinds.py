@@ -133,8 +133,8 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
-    from imubayes.population.engines import engine
     from imubayes.population.fleet import measure
+    from imubayes.population.processes import engine
     from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
 
     if asked.computing:

@@ -14,14 +14,19 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.errors import InputError
 from imubayes.inference.intervals import Share
-from imubayes.population.dataset import Marks
-from imubayes.population.engines import Engine
-from imubayes.population.keeping import fingerprint, keep, kept_records, leave, make_room, publish
-from imubayes.population.parts import FleetStudy, Part, PartFound, part_found, parts_of
-from imubayes.population.processes import Lost, Progress, pace
-from imubayes.population.records import Broken, Record
-from imubayes.population.tally import Tally, over_units, tally, together
-from imubayes.population.terms import PopulationTerm, population
+from imubayes.population.dataset import (
+    Marks,
+    fingerprint,
+    keep,
+    kept_records,
+    leave,
+    make_room,
+    publish,
+)
+from imubayes.population.needs import NEEDED, VERDICTS
+from imubayes.population.processes import Engine, Lost, Progress, pace
+from imubayes.population.records import Broken, FleetStudy, Part, Record, part_found, parts_of
+from imubayes.population.spreads import PopulationTerm, over_units, population
 from imubayes.sensors.lots import Lot, draw_lot
 
 ENDED = (
@@ -34,7 +39,8 @@ ALARM = 0.01
 WORST = 20
 """Units that are named, those farthest from the population first."""
 
-NOISE = ("N", "B", "K")
+NOTHING = np.zeros((0, 0))
+"""In place of the factor of a unit whose record is kept."""
 
 MAD_TO_SD = 1.0 / NormalDist().inv_cdf(0.75)
 """Standard deviation of a normal over its median absolute deviation."""
@@ -70,7 +76,7 @@ class FleetAnswer:
     units : number of units that could be read.
     samples : rows that were used.
     terms : population of each term, SI; true values are NaN for recorded units.
-    counts : (6, p) units with each verdict, in the order of `tally.VERDICTS`.
+    counts : (6, p) units with each verdict, in the order of `needs.VERDICTS`.
     order : number of needed terms of a unit, median and 90 % range.
     noise : N, B, K over the units, SI: median and 90 % range.
     worst : the units that are farthest from the population, farthest first.
@@ -139,28 +145,30 @@ def measure(
     make_room(folder, study)
     lot, prints = lot_of(study), [fingerprint(study, unit) for unit in study.units]
     kept = kept_records(folder, prints) if resume else {}
-    parts, p = parts_of(study, lot), len(study.spec.library.terms)
-    finished = dict[int, Marks]()
     tell = pace(len(study.units) - len(kept), "units", progress)
-
-    done, tallies = 0, dict[int, Tally]()
+    done, finished, every = 0, dict[int, Marks](), list[Record | Broken]()
     try:
-        for new in _missing(replace(study, units=()), parts, kept, engine):
-            whole, count = _with_kept(new, parts[new.index], kept), len(new.records) + len(new.broken)
-            finished[new.index] = keep(
-                folder, whole, study.spec.library.names, prints, changed=bool(new.records)
-            )
-            tallies[new.index] = tally(whole.records, p, whole.broken)
-            done += count
-            if count:
+        for part, new in _missing(replace(study, units=()), parts_of(study, lot), kept, engine):
+            old = [kept[unit.number] for unit in part.units if unit.number in kept]
+            found = sorted((*old, *new), key=lambda one: one.number)
+            records, names = _records(found), study.spec.library.names
+            changed = bool(_records(new))
+            finished[part.index] = keep(folder, part.index, records, names, prints, changed=changed)
+            every += [replace(one, R=NOTHING) if isinstance(one, Record) else one for one in found]
+            done += len(new)
+            if new:
                 tell(done)
-        units = together([tallies[k] for k in range(len(parts))])
-        _check_any(units, study)
+        every.sort(key=lambda one: one.number)
+        _check_any(every)
     finally:
         leave(folder)
     publish(folder, finished)
-    found = answer(units, study, lot)
+    found = answer(every, study, lot)
     return FleetResult(study, found, engine.name, len(kept), time.perf_counter() - start)
+
+
+def _records(found: Sequence[Record | Broken]) -> list[Record]:
+    return [one for one in found if isinstance(one, Record)]
 
 
 def lot_of(study: FleetStudy) -> Lot | None:
@@ -173,104 +181,77 @@ def lot_of(study: FleetStudy) -> Lot | None:
 
 def _missing(
     study: FleetStudy, parts: Sequence[Part], kept: Mapping[int, Record], engine: Engine
-) -> Iterator[PartFound]:
-    """Records that are not kept, part by part: those that lack none first, the others as they are done."""
-    todo = list[Part]()
+) -> Iterator[tuple[Part, Sequence[Record | Broken]]]:
+    """Each part with what is not kept of it: those that lack nothing first, the others as they are done.
+
+    A part that ends its process is done unit by unit at the end.
+    """
+    todo, lost = list[Part](), list[Part]()
     for part in parts:
         places = [k for k, unit in enumerate(part.units) if unit.number not in kept]
         if places:
             todo.append(part.only(places))
         else:
-            yield PartFound(part.index, (), ())
-    yield from _ran(study, todo, engine)
-
-
-def _with_kept(new: PartFound, part: Part, kept: Mapping[int, Record]) -> PartFound:
-    """Records of a part, those that were kept among them, in the order of its units."""
-    old = [kept[unit.number] for unit in part.units if unit.number in kept]
-    records = sorted((*old, *new.records), key=lambda record: record.number)
-    return replace(new, records=tuple(records))
-
-
-def _ran(study: FleetStudy, parts: Sequence[Part], engine: Engine) -> Iterator[PartFound]:
-    """Records of the parts as they are done; a part that ends its process is done unit by unit at the end."""
-    lost = list[Part]()
-    for k, found in engine.do(part_found, [(study, part) for part in parts]):
+            yield part, ()
+    for k, found in engine.do(part_found, [(study, part) for part in todo]):
         if isinstance(found, Lost):
-            lost.append(parts[k])
+            lost.append(todo[k])
         else:
-            yield found
-    yield from (_one_by_one(study, part, engine) for part in lost)
+            yield parts[todo[k].index], found
+    yield from ((parts[part.index], _one_by_one(study, part, engine)) for part in lost)
 
 
-def _one_by_one(study: FleetStudy, part: Part, engine: Engine) -> PartFound:
+def _one_by_one(study: FleetStudy, part: Part, engine: Engine) -> list[Record | Broken]:
     jobs = [(study, part.only([k])) for k in range(len(part.units))]
-    found = dict[int, PartFound]()
-    for k, one in engine.do(part_found, jobs) if len(jobs) > 1 else [(0, Lost())]:
-        unit = part.units[k]
-        ended = PartFound(part.index, (), (Broken(unit.number, unit.name, ENDED),))
-        found[k] = ended if isinstance(one, Lost) else one
-    ordered = [found[k] for k in range(len(jobs))]
-    return PartFound(
-        part.index,
-        tuple(record for one in ordered for record in one.records),
-        tuple(broken for one in ordered for broken in one.broken),
-    )
+    found = dict(engine.do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
+    return [
+        Broken(unit.number, unit.name, ENDED) if isinstance(one, Lost) else one[0]
+        for unit, one in zip(part.units, (found[k] for k in range(len(jobs))), strict=True)
+    ]
 
 
-def _check_any(whole: Tally, study: FleetStudy) -> None:
-    if not whole.names:
-        first = whole.broken[0]
-        raise InputError(f"none of {len(study.units)} units could be read; {first.name}: {first.error}")
+def _check_any(every: Sequence[Record | Broken]) -> None:
+    first = every[0]
+    if isinstance(first, Broken) and not _records(every):
+        raise InputError(f"none of {len(every)} units could be read; {first.name}: {first.error}")
 
 
-def answer(whole: Tally, study: FleetStudy, lot: Lot | None) -> FleetAnswer:
-    """Put the units of a fleet together.
-
-    Parameters
-    ----------
-    whole : tally of all units.
-    study : of the fleet.
-    lot : that simulated units are of: the truth to set beside.
-    """
-    terms = population(whole, study.sensor_class, study.spec.library, lot)
-    N, B, K = (over_units(whole.noise[:, k]) for k in range(3))
-    pulls = _pulls(whole, terms)
+def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetAnswer:
+    """Put the units of a fleet together, of a simulated one beside the truth of its lot."""
+    units, names = _records(every), study.spec.library.names
+    terms = population(units, study.sensor_class, study.spec.library, lot)
+    N, B, K = (over_units([unit.noise[k] for unit in units]) for k in range(3))
+    pulls = _pulls(units, terms)
     limit = NormalDist().inv_cdf(1.0 - 0.5 * ALARM / pulls.size)
     farthest = np.abs(pulls).max(axis=1)
     order = np.argsort(-farthest, kind="stable")[:WORST]
+    verdicts = np.array([unit.verdicts for unit in units])
     return FleetAnswer(
-        units=len(whole.names),
-        samples=whole.samples,
+        units=len(units),
+        samples=sum(unit.samples for unit in units),
         terms=terms,
-        counts=whole.counts,
-        order=over_units(whole.order),
+        counts=np.array([np.sum(verdicts == verdict, axis=0) for verdict in VERDICTS]),
+        order=over_units([unit.verdicts.count(NEEDED) for unit in units]),
         noise=(N, B, K),
-        worst=tuple(_pull(whole, study.spec.library.names, pulls, int(k), limit) for k in order),
+        worst=tuple(_pull(units[k], names, pulls[k], limit) for k in order.tolist()),
         outliers=int(np.sum(farthest > limit)),
         limit=limit,
-        broken=whole.broken,
+        broken=tuple(one for one in every if isinstance(one, Broken)),
     )
 
 
-def _pulls(whole: Tally, terms: Sequence[PopulationTerm]) -> FloatArray:
+def _pulls(units: Sequence[Record], terms: Sequence[PopulationTerm]) -> FloatArray:
     """Pull (n, p + 1) of each unit in each term, and in its white noise."""
     mean = np.array([term.mean.value for term in terms])
     spreads = np.array([term.spread.value for term in terms])
-    of_terms = (whole.estimate - mean) / np.sqrt(spreads**2 + whole.variance)
-    log_noise = np.log(whole.noise[:, 0])
+    estimate, sd = (np.array([getattr(unit, name) for unit in units]) for name in ("full_mean", "full_sd"))
+    log_noise = np.log([unit.noise[0] for unit in units])
     away = log_noise - np.median(log_noise)
     scatter = MAD_TO_SD * float(np.median(np.abs(away))) or math.inf
-    return np.column_stack((of_terms, away / scatter))
+    return np.column_stack(((estimate - mean) / np.sqrt(spreads**2 + sd**2), away / scatter))
 
 
-def _pull(whole: Tally, names: Sequence[str], pulls: FloatArray, k: int, limit: float) -> Pull:
-    j = int(np.argmax(np.abs(pulls[k])))
-    at_noise = j == len(names)
-    return Pull(
-        unit=whole.names[k],
-        term=NOISE[0] if at_noise else names[j],
-        value=float(whole.noise[k, 0] if at_noise else whole.estimate[k, j]),
-        pull=float(pulls[k, j]),
-        outlier=bool(abs(pulls[k, j]) > limit),
-    )
+def _pull(unit: Record, names: Sequence[str], pulls: FloatArray, limit: float) -> Pull:
+    j = int(np.argmax(np.abs(pulls)))
+    term, value = (names[j], float(unit.full_mean[j])) if j < len(names) else ("N", unit.noise[0])
+    return Pull(unit.name, term, value, float(pulls[j]), bool(abs(pulls[j]) > limit))

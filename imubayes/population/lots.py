@@ -12,12 +12,11 @@ import numpy as np
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share, frequency
-from imubayes.population.needs import UNTOLD, WOULD_MATTER, ClassFound, in_scene
+from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import Progress, shared
-from imubayes.population.records import Record, record_of, simulate_unit
+from imubayes.population.records import Record, tested
 from imubayes.population.scenes import exposures, missions
-from imubayes.population.tally import over_units, tally
-from imubayes.population.terms import population
+from imubayes.population.spreads import over_units, population
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.relevance import MATTERS
 from imubayes.sensors.catalogue import coupled
@@ -124,13 +123,7 @@ class LotResult:
 
 
 def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> LotResult:
-    """Measure what the classes of a study need.
-
-    Parameters
-    ----------
-    study : as `study.schema` reads it.
-    progress : is told how many units are done.
-    """
+    """Measure what the classes of a study need; `progress` is told how many units are done."""
     start = time.perf_counter()
     lots = [lot_of(study, k) for k in range(len(study.classes))]
     units = _units(study, lots, progress)
@@ -140,8 +133,8 @@ def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> Lo
         ClassFound(
             sensor_class=lot.sensor_class,
             units=own,
-            terms=population(tally(own, len(study.library.terms)), lot.sensor_class, study.library, lot),
-            order=over_units([unit.verdicts.count("needed") for unit in own]),
+            terms=population(own, lot.sensor_class, study.library, lot),
+            order=over_units([unit.verdicts.count(NEEDED) for unit in own]),
             missions=missions(own, study.missions, exposed, basic=study.basic),
         )
         for lot, own in zip(lots, units, strict=True)
@@ -164,13 +157,7 @@ def _units(study: LotStudy, lots: Sequence[Lot], progress: Progress) -> list[tup
 
 
 def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
-    """Test and analyse one unit.
-
-    Parameters
-    ----------
-    study : says the campaign, and how well the bench is known.
-    class_index, number : of the class in the study, and of the unit in its lot.
-    lot : that the unit is of.
+    """Test and analyse one unit of the lot of a class.
 
     Raises
     ------
@@ -178,9 +165,7 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
     ConvergenceError : if the errors of the bench do not settle.
     """
     seed = (study.seed, class_index, 1, number)
-    spec = replace(spec_of(study, lot.sensor_class), truth=lot.truth(number))
-    runs = simulate_unit(spec, lot, number, np.random.default_rng([*seed, 0]))
-    return record_of(number, spec, runs, lot.theta[number], [*seed, 1], draws=DRAWS)
+    return tested(number, spec_of(study, lot.sensor_class), lot, number, seed, draws=DRAWS)
 
 
 def spec_of(study: LotStudy, entry: SensorClass) -> SensorSpec:

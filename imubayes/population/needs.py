@@ -1,24 +1,45 @@
-"""What a class needs, of itself and in a scene: one rule for all that is said, drawn and counted of it.
+"""What a class needs, of itself and in a scene: the rules for all that is said, drawn and counted of it.
 
-*Needed* is what the tests of the units show, and *not needed* too. Where the tests of half of the units or
-more leave a term open (they cannot tell it, or leave it undecided), the class has no answer: *cannot tell*.
-What such a term takes of a scene's budget is then what the catalogue says of its size; where that counts, it
-*would matter*.
+*Needed* is what the tests of the units show, and *not needed* too. Where the tests of most units leave a term
+open, the class has no answer: *cannot tell*. More units of the same test cannot tell either: what each of
+them leaves to the prior adds up to the prior's width, not to knowledge.
+
+Of drawn units, and of a fleet, there is one verdict each, and half of the units decide (`of_class`). What an
+open term takes of a scene's budget is then what the catalogue says of its size; where that counts, it *would
+matter*. Recorded units have one in every session: a unit's answer is what its sessions say where they do not
+contradict each other, and the class's that of its units, beside the inclusion in one model for all of them
+(`class_need`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from imubayes.inference.intervals import Share, frequency
-from imubayes.population.records import Record
-from imubayes.population.scenes import MissionFound, MissionTerm
-from imubayes.population.terms import PopulationTerm
 from imubayes.scenes.relevance import MATTERS
-from imubayes.sensors.sensor_class import SensorClass
+from imubayes.selection import verdicts
+from imubayes.units import counted
+
+if TYPE_CHECKING:
+    from imubayes.population.records import Record
+    from imubayes.population.scenes import MissionFound, MissionTerm
+    from imubayes.population.spreads import PopulationTerm
+    from imubayes.sensors.sensor_class import SensorClass
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"
+
+VERDICTS = ("needed", "not needed", "undecided", "inseparable", "unresolved", "untested")
+"""Verdicts of a unit in the order in which they are counted."""
+
+SURE, CANNOT_TELL = frozenset(VERDICTS[:2]), frozenset(VERDICTS[3:])
+"""Verdicts by which a test has an answer, and by which it has none."""
+
+OPEN = CANNOT_TELL | {"undecided"}
+"""Verdicts of a unit that leave a term open."""
 
 HALF = 0.5
 """Share of the units from which a class is said to be as they are."""
@@ -105,3 +126,85 @@ def could_change(term: PopulationTerm, units: int) -> bool:
         return unseen.low < HALF
     most = max(needed, told - needed)
     return unseen.high >= HALF or frequency(most, told).low < HALF
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """Whether a class needs a term.
+
+    Attributes
+    ----------
+    verdict : ``needed``, ``some need it``, ``not needed``, ``undecided`` or ``cannot tell``.
+    reason : in words, made from the numbers.
+    answers : how many units gave each answer.
+    share : of the units that answer, those that need the term; its interval reaches as far as those that do
+        not answer may be either.
+    pooled : inclusion in one model for all units and sessions; None where it was not weighed.
+    """
+
+    verdict: str
+    reason: str
+    answers: Mapping[str, int]
+    share: Share
+    pooled: float | None
+
+
+def unit_answer(told: Sequence[str]) -> str:
+    """Answer of one unit from the verdicts of its sessions.
+
+    Examples
+    --------
+    >>> unit_answer(["needed", "unresolved", "needed"]), unit_answer(["needed", "not needed"])
+    ('needed', 'undecided')
+    >>> unit_answer(["inseparable", "inseparable", "unresolved"])
+    'inseparable'
+    """
+    sure = sorted(SURE.intersection(told))
+    if len(sure) == 1:
+        return sure[0]
+    if sure or "undecided" in told:
+        return "undecided"
+    return Counter(told).most_common(1)[0][0]
+
+
+def class_need(answers: Sequence[str], pooled: float | None) -> Need:
+    """Put the answers of the units of a class together.
+
+    Parameters
+    ----------
+    answers : of each unit.
+    pooled : inclusion in one model for all units; None where it was not weighed.
+
+    Examples
+    --------
+    >>> need = class_need(["needed"] * 7 + ["inseparable"], 1.0)
+    >>> need.verdict, need.share.value, round(need.share.low, 2), need.share.high
+    ('needed', 1.0, 0.6, 1.0)
+    """
+    counts = Counter(answers)
+    n, needed, not_needed = len(answers), counts["needed"], counts["not needed"]
+    sure = needed + not_needed
+    value = needed / sure if sure else math.nan
+    share = Share(value, frequency(needed, n).low, frequency(n - not_needed, n).high)
+    verdict, reason = _decided(counts, n, pooled)
+    return Need(verdict, reason, dict(counts.most_common()), share, pooled)
+
+
+def _decided(counts: Mapping[str, int], n: int, pooled: float | None) -> tuple[str, str]:
+    needed, not_needed = counts.get("needed", 0), counts.get("not needed", 0)
+    silent = sum(counts.get(word, 0) for word in CANNOT_TELL)
+    if silent > HALF * n:
+        most = max(sorted(CANNOT_TELL), key=lambda word: counts.get(word, 0))
+        return (
+            "cannot tell",
+            f"{most} in {counts[most]} of {counted(n, 'unit')}: more units of this test do not tell it",
+        )
+    said = f"{needed} of {counted(n, 'unit')} need{'s' if needed == 1 else ''} it, {not_needed} do not"
+    said += "" if pooled is None else f"; inclusion in one model for all {pooled:.3f}"
+    if needed > HALF * n and (pooled is None or pooled >= verdicts.NEEDED):
+        return "needed", said
+    if not_needed > HALF * n and not needed and (pooled is None or pooled <= verdicts.LIKELY):
+        return "not needed", said
+    if needed and not_needed:
+        return "some need it", said
+    return "undecided", said

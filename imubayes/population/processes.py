@@ -1,4 +1,8 @@
-"""Work that several processes share, with word of how far it is; a process that dies costs only its job."""
+"""Who does the work: processes of this machine, or the workers of a dask scheduler.
+
+Both give each job's result with its index as it is done, and `Lost` for a job that ends its process whenever
+it is tried: a process that dies costs only its job. The only module that knows dask.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,20 +19,38 @@ from multiprocessing import Pipe, connection, get_context
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from imubayes.errors import InputError
+
 Progress = Callable[[str], None]
 Found = TypeVar("Found")
 
 AHEAD = 2
 """Jobs in flight for each process: one that it does, and one that waits so that it need not."""
 
+AHEAD_ON_DASK = 4
+"""Jobs in flight for each thread of the workers: the scheduler always has one to give."""
+
 HOPELESS = 4
 """Jobs that end their processes, before any other is done, from which it is not the jobs."""
-
 
 ONE_THREAD: dict[str, str] = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1"
 )
 """What libraries of linear algebra read as they are loaded, later than a process begins."""
+
+LOCAL = "local"
+"""Name of the processes of this machine, in place of a scheduler's address."""
+
+REACH = 5.0
+"""s in which a scheduler answers, and has a worker."""
+
+ABANDONED = 60.0
+"""s without any worker, as when a cluster restarts, after which nobody is waited for."""
+
+INSTALL = "pip install 'imubayes[dask]'"
+
+Job = tuple[Any, ...]
+Done = Iterator[tuple[int, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +60,7 @@ class Lost:
 
 def shared(
     work: Callable[..., Found],
-    jobs: Sequence[tuple[Any, ...]],
+    jobs: Sequence[Job],
     processes: int,
     *,
     things: str,
@@ -88,7 +110,7 @@ def pace(total: int, things: str, progress: Progress) -> Callable[[int], None]:
 
 
 def as_done(
-    work: Callable[..., Found], jobs: Sequence[tuple[Any, ...]], processes: int
+    work: Callable[..., Found], jobs: Sequence[Job], processes: int
 ) -> Iterator[tuple[int, Found | Lost]]:
     """Do every job; give its index and result as it is done.
 
@@ -128,7 +150,7 @@ def elsewhere(work: Callable[..., Found], *job: Any) -> Found | Lost:
 
 def _until_one_dies(
     work: Callable[..., Found],
-    left: dict[int, tuple[Any, ...]],
+    left: dict[int, Job],
     processes: int,
     ahead: int,
     *,
@@ -154,9 +176,7 @@ def _until_one_dies(
     return []
 
 
-def _landed(
-    flight: dict[Future[Found], int], left: dict[int, tuple[Any, ...]]
-) -> Iterator[tuple[int, Found]]:
+def _landed(flight: dict[Future[Found], int], left: dict[int, Job]) -> Iterator[tuple[int, Found]]:
     """Results that are there, those of broken processes last."""
     done, _ = wait(flight, return_when=FIRST_COMPLETED)
     for future in sorted(done, key=lambda one: isinstance(one.exception(), BrokenProcessPool)):
@@ -200,3 +220,175 @@ def _alone(held: Connection, one_thread: bool) -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Engine:
+    """Who does the work.
+
+    Attributes
+    ----------
+    name : in words.
+    do : takes a module's own function and the arguments of each call, gives (index, result) as they are done.
+    """
+
+    name: str
+    do: Callable[[Callable[..., Any], Sequence[Job]], Done]
+
+
+@contextmanager
+def engine(scheduler: str, processes: int) -> Iterator[Engine]:
+    """Give who does the work for as long as the block lasts.
+
+    Parameters
+    ----------
+    scheduler : address of a dask scheduler such as ``tcp://10.0.0.5:8786``, or ``local``.
+    processes : of this machine that share the work where no scheduler does.
+
+    Raises
+    ------
+    InputError : if no address is given, dask is not installed, the scheduler does not answer, or its workers
+        lack imubayes.
+    """
+    if scheduler == LOCAL:
+        what = "process" if processes == 1 else "processes"
+        yield Engine(f"{processes} {what} of this machine", lambda work, jobs: as_done(work, jobs, processes))
+        return
+    if not scheduler.strip():
+        raise InputError(
+            "--scheduler: came an empty text: expected an address such as tcp://127.0.0.1:8786; without "
+            "--scheduler the work is done on this machine"
+        )
+    client = _connected(scheduler)
+    try:
+        workers = _checked_workers(client, scheduler)
+        what = "worker" if workers == 1 else "workers"
+        name = f"{workers} {what} of the dask scheduler {scheduler}"
+        yield Engine(name, lambda work, jobs: _on_dask(client, work, jobs))
+    finally:
+        client.close()
+
+
+def _connected(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise InputError(
+            f"--scheduler {address}: needs dask, which is not installed: {INSTALL}, or leave --scheduler out"
+        ) from None
+    try:
+        _reached(address)
+        return Client(address, timeout=REACH, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"--scheduler {address}: no dask scheduler answers there ({error}): expected an address such as "
+            "tcp://127.0.0.1:8786, as 'dask scheduler' prints it when it starts; without --scheduler the "
+            "work is done on this machine"
+        ) from None
+
+
+def _reached(address: str) -> None:
+    """Knock at an address: a client that cannot connect lingers.
+
+    Raises
+    ------
+    OSError, ValueError : if nobody is there, or it is no address.
+    """
+    import socket
+
+    from distributed.comm.addressing import get_address_host_port
+
+    with socket.create_connection(get_address_host_port(address), timeout=REACH):
+        pass
+
+
+def _version() -> str:
+    """Version of imubayes that is installed here."""
+    from importlib.metadata import version
+
+    return version("imubayes")
+
+
+def _checked_workers(client: Any, address: str) -> int:
+    """Number of workers, all with this version of imubayes."""
+    from importlib.metadata import version
+
+    own = _version()
+    try:
+        client.wait_for_workers(1, timeout=REACH)
+    except TimeoutError:
+        raise InputError(
+            f"--scheduler {address}: the scheduler has no workers: start some, 'dask worker {address} "
+            "--nthreads 1', one for each core"
+        ) from None
+    found = client.run(version, "imubayes", on_error="return")
+    for worker, answer in found.items():
+        if answer != own:
+            has = f"imubayes {answer}" if isinstance(answer, str) else "no imubayes"
+            raise InputError(
+                f"--scheduler {address}: worker {worker} has {has}: install imubayes {own} there, {INSTALL}"
+            )
+    return len(found)
+
+
+def _on_dask(client: Any, work: Callable[..., Any], jobs: Sequence[Job]) -> Done:
+    """Do the jobs on the workers.
+
+    Raises
+    ------
+    InputError : if the scheduler is gone, or all its workers are.
+    """
+    from distributed.comm.core import CommClosedError
+
+    try:
+        yield from _shared_out(client, work, jobs)
+    except (CommClosedError, CancelledError):
+        raise InputError(
+            "the scheduler is gone: start it, and run again with --resume, which keeps what is finished"
+        ) from None
+
+
+def _shared_out(client: Any, work: Callable[..., Any], jobs: Sequence[Job]) -> Done:
+    """Keep the workers in work; the scheduler gives what a worker was at when it died to another."""
+    queue, flight = iter(enumerate(jobs)), dict[Any, int]()
+    while True:
+        room = max(AHEAD_ON_DASK, AHEAD_ON_DASK * sum(client.nthreads().values()))
+        for _, (index, job) in zip(range(room - len(flight)), queue, strict=False):
+            flight[client.submit(work, *job, pure=False)] = index
+        if not flight:
+            return
+        for future in _first_done(client, flight):
+            yield flight.pop(future), _result(future)
+
+
+def _first_done(client: Any, flight: dict[Any, int]) -> list[Any]:
+    """Wait for the first jobs that are done.
+
+    Raises
+    ------
+    InputError : if there is no worker for a while.
+    """
+    from distributed import wait
+
+    while True:
+        try:
+            with client.as_current():
+                found: Any = wait(list(flight), timeout=ABANDONED, return_when="FIRST_COMPLETED")
+            return list(found.done)
+        except TimeoutError:
+            if not client.nthreads():
+                raise InputError(
+                    f"all workers of the scheduler are gone for {ABANDONED:.0f} s: start some, and run again "
+                    "with --resume, which keeps what is finished"
+                ) from None
+
+
+def _result(future: Any) -> Any:
+    from distributed.scheduler import KilledWorker
+
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return Lost()
+    if error is not None:
+        raise error
+    return future.result()

@@ -1,32 +1,43 @@
-"""What is kept of a unit of many, and how it is tested: on a bench with errors, as if it were unknown.
+"""Units of many: how each is tested, as if it were unknown, and what is kept of it.
 
 The bench's errors are drawn anew for each simulated unit, normal with the sds that the study states, and they
 act on what the rig applied, not on what it says. The analysis allows for them under the same sds.
+
+A unit gives the same record to the last digit wherever it is analysed: its random numbers come from the
+study's seed and its own number (recorded: its name) alone, and linear algebra is left to one thread.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, reorder, with_prior_rows
-from imubayes.campaign.preparation import prepare
+from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.campaign.study import SensorSpec
+from imubayes.errors import ImubayesError
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
-from imubayes.rig.plans import Plan
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.runs import plan_run
 from imubayes.rig.simulate import simulate
 from imubayes.selection.decision import loose_fit, select
 from imubayes.selection.draws import posterior_draws
 from imubayes.sensors.lots import Lot
+from imubayes.sensors.sensor_class import SensorClass
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,15 +93,11 @@ def record_of(
     *,
     draws: int = 0,
 ) -> Record:
-    """Analyse one unit; the noise is held as it was found.
+    """Analyse one unit, whose name is that of its `spec`; the noise is held as it was found.
 
     Parameters
     ----------
-    number : of the unit.
-    spec : of the unit: its name is the record's.
-    runs : recorded or simulated.
     truth : (p,) coefficients of a simulated unit, SI; NaN of a recorded one.
-    seed : of what is drawn.
     draws : of the posterior that are kept.
 
     Raises
@@ -137,17 +144,16 @@ def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
 
 
 def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Generator) -> tuple[Run, ...]:
-    """Runs of one unit on a bench with errors, with the inputs that the rig says.
+    """Runs of one unit of a lot on a bench with errors, with the inputs that the rig says.
 
     Parameters
     ----------
-    spec : of the unit: its runs, and the sd of each kind of error of the bench.
-    lot : that the unit is of.
-    number : of the unit.
+    spec : of the unit: its runs, its truth, and the sd of each kind of error of the bench.
     rng : draws the bench's errors, then the noise.
     """
     plans = [plan_run(run) for run in spec.runs]
-    errors = _errors(plans, spec.reference, rng)
+    sds = spec.reference
+    errors = {error.name: float(rng.normal(0.0, sds[error.kind])) for error in errors_of(plans, sds)}
     moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans]
     runs = simulate(lot.sensor_class, moved, seed=rng, truth=spec.truth, noise=lot.noise[number])
     return tuple(
@@ -156,8 +162,160 @@ def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Genera
     )
 
 
-def _errors(plans: list[Plan], reference: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """Errors of the bench by name, SI, normal with the sds that are stated."""
-    return {
-        error.name: float(rng.normal(0.0, reference[error.kind])) for error in errors_of(plans, reference)
-    }
+def tested(
+    number: int, spec: SensorSpec, lot: Lot, place: int, seed: Sequence[int], *, draws: int = 0
+) -> Record:
+    """Simulate the unit at a place in its lot, and analyse it (see `record_of`)."""
+    spec = replace(spec, truth=lot.truth(place))
+    runs = simulate_unit(spec, lot, place, np.random.default_rng([*seed, 0]))
+    return record_of(number, spec, runs, lot.theta[place], [*seed, 1], draws=draws)
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One unit of a fleet.
+
+    Attributes
+    ----------
+    number : in the fleet, from 0; the order of the names for recorded units.
+    name : of its folder or file; the class and the number of a simulated one.
+    place : folder of its files, or its only file; None for a simulated unit.
+    """
+
+    number: int
+    name: str
+    place: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetStudy:
+    """A study of a fleet.
+
+    Attributes
+    ----------
+    title, seed : of the study.
+    spec : of every unit: class, library, campaign, errors of the bench.
+    sensor_class : of every unit; it says how far units can differ.
+    units : of the fleet.
+    part : units that are worked off, and kept, together.
+    processes : of this machine that share the work where no scheduler does.
+    path, text : of the file.
+    """
+
+    title: str
+    seed: int
+    spec: SensorSpec
+    sensor_class: SensorClass
+    units: tuple[Unit, ...]
+    part: int
+    processes: int
+    path: Path
+    text: str
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the units are drawn at random."""
+        return self.units[0].place is None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Units that one process works off, one after the other.
+
+    Attributes
+    ----------
+    index : among the parts of the fleet.
+    units : of the part.
+    lot : simulated units of the part, in their order; None for recorded ones.
+    """
+
+    index: int
+    units: tuple[Unit, ...]
+    lot: Lot | None = None
+
+    def only(self, places: Sequence[int]) -> Part:
+        """Give the part with some of its units, by their places in it."""
+        lot = None if self.lot is None else lot_of_some(self.lot, places)
+        return replace(self, units=tuple(self.units[k] for k in places), lot=lot)
+
+
+def parts_of(study: FleetStudy, lot: Lot | None) -> tuple[Part, ...]:
+    """Divide a fleet, of a lot where it is simulated, into parts by the numbers of its units."""
+    whole, n = Part(0, study.units, lot), len(study.units)
+    return tuple(
+        replace(whole.only(range(first, min(first + study.part, n))), index=index)
+        for index, first in enumerate(range(0, n, study.part))
+    )
+
+
+def lot_of_some(lot: Lot, places: Sequence[int]) -> Lot:
+    """Some units of a lot, by their places in it."""
+    return replace(lot, theta=lot.theta[list(places)], noise=tuple(lot.noise[k] for k in places))
+
+
+def simulated_units(class_id: str, count: int) -> tuple[Unit, ...]:
+    """Units without files, by class and number.
+
+    Examples
+    --------
+    >>> [unit.name for unit in simulated_units("mems_tactical", 10)][-1]
+    'mems_tactical-10'
+    """
+    digits = len(str(count))
+    return tuple(Unit(number, f"{class_id}-{number + 1:0{digits}}") for number in range(count))
+
+
+def part_found(study: FleetStudy, part: Part) -> tuple[Record | Broken, ...]:
+    """Analyse the units of a part in their order; the study's list of units is not used."""
+    from threadpoolctl import threadpool_limits
+
+    with _ONE_AT_A_TIME, threadpool_limits(1):
+        return tuple(_unit_found(study, part.only([k])) for k in range(len(part.units)))
+
+
+def _unit_found(study: FleetStudy, alone: Part) -> Record | Broken:
+    (unit,) = alone.units
+    try:
+        return unit_record(study, alone)
+    except ImubayesError as error:
+        return Broken(unit.number, unit.name, str(error))
+    except Exception as error:  # noqa: BLE001  # our fault in one unit must not cost the other thousand
+        fault = f"{type(error).__name__}: {error}"
+        return Broken(unit.number, unit.name, f"{fault}; this is a fault of imubayes, please report it")
+
+
+def unit_record(study: FleetStudy, alone: Part) -> Record:
+    """Test and analyse the only unit of a part.
+
+    Raises
+    ------
+    InputError : if a file of the unit cannot be used.
+    ConvergenceError : if the errors of the bench do not settle.
+    """
+    (unit,) = alone.units
+    spec, seed = replace(study.spec, id=unit.name), (study.seed, *_stream(unit))
+    if alone.lot is not None:
+        return tested(unit.number, spec, alone.lot, 0, seed)
+    files = [(run, run_file(run, unit)) for run in spec.runs]
+    spec = replace(spec, runs=tuple(replace(run, file=file, shown=str(file)) for run, file in files))
+    runs = tuple(run for run in runs_of(spec, study.seed, 0) if isinstance(run, Run))
+    return record_of(unit.number, spec, runs, np.full(len(spec.library.terms), np.nan), [*seed, 1])
+
+
+def _stream(unit: Unit) -> tuple[int, int]:
+    """Random stream of a unit: a recorded one's hangs on its name, as others may be added before it."""
+    if unit.place is None:
+        return 1, unit.number
+    return 2, int.from_bytes(hashlib.sha256(unit.name.encode()).digest()[:8])
+
+
+def run_file(run: RunSpec, unit: Unit) -> Path:
+    """Path of a run of a recorded unit.
+
+    Examples
+    --------
+    >>> run_file(RunSpec("tumble", "tumble", shown="t.csv"), Unit(0, "A1", Path("data/A1"))).as_posix()
+    'data/A1/t.csv'
+    """
+    place = unit.place or Path(unit.name)
+    return place / run.shown if run.shown else place

@@ -14,7 +14,7 @@ from imubayes.campaign.study import Mission
 from imubayes.errors import UnobservableError
 from imubayes.inference.intervals import Share
 from imubayes.population.records import Record
-from imubayes.population.tally import over_units
+from imubayes.population.spreads import over_units
 from imubayes.scenes.relevance import SURE, Exposure, Knowledge, Relevance, exposure, weigh
 from imubayes.sensors.equations.basic import TERMS, project
 from imubayes.sensors.noise import Noise

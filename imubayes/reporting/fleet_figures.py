@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.population.needs import NEEDED, ClassFound, of_class
-from imubayes.population.tally import VERDICTS
+from imubayes.population.needs import NEEDED, VERDICTS, ClassFound, of_class
 from imubayes.reporting.canvas import (
     ACCENT,
     PALE,

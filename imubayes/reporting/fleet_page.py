@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from imubayes.population.tally import VERDICTS
+from imubayes.population.needs import VERDICTS
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat, swatch
 from imubayes.reporting.fleet_figures import fleet_population_panel, verdict_panel
 from imubayes.reporting.fleet_words import fleet_answer, noise_range, plain, pull_value

@@ -93,7 +93,7 @@ def broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from imubayes.population.parts import Broken
+    >>> from imubayes.population.records import Broken
     >>> broken_sentence([Broken(3, "A4", "A4/t.csv: is empty")], 1000)
     ('1 unit of 1,000 could not be read: A4: A4/t.csv: is empty.',)
     """

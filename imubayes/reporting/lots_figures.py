@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from imubayes.population.lots import LotResult
     from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound, MissionTerm
-    from imubayes.population.terms import PopulationTerm
+    from imubayes.population.spreads import PopulationTerm
     from imubayes.sensors.terms import Library
 
 OPEN = "#E69F00"

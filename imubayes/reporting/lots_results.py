@@ -11,13 +11,13 @@ from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
+    VERDICTS,
     WOULD_MATTER,
     in_scene,
     of_class,
     terms_in,
     terms_of,
 )
-from imubayes.population.tally import VERDICTS
 from imubayes.reporting.fleet_words import fleet_answer
 from imubayes.reporting.lots_headline import simulated, status
 from imubayes.reporting.lots_sentences import lots_answer

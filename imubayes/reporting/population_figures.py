@@ -26,7 +26,7 @@ from imubayes.reporting.rounding import per_unit, pretty
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.selection.class_needs import TermInClass
+    from imubayes.population.classes import TermInClass
 
 ROW, TALLEST = 9.0, 420.0
 """px of a unit, and of all of them at most."""

@@ -9,9 +9,9 @@ from imubayes.reporting.result.values import published
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.inference.sessions import Repeatability
+    from imubayes.population.classes import ClassInCommon, TermInClass
+    from imubayes.population.sessions import Repeatability
     from imubayes.reporting.result.entries import Spread
-    from imubayes.selection.class_needs import ClassInCommon, TermInClass
 
 
 def published_sessions(found: Repeatability) -> Sessions:

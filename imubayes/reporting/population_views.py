@@ -23,7 +23,7 @@ from imubayes.reporting.population_words import (
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, signed
 
 if TYPE_CHECKING:
-    from imubayes.selection.class_needs import ClassInCommon, TermInClass
+    from imubayes.population.classes import ClassInCommon, TermInClass
 
 MOST_PANELS = 8
 """Terms that are drawn."""

@@ -12,7 +12,7 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.selection.class_needs import ClassInCommon, TermInClass
+    from imubayes.population.classes import ClassInCommon, TermInClass
 
 RESOLVED = 0.25
 """Low end of a spread's interval over its median from which the spread is there: where the data only say how

@@ -17,7 +17,7 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import StudyResult
-    from imubayes.inference.sessions import Repeatability
+    from imubayes.population.sessions import Repeatability
 
 
 MOST_DRAWN = 12

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from imubayes.inference.sessions import SUSPECT
+from imubayes.population.sessions import SUSPECT
 from imubayes.reporting.rounding import measured, per_unit
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.inference.sessions import Repeatability
+    from imubayes.population.sessions import Repeatability
 
 COMMON = 0.5
 """Share of the scatter that all units have in common from which one cause for all is likely."""

@@ -12,9 +12,9 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError
 from imubayes.inference.case import Case
 from imubayes.inference.recovered import recover
+from imubayes.population.classes import pooled_by_kind
 from imubayes.rig.inputs import ImuRun, TriadRun
 from imubayes.selection.decision import Selection
-from imubayes.selection.pooled import pooled_by_kind
 from imubayes.sensors.terms import Kind
 
 

@@ -49,6 +49,8 @@ from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residual
 from imubayes.ladder.climb import by_accuracy, by_budget
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
+from imubayes.population.classes import in_common
+from imubayes.population.sessions import between_sessions
 from imubayes.rig.inputs import CaseRun, Run
 from imubayes.rig.saturation import saturated
 from imubayes.selection.decision import Selection, loose_fit, select
@@ -57,7 +59,6 @@ from imubayes.selection.noise_found import processes_of
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.terms import Library
 from imubayes.study.case import of_case
-from imubayes.study.classes import of_study
 from imubayes.study.scenes import required
 from imubayes.units import counted
 
@@ -102,7 +103,9 @@ def run(
             results.append((spec, found))
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
-    return of_study(study, results, required(study.scenes, results))
+    components = tuple(one for _, found in results for one in found)
+    scenes = required(study.scenes, results)
+    return StudyResult(study, components, between_sessions(results), scenes, tuple(in_common(results)))
 
 
 def _quicker(job: _Job, case: Sequence[CaseRun], runs: Sequence[AnyRun]) -> str:

@@ -10,13 +10,13 @@ from pyarrow import parquet
 from imubayes.algebra.factor import Factor, posterior
 from imubayes.inference.prior import class_sd
 from imubayes.population.dataset import marks_of, read_part, records_of, write_part
-from imubayes.population.parts import part_found
+from imubayes.population.records import part_found
 
 
 @pytest.fixture(scope="module")
 def found():
     study = fleet(3)
-    return study, part_found(study, first_part(study)).records
+    return study, part_found(study, first_part(study))
 
 
 def _write(folder, study, records) -> Path:

@@ -15,10 +15,9 @@ from fleet_studies import fleet
 from pyarrow import parquet
 
 from imubayes.errors import InputError
-from imubayes.population import engines
-from imubayes.population.engines import engine
+from imubayes.population import processes
 from imubayes.population.fleet import measure
-from imubayes.population.processes import Lost
+from imubayes.population.processes import Lost, engine
 
 UNITS = 40
 
@@ -132,7 +131,7 @@ def test_scheduler_that_does_not_answer_is_said_within_seconds():
         engine(address, 2),
     ):
         pass
-    assert time.perf_counter() - start < 2.0 * engines.REACH
+    assert time.perf_counter() - start < 2.0 * processes.REACH
 
 
 @pytest.mark.parametrize("address", ["nonsense", "foo://x:1"])
@@ -156,7 +155,7 @@ def test_dask_that_is_not_installed_is_named_with_its_command(monkeypatch):
 def test_scheduler_without_workers_is_no_scheduler(monkeypatch):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(engines, "REACH", 0.5)
+    monkeypatch.setattr(processes, "REACH", 0.5)
     with (
         LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=logging.CRITICAL) as empty,
         pytest.raises(InputError, match="has no workers: start some, 'dask worker tcp://"),
@@ -166,7 +165,7 @@ def test_scheduler_without_workers_is_no_scheduler(monkeypatch):
 
 
 def test_worker_with_another_version_is_named(cluster, monkeypatch):
-    monkeypatch.setattr(engines, "_version", lambda: "0.0.0")
+    monkeypatch.setattr(processes, "_version", lambda: "0.0.0")
     with (
         pytest.raises(InputError, match=r"worker tcp://.* has imubayes .*: install imubayes 0.0.0 there"),
         engine(cluster.scheduler_address, 2),
@@ -209,7 +208,7 @@ def test_scheduler_that_goes_away_is_said_and_what_is_finished_is_kept(at_home, 
 
 
 @contextmanager
-def _patiently(address: str) -> Iterator[engines.Engine]:
+def _patiently(address: str) -> Iterator[processes.Engine]:
     """Engine of a scheduler that is just starting."""
     for attempt in range(30):
         try:

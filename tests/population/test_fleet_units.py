@@ -9,10 +9,17 @@ from imubayes.campaign.preparation import prepare
 from imubayes.errors import InputError, StudyError
 from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.prior import ScalePrior
-from imubayes.population import parts as units
 from imubayes.population import records
-from imubayes.population.parts import Part, lot_of_some, part_found, parts_of, unit_record
-from imubayes.population.records import of_terms, simulate_unit
+from imubayes.population.records import (
+    Broken,
+    Part,
+    lot_of_some,
+    of_terms,
+    part_found,
+    parts_of,
+    simulate_unit,
+    unit_record,
+)
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.selection.decision import loose_fit
@@ -36,8 +43,8 @@ OSCILLATING = replace(
 
 def test_record_does_not_depend_on_the_part_that_the_unit_is_in():
     study = fleet(6)
-    together = part_found(study, first_part(study)).records
-    apart = part_found(study, parts_of(replace(study, part=1), _lot(study))[2]).records
+    together = part_found(study, first_part(study))
+    apart = part_found(study, parts_of(replace(study, part=1), _lot(study))[2])
     assert [one.name for one in together] == [unit.name for unit in study.units[:3]]
     for name in ("mean", "sd", "full_mean", "full_sd", "inclusion", "truth", "R"):
         assert np.array_equal(getattr(together[2], name), getattr(apart[0], name)), name
@@ -50,9 +57,9 @@ def _lot(study):
 
 def test_full_library_estimates_scatter_about_the_truth_as_their_sds_say():
     study = replace(fleet(12), part=12)
-    records = part_found(study, first_part(study)).records
+    units = part_found(study, first_part(study))
     excited = [name in ("b0", "b1", "m_j") for name in study.spec.library.names]
-    z = np.array([(one.full_mean - one.truth) / one.full_sd for one in records])[:, excited]
+    z = np.array([(one.full_mean - one.truth) / one.full_sd for one in units])[:, excited]
     # the second moment of 36 standard normals, 12 of each term, to 4 of its standard errors
     assert abs(np.mean(z**2) - 1.0) < 4.0 * np.sqrt(2.0 / z.size)
 
@@ -94,7 +101,7 @@ def _summary(study):
 
 
 def test_fault_in_one_unit_leaves_the_others(monkeypatch):
-    study, usual = fleet(3), units.unit_record
+    study, usual = fleet(3), records.unit_record
 
     def faulty(study, alone):
         if alone.units[0].number == 1:
@@ -103,14 +110,14 @@ def test_fault_in_one_unit_leaves_the_others(monkeypatch):
             raise ZeroDivisionError("oh")
         return usual(study, alone)
 
-    monkeypatch.setattr(units, "unit_record", faulty)
+    monkeypatch.setattr(records, "unit_record", faulty)
     found = part_found(study, first_part(study))
-    assert [one.number for one in found.records] == [0]
-    assert [(one.number, one.error.partition(";")[0]) for one in found.broken] == [
+    assert [isinstance(one, Broken) for one in found] == [False, True, True]
+    assert [(one.number, one.error.partition(";")[0]) for one in found[1:]] == [
         (1, "no such thing"),
         (2, "ZeroDivisionError: oh"),
     ]
-    assert "fault of imubayes" in found.broken[1].error
+    assert "fault of imubayes" in found[2].error
 
 
 def test_random_numbers_of_recorded_units_hang_on_their_names_and_differ(tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from fleet_studies import first_part, fleet, recorded
 from pyarrow import parquet
 
 from imubayes.errors import InputError
-from imubayes.population.keeping import (
+from imubayes.population.dataset import (
     GROWING,
     UNITS,
     fingerprint,
@@ -18,7 +18,7 @@ from imubayes.population.keeping import (
     part_file,
     publish,
 )
-from imubayes.population.parts import part_found
+from imubayes.population.records import part_found
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +31,9 @@ def _prints(study) -> list[str]:
     return [fingerprint(study, unit) for unit in study.units]
 
 
-def _keep(folder: Path, study, found, *, changed: bool = True):
+def _keep(folder: Path, study, found, *, index: int = 0, changed: bool = True):
     make_room(folder, study)
-    return keep(folder, found, study.spec.library.names, _prints(study), changed=changed)
+    return keep(folder, index, found, study.spec.library.names, _prints(study), changed=changed)
 
 
 def _files(folder: Path) -> list[str]:
@@ -51,7 +51,7 @@ def test_record_of_another_study_is_not_taken_for_finished(found, tmp_path, chan
         "name": lambda: replace(study, units=tuple(replace(unit, name="x") for unit in study.units)),
     }[change]()
     assert kept_records(tmp_path, _prints(other)) == {}
-    assert len(records.records) == 3
+    assert len(records) == 3
 
 
 def test_file_of_a_unit_that_is_changed_makes_it_another_one_and_leaves_its_neighbour(tmp_path):
@@ -71,8 +71,8 @@ def test_record_is_found_by_its_unit_wherever_that_has_moved(found, tmp_path):
     first, second, _ = _prints(study)
     kept = kept_records(tmp_path, ["new", second, "other", first])
     assert {number: (one.number, one.name) for number, one in kept.items()} == {
-        1: (1, records.records[1].name),
-        3: (3, records.records[0].name),
+        1: (1, records[1].name),
+        3: (3, records[0].name),
     }
 
 
@@ -93,9 +93,9 @@ def test_dataset_is_what_it_was_until_all_parts_are_finished(found, tmp_path):
 
 def test_parts_of_an_earlier_study_leave_the_dataset_and_other_files_stay(found, tmp_path):
     study, records = found
-    earlier = {0: _keep(tmp_path, *found), 7: _keep(tmp_path, study, replace(records, index=7))}
+    earlier = {0: _keep(tmp_path, *found), 7: _keep(tmp_path, study, records, index=7)}
     publish(tmp_path, earlier)
-    _keep(tmp_path, study, replace(records, index=8))
+    _keep(tmp_path, study, records, index=8)
     for name in ("notes.txt", "part-1.txt"):
         (tmp_path / UNITS / name).write_text("mine")
     publish(tmp_path, {0: _keep(tmp_path, *found)})

@@ -7,8 +7,7 @@ from lot_studies import small
 from imubayes.inference.intervals import Share
 from imubayes.population.lots import check, lot_of, measure, unit_of
 from imubayes.population.scenes import exposures, missions
-from imubayes.population.tally import tally
-from imubayes.population.terms import population
+from imubayes.population.spreads import population
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +31,7 @@ def test_classes_are_what_their_units_say_one_by_one(found):
     study, second = found[0].study, found[0].classes[1]
     lot = lot_of(study, 1)
     units = [unit_of(study, 1, number, lot) for number in range(2)]
-    assert second.terms == population(
-        tally(units, len(study.library.terms)), lot.sensor_class, study.library, lot
-    )
+    assert second.terms == population(units, lot.sensor_class, study.library, lot)
     assert second.missions[0].terms == _scene(units, study).terms
     assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
 

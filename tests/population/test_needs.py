@@ -15,7 +15,7 @@ from imubayes.population.needs import (
     of_class,
 )
 from imubayes.population.scenes import MissionTerm
-from imubayes.population.terms import PopulationTerm
+from imubayes.population.spreads import PopulationTerm
 
 NOTHING = Share(0.0, 0.0, 0.0)
 

@@ -7,7 +7,7 @@ from scipy.integrate import dblquad
 from scipy.stats import beta, chi2
 
 from imubayes.inference.intervals import frequency
-from imubayes.population.terms import lot_sizes, spread
+from imubayes.population.spreads import lot_sizes, spread
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
@@ -25,47 +25,47 @@ def test_posterior_agrees_with_direct_integration_over_mean_and_spread():
     def mass(log_low, log_high, low=-30.0, high=30.0):
         return dblquad(density, log_low, log_high, low, high, epsabs=1e-9, epsrel=1e-6)[0]
 
-    found = spread(estimate, variance, ends)
+    mu, tau = spread(estimate, variance, ends)
     bottom, top = (math.log(end) for end in ends)
     whole = mass(bottom, top, -6.0, 6.0)
     # a cell of the grid is 1 % of the spread, and holds less than 1 % of the posterior
-    assert mass(bottom, math.log(found.spread.low), -6.0, 6.0) / whole == pytest.approx(0.05, abs=0.005)
-    assert mass(bottom, math.log(found.spread.value), -6.0, 6.0) / whole == pytest.approx(0.5, abs=0.005)
-    assert mass(bottom, top, -6.0, found.mean.high) / whole == pytest.approx(0.95, abs=0.005)
+    assert mass(bottom, math.log(tau.low), -6.0, 6.0) / whole == pytest.approx(0.05, abs=0.005)
+    assert mass(bottom, math.log(tau.value), -6.0, 6.0) / whole == pytest.approx(0.5, abs=0.005)
+    assert mass(bottom, top, -6.0, mu.high) / whole == pytest.approx(0.95, abs=0.005)
 
 
 def test_spread_of_exact_estimates_is_that_of_many_normal_draws():
     n = 400
     theta = 2.0 + 3.0 * np.random.default_rng(1).standard_normal(n)
-    found = spread(theta, np.zeros(n), (1e-3, 1e3))
+    mu, tau = spread(theta, np.zeros(n), (1e-3, 1e3))
     s2 = float(np.var(theta, ddof=1)) * (n - 1)
     low, high = np.sqrt(s2 / chi2(n - 1).ppf([0.95, 0.05]))
     # the prior of the mean, N(0, spread^2), counts as one unit of 400; a cell of this wide grid is 3.5 %
-    assert found.spread.low == pytest.approx(low, rel=0.01)
-    assert found.spread.high == pytest.approx(high, rel=0.01)
-    assert found.mean.value == pytest.approx(theta.mean() * n / (n + 1), rel=1e-3)
+    assert tau.low == pytest.approx(low, rel=0.01)
+    assert tau.high == pytest.approx(high, rel=0.01)
+    assert mu.value == pytest.approx(theta.mean() * n / (n + 1), rel=1e-3)
 
 
 def test_scatter_of_the_measurements_is_not_taken_for_the_populations():
     rng = np.random.default_rng(2)
     estimate = 1.0 + rng.standard_normal(10)
-    assert spread(estimate, np.full(10, 1.0), (1e-3, 1e3)).spread.low < 0.1
-    assert spread(estimate, np.full(10, 1e-6), (1e-3, 1e3)).spread.low > 0.5
+    assert spread(estimate, np.full(10, 1.0), (1e-3, 1e3))[1].low < 0.1
+    assert spread(estimate, np.full(10, 1e-6), (1e-3, 1e3))[1].low > 0.5
 
 
 def test_a_badly_measured_unit_counts_for_nothing():
     estimate, variance = np.array([1.0, 1.2, 0.8, 50.0]), np.array([1e-4, 1e-4, 1e-4, 1e12])
     with_it, without = (spread(estimate[:n], variance[:n], (1e-2, 1e2)) for n in (4, 3))
-    assert with_it.mean.value == pytest.approx(without.mean.value, rel=1e-6)
-    assert with_it.spread.high == pytest.approx(without.spread.high, rel=1e-6)
+    assert with_it[0].value == pytest.approx(without[0].value, rel=1e-6)
+    assert with_it[1].high == pytest.approx(without[1].high, rel=1e-6)
 
 
 def test_unit_of_measure_scales_mean_and_spread():
     estimate, variance = np.array([1.0, 2.0, 4.0]), np.array([0.1, 0.2, 0.1])
-    found = spread(estimate, variance, (1e-2, 1e2))
+    mu, tau = spread(estimate, variance, (1e-2, 1e2))
     small = spread(1e-6 * estimate, 1e-12 * variance, (1e-8, 1e-4))
-    assert small.spread.value == pytest.approx(1e-6 * found.spread.value, rel=1e-9)
-    assert small.mean.low == pytest.approx(1e-6 * found.mean.low, rel=1e-9)
+    assert small[1].value == pytest.approx(1e-6 * tau.value, rel=1e-9)
+    assert small[0].low == pytest.approx(1e-6 * mu.low, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -83,9 +83,9 @@ def test_intervals_hold_mean_and_spread_of_lots_as_often_as_they_say(unknown):
             sd = unknown * np.sqrt(low * high) * np.ones((8, 1))
             seen = lot.theta + sd * rng.standard_normal(lot.theta.shape)
             for j in range(len(low)):
-                found = spread(seen[:, j], sd[:, j] ** 2, (low[j] / math.sqrt(2.0), high[j]))
-                held.append(found.mean.low <= lot.mean[j] <= found.mean.high)
-                held.append(found.spread.low <= lot.sd[j] <= found.spread.high)
+                mu, tau = spread(seen[:, j], sd[:, j] ** 2, (low[j] / math.sqrt(2.0), high[j]))
+                held.append(mu.low <= lot.mean[j] <= mu.high)
+                held.append(tau.low <= lot.sd[j] <= tau.high)
     # figures that terms of a class have in common make about a third of the cases independent
     error = math.sqrt(0.9 * 0.1 / (len(held) / 3.0))
     assert 0.86 - error < np.mean(held) < 0.94 + error

@@ -15,7 +15,7 @@ from results_found import (
 )
 
 from imubayes.campaign.study import Appendix, SensorResult, StudyResult
-from imubayes.inference.sessions import Repeatability
+from imubayes.population.sessions import Repeatability
 
 
 @pytest.fixture

@@ -10,9 +10,8 @@ import numpy as np
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.intervals import Share
 from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
-from imubayes.population.parts import FleetStudy, simulated_units
-from imubayes.population.records import Broken
-from imubayes.population.terms import PopulationTerm
+from imubayes.population.records import Broken, FleetStudy, simulated_units
+from imubayes.population.spreads import PopulationTerm
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 

@@ -12,7 +12,7 @@ from imubayes.population.lots import Check, Coverage, LotResult, LotStudy
 from imubayes.population.needs import ClassFound
 from imubayes.population.records import Record
 from imubayes.population.scenes import MissionFound, MissionTerm
-from imubayes.population.terms import PopulationTerm
+from imubayes.population.spreads import PopulationTerm
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.inference.intervals import Share
-from imubayes.inference.populations import Spreads
-from imubayes.inference.sessions import Parameter
-from imubayes.selection.class_needs import ClassInCommon, Need, TermInClass
+from imubayes.population.classes import ClassInCommon, TermInClass
+from imubayes.population.needs import Need
+from imubayes.population.sessions import Parameter
+from imubayes.population.spreads import Spreads
 
 UG = 9.80665e-6
 UNITS = tuple(f"IMU-{k}" for k in range(1, 9))

@@ -24,8 +24,8 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains, Diagnostics
 from imubayes.inference.observability import Confounded, Observability
 from imubayes.inference.residuals import ResidualCheck
-from imubayes.inference.sessions import Repeatability
 from imubayes.inference.summary import RunSummary
+from imubayes.population.sessions import Repeatability
 from imubayes.rig.inputs import Source
 from imubayes.selection.decision import Selection
 from imubayes.selection.models import Models

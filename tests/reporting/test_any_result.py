@@ -33,7 +33,7 @@ import imubayes.reporting
 import studies
 from imubayes.inference.allan_fit import AllanCurve
 from imubayes.planning.candidates import Step
-from imubayes.population.tally import VERDICTS
+from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
     case_figures,
     chain_figures,

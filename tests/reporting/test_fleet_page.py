@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from fleets_found import BROKEN, fleet_result, pull_of
 
-from imubayes.population.parts import recorded_units
+from imubayes.population.records import Unit
 from imubayes.reporting.fleet_page import fleet_page, write_fleet
 from imubayes.reporting.fleet_words import NAMED, fleet_answer, standing_out
 from imubayes.reporting.html import page_html
@@ -42,8 +42,8 @@ def test_many_outliers_are_counted_after_a_few():
 
 def test_recorded_units_have_no_column_of_the_truth(html):
     result = fleet_result()
-    names = [f"A{k}" for k in range(10)]
-    recorded = replace(result.study, units=recorded_units(names, [Path(name) for name in names]))
+    units = tuple(Unit(k, f"A{k}", Path(f"A{k}")) for k in range(10))
+    recorded = replace(result.study, units=units)
     other = page_html(fleet_page(replace(result, study=recorded)))
     assert ">true</th>" in html
     assert ">true</th>" not in other

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from imubayes.inference.sessions import level_among
+from imubayes.population.sessions import level_among
 from imubayes.reporting.session_words import session_sentence
 
 

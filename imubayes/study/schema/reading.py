@@ -14,7 +14,7 @@ from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
 from imubayes.planning.menu import PlanStudy
 from imubayes.population.lots import LotStudy
-from imubayes.population.parts import FleetStudy
+from imubayes.population.records import FleetStudy
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind

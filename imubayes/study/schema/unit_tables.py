@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.population.lots import Against, LotStudy
-from imubayes.population.parts import FleetStudy, Unit, recorded_units, simulated_units
+from imubayes.population.records import FleetStudy, Unit, simulated_units
 from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.rig.runs import plan_run
 from imubayes.sensors.catalogue import sensor
@@ -258,7 +258,7 @@ def _units(table: FleetTable, folder: Path, place: Place) -> tuple[Unit, ...]:
         raise place.error(
             f"'{asked}' matches {len(places)} folders or files: expected {FEWEST} units or more"
         )
-    return recorded_units(names, places)
+    return tuple(Unit(k, name, place) for k, (name, place) in enumerate(zip(names, places, strict=True)))
 
 
 def _matching(pattern: Path) -> tuple[list[str], list[Path]]:

@@ -4,7 +4,7 @@ import math
 import pytest
 from scipy.stats import beta
 
-from imubayes.selection.class_needs import CANNOT_TELL, class_need, unit_answer
+from imubayes.population.needs import CANNOT_TELL, class_need, unit_answer
 
 WORDS = ("needed", "not needed", "undecided", *sorted(CANNOT_TELL))
 

@@ -8,8 +8,8 @@ import pytest
 from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
+from imubayes.population.classes import pooled_inclusion
 from imubayes.selection.decision import select
-from imubayes.selection.pooled import pooled_inclusion
 from imubayes.sensors.terms import Library, library
 
 NAMES = ("b0", "b1", "b2", "m_j")

@@ -10,7 +10,7 @@ from scipy import integrate, stats
 
 from imubayes.algebra.factor import Factor, factor_of, posterior
 from imubayes.errors import StudyError
-from imubayes.inference.sessions import (
+from imubayes.population.sessions import (
     Parameter,
     Repeatability,
     SessionEstimate,

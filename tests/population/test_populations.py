@@ -9,9 +9,9 @@ from scipy import optimize
 
 from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference.correlations import pulls
-from imubayes.inference.levels import Likelihoods, likelihoods, log_density
-from imubayes.inference.populations import FEWEST, spreads
-from imubayes.inference.sessions import between_sd
+from imubayes.population.levels import Likelihoods, likelihoods, log_density
+from imubayes.population.sessions import between_sd
+from imubayes.population.spreads import FEWEST, spreads
 
 SIZE = 1.0
 

@@ -18,14 +18,18 @@ all units alike, as temperature does, is seen as often as there are sessions, no
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import StudyError
+
+if TYPE_CHECKING:
+    from imubayes.campaign.study import SensorResult, SensorSpec
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
@@ -59,12 +63,14 @@ class SessionEstimate:
 
     Attributes
     ----------
-    unit, session : which unit, and when.
+    unit, session : which unit, and when; a unit without a name has that of its sensor.
     component : of a triad (``ax``); empty for a single component.
     term : name of the term.
     si, printed : SI unit, and the one people use.
     mean, sd : posterior under the full library, SI.
     prior_sd : of the zero-mean prior in that posterior, SI.
+    verdict : of the session.
+    pulls : how the term leans on the columns of others, by name: covariance over the prior's sd of each, SI.
     """
 
     unit: str
@@ -76,6 +82,8 @@ class SessionEstimate:
     mean: float
     sd: float
     prior_sd: float
+    verdict: str = ""
+    pulls: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +131,66 @@ class Repeatability:
         return not math.isnan(self.p_value)
 
 
+def estimates(spec: SensorSpec, result: SensorResult) -> Iterator[SessionEstimate]:
+    """What one component of a unit says of every term in one session."""
+    for j, term in enumerate(result.selection.terms):
+        # errors of the bench are of one session
+        apart = {result.selection.carriers[j], *(one.extra.name for one in result.extras)}
+        yield SessionEstimate(
+            unit=spec.unit or spec.id,
+            session=spec.session,
+            component=result.id.removeprefix(spec.id).removeprefix("."),
+            term=term.name,
+            si=term.unit,
+            printed=term.printed,
+            mean=term.full_mean,
+            sd=term.full_sd,
+            prior_sd=term.prior_sd,
+            verdict=term.verdict,
+            pulls={name: pull[j] for name, pull in result.pulls.items() if name not in apart},
+        )
+
+
+def between_sessions(
+    results: Iterable[tuple[SensorSpec, Sequence[SensorResult]]],
+) -> tuple[Repeatability, ...]:
+    """Compare the units of a study that were tested in several sessions."""
+    named = [(spec, result) for spec, found in results if spec.unit for result in found]
+    return repeatability(row for spec, result in named for row in estimates(spec, result))
+
+
+def arranged(
+    rows: Sequence[SessionEstimate], sessions: Sequence[str] = ()
+) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray]:
+    """Names of units and sessions, and mean, sd and prior sd (3, u, s), SI; NaN where a unit lacks a session.
+
+    Parameters
+    ----------
+    rows : of one term and component; of several components each is a unit (``A.ax``).
+    sessions : those to arrange by, if not those of the rows.
+
+    Raises
+    ------
+    StudyError : if a session of a unit is there twice.
+    """
+    several = len({row.component for row in rows}) > 1
+    cells: dict[tuple[str, str], SessionEstimate] = {}
+    for row in rows:
+        cell = (joined(row.unit, row.component) if several else row.unit, row.session)
+        if cell in cells:
+            raise StudyError(
+                f"session '{row.session}' of unit '{row.unit}' is there twice: expected one sensor for each"
+                " session of a unit; give them different sessions, or put their runs into one sensor"
+            )
+        cells[cell] = row
+    units, own = (tuple(dict.fromkeys(cell[k] for cell in cells)) for k in (0, 1))
+    sessions = tuple(sessions) or own
+    table = np.full((3, len(units), len(sessions)), math.nan)
+    for (unit, session), row in cells.items():
+        table[:, units.index(unit), sessions.index(session)] = row.mean, row.sd, row.prior_sd
+    return units, sessions, table
+
+
 def repeatability(estimates: Iterable[SessionEstimate]) -> tuple[Repeatability, ...]:
     """Compare the sessions of every parameter that a session excited.
 
@@ -146,7 +214,7 @@ def repeatability(estimates: Iterable[SessionEstimate]) -> tuple[Repeatability, 
         components = dict.fromkeys(e.component for e in alike)
         groups = [[e for e in alike if e.component == component] for component in components]
         pooled = [_compared(term, alike)] if len(groups) > 1 else []
-        found += [*pooled, *(_compared(_joined(group[0].component, term), group) for group in groups)]
+        found += [*pooled, *(_compared(joined(group[0].component, term), group) for group in groups)]
     repeated = [one for one in found if _repeated(one)]
     level = level_among([one.p_value for one in repeated])
     return tuple(replace(one, level=level, exceeds=one.p_value < level) for one in repeated)
@@ -294,24 +362,11 @@ def _shared(values: Sequence[FloatArray]) -> float:
 
 
 def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
-    """Arrange the estimates of one parameter by unit and session, and compare them."""
-    several = len({e.component for e in group}) > 1
-    cells: dict[tuple[str, str], SessionEstimate] = {}
-    for e in group:
-        cell = (_joined(e.unit, e.component) if several else e.unit, e.session)
-        if cell in cells:
-            raise StudyError(
-                f"session '{e.session}' of unit '{e.unit}' is there twice: expected one sensor for each"
-                " session of a unit; give them different sessions, or put their runs into one sensor"
-            )
-        cells[cell] = e
-    units, sessions = (tuple(dict.fromkeys(cell[k] for cell in cells)) for k in (0, 1))
-    table = np.full((3, len(units), len(sessions)), math.nan)
-    for (unit, session), e in cells.items():
-        table[:, units.index(unit), sessions.index(session)] = e.mean, e.sd, e.prior_sd
+    """Compare the estimates of one parameter."""
+    units, sessions, table = arranged(group)
     first = Parameter(name, group[0].si, group[0].printed)
     found = compare_sessions(first, *table, units=units, sessions=sessions)
-    if not several:
+    if len({e.component for e in group}) == 1:
         return found
     # the axes of a case share their sessions, but not what these do to them
     value, _ = without_prior(*table)
@@ -320,7 +375,8 @@ def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
     return replace(found, shared=_shared([value[part] for part in rows]))
 
 
-def _joined(first: str, second: str) -> str:
+def joined(first: str, second: str) -> str:
+    """Names that a dot joins, where both are there: ``ax.b0``."""
     return ".".join(part for part in (first, second) if part)
 
 

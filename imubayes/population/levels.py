@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.sessions import without_prior
+from imubayes.population.sessions import without_prior
 
 NOISELESS = 1e-4
 """Smallest share of an error's variance that is left to the noise, against rounding."""

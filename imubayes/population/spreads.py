@@ -1,11 +1,21 @@
-"""What recorded units of a class have in common: their mean, their spread, and what a turn-on changes.
+"""Mean and spread of the population that units are of: one term over the units of a class.
 
-The coefficient of unit u in session s is ``mu + a_u + c_s + d_us`` (see `levels`), with a for the unit, c for
-what a session does to all units, and d for what a turn-on does to one by itself. mu is flat. The sd of a, and
-that of a turn-on (c and d together), have half-Cauchy priors of the class's size (Gelman, Bayesian Analysis
-2006), and the arc tangent of the sd of c over that of d is uniform: few sessions say little of c, and where d
-is nothing, c is hardly much. The sds lie on a grid that closes in on where the posterior is. With one session
-a turn-on is not seen, with units that share no session c is not.
+*Units of one session, or drawn* (`spread`). Unit i of n has the coefficient ``theta_i ~ N(mu, tau^2)``, of
+which its test gives ``t_i ~ N(theta_i, v_i)`` without shrinkage, with the variance v_i of what it leaves
+open. With theta_i integrated out, ``t_i ~ N(mu, tau^2 + v_i)``: units that were measured badly count less,
+and their scatter is not taken for the population's, which an average of point estimates would do. tau is
+log-uniform, the reference prior of a scale, over what the catalogue gives a lot of the class (low to high,
+and by a factor of sqrt(2) below it, as what units share is not in their spread); given tau,
+``mu ~ N(0, tau^2)``: what units share is of the size of their spread. mu is integrated out exactly, tau lies
+on a grid.
+
+*Recorded units, session by session* (`spreads`). The coefficient of unit u in session s is
+``mu + a_u + c_s + d_us`` (see `levels`), with a for the unit, c for what a session does to all units, and d
+for what a turn-on does to one by itself. mu is flat. The sd of a, and that of a turn-on (c and d together),
+have half-Cauchy priors of the class's size (Gelman, Bayesian Analysis 2006), and the arc tangent of the sd of
+c over that of d is uniform: few sessions say little of c, and where d is nothing, c is hardly much. The sds
+lie on a grid that closes in on where the posterior is. With one session a turn-on is not seen, with units
+that share no session c is not.
 """
 
 from __future__ import annotations
@@ -15,11 +25,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import UNKNOWN, Share, of_cells, of_mixture
-from imubayes.inference.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
-from imubayes.inference.sessions import SUSPECT
+from imubayes.inference.intervals import TAIL, UNKNOWN, Share, frequency, of_cells, of_mixture
+from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
+from imubayes.population.needs import NEEDED, OPEN
+from imubayes.population.records import Record
+from imubayes.population.sessions import SUSPECT
+from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.lots import Lot
+from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Library
+
+RANGE = (0.5, 0.05, 0.95)
+"""Quantiles over units: median and 90 % range."""
+
+FINE = 400
+"""Cells of the grid of ln tau: a class's range is a factor of 100 or so, a cell 1 %."""
 
 FEWEST = 4
 """Units from which they say something of their population."""
@@ -44,6 +67,110 @@ LIGHT = 1e-5
 
 REACH = 1e3
 """How far the first pass reaches below the smallest error and above the largest size."""
+
+
+@dataclass(frozen=True, slots=True)
+class PopulationTerm:
+    """One term over the units of a class, SI.
+
+    Attributes
+    ----------
+    name : of the term.
+    needed : share of the units in which it is needed.
+    open : share of the units whose test cannot tell, or leaves it undecided.
+    mean, spread : of the population: a hierarchical posterior over units.
+    true_mean, true_spread : of the lot that was simulated; NaN for recorded units.
+    """
+
+    name: str
+    needed: Share
+    open: float
+    mean: Share
+    spread: Share
+    true_mean: float
+    true_spread: float
+
+
+def over_units(values: Sequence[float] | NDArray[np.generic]) -> Share:
+    """Median and 90 % range over units."""
+    return Share(*np.quantile(np.asarray(values), RANGE).tolist())
+
+
+def population(
+    units: Sequence[Record], entry: SensorClass, lib: Library, lot: Lot | None = None
+) -> tuple[PopulationTerm, ...]:
+    """Put the units of a class together; simulated ones beside the truth of their lot."""
+    low, high = lot_sizes(entry, lib)
+    verdicts = np.array([unit.verdicts for unit in units])
+    estimate = np.array([unit.full_mean for unit in units])
+    variance = np.array([unit.full_sd for unit in units]) ** 2
+    found: list[PopulationTerm] = []
+    for j, name in enumerate(lib.names):
+        mean, tau = spread(estimate[:, j], variance[:, j], (low[j] / math.sqrt(2.0), high[j]))
+        found.append(
+            PopulationTerm(
+                name=name,
+                needed=frequency(int(np.sum(verdicts[:, j] == NEEDED)), len(units)),
+                open=int(np.isin(verdicts[:, j], list(OPEN)).sum()) / len(units),
+                mean=mean,
+                spread=tau,
+                true_mean=math.nan if lot is None else float(lot.mean[j]),
+                true_spread=math.nan if lot is None else float(lot.sd[j]),
+            )
+        )
+    return tuple(found)
+
+
+def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]:
+    """Smallest and largest size (p,) that the coefficients of a lot of a class may have, SI."""
+    ends: list[FloatArray] = []
+    for place in (0, 2):
+        sizes = {key: _filled(values)[place] for key, values in entry.coefficients.items()}
+        narrowed = replace(entry, coefficients={key: (size, size, size) for key, size in sizes.items()})
+        ends.append(np.array([prior_sd(narrowed, term)[0] for term in lib.terms]))
+    return ends[0], ends[1]
+
+
+def _filled(values: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Figure with the places that are zero filled as `sensors.lots` fills them."""
+    low, typical, high = values
+    typical = typical or high / 10.0
+    return low or typical * typical / high, typical, high
+
+
+def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float]) -> tuple[Share, Share]:
+    """Mean mu and spread tau of the population that units are of: posterior medians, with 90 % intervals.
+
+    Parameters
+    ----------
+    estimate, variance : (n,) of each unit, SI and squared.
+    sizes : (smallest, largest) spread that can be.
+
+    Examples
+    --------
+    >>> mean, tau = spread(np.array([1.0, 3.0, 5.0, 7.0]), np.full(4, 1e-6), (1e-2, 1e2))
+    >>> round(mean.value, 1), tau.low < 2.6 < tau.high
+    (3.2, True)
+    """
+    edges = np.linspace(math.log(sizes[0]), math.log(sizes[1]), FINE + 1)
+    tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
+    log_density, mean, sd = _given(tau, estimate, variance)
+    weight = np.exp(log_density - log_density.max())
+    weight /= weight.sum()
+    reached = np.concatenate(([0.0], np.cumsum(weight)))
+    low, half, high = np.exp(np.interp((TAIL, 0.5, 1.0 - TAIL), reached, edges)).tolist()
+    return of_mixture(weight, mean, sd), Share(half, low, high)
+
+
+def _given(
+    tau: FloatArray, estimate: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log density of the estimates at each tau (m,), and mean and sd (m,) of mu there."""
+    precision = 1.0 / (tau[:, None] ** 2 + variance)
+    of_mu = 1.0 / tau**2 + precision.sum(axis=1)
+    pull = precision @ estimate
+    log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - 2.0 * np.log(tau)
+    return 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu), pull / of_mu, 1.0 / np.sqrt(of_mu)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,10 +9,10 @@ import pytest
 
 import imubayes as ib
 from imubayes.campaign.study import Sampling, SensorSpec, Study
+from imubayes.population.classes import in_common
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method
-from imubayes.study.classes import in_common
 
 TUMBLE = {"profile": "tumble", "angles": 6, "planes": 2, "dwell": 5.0, "rate": 1.0}
 NOISE = Noise(6e-4, 3e-4, 0.0)

@@ -1,0 +1,212 @@
+"""Recorded units of one class: what their sessions say together, and one model for all of them.
+
+Components x, y, z of a triad, and units of a class, have coefficients of their own, but if they have the same
+model, its evidence is the product of theirs. Terms that not all of them have (accelerometers without a
+reference lack some misalignments) are averaged over, each component by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.study import SensorResult, SensorSpec
+from imubayes.population.levels import Likelihoods, likelihoods
+from imubayes.population.needs import Need, class_need, unit_answer
+from imubayes.population.sessions import Parameter, SessionEstimate, arranged, estimates, joined, level_among
+from imubayes.population.spreads import FEWEST, Spreads, spreads
+from imubayes.selection.decision import Selection
+from imubayes.selection.masks import fold, sizes
+from imubayes.selection.model_prior import log_model_prior
+from imubayes.selection.models import Models
+from imubayes.selection.spaces import Every
+from imubayes.sensors.terms import Kind
+
+Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
+"""Each sensor of a study with the results of its components."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TermInClass:
+    """One term of the units of a class.
+
+    Attributes
+    ----------
+    parameter : its name, with the component of a triad (``ax.b0``) or for all of its axes together (``b0``).
+    term, component : the two parts of that; the component is empty for all together.
+    size : that the class gives the coefficient, SI: the prior's sd.
+    spreads : mean and spreads of the population.
+    units : (u,) names; of all axes together with their component.
+    sessions : (s,) names.
+    value, error : (u, s) each session's estimate without the prior, and its sd, SI; NaN where a unit lacks a
+        session or a session cannot tell.
+    need : whether the class needs the term.
+    """
+
+    parameter: Parameter
+    term: str
+    component: str
+    size: float
+    spreads: Spreads
+    units: tuple[str, ...]
+    sessions: tuple[str, ...]
+    value: FloatArray
+    error: FloatArray
+    need: Need
+
+    @property
+    def told(self) -> bool:
+        """Whether enough units tell of the term for the population to be known."""
+        return not math.isnan(self.spreads.unit.value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassInCommon:
+    """What the units of a class have in common.
+
+    Attributes
+    ----------
+    class_id, kind : of the units.
+    units, sessions : names.
+    components : of a triad; one empty name for single components.
+    terms : each term for all axes of a triad together, then for each of them.
+    """
+
+    class_id: str
+    kind: Kind
+    units: tuple[str, ...]
+    sessions: tuple[str, ...]
+    components: tuple[str, ...]
+    terms: tuple[TermInClass, ...]
+
+
+def in_common(results: Tested) -> Iterator[ClassInCommon]:
+    """What the units of each class have in common, where a study has four or more of one class and kind.
+
+    Units without a class have no sizes to be held against, and are left out.
+    """
+    groups: dict[tuple[str, Kind], list[tuple[SensorSpec, SensorResult]]] = {}
+    for spec, components in results:
+        for one in components:
+            if one.class_id:
+                groups.setdefault((one.class_id, one.kind), []).append((spec, one))
+    for (class_id, kind), alike in groups.items():
+        if len({spec.unit or spec.id for spec, _ in alike}) >= FEWEST:
+            yield _of_class(class_id, kind, alike)
+
+
+def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, SensorResult]]) -> ClassInCommon:
+    rows, selections = list[SessionEstimate](), dict[str, list[Selection]]()
+    for spec, result in alike:
+        rows += estimates(spec, result)
+        selections.setdefault(rows[-1].component, []).append(result.selection)
+    pooled = {component: pooled_inclusion(own) for component, own in selections.items()}
+    whole = pooled_inclusion([result.selection for _, result in alike])
+    units, sessions, names = (
+        tuple(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("unit", "session", "term")
+    )
+    found: list[TermInClass] = []
+    for name in names:
+        parts = [[row for row in rows if (row.term, row.component) == (name, one)] for one in selections]
+        parts = [part for part in parts if part]
+        if len(parts) > 1:
+            found.append(_term(parts, sessions, whole.get(name)))
+        found += [_term([part], sessions, pooled[part[0].component].get(name)) for part in parts]
+    level = level_among([one.spreads.p_value for one in found])
+    terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in found)
+    return ClassInCommon(class_id, kind, units, sessions, tuple(selections), terms)
+
+
+def _term(
+    parts: Sequence[Sequence[SessionEstimate]], sessions: Sequence[str], pooled: float | None
+) -> TermInClass:
+    """One term of one component, or of several together."""
+    first, several = parts[0][0], len(parts) > 1
+    component = "" if several else first.component
+    blocks = [_likelihoods(part, sessions) for part in parts]
+    units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
+    answers = [unit_answer([row.verdict for row in part if row.unit == unit]) for unit, part in units]
+    return TermInClass(
+        parameter=Parameter(joined(component, first.term), first.si, first.printed),
+        term=first.term,
+        component=component,
+        size=first.prior_sd,
+        spreads=spreads(blocks, first.prior_sd),
+        units=tuple(f"{unit}.{part[0].component}" if several else unit for unit, part in units),
+        sessions=tuple(sessions),
+        value=np.concatenate([one.value for one in blocks]),
+        error=np.concatenate([one.error for one in blocks]),
+        need=class_need(answers, pooled),
+    )
+
+
+def _likelihoods(rows: Sequence[SessionEstimate], sessions: Sequence[str]) -> Likelihoods:
+    """Likelihoods of one term of one component, by unit and session."""
+    units, _, table = arranged(rows, sessions)
+    columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))
+    pull = np.zeros((*table.shape[1:], len(columns)))
+    for row in rows:
+        leaning = [row.pulls.get(column, 0.0) for column in columns]
+        pull[units.index(row.unit), sessions.index(row.session)] = leaning
+    return likelihoods(*table, pull)
+
+
+def pooled_inclusion(selections: Sequence[Selection]) -> Mapping[str, float]:
+    """Inclusion of each term in a model that several components share.
+
+    Parameters
+    ----------
+    selections : of components of one kind, whose terms have the same names.
+
+    Returns
+    -------
+    inclusion of each term that is weighed in all of them, by name; empty where one of them has so many terms
+    that its models were searched for, and not all weighed.
+    """
+    weighed = [
+        (one.models, dict(zip(one.columns, (term.name for term in one.terms), strict=True)))
+        for one in selections
+    ]
+    if not all(isinstance(models.space, Every) for models, _ in weighed):
+        return {}
+    local = [[names[column] for column in models.candidates.names] for models, names in weighed]
+    shared = [name for name in local[0] if all(name in others for others in local)]
+    if not shared:
+        return {}
+    total = log_model_prior("beta-binomial", len(shared))[sizes(len(shared))]
+    for (models, _), names in zip(weighed, local, strict=True):
+        total += _log_evidence(models, names, shared)
+    sums, whole = fold(np.exp(total - total.max()), len(shared))
+    return dict(zip(shared, np.minimum(sums / whole, 1.0).tolist(), strict=True))
+
+
+def pooled_by_kind(
+    kinds: Sequence[Kind], selections: Sequence[Selection]
+) -> Mapping[Kind, Mapping[str, float]]:
+    """`pooled_inclusion` of the components of each kind, of which `kinds` are those of the selections."""
+    return {
+        kind: pooled_inclusion([one for one, own in zip(selections, kinds, strict=True) if own == kind])
+        for kind in dict.fromkeys(kinds)
+    }
+
+
+def _log_evidence(models: Models, names: Sequence[str], shared: Sequence[str]) -> FloatArray:
+    """Log evidence, up to a constant, of each set of the shared terms (2^q,), averaged over the others."""
+    p = len(names)
+    prior = np.exp(log_model_prior("beta-binomial", p))[sizes(p)]
+    kept = [names.index(name) for name in shared]
+    weight, weight_of_prior = _margin(models.weight, kept, p), _margin(prior, kept, p)
+    return np.log(np.maximum(weight, np.finfo(float).tiny)) - np.log(weight_of_prior)
+
+
+def _margin(weight: FloatArray, kept: Sequence[int], p: int) -> FloatArray:
+    """Sums (2^q,) of weights (2^p,) over the candidates not kept; bit k is then candidate kept[k]."""
+    # the last axis runs fastest: it is bit 0
+    axes = [p - 1 - bit for bit in kept]
+    summed = weight.reshape((2,) * p).sum(axis=tuple(axis for axis in range(p) if axis not in axes))
+    left = sorted(axes)
+    return summed.transpose([left.index(axis) for axis in reversed(axes)]).ravel()
