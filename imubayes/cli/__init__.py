@@ -238,16 +238,18 @@ def _compare(
     ] = None,
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
-    from imubayes.reporting.comparison.kinds import side_by_side, write_comparison
+    from imubayes.reporting.comparison.kinds import side_by_side
+    from imubayes.reporting.html import write_page
+    from imubayes.reporting.result.file import json_text
     from imubayes.reporting.terminal import terminal_page
 
     folder = None if out is None else usable(out)
-    found = side_by_side(results)
+    page, values = side_by_side(results)
     files: tuple[Path, ...] = ()
     if folder is not None:
         with complete(folder) as part:
-            files = write_comparison(found, part)
-    show(terminal_page(found.page))
+            files = write_page(page, json_text(values), part)
+    show(terminal_page(page))
     if folder is not None:
         written(folder, files)
 

@@ -46,8 +46,13 @@ if TYPE_CHECKING:
 
 def lots_json(result: LotResult) -> str:
     """Text of ``result.json`` of a class-level study."""
+    return result_text(published_lots(result))
+
+
+def published_lots(result: LotResult) -> LotsResult:
+    """Publish what a class-level study found."""
     study = result.study
-    document = LotsResult(
+    return LotsResult(
         imubayes=imubayes.__version__,
         study=study.title,
         seed=study.seed,
@@ -64,7 +69,6 @@ def lots_json(result: LotResult) -> str:
         ),
         provenance=provenance(study, f"imubayes run {study.path}"),
     )
-    return result_text(document)
 
 
 def _scene(found: ClassFound, scene: MissionFound) -> ClassInScene:

@@ -22,13 +22,14 @@ from trades_found import traded
 from imubayes.campaign.study import StudyResult
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
-from imubayes.reporting.comparison.kinds import comparison_json, side_by_side
+from imubayes.reporting.comparison.kinds import side_by_side
 from imubayes.reporting.document import report_html
 from imubayes.reporting.fleet_page import fleet_page, terminal_fleet
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_page import lots_page, terminal_lots
 from imubayes.reporting.lots_results import fleet_json, lots_json
 from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
+from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json
 from imubayes.reporting.tables import terminal_summary
 from imubayes.reporting.terminal import terminal_page
@@ -146,8 +147,8 @@ def _compared(*texts: str) -> Made:
         files = [Path(f"{letter}.json") for letter in "ab"]
         for file, text in zip(files, texts, strict=True):
             file.write_text(text, encoding="utf-8")
-        found = side_by_side(files)
-    return Made(page_html(found.page), comparison_json(found.record), terminal_page(found.page))
+        page, values = side_by_side(files)
+    return Made(page_html(page), json_text(values), terminal_page(page))
 
 
 def _compared_sensors(name: str) -> Made:

@@ -57,3 +57,23 @@ def test_broken_result_is_refused_with_file_key_and_what_came(broken, said, tmp_
 def test_result_of_another_kind_is_refused():
     with pytest.raises(DataError, match="another kind of study"):
         read(written(REPORTS / "quickstart"), LotsResult, "classes")
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"{", "not JSON"),
+        (b"\xff\xfe", "not JSON"),
+        (b"[1]", "lacks the key 'imubayes'"),
+        (b"{}", "lacks the key 'imubayes'"),
+        (b'{"imubayes": "1", "lots": []}', "another kind of study"),
+        (b'{"imubayes": "1", "sensors": ["A"]}', "study: the key .*imubayes 1 wrote it.* run"),
+        (None, "there is no such file"),
+    ],
+)
+def test_file_that_is_no_result_is_refused_with_the_reason(content, why, tmp_path):
+    if content is not None:
+        (tmp_path / "result.json").write_bytes(content)
+    with pytest.raises(DataError, match=why) as error:
+        read(written(tmp_path), SensorsResult, "sensors")
+    assert str(tmp_path / "result.json") in str(error.value)

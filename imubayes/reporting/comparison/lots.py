@@ -8,104 +8,63 @@ same units, and agree better than that says.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from functools import cache
+from typing import Any
 
-from imubayes.errors import InputError
+from imubayes.errors import InputError, TermError
 from imubayes.inference.intervals import Share
-from imubayes.reporting.comparison.lot_files import (
-    ClassFile,
-    LotFile,
-    LotSceneFile,
-    PopulationFile,
-    log_spread,
+from imubayes.population.needs import HALF
+from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset
+from imubayes.reporting.comparison.entries import (
+    Comparison,
+    Entry,
+    Group,
+    aligned,
+    comparison,
+    differing,
+    entry,
+    head_record,
+    labels_of,
+    pull_record,
+    terms_of,
+    with_scenes,
 )
-from imubayes.reporting.comparison.pulls import (
-    LETTERS,
-    Pull,
-    judged,
-    largest,
-    largest_of_shares,
-    normal_of,
-    threshold_of,
+from imubayes.reporting.comparison.page import (
+    DIFFERENCE,
+    LITTLE,
+    RESULT,
+    comparison_page,
+    entry_rows,
+    incomplete,
+    most_different,
+    titled,
 )
+from imubayes.reporting.comparison.pulls import fisher, largest, log_spread, normal_of
+from imubayes.reporting.lots_words import amid, scene_name, slug
+from imubayes.reporting.result.entries import Interval
 from imubayes.reporting.result.file import Written
+from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, ClassTermInScene, LotsResult
+from imubayes.reporting.rounding import measured, per_unit, percent, percents, share_range
+from imubayes.rig.simulate import library_of
+from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
+QUESTION = "The same classes, terms and scenes: which populations differ beyond uncertainty?"
 
-@dataclass(frozen=True, slots=True)
-class PopulationComparison:
-    """A term of a class in every result.
+HOW = (
+    "Shares of units are compared by Fisher's exact test, means and spreads of the population by their"
+    " intervals, spreads by their logarithms, and the lots as independent: of the same seed they are not. Of"
+    " other seeds they are other batches of their class, which may truly differ."
+)
 
-    Attributes
-    ----------
-    name : of the term.
-    values : of each result; None where it lacks the term or the class.
-    needed, mean, spread : largest differences; None where fewer than two can be compared.
-    """
-
-    name: str
-    values: tuple[PopulationFile | None, ...]
-    needed: Pull | None
-    mean: Pull | None
-    spread: Pull | None
-
-    @property
-    def pulls(self) -> tuple[tuple[str, Pull | None], ...]:
-        """The differences by name."""
-        return ("needed", self.needed), ("mean", self.mean), ("spread", self.spread)
+ORDER_HEAD = ("terms of", RESULT, "median (90 % of the units)")
+HEAD = ("term", RESULT, "needed", "mean", "spread", DIFFERENCE)
+SCENE_HEAD = ("term", RESULT, "required", "share of the budget", DIFFERENCE)
 
 
-@dataclass(frozen=True, slots=True)
-class RequiredComparison:
-    """A term of a class in a scene of every result: units that require it, and their difference."""
-
-    name: str
-    required: tuple[tuple[int, int] | None, ...]
-    shares: tuple[Share | None, ...]
-    pull: Pull | None
-
-
-@dataclass(frozen=True, slots=True)
-class LotSceneComparison:
-    """A class in a scene of every result."""
-
-    name: str
-    members: tuple[LotSceneFile | None, ...]
-    terms: tuple[RequiredComparison, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ClassComparison:
-    """A class in every result that has it; None where one has it not."""
-
-    id: str
-    members: tuple[ClassFile | None, ...]
-    terms: tuple[PopulationComparison, ...]
-    scenes: tuple[LotSceneComparison, ...]
-
-    @property
-    def apart(self) -> bool:
-        """Whether the ranges of the numbers of needed terms do not overlap."""
-        orders = [one.order for one in self.members if one]
-        return max(order.low for order in orders) > min(order.high for order in orders)
-
-
-@dataclass(frozen=True, slots=True)
-class LotComparison:
-    """Class-level results side by side; `alone` has (label, class) of what stands in one result only."""
-
-    results: tuple[Written, ...]
-    kind: Kind
-    units: tuple[int, ...]
-    labels: tuple[str, ...]
-    classes: tuple[ClassComparison, ...]
-    alone: tuple[tuple[str, str], ...]
-    tests: int
-    threshold: float
-
-
-def lots_compared(results: Sequence[LotFile]) -> LotComparison:
+def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Comparison:
     """Set class-level results side by side.
 
     Raises
@@ -113,102 +72,278 @@ def lots_compared(results: Sequence[LotFile]) -> LotComparison:
     InputError : if there are fewer than two or more than 26 results, they are of different kinds of sensors,
         or no two have a class in common.
     """
-    if not 2 <= len(results) <= len(LETTERS):
-        raise InputError(f"expected 2 to {len(LETTERS)} results to compare, came {len(results)}")
-    labels = tuple(LETTERS[: len(results)])
-    if len({one.kind for one in results}) > 1:
-        kinds = ", ".join(f"{label} {one.kind}s" for label, one in zip(labels, results, strict=True))
+    labels = labels_of(results)
+    lots = [result.lots for result in results]
+    if len({one.kind for one in lots}) > 1:
+        kinds = ", ".join(f"{label} {one.kind}s" for label, one in zip(labels, lots, strict=True))
         raise InputError(f"the classes are of different kinds of sensors ({kinds}): compare lots of one kind")
-    ids = dict.fromkeys(name for one in results for name in one.classes)
-    there = {name: tuple(one.classes.get(name) for one in results) for name in ids}
-    shared = {name: members for name, members in there.items() if _several(members)}
+    tables = [{one.id: one for one in lot.classes} for lot in lots]
+    shared = aligned(tables, least=2)
     if not shared:
-        classes = "; ".join(
-            f"{label} {', '.join(one.classes)}" for label, one in zip(labels, results, strict=True)
-        )
+        classes = "; ".join(f"{label} {', '.join(one)}" for label, one in zip(labels, tables, strict=True))
         raise InputError(f"the results have no class in common ({classes}): there is nothing to compare")
-    alone = tuple(
+    alone = [
         (label, name)
-        for name, members in there.items()
+        for name, members in aligned(tables).items()
         if name not in shared
         for label, one in zip(labels, members, strict=True)
         if one
+    ]
+    return comparison(files, results, [_class(results, *one, labels) for one in shared.items()], alone)
+
+
+def _class(
+    results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...], labels: Sequence[str]
+) -> Group:
+    kind = results[0].lots.kind
+    scenes = aligned(
+        (
+            {scene.name: scene for scene in result.scenes if one and scene.sensor == name}
+            for result, one in zip(results, members, strict=True)
+        ),
+        least=2,
     )
-    found = tuple(_class(name, members, labels) for name, members in shared.items())
-    tests = sum(map(_tests, found))
-    threshold = threshold_of(tests)
-    judged_classes = tuple(_judged(one, threshold) for one in found)
-    files, units = tuple(one.file for one in results), tuple(one.units for one in results)
-    return LotComparison(files, results[0].kind, units, labels, judged_classes, alone, tests, threshold)
-
-
-def _several(members: Sequence[object]) -> bool:
-    return sum(one is not None for one in members) > 1
-
-
-def _class(name: str, members: tuple[ClassFile | None, ...], labels: Sequence[str]) -> ClassComparison:
-    terms = dict.fromkeys(term for one in members if one for term in one.terms)
-    scenes = dict.fromkeys(scene for one in members if one for scene in one.scenes)
-    return ClassComparison(
+    counts = [len(one.units) if one else 0 for one in members]
+    return Group(
         name,
+        kind,
+        labels,
         members,
-        tuple(
-            _term(term, [one.terms.get(term) if one else None for one in members], labels) for term in terms
-        ),
-        tuple(
-            _scene(scene, there, labels)
-            for scene in scenes
-            if _several(there := tuple(one.scenes.get(scene) if one else None for one in members))
-        ),
+        {term: _term(term, values, members, labels) for term, values in terms_of(members).items()},
+        scenes=tuple(_scene(scene, found, counts, labels, kind) for scene, found in scenes.items()),
     )
 
 
-def _term(name: str, values: Sequence[PopulationFile | None], labels: Sequence[str]) -> PopulationComparison:
-    there = {label: one for label, one in zip(labels, values, strict=True) if one and one.tested}
-    means = {label: (one.mean.value, normal_of(one.mean.low, one.mean.high)) for label, one in there.items()}
-    return PopulationComparison(
-        name,
-        tuple(values),
-        largest_of_shares({label: one.needed for label, one in there.items()}),
-        largest(means),
-        largest({label: log_spread(one.spread) for label, one in there.items()}),
-    )
+def excites(one: Class, name: str) -> bool:
+    """Whether the test of any unit excites a term: otherwise its population is the prior's."""
+    k = [term.name for term in one.terms].index(name)
+    return any(unit.verdicts[k] != "untested" for unit in one.units)
 
 
-def _scene(name: str, members: tuple[LotSceneFile | None, ...], labels: Sequence[str]) -> LotSceneComparison:
-    terms = dict.fromkeys(term for one in members if one for term in one.required)
-    return LotSceneComparison(name, members, tuple(_required(term, members, labels) for term in terms))
-
-
-def _required(name: str, members: Sequence[LotSceneFile | None], labels: Sequence[str]) -> RequiredComparison:
-    counts = tuple(one.required.get(name) if one else None for one in members)
-    there = {label: count for label, count in zip(labels, counts, strict=True) if count}
-    shares = tuple(one.shares.get(name) if one else None for one in members)
-    return RequiredComparison(name, counts, shares, largest_of_shares(there))
-
-
-def _tests(one: ClassComparison) -> int:
-    """Count the comparisons of a class: all pairs of results of what can be compared."""
-    terms = [
-        math.comb(sum(value is not None and value.tested for value in term.values), 2)
-        for term in one.terms
-        for _, pull in term.pulls
-        if pull
+def _term(
+    name: str, values: Sequence[ClassTerm | None], members: Sequence[Class | None], labels: Sequence[str]
+) -> Entry:
+    tested = [
+        (label, one, of)
+        for label, one, of in zip(labels, values, members, strict=True)
+        if one and of and excites(of, name)
     ]
-    scenes = [
-        math.comb(sum(count is not None for count in term.required), 2)
-        for scene in one.scenes
-        for term in scene.terms
+    there = [label for label, _, _ in tested]
+    means = [(one.mean["value"], normal_of(one.mean["low"], one.mean["high"])) for _, one, _ in tested]
+    pulls = {
+        "needed": largest(there, [_needed(one, of) for _, one, of in tested], fisher),
+        "mean": largest(there, means),
+        "spread": largest(there, [log_spread(one.spread) for _, one, _ in tested]),
+    }
+    tests = math.comb(len(there), 2) * sum(pull is not None for pull in pulls.values())
+    return Entry(name, tuple(values), pulls, tests)
+
+
+def _needed(term: ClassTerm, of: Class) -> tuple[int, int]:
+    """Count of the units in which a term is needed, and of all."""
+    return round(term.needed["value"] * len(of.units)), len(of.units)
+
+
+def _scene(
+    name: str,
+    members: tuple[ClassInScene | None, ...],
+    counts: Sequence[int],
+    labels: Sequence[str],
+    kind: Kind,
+) -> Group:
+    terms = {}
+    for term, values in terms_of(members).items():
+        required = _required(values, counts)
+        divided = (count >= HALF * of for count, of in filter(None, required))
+        label = f"{term} (required in {scene_name(name)})"
+        terms[term] = entry(labels, label, values, required, fisher, divided)
+    return Group(name, kind, labels, members, terms)
+
+
+def _required(
+    values: Sequence[ClassTermInScene | None], counts: Sequence[int]
+) -> list[tuple[int, int] | None]:
+    """Count of the units whose model has a term, and of all."""
+    return [
+        (round(one.required * count), count) if one else None
+        for one, count in zip(values, counts, strict=True)
     ]
-    return sum(terms) + sum(scenes)
 
 
-def _judged(one: ClassComparison, threshold: float) -> ClassComparison:
-    terms = tuple(
-        replace(term, **{name: judged(pull, threshold) for name, pull in term.pulls}) for term in one.terms
+def lots_page(found: Comparison) -> Page:
+    """Say and show what differs between lots."""
+    alone = ", ".join(f"{name} ({label})" for label, name in found.alone)
+    most = most_different((one, with_scenes(one)) for one in found.groups)
+    return comparison_page(
+        found,
+        QUESTION,
+        answer=[f"{most or f'No class differs beyond uncertainty in {found.tests} comparisons'}."],
+        how=HOW,
+        alone=f"Classes in one result only: {alone}." if alone else "",
+        sections=(_section(one, len(found.groups) == 1) for one in found.groups),
     )
-    scenes = tuple(
-        replace(scene, terms=tuple(replace(term, pull=judged(term.pull, threshold)) for term in scene.terms))
-        for scene in one.scenes
+
+
+def _section(one: Group, whole: bool) -> Section:
+    blocks = (
+        Prose(" ".join(_sentences(one))),
+        titled("Model order", one.name, ORDER_HEAD, _order_rows(one), "ttt"),
+        titled("The population", one.name, HEAD, _rows(one, whole), "tttffn"),
+        *(_scene_section(scene, one) for scene in one.scenes),
     )
-    return replace(one, terms=terms, scenes=scenes)
+    return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s")
+
+
+def _sentences(one: Group) -> Iterator[str]:
+    far = [f"{what}, {pull.size:.1f} sd" for what, pull in differing(with_scenes(one))]
+    yield f"Beyond uncertainty: {'; '.join(far)}." if far else "Nothing differs beyond uncertainty."
+    told = listed(f"{label} {member.order['value']:.3g}" for label, member in one.there)
+    apart = "; the ranges of the units do not overlap" if _apart(one) else ""
+    yield f"The median unit needs {told} terms{apart}."
+    for scene in one.scenes:
+        other = [name for name, term in scene.terms.items() if term.divided]
+        if other:
+            where = f"In the scene {scene_name(scene.name)} the smallest models of most units have"
+            yield f"{where} {listed(other)} in one result and not in all."
+    yield from incomplete(one, len(one.labels))
+
+
+def _apart(one: Group) -> bool:
+    """Whether the ranges of the numbers of needed terms do not overlap."""
+    orders = [member.order for _, member in one.there]
+    return max(order["low"] for order in orders) > min(order["high"] for order in orders)
+
+
+def _order_rows(one: Group) -> Iterator[Row]:
+    """Numbers of terms: needed, and of the smallest model of each scene."""
+    for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes)):
+        for k, (label, member) in enumerate(zip(one.labels, group.members, strict=True)):
+            order = amid(Share(**member.order)) if member else "not there"
+            yield Row(("" if k else name, label, order), brief=name == "needed")
+
+
+def _rows(one: Group, whole: bool) -> Iterator[Row]:
+    for name, term in one.terms.items():
+        told = [_cells(value, of, one.kind) for value, of in zip(term.values, one.members, strict=True)]
+        yield from entry_rows(one.labels, name, term, told, brief=whole)
+
+
+def _cells(value: ClassTerm | None, of: Class | None, kind: Kind) -> tuple[Text, ...]:
+    if value is None or of is None:
+        return "not there", "", ""
+    if not excites(of, value.name):
+        return "not tested", "", ""
+    share, mean, spread = population_texts(value, kind)
+    return share, typeset(mean), typeset(spread)
+
+
+def population_texts(value: ClassTerm, kind: Kind) -> tuple[str, str, str]:
+    """Share of the units that need a term, its mean and its spread."""
+    mean, spread = (estimate(one, value.name, kind) for one in (value.mean, value.spread))
+    return percents(Share(**value.needed)), mean, spread
+
+
+def estimate(found: Interval, name: str, kind: Kind) -> str:
+    """Median of a term's mean or spread with the sd of its interval, in the unit that people use.
+
+    Examples
+    --------
+    >>> estimate({"value": 41.8e-6, "low": 39.8e-6, "high": 43.8e-6}, "b1", "gyroscope")
+    '41.8 +- 1.2 ppm'
+    """
+    unit, size = unit_of_term(name, kind)
+    return str(measured(found["value"] / size, normal_of(found["low"], found["high"]) / size, unit))
+
+
+@cache
+def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
+    """Unit in which a term is printed, and its size in SI; no unit where the name is not known.
+
+    Examples
+    --------
+    >>> unit_of_term("b1", "gyroscope"), unit_of_term("none", "gyroscope")
+    (('ppm', 1e-06), ('', 1.0))
+    """
+    try:
+        (term,) = library_of(kind, [name]).terms
+    except TermError:
+        return "", 1.0
+    return term.printed, per_unit(term.printed, term.unit)
+
+
+def _scene_section(scene: Group, of: Group) -> Section:
+    rows = [
+        row
+        for name, term in scene.terms.items()
+        if any(one and (one.required or one.share_of_budget >= LITTLE) for one in term.values)
+        for row in entry_rows(scene.labels, name, term, map(_scene_cells, term.values), brief=term.divided)
+    ]
+    return titled(f"Scene {scene_name(scene.name)}", of.name, SCENE_HEAD, rows, "ttttn")
+
+
+def _scene_cells(value: ClassTermInScene | None) -> tuple[Text, ...]:
+    if value is None:
+        return "not there", ""
+    return percent(value.required), share_range(_share(value))
+
+
+def _share(value: ClassTermInScene) -> Share:
+    return Share(value.share_of_budget, *value.share_range)
+
+
+def lots_record(found: Comparison) -> dict[str, Any]:
+    """Values of ``result.json``, SI."""
+    return {
+        **head_record(found),
+        "kind": found.results[0].lots.kind,
+        "units": [result.lots.units for result in found.results],
+        "classes": [_class_record(one) for one in found.groups],
+        "alone": [{"result": label, "class": name} for label, name in found.alone],
+    }
+
+
+def _class_record(one: Group) -> dict[str, Any]:
+    counts = [len(member.units) if member else 0 for member in one.members]
+    return {
+        "id": one.name,
+        "orders": [member and member.order for member in one.members],
+        "orders_apart": _apart(one),
+        "terms": [
+            {
+                "name": name,
+                "values": [
+                    value and of and population_record(value, of)
+                    for value, of in zip(term.values, one.members, strict=True)
+                ],
+                **{what: pull_record(pull) for what, pull in term.pulls.items()},
+            }
+            for name, term in one.terms.items()
+        ],
+        "scenes": [
+            {
+                "name": scene.name,
+                "orders": [member and member.order for member in scene.members],
+                "terms": [
+                    {
+                        "name": name,
+                        "required": _required(term.values, counts),
+                        "shares": [value and asdict(_share(value)) for value in term.values],
+                        **pull_record(term.pull),
+                    }
+                    for name, term in scene.terms.items()
+                ],
+            }
+            for scene in one.scenes
+        ],
+    }
+
+
+def population_record(term: ClassTerm, of: Class) -> dict[str, Any]:
+    """A term over the units of a class: its count of units and its population."""
+    return {
+        "needed": _needed(term, of),
+        "share": term.needed,
+        "mean": term.mean,
+        "spread": term.spread,
+        "tested": excites(of, term.name),
+    }

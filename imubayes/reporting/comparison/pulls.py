@@ -8,19 +8,23 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from imubayes.reporting.result.entries import Interval
 
 LEVEL = 0.05
 """Probability that anything at all is said to differ where nothing does."""
 
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-"""Labels of the results."""
-
 QUANTILE = NormalDist().inv_cdf(0.95)
 """Half the width of a normal's 90 % interval, in sd."""
+
+Estimate = tuple[float, float]
+"""Mean and sd, or a count and what it is of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,37 +43,21 @@ class Pull:
     beyond: bool = False
 
 
-def largest(found: Mapping[str, tuple[float, float]]) -> Pull | None:
-    """Largest difference over its sd between two of some estimates (mean, sd), by label.
-
-    Examples
-    --------
-    >>> largest({"A": (5.0, 0.3), "B": (3.0, 0.4), "C": (5.0, 3.0)})
-    Pull(pair=('A', 'B'), size=4.0, beyond=False)
-    """
-    pulls = [
-        Pull((a, b), abs(found[a][0] - found[b][0]) / math.hypot(found[a][1], found[b][1]))
-        for a, b in combinations(found, 2)
-        if math.hypot(found[a][1], found[b][1]) > 0.0
-    ]
-    finite = [pull for pull in pulls if math.isfinite(pull.size)]
-    return max(finite, key=lambda pull: pull.size, default=None)
+def in_sd(one: Estimate, other: Estimate) -> float:
+    """Difference of two means over its sd; nan where it has none."""
+    sd = math.hypot(one[1], other[1])
+    return abs(one[0] - other[0]) / sd if sd > 0.0 else math.nan
 
 
-def largest_of_shares(found: Mapping[str, tuple[int, int]]) -> Pull | None:
-    """Largest difference between shares (count, of), by Fisher's exact test as a normal's two-sided size."""
-    pulls = [Pull((a, b), fisher(*found[a], *found[b])) for a, b in combinations(found, 2)]
-    return max(pulls, key=lambda pull: pull.size, default=None)
-
-
-def fisher(a: int, n: int, b: int, m: int) -> float:
+def fisher(one: Estimate, other: Estimate) -> float:
     """Size of a normal whose two-sided tail is Fisher's exact test of a of n against b of m.
 
     Examples
     --------
-    >>> round(fisher(8, 8, 0, 8), 2), fisher(4, 8, 4, 8)
+    >>> round(fisher((8, 8), (0, 8)), 2), fisher((4, 8), (4, 8))
     (3.78, 0.0)
     """
+    (a, n), (b, m) = (map(int, counts) for counts in (one, other))
     both = a + b
     ways = {k: math.comb(n, k) * math.comb(m, both - k) for k in range(max(0, both - m), min(n, both) + 1)}
     tail = sum(count for count in ways.values() if count <= ways[a])
@@ -77,19 +65,27 @@ def fisher(a: int, n: int, b: int, m: int) -> float:
     return -NormalDist().inv_cdf(half) if half < 0.5 else 0.0
 
 
+def largest(
+    labels: Sequence[str],
+    estimates: Sequence[Estimate | None],
+    size: Callable[[Estimate, Estimate], float] = in_sd,
+) -> Pull | None:
+    """Largest difference between two of some estimates; None where no two can be compared.
+
+    Examples
+    --------
+    >>> largest("ABC", [(5.0, 0.3), (3.0, 0.4), (5.0, 3.0)])
+    Pull(pair=('A', 'B'), size=4.0, beyond=False)
+    """
+    there = [(label, one) for label, one in zip(labels, estimates, strict=True) if one]
+    pulls = [Pull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
+    finite = [pull for pull in pulls if math.isfinite(pull.size)]
+    return max(finite, key=lambda pull: pull.size, default=None)
+
+
 def threshold_of(tests: int) -> float:
     """Difference over its sd from which one of so many is beyond uncertainty."""
     return NormalDist().inv_cdf(1.0 - LEVEL / (2.0 * max(tests, 1)))
-
-
-def judged(pull: Pull | None, threshold: float) -> Pull | None:
-    """Mark a difference that is beyond uncertainty."""
-    return replace(pull, beyond=pull.size > threshold) if pull else None
-
-
-def is_beyond(pull: Pull | None) -> bool:
-    """Whether there is a difference, and it is beyond uncertainty."""
-    return pull is not None and pull.beyond
 
 
 def normal_of(low: float, high: float) -> float:
@@ -97,9 +93,15 @@ def normal_of(low: float, high: float) -> float:
     return (high - low) / (2.0 * QUANTILE)
 
 
-def method_sentence(threshold: float, tests: int, how: str) -> str:
-    """Say what counts as a difference."""
-    return (
-        f"A difference counts from {threshold:.1f} sd on: in {tests} comparisons chance reaches that with"
-        f" {100.0 * LEVEL:.0f} % at most (Bonferroni). {how}"
-    )
+def log_spread(found: Interval) -> Estimate:
+    """Logarithm of a spread, and the sd of it that its 90 % interval has; nan where it is not positive.
+
+    Examples
+    --------
+    >>> value, sd = log_spread({"value": 1.0, "low": 0.5, "high": 2.0})
+    >>> value, round(sd, 3)
+    (0.0, 0.421)
+    """
+    if not found["low"] > 0.0:
+        return math.nan, math.nan
+    return math.log(found["value"]), normal_of(math.log(found["low"]), math.log(found["high"]))

@@ -7,120 +7,154 @@ itself. Their sd is that of a normal with the same 90 % interval.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
 
-from imubayes.reporting.comparison.pulls import Pull, judged, largest, normal_of
-from imubayes.reporting.comparison.result_files import ComponentFile, ResultFile
-from imubayes.reporting.result.sensors import Scene, TermInScene
+from imubayes.reporting.blocks import Section, Text
+from imubayes.reporting.comparison.entries import (
+    Group,
+    aligned,
+    column,
+    entry,
+    numbered,
+    pull_record,
+    terms_of,
+)
+from imubayes.reporting.comparison.page import DIFFERENCE, LITTLE, RESULT, entry_rows, titled
+from imubayes.reporting.comparison.pulls import normal_of
+from imubayes.reporting.result.sensors import Scene, Sensor, SensorsResult, TermInScene
+from imubayes.reporting.rounding import duration, measured, share
+from imubayes.reporting.scene_words import budget_unit
+from imubayes.selection.verdicts import listed
+from imubayes.sensors.terms import Kind
 
-
-@dataclass(frozen=True, slots=True)
-class ShareComparison:
-    """A term's share of a scene's budget in every result.
-
-    Attributes
-    ----------
-    name : of the term.
-    values : of each result; None where it lacks the term or the scene.
-    pull : largest difference; None where fewer than two can be compared.
-    """
-
-    name: str
-    values: tuple[TermInScene | None, ...]
-    pull: Pull | None
-
-    @property
-    def required_differs(self) -> bool:
-        """Whether some models have the term and others not."""
-        return len({value.kept for value in self.values if value}) > 1
-
-
-@dataclass(frozen=True, slots=True)
-class SceneComparison:
-    """A component in a scene of every result.
-
-    Attributes
-    ----------
-    name, quantity : of the scene, and of what its budget is of.
-    members : of each result; None where it has no such scene.
-    terms : compared.
-    reseeded : whether the studies' seeds differ, which decide how a scene of the catalogue moves.
-    """
-
-    name: str
-    quantity: str
-    members: tuple[Scene | None, ...]
-    terms: tuple[ShareComparison, ...]
-    reseeded: bool
+HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
 
 
 def scenes_compared(
-    results: Sequence[ResultFile], members: Sequence[ComponentFile | None], labels: Sequence[str]
-) -> tuple[SceneComparison, ...]:
-    """Set the scenes of a matched component side by side.
+    results: Sequence[SensorsResult], members: Sequence[Sensor | None], labels: Sequence[str]
+) -> tuple[Group, ...]:
+    """Set the scenes of a matched component side by side: by name and by what the budget is of.
 
     Parameters
     ----------
     results : with their scenes.
     members : the component in each of them; None where it has none.
     labels : of the results.
-
-    Returns
-    -------
-    scenes that two results or more have, matched by name and by what the budget is of.
     """
     tables = [
-        _keyed(one for one in result.scenes if one.sensor == member.id) if member else {}
-        for result, member in zip(results, members, strict=True)
+        numbered((scene for scene in result.scenes if scene.sensor == one.id), _quantity) if one else {}
+        for result, one in zip(results, members, strict=True)
     ]
+    kind: Kind = next(one.kind for one in members if one)
     seeds = {result.seed for result, table in zip(results, tables, strict=True) if table}
-    found = [
-        (key, tuple(table.get(key) for table in tables))
-        for key in dict.fromkeys(key for table in tables for key in table)
+    return tuple(
+        replace(_scene(name, found, labels, kind), quantity=quantity, reseeded=len(seeds) > 1)
+        for ((name, quantity), _), found in aligned(tables, least=2).items()
+    )
+
+
+def _quantity(scene: Scene) -> tuple[str, str]:
+    return scene.name, scene.budget["quantity"]
+
+
+def _scene(name: str, members: tuple[Scene | None, ...], labels: Sequence[str], kind: Kind) -> Group:
+    limits = [one.budget["limit"] if one else math.nan for one in members]
+    terms = {}
+    for term, values in terms_of(members).items():
+        errors = [
+            (limit * one.share_of_budget, limit * normal_of(one.share_q05, one.share_q95)) if one else None
+            for one, limit in zip(values, limits, strict=True)
+        ]
+        kept = (one.kept for one in values if one)
+        terms[term] = entry(labels, term, values, errors, decisions=kept)
+    return Group(name, kind, labels, members, terms)
+
+
+def scene_section(scene: Group, of: str, *, whole: bool) -> Section:
+    """Shares of the budget, a line for each result, of terms that count in one of them, and what they say."""
+    called = f"{scene.name.replace('_', ' ')} ({scene.quantity})"
+    rows = [
+        row
+        for name, term in scene.terms.items()
+        if term.beyond or any(value and (value.kept or value.share_q95 >= LITTLE) for value in term.values)
+        for row in entry_rows(
+            scene.labels, name, term, map(_share_cells, term.values), brief=whole or term.divided
+        )
     ]
-    return tuple(
-        SceneComparison(*key[:2], there, _terms(there, labels), len(seeds) > 1)
-        for key, there in found
-        if sum(one is not None for one in there) > 1
+    said = (*_scene_sentences(scene, called), *_conditions(scene))
+    return titled(f"Scene {called}", of, HEAD, rows, "ttttn", *said)
+
+
+def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
+    if value is None:
+        return "not there", ""
+    low, high = share(value.share_q05), share(value.share_q95)
+    return f"{share(value.share_of_budget)} ({low} to {high})", "yes" if value.kept else "no"
+
+
+def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
+    """Say what differs in a scene, what it requires, and what leaving out the rest costs."""
+    other = [name for name, term in scene.terms.items() if term.divided]
+    if other:
+        yield f"In the scene {called} models differ in {listed(other)}."
+    else:
+        model = scene.there[0][1].model
+        yield f"In the scene {called} all require the same: {listed(model) if model else 'no term'}."
+    far = [name for name, term in scene.terms.items() if term.beyond]
+    if far:
+        yield f"Beyond uncertainty there: {listed(far)}."
+    left = listed(
+        f"{label} {amount(one.left_out['q95'], scene.quantity, scene.kind)}" for label, one in scene.there
     )
+    yield f"What the terms left out come to there, with 95 %: {left}."
 
 
-def _keyed(scenes: Iterable[Scene]) -> dict[tuple[str, str, int], Scene]:
-    """Scenes by name, quantity and number among those of the same."""
-    found: dict[tuple[str, str, int], Scene] = {}
-    for one in scenes:
-        number = sum(key[:2] == (one.name, one.budget["quantity"]) for key in found)
-        found[one.name, one.budget["quantity"], number] = one
-    return found
+def _conditions(scene: Group) -> Iterator[str]:
+    """Say what is not the same of the scenes."""
+    if len({(one.budget["limit"], one.duration) for _, one in scene.there}) > 1:
+        asked = listed(
+            f"{label} {amount(one.budget['limit'], scene.quantity, scene.kind)} over {duration(one.duration)}"
+            for label, one in scene.there
+        )
+        yield f"The budgets are not the same: {asked}."
+    if scene.reseeded:
+        yield "The studies have different seeds, by which a scene of the catalogue moves differently."
+    failed = [label for label, one in scene.there if not one.within_budget]
+    if failed:
+        yield f"No model stays within the budget in {listed(failed)}."
 
 
-def _terms(there: Sequence[Scene | None], labels: Sequence[str]) -> tuple[ShareComparison, ...]:
-    tables = [{term.name: term for term in one.terms} if one else {} for one in there]
-    limits = [one.budget["limit"] if one else math.nan for one in there]
-    return tuple(
-        _term(name, [table.get(name) for table in tables], limits, labels)
-        for name in dict.fromkeys(name for table in tables for name in table)
-    )
+def amount(value: float, quantity: str, kind: Kind) -> str:
+    """Size of an error in the unit that people use, two digits.
+
+    Examples
+    --------
+    >>> amount(0.0123, "attitude", "gyroscope"), amount(0.0, "position", "gyroscope")
+    ('0.70 deg', '0 m')
+    """
+    unit, size = budget_unit(quantity, kind)
+    return str(measured(value / size, 0.0, unit))
 
 
-def _term(
-    name: str, values: Sequence[TermInScene | None], limits: Sequence[float], labels: Sequence[str]
-) -> ShareComparison:
-    errors = {
-        label: (limit * one.share_of_budget, limit * normal_of(one.share_q05, one.share_q95))
-        for label, one, limit in zip(labels, values, limits, strict=True)
-        if one
+def scene_record(scene: Group) -> dict[str, Any]:
+    """Values of a scene for ``result.json``, SI."""
+    return {
+        "name": scene.name,
+        "quantity": scene.quantity,
+        "limits": [one and one.budget["limit"] for one in scene.members],
+        "durations": column(scene.members, "duration"),
+        "models": column(scene.members, "model"),
+        "left_out_q95": [one and one.left_out["q95"] for one in scene.members],
+        "terms": [
+            {
+                "name": name,
+                **{key: column(term.values, key) for key in ("share_of_budget", "share_q05", "share_q95")},
+                "required": column(term.values, "kept"),
+                "required_differs": term.divided,
+                **pull_record(term.pull),
+            }
+            for name, term in scene.terms.items()
+        ],
     }
-    return ShareComparison(name, tuple(values), largest(errors))
-
-
-def scene_tests(one: SceneComparison) -> int:
-    """Count the comparisons of a scene: all pairs of results of what can be compared."""
-    return sum(math.comb(sum(v is not None for v in term.values), 2) for term in one.terms if term.pull)
-
-
-def scene_judged(one: SceneComparison, threshold: float) -> SceneComparison:
-    """Mark the differences that are beyond uncertainty."""
-    terms = tuple(replace(term, pull=judged(term.pull, threshold)) for term in one.terms)
-    return replace(one, terms=terms)

@@ -10,170 +10,255 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from statistics import fmean, stdev
+from typing import Any
 
 from imubayes.errors import InputError
-from imubayes.reporting.comparison.lot_files import ClassFile, LotFile, PopulationFile, log_spread
-from imubayes.reporting.comparison.pulls import LETTERS, Pull, judged, normal_of, threshold_of
-from imubayes.reporting.comparison.result_files import ComponentFile, ResultFile
+from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, Text, typeset, verdict
+from imubayes.reporting.comparison.entries import (
+    LETTERS,
+    Comparison,
+    Entry,
+    Group,
+    comparison,
+    differing,
+    head_record,
+    pull_record,
+)
+from imubayes.reporting.comparison.lots import excites, population_record, population_texts, unit_of_term
+from imubayes.reporting.comparison.page import DIFFERENCE, comparison_page, difference, titled
+from imubayes.reporting.comparison.pulls import Pull, log_spread, normal_of
+from imubayes.reporting.comparison.sensors import noise_of, noise_unit, term_value
 from imubayes.reporting.result.file import Written
-from imubayes.reporting.result.sensors import Term
+from imubayes.reporting.result.many import Class, ClassTerm, LotsResult
+from imubayes.reporting.result.sensors import Sensor, SensorsResult, Term
+from imubayes.reporting.rounding import measured
+from imubayes.selection.verdicts import listed
+from imubayes.sensors.terms import Kind
+from imubayes.units import counted
+
+QUESTION = "Is this unit typical of its class? Its terms and noise beside the population of a simulated lot."
+
+HOW = (
+    "A term's sd is that of the unit's estimate (under the full library), of the population's mean, and the"
+    " population's spread together; noise is compared by its logarithm with that of the lot's units. The lot"
+    " is one batch of its class: another may be wider."
+)
+
+HEAD = (
+    "term",
+    "value",
+    Both("class mean", "class: mean, spread"),
+    Both("class spread", None),
+    Both("needed in", None),
+    "verdict",
+    DIFFERENCE,
+)
+NOISE_HEAD = ("noise", "value", "median of the class", DIFFERENCE)
 
 
-@dataclass(frozen=True, slots=True)
-class TermOfUnit:
-    """A term of a unit and of its class; `pull` is None where one of them was not tested."""
-
-    name: str
-    unit: Term
-    population: PopulationFile
-    pull: Pull | None
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseOfUnit:
-    """N, B or K of a unit, mean of its runs, and of the lot's units: median and sd of the logarithm."""
-
-    letter: str
-    value: float
-    median: float
-    log_sd: float
-    pull: Pull | None
-
-
-@dataclass(frozen=True, slots=True)
-class UnitInClass:
-    """A component beside its class.
-
-    Attributes
-    ----------
-    label : of its result.
-    component : that was tested.
-    terms, noise : compared.
-    missing : terms of the component that the class-level study does not have.
-    """
-
-    label: str
-    component: ComponentFile
-    terms: tuple[TermOfUnit, ...]
-    noise: tuple[NoiseOfUnit, ...]
-    missing: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class UnitsComparison:
-    """Units beside their class.
-
-    Attributes
-    ----------
-    results, labels : files and their labels, in the order that they were given.
-    lot, lot_label : the class-level study, and its label.
-    units : components whose class it has.
-    alone : (label, id, class) of components whose class it has not.
-    tests, threshold : number of comparisons, and the size from which one is beyond uncertainty.
-    """
-
-    results: tuple[Written, ...]
-    labels: tuple[str, ...]
-    lot: LotFile
-    lot_label: str
-    units: tuple[UnitInClass, ...]
-    alone: tuple[tuple[str, str, str], ...]
-    tests: int
-    threshold: float
-
-
-def units_compared(results: Sequence[ResultFile | LotFile]) -> UnitsComparison:
+def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | LotsResult]) -> Comparison:
     """Set units beside the class that one of the results is of.
 
     Raises
     ------
     InputError : if there is not exactly one class-level result, or it has the class of no component.
     """
-    labels = tuple(LETTERS[: len(results)])
-    pairs = list(zip(labels, results, strict=False))
-    lots = [(label, one) for label, one in pairs if isinstance(one, LotFile)]
-    if len(lots) != 1 or len(pairs) != len(results):
+    lots = [
+        (file, label, one.lots)
+        for file, label, one in zip(files, LETTERS, results, strict=False)
+        if isinstance(one, LotsResult)
+    ]
+    if len(lots) != 1 or len(results) > len(LETTERS):
         raise InputError(
             f"units are compared with one class-level result, came {len(lots)} among {len(results)} results:"
             " compare the class-level results with each other first"
         )
-    (lot_label, lot), known = lots[0], lots[0][1].classes
-    components = [(label, c) for label, one in pairs if isinstance(one, ResultFile) for c in one.components]
-    typical = [(label, c) for label, c in components if c.kind == lot.kind and c.class_id in known]
+    ((file, lot_label, lot),) = lots
+    known = {one.id: one for one in lot.classes}
+    components = [
+        (label, c)
+        for label, one in zip(LETTERS, results, strict=False)
+        if isinstance(one, SensorsResult)
+        for c in one.sensors
+    ]
+    typical = [(label, c) for label, c in components if c.kind == lot.kind and c.class_ in known]
     if not typical:
-        came = ", ".join(f"{c.id}: {c.kind} of class {c.class_id or 'none'}" for _, c in components)
+        came = ", ".join(f"{c.id}: {c.kind} of class {c.class_ or 'none'}" for _, c in components)
         raise InputError(
-            f"{lot.file.path}: has {lot.kind}s of the classes {', '.join(known)}, and the units are others"
-            f" ({came}): expected the class in both studies"
+            f"{file.path}: has {lot.kind}s of the classes {', '.join(known)}, and the units are"
+            f" others ({came}): expected the class in both studies"
         )
-    units = [_unit(label, c, known[c.class_id], lot_label) for label, c in typical]
-    tests = sum(pull is not None for one in units for pull in _pulls(one))
-    threshold = threshold_of(tests)
-    alone = tuple((label, c.id, c.class_id) for label, c in components if (label, c) not in typical)
-    marked = tuple(_judged(one, threshold) for one in units)
-    return UnitsComparison(
-        tuple(one.file for one in results), labels, lot, lot_label, marked, alone, tests, threshold
-    )
+    groups = [_unit(c, known[c.class_ or ""], (label, lot_label)) for label, c in typical]
+    alone = [(label, c.id, c.class_ or "") for label, c in components if (label, c) not in typical]
+    return comparison(files, results, groups, alone)
 
 
-def _unit(label: str, component: ComponentFile, entry: ClassFile, lot_label: str) -> UnitInClass:
-    both = [(name, one) for name, one in component.terms.items() if name in entry.terms]
-    pair = (label, lot_label)
-    return UnitInClass(
-        label,
-        component,
-        tuple(
-            TermOfUnit(name, one, entry.terms[name], _pull(one, entry.terms[name], pair))
-            for name, one in both
-        ),
-        tuple(_noise(component, entry, pair)),
-        tuple(name for name in component.terms if name not in entry.terms),
-    )
+def _unit(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Group:
+    population = {term.name: term for term in of.terms}
+    terms = {
+        one.name: _entry(one.name, (one, known), _size(one, known, of), pair)
+        for one in sensor.terms
+        if (known := population.get(one.name))
+    }
+    return Group(sensor.id, sensor.kind, pair, (sensor, of), terms, dict(_noise(sensor, of, pair)))
 
 
-def _pull(unit: Term, found: PopulationFile, pair: tuple[str, str]) -> Pull | None:
-    sd = predictive_sd(unit.full_sd, found)
-    if unit.verdict == "untested" or not found.tested or not sd > 0.0 or not math.isfinite(sd):
-        return None
-    return Pull(pair, abs(unit.full_mean - found.mean.value) / sd)
+def _entry(label: str, values: tuple[Any, ...], size: float, pair: tuple[str, str]) -> Entry:
+    known = math.isfinite(size)
+    return Entry(label, values, {"": Pull(pair, size) if known else None}, int(known))
 
 
-def predictive_sd(sd: float, found: PopulationFile) -> float:
+def _size(unit: Term, population: ClassTerm, of: Class) -> float:
+    """Distance of a unit from its class in sd; nan where one of them was not tested."""
+    sd = predictive_sd(unit.full_sd, population)
+    if unit.verdict == "untested" or not excites(of, unit.name) or not 0.0 < sd < math.inf:
+        return math.nan
+    return abs(unit.full_mean - population.mean["value"]) / sd
+
+
+def predictive_sd(sd: float, population: ClassTerm) -> float:
     """Standard deviation of a typical unit's estimate about the population's mean.
 
     Parameters
     ----------
     sd : of the unit's own estimate, SI.
-    found : population of the term.
     """
-    log_tau, log_sd = log_spread(found.spread)
+    log_tau, log_sd = log_spread(population.spread)
     mean_square = math.exp(2.0 * (log_tau + log_sd**2))
-    return math.sqrt(sd**2 + normal_of(found.mean.low, found.mean.high) ** 2 + mean_square)
+    return math.sqrt(sd**2 + normal_of(population.mean["low"], population.mean["high"]) ** 2 + mean_square)
 
 
-def _noise(component: ComponentFile, entry: ClassFile, pair: tuple[str, str]) -> Iterator[NoiseOfUnit]:
-    for k, letter in enumerate("NBK"):
-        own = [one for (_, of), one in component.noise.items() if of == letter and one.value > 0.0]
-        logs = [math.log(values[k]) for values in entry.noise if values[k] > 0.0]
+def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[tuple[str, str], Entry]]:
+    """N, B and K: mean of the unit's runs, median of the class, and the sd of the class's logarithms."""
+    runs = noise_of(sensor)
+    for letter in ("N", "B", "K"):
+        own = [one for (_, which), one in runs.items() if which == letter and one[0] > 0.0]
+        logs = [math.log(unit.noise[letter]) for unit in of.units if unit.noise[letter] > 0.0]
         if not own or len(logs) < 2:
             continue
-        value, error = fmean(one.value for one in own), max(one.log_sd for one in own)
+        value, error = fmean(one for one, _ in own), max(log_sd for _, log_sd in own)
         spread = stdev(logs)
         sd = math.hypot(spread * math.sqrt(1.0 + 1.0 / len(logs)), error)
         size = abs(math.log(value) - fmean(logs)) / sd if sd > 0.0 else math.nan
-        pull = Pull(pair, size) if math.isfinite(size) else None
-        yield NoiseOfUnit(letter, value, math.exp(fmean(logs)), spread, pull)
+        yield ("", letter), _entry(f"noise {letter}", (value, math.exp(fmean(logs)), spread), size, pair)
 
 
-def _pulls(one: UnitInClass) -> Iterator[Pull | None]:
-    yield from (entry.pull for entry in (*one.terms, *one.noise))
-
-
-def _judged(one: UnitInClass, threshold: float) -> UnitInClass:
-    return replace(
-        one,
-        terms=tuple(replace(term, pull=judged(term.pull, threshold)) for term in one.terms),
-        noise=tuple(replace(noise, pull=judged(noise.pull, threshold)) for noise in one.noise),
+def units_page(found: Comparison) -> Page:
+    """Say and show whether units are typical of their class."""
+    alone = ", ".join(f"{name} ({label}, class {entry or 'none'})" for label, name, entry in found.alone)
+    return comparison_page(
+        found,
+        QUESTION,
+        answer=map(_answer, found.groups),
+        how=HOW,
+        alone=f"Their class is not in the class-level study: {alone}." if alone else "",
+        sections=(_section(k, one) for k, one in enumerate(found.groups)),
     )
+
+
+def _answer(one: Group) -> str:
+    far = differing(one.entries)
+    lot = f"the lot of class {one.members[1].id}"
+    if not far:
+        return f"{one.name} is typical of {lot}."
+    return f"{one.name} is not typical of {lot}: {far[0][0]} is {far[0][1].size:.1f} sd from it."
+
+
+def _section(k: int, one: Group) -> Section:
+    label, lot_label = one.labels
+    return Section(
+        one.name,
+        (
+            Prose(" ".join(_sentences(one))),
+            titled("The terms", one.name, HEAD, (_line(term, one) for term in one.terms.values()), "ttfttfn"),
+            titled("Noise", one.name, NOISE_HEAD, _noise_lines(one), "tttn"),
+        ),
+        f"u{k + 1}",
+        f"{one.kind} of {label}, beside the {one.members[1].id} of {lot_label}",
+    )
+
+
+def _sentences(one: Group) -> Iterator[str]:
+    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differing(one.entries)]
+    count = sum(entry.pull is not None for entry in one.entries)
+    yield (
+        f"Beyond what a typical unit shows: {listed(far)}."
+        if far
+        else f"None of {counted(count, 'value')} is beyond what a typical unit shows."
+    )
+    silent = [name for name, term in one.terms.items() if term.pull is None]
+    if silent:
+        yield f"Not tested in the unit or the class: {listed(silent)}."
+    if missing := _missing(one):
+        yield f"The class-level study does not have {listed(missing)}."
+
+
+def _missing(one: Group) -> list[str]:
+    """Terms of the component that the class-level study does not have."""
+    return [term.name for term in one.members[0].terms if term.name not in one.terms]
+
+
+def _line(term: Entry, one: Group) -> Row:
+    unit, population = term.values
+    tested = excites(one.members[1], unit.name)
+    known: tuple[Text, ...] = ("not tested", "", "")
+    if tested:
+        share, mean, spread = population_texts(population, one.kind)
+        known = (Both(typeset(mean).page, _without_sd(population, one.kind)), typeset(spread), share)
+    told = (verdict(unit.verdict), difference(term, 2))
+    cells = (unit.name, typeset(term_value(unit)), *known, *told)
+    return Row(cells, strong=term.beyond, brief=tested and unit.verdict != "untested")
+
+
+def _without_sd(term: ClassTerm, kind: Kind) -> str:
+    """Mean and spread of the class for a terminal, two digits of the spread."""
+    unit, size = unit_of_term(term.name, kind)
+    found = measured(term.mean["value"] / size, term.spread["value"] / size, unit)
+    return str(found).replace("+-", ",").replace(" ,", ",")
+
+
+def _noise_lines(one: Group) -> Iterator[Row]:
+    for (_, letter), noise in one.noise.items():
+        value, median, log_sd = noise.values
+        unit, size = noise_unit(letter, one.kind)
+        own = typeset(str(measured(value / size, 0.0, unit)))
+        lot = typeset(str(measured(median / size, median / size * log_sd, unit)))
+        yield Row((letter, own, lot, difference(noise, 2)), strong=noise.beyond)
+
+
+def units_record(found: Comparison) -> dict[str, Any]:
+    """Values of ``result.json``, SI."""
+    return {
+        **head_record(found),
+        "units": [_unit_record(one) for one in found.groups],
+        "alone": [{"result": label, "id": name, "class": entry} for label, name, entry in found.alone],
+    }
+
+
+def _unit_record(one: Group) -> dict[str, Any]:
+    return {
+        "result": one.labels[0],
+        "id": one.name,
+        "class": one.members[1].id,
+        "typical": not differing(one.entries),
+        "terms": [_term_record(term, one.members[1]) for term in one.terms.values()],
+        "noise": [
+            {
+                "name": letter,
+                **dict(zip(("value", "class_median", "class_log_sd"), noise.values, strict=True)),
+                **pull_record(noise.pull),
+            }
+            for (_, letter), noise in one.noise.items()
+        ],
+        "missing": _missing(one),
+    }
+
+
+def _term_record(term: Entry, of: Class) -> dict[str, Any]:
+    unit, population = term.values
+    return {
+        **{key: getattr(unit, key) for key in ("name", "unit", "full_mean", "full_sd", "verdict")},
+        "population": population_record(population, of),
+        **pull_record(term.pull),
+    }

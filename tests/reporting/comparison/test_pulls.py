@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from imubayes.reporting.comparison.pulls import LEVEL, fisher, largest_of_shares, normal_of, threshold_of
+from imubayes.reporting.comparison.pulls import LEVEL, fisher, largest, normal_of, threshold_of
 
 
 @pytest.mark.parametrize(("a", "n", "b", "m"), [(8, 8, 0, 8), (3, 10, 7, 8), (0, 9, 1, 9), (40, 50, 10, 60)])
 def test_shares_differ_as_by_fishers_exact_test(a, n, b, m):
     p = stats.fisher_exact([[a, n - a], [b, m - b]]).pvalue
     # a normal's two-sided tail; where everything is as likely, p = 1 has the size 0
-    assert 2.0 * stats.norm.sf(fisher(a, n, b, m)) == pytest.approx(p, rel=1e-8)
-    assert fisher(a, n, b, m) == pytest.approx(fisher(b, m, a, n), rel=1e-12)
+    assert 2.0 * stats.norm.sf(fisher((a, n), (b, m))) == pytest.approx(p, rel=1e-8)
+    assert fisher((a, n), (b, m)) == pytest.approx(fisher((b, m), (a, n)), rel=1e-12)
 
 
 def test_shares_of_thousands_have_a_finite_size():
-    assert np.isfinite(fisher(0, 4000, 4000, 4000))
+    assert np.isfinite(fisher((0, 4000), (4000, 4000)))
 
 
 def test_largest_difference_of_shares_names_its_pair():
-    pull = largest_of_shares({"A": (8, 8), "B": (7, 8), "C": (0, 8)})
-    assert pull.pair == ("A", "C") and pull.size == fisher(8, 8, 0, 8)
+    pull = largest("ABCD", [(8, 8), (7, 8), None, (0, 8)], fisher)
+    assert pull.pair == ("A", "D") and pull.size == fisher((8, 8), (0, 8))
 
 
 def test_interval_of_a_normal_gives_its_sd_back():

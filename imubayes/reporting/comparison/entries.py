@@ -1,0 +1,243 @@
+"""What results say of the same thing, side by side: entries, groups of them, and all that is compared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import imubayes
+from imubayes.errors import InputError
+from imubayes.reporting.comparison.pulls import LEVEL, Estimate, Pull, in_sd, largest, threshold_of
+
+if TYPE_CHECKING:
+    from imubayes.reporting.result.file import Written
+    from imubayes.sensors.terms import Kind
+
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+"""Labels of the results."""
+
+Key = TypeVar("Key", bound=Hashable)
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A term, a noise figure, or a share of a budget.
+
+    Attributes
+    ----------
+    label : as sentences call it.
+    values : what each result says of it; None where it has no such thing.
+    pulls : largest difference by what is compared; None where fewer than two can be.
+    tests : number of comparisons: all pairs of results, of all that is compared.
+    divided : whether the results decide on it differently.
+    """
+
+    label: str
+    values: tuple[Any, ...]
+    pulls: Mapping[str, Pull | None]
+    tests: int
+    divided: bool = False
+
+    @property
+    def largest(self) -> tuple[str, Pull | None]:
+        """Largest difference, and what of."""
+        there = [(what, pull) for what, pull in self.pulls.items() if pull]
+        return max(there, key=lambda pair: pair[1].size, default=("", None))
+
+    @property
+    def pull(self) -> Pull | None:
+        """Largest difference."""
+        return self.largest[1]
+
+    @property
+    def beyond(self) -> bool:
+        """Whether anything differs beyond uncertainty."""
+        return self.pull is not None and self.pull.beyond
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A component, a class, or one of these in a scene.
+
+    Attributes
+    ----------
+    name : of it; several where the results have it by other names.
+    kind : of sensor.
+    labels : of the results.
+    members : of each result; None where it has no such thing.
+    terms : by name.
+    noise : by run and letter.
+    scenes : that two results or more have.
+    quantity : that a scene's budget is of.
+    reseeded : of a scene, whether the studies' seeds differ, which decide how one of the catalogue moves.
+    """
+
+    name: str
+    kind: Kind
+    labels: Sequence[str]
+    members: tuple[Any, ...]
+    terms: Mapping[str, Entry]
+    noise: Mapping[tuple[str, str], Entry] = field(default_factory=dict)
+    scenes: tuple[Group, ...] = ()
+    quantity: str = ""
+    reseeded: bool = False
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Terms and noise, without the scenes."""
+        return *self.terms.values(), *self.noise.values()
+
+    @property
+    def there(self) -> list[tuple[str, Any]]:
+        """Members with the labels of their results."""
+        return [(label, one) for label, one in zip(self.labels, self.members, strict=True) if one]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Results side by side.
+
+    Attributes
+    ----------
+    files, results, labels : of each, in the order that they were given.
+    groups : in the order of the first result that has each.
+    alone : label and names of what cannot be compared, for one result alone has it.
+    tests : number of comparisons.
+    threshold : difference over its sd from which one is beyond uncertainty.
+    """
+
+    files: Sequence[Written]
+    results: Sequence[Any]
+    labels: Sequence[str]
+    groups: tuple[Group, ...]
+    alone: Sequence[tuple[str, ...]]
+    tests: int
+    threshold: float
+
+
+def labels_of(results: Sequence[object]) -> str:
+    """A, B, C ...
+
+    Raises
+    ------
+    InputError : if there are fewer than two or more than 26 results.
+    """
+    if not 2 <= len(results) <= len(LETTERS):
+        raise InputError(f"expected 2 to {len(LETTERS)} results to compare, came {len(results)}")
+    return LETTERS[: len(results)]
+
+
+def numbered(values: Iterable[Value], key: Callable[[Value], Key]) -> dict[tuple[Key, int], Value]:
+    """Values by their key and their number among those of the same key."""
+    found: dict[tuple[Key, int], Value] = {}
+    count: dict[Key, int] = {}
+    for value in values:
+        number = count[key(value)] = count.get(key(value), -1) + 1
+        found[key(value), number] = value
+    return found
+
+
+def aligned(tables: Iterable[Mapping[Key, Value]], least: int = 1) -> dict[Key, tuple[Value | None, ...]]:
+    """Values of each key that `least` tables have, in the first one's order; None where a table lacks it."""
+    each = list(tables)
+    keys = dict.fromkeys(key for table in each for key in table)
+    return {
+        key: tuple(table.get(key) for table in each)
+        for key in keys
+        if sum(key in table for table in each) >= least
+    }
+
+
+def terms_of(members: Iterable[Any]) -> dict[str, tuple[Any, ...]]:
+    """Terms by name, of each member; None where it lacks a term."""
+    return aligned({term.name: term for term in one.terms} if one else {} for one in members)
+
+
+def entry(
+    labels: Sequence[str],
+    label: str,
+    values: Sequence[object],
+    estimates: Sequence[Estimate | None],
+    size: Callable[[Estimate, Estimate], float] = in_sd,
+    decisions: Iterable[object] = (),
+) -> Entry:
+    """Compare what is estimated in one way."""
+    pull = largest(labels, estimates, size)
+    pairs = math.comb(sum(value is not None for value in values), 2) if pull else 0
+    return Entry(label, tuple(values), {"": pull}, pairs, len(set(decisions)) > 1)
+
+
+def comparison(
+    files: Sequence[Written],
+    results: Sequence[Any],
+    groups: Iterable[Group],
+    alone: Sequence[tuple[str, ...]],
+) -> Comparison:
+    """Mark all that differs by more than uncertainty and the number of comparisons allow."""
+    found = list(groups)
+    tests = sum(one.tests for group in found for one in with_scenes(group))
+    threshold = threshold_of(tests)
+    marked = tuple(_marked(group, threshold) for group in found)
+    return Comparison(files, results, LETTERS[: len(results)], marked, alone, tests, threshold)
+
+
+def with_scenes(group: Group) -> Iterator[Entry]:
+    """Entries of a group and of its scenes."""
+    yield from group.entries
+    for scene in group.scenes:
+        yield from scene.entries
+
+
+def _marked(group: Group, threshold: float) -> Group:
+    def mark(one: Entry) -> Entry:
+        pulls = {
+            what: pull and replace(pull, beyond=pull.size > threshold) for what, pull in one.pulls.items()
+        }
+        return replace(one, pulls=pulls)
+
+    return replace(
+        group,
+        terms={name: mark(one) for name, one in group.terms.items()},
+        noise={key: mark(one) for key, one in group.noise.items()},
+        scenes=tuple(_marked(scene, threshold) for scene in group.scenes),
+    )
+
+
+def differing(entries: Iterable[Entry]) -> list[tuple[str, Pull]]:
+    """What differs beyond uncertainty, by name, the largest difference first."""
+    found = [
+        (f"{one.label} ({what})" if what else one.label, pull)
+        for one in entries
+        for what, pull in one.pulls.items()
+        if pull and pull.beyond
+    ]
+    return sorted(found, key=lambda pair: -pair[1].size)
+
+
+def head_record(found: Comparison) -> dict[str, Any]:
+    """Which results, and what counts as a difference, as a comparison's ``result.json`` has it."""
+    return {
+        "imubayes": imubayes.__version__,
+        "results": [
+            {"label": label, "file": str(one.path), "sha256": one.sha256, "study": one.study}
+            for label, one in zip(found.labels, found.files, strict=True)
+        ],
+        "level": LEVEL,
+        "comparisons": found.tests,
+        "threshold": found.threshold,
+    }
+
+
+def pull_record(pull: Pull | None) -> dict[str, Any]:
+    """Largest difference; nulls where there is none."""
+    if pull is None:
+        return {"difference_over_sd": None, "between": None, "differs": None}
+    return {"difference_over_sd": pull.size, "between": list(pull.pair), "differs": pull.beyond}
+
+
+def column(values: Iterable[object], key: str) -> list[Any]:
+    """Values of one name; None where a result lacks it."""
+    return [None if value is None else getattr(value, key) for value in values]
