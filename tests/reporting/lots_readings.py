@@ -18,10 +18,12 @@ from report_reading import (
     drawn,
     fixed,
     grids,
+    named,
     names,
     number,
     problems,
     quantile,
+    readings,
     sentences,
     tree,
 )
@@ -47,9 +49,9 @@ class Lots:
         self.library = library(lots["kind"], powers=5, asymmetry=5, set="extended")
         self.check = lots["check"]
         self.classes = {class_name(sensor(one["id"], kind=lots["kind"])): one for one in lots["classes"]}
-        self.named = {one["id"]: name for name, one in self.classes.items()}
+        self.called = {one["id"]: name for name, one in self.classes.items()}
         self.scenes = {
-            (self.named[one["sensor"]], one["name"].replace("_", " ")): one for one in result["scenes"]
+            (self.called[one["sensor"]], one["name"].replace("_", " ")): one for one in result["scenes"]
         }
         self.answers = {name: self._answers(one) for name, one in self.classes.items()}
         self.anchors = {slug("class", one["id"]): name for name, one in self.classes.items()} | {
@@ -115,25 +117,13 @@ class Lots:
         return sum(bool(self.inside(name, scene, "needed")) for name in self.classes)
 
 
-def _status(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    answers = ("needed", "not needed", "cannot tell")
-    return [*(lots.total(answer) for answer in answers), len(lots.terms), len(lots.classes)]
+ANSWERS = ("needed", "not needed", "cannot tell", "would matter")
+Match = re.Match[str]
+Pair = tuple[str, str]
+"""A class and a scene."""
 
 
-def _simulated(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [lots.units, lots.loose(), len(lots.terms) * len(lots.classes), 90]
-
-
-def _counted(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    name = match[1].strip()
-    return [None, len(lots.of(name, "needed")), len(lots.of(name, "cannot tell"))]
-
-
-def _by_every(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [[t for t in lots.terms if all(t in lots.of(name, "needed") for name in lots.classes)]]
-
-
-def _by_some(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _by_some(lots: Lots, match: Match) -> Iterable[Meant]:
     """Classes that need some terms, or scenes that require them of half of the classes."""
     owners = (
         {name: set(lots.of(name, "needed")) for name in lots.classes}
@@ -149,20 +139,16 @@ def _of_half(lots: Lots, scene: str) -> set[str]:
     return {term for term in votes if 2 * votes.count(term) >= len(lots.classes)}
 
 
-def _pairs(lots: Lots) -> dict[tuple[str, str], float]:
+def _pairs(lots: Lots) -> dict[Pair, float]:
+    """What the basic triad leaves in each scene, over the budget."""
     return {pair: number(one["basic_share_of_budget"]) for pair, one in lots.scenes.items()}
 
 
-def _triad(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    left = _pairs(lots).values()
-    return [sum(share <= 1.0 for share in left), len(left)]
+def _within(lots: Lots) -> int:
+    return sum(share <= 1.0 for share in _pairs(lots).values())
 
 
-def _short(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [sum(share > 1.0 for share in _pairs(lots).values())]
-
-
-def _in_brackets(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _in_brackets(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     """What the triad leaves of a class in a scene, or what its noise takes, by the words before it."""
     text, before = match.string, match.string[: match.start()].rstrip()
     pairs = [pair for pair in lots.scenes if before.endswith(f"{pair[0]} in {pair[1]}")]
@@ -175,101 +161,82 @@ def _in_brackets(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Mean
     return [lots.scenes[loud[0], lots.stages[anchor]]["noise_share_of_budget"] if loud else math.nan]
 
 
-def _covered(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _covered(lots: Lots, match: Match) -> Iterable[Meant]:
     one = lots.check[f"population_{match[1]}"]
     return [None, one["held"], one["of"], *(100.0 * end for end in _range_of(one["share"]))]
 
 
-def _missed(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _missed(lots: Lots, match: Match) -> Iterable[Meant]:
     short = [pair for pair, share in _pairs(lots).items() if share > 1.0]
     return [sorted({t for pair in short for t in lots.inside(*pair, "needed")} - TRIAD)]
 
 
-def _basic(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _basic(lots: Lots, match: Match) -> Iterable[Meant]:
     left = _pairs(lots)
     worst = max(left, key=lambda pair: left[pair])
     within = sum(one["within"] >= 0.5 for one in lots.scenes.values())
     told = match[4] == f"{worst[0]} in {worst[1]}"
-    return [sum(s <= 1.0 for s in left.values()), len(left), within, None, left[worst] if told else math.nan]
+    return [_within(lots), len(left), within, None, left[worst] if told else math.nan]
 
 
-def _truth(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    every = [pair for pair in lots.scenes for _ in lots.terms]
+def _truth(lots: Lots, match: Match) -> Iterable[Meant]:
     untold = sum(
         len(lots.inside(*pair, answer)) for pair in lots.scenes for answer in ("cannot tell", "would matter")
     )
-    true = lots.check["cells"][1]
-    sizes = [float(lots.check[what][end]) if lots.check[what]["value"] is not None else None
-             for what in ("precision", "recall") for end in ("value", "low", "high")]  # fmt: skip
-    return [len(every) - untold, true, 10, *sizes, untold]
+    sizes = [
+        None if lots.check[what]["value"] is None else float(lots.check[what][end])
+        for what in ("precision", "recall")
+        for end in ("value", "low", "high")
+    ]
+    return [len(lots.scenes) * len(lots.terms) - untold, lots.check["cells"][1], 10, *sizes, untold]
 
 
-def _in_scene(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _in_scene(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     """Largest share, of 95 % of the units, of what the classes that do not need these terms spend on them."""
-    named = [scene for scene in lots.stages.values() if f"In the scene {scene} " in match[1]]
-    scene = max(named, key=len) if named else lots.stages[anchor]
+    told = [scene for scene in lots.stages.values() if f"In the scene {scene} " in match[1]]
+    scene = max(told, key=len) if told else lots.stages[anchor]
     without = [name for name in lots.classes if name in re.split(r", | and ", match[3])]
-    terms = [t for t in lots.terms if t in re.findall(r"\w+", match[2])]
     most = max(
         one["share_range"][1]
         for name in without
         for one in lots.scenes[name, scene]["terms"]
-        if one["name"] in terms
+        if one["name"] in re.findall(r"\w+", match[2])
     )
     return [None, None, None, 95, max(most, 1e-3)]
 
 
-def _every(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    needed = [set(lots.of(name, "needed")) for name in lots.classes]
-    return [len(set.intersection(*needed)), len(lots.terms)]
-
-
-def _orders(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _orders(lots: Lots, match: Match) -> Iterable[Meant]:
     orders = [float(one["order"]["value"]) for one in lots.classes.values()]
-    named = [lots.classes[match[k]]["order"]["value"] for k in (2, 4)]
-    right = named == [max(orders), min(orders)]
+    right = [lots.classes[match[k]]["order"]["value"] for k in (2, 4)] == [max(orders), min(orders)]
     return [max(orders) if right else math.nan, None, min(orders) if right else math.nan, None]
-
-
-def _needed_alt(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    name = match[1].strip()
-    return [None, lots.of(name, "needed"), len(lots.of(name, "cannot tell"))]
 
 
 def _range_of(one: dict[str, float]) -> list[float]:
     return [float(one[end]) for end in ("value", "low", "high")]
 
 
-def _order_alt(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [None, *_range_of(lots.classes[match[1].strip()]["order"])]
-
-
-def _cell(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _cell(lots: Lots, match: Match) -> Iterable[Meant]:
     needed, _, hidden = lots.counts(match[2], match[1])
     low, high = (100.0 * end for end in quantile(0.05, 0.95, needed, lots.units))
     return [None, None, needed / lots.units, low, high, hidden / lots.units]
 
 
-def _population(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _population(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     one = lots.classes[_class(lots, anchor)]
     term = next(term for term in lots.library.terms if term.name == match[1])
     mean = one["terms"][lots.terms.index(match[1])]["mean"]["value"]
     return [None, mean / prior_sd(sensor(one["id"], kind=lots.library.kind), term)[0]]
 
 
-def _modelled(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [lots.needing(match[3]), len(lots.classes), None]
-
-
-def _needs_model(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _needs_model(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     name = lots.anchors[anchor]
     scenes = [scene for owner, scene in lots.scenes if owner == name]
     return [sum(bool(lots.inside(str(name), scene, "needed")) for scene in scenes), len(scenes)]
 
 
-def _scene_cell(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _scene_cell(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     place = (match[2], lots.stages[anchor]) if anchor in lots.stages else (_class(lots, anchor), match[2])
-    one = next(t for t in lots.scenes[place]["terms"] if t["name"] == match[1])
+    one = named(lots.scenes[place]["terms"], match[1])
     right = match[1] in lots.inside(*place, match[3])
     return [None, None, None, one["share_of_budget"] if right else math.nan, one["required"]]
 
@@ -279,137 +246,120 @@ def _class(lots: Lots, anchor: str) -> str:
     return place if isinstance(place, str) else place[0]
 
 
-def _of_class(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    needed = lots.of(_class(lots, anchor), "needed")
-    return [needed, len(needed), len(lots.terms)]
+def _needed(lots: Lots, name: str) -> list[str]:
+    return lots.of(name, "needed")
 
 
-def _untold(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    hidden = lots.of(_class(lots, anchor), "cannot tell")
-    return [len(hidden), hidden]
+def _shared(lots: Lots, name: str) -> int:
+    """Terms that a class needs, and whose mean is not zero."""
+    terms = [term for term in lots.classes[name]["terms"] if term["name"] in _needed(lots, name)]
+    return sum(term["mean"]["low"] * term["mean"]["high"] > 0.0 for term in terms)
 
 
-def _single(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [*_range_of(lots.classes[_class(lots, anchor)]["order"]), 90]
+OF_CLASS = readings(
+    {
+        rf"^The class needs ({LIST}|no term), (\d+) of (\d+) terms\.": lambda of, m: [
+            found := _needed(*of), len(found), len(of[0].terms)
+        ],
+        rf"Of (\d+) the tests cannot tell: ({LIST})\.": lambda of, m: [
+            len(found := of[0].of(of[1], "cannot tell")), found
+        ],
+        rf"A single unit needs ({NUM}) \(({NUM}) to ({NUM})\) \(median, and (90) % of the units\)":
+            lambda of, m: [*_range_of(of[0].classes[of[1]]["order"]), 90],
+        r"^(\d+) of (\d+) terms are needed, and have a mean that all units share$":
+            lambda of, m: [_shared(*of), len(of[0].terms)],
+    },
+    lambda lots, match, anchor: (lots, _class(lots, anchor)),
+)  # fmt: skip
+"""Of a class, by its anchor."""
 
+OF_PAIR = readings(
+    {
+        rf"^The class needs ({LIST}|no term) here \((\d+)\)":
+            lambda of, m: [found := of[0].inside(*of[1], "needed"), len(found)],
+        rf"the smallest model has ({NUM}) \(({NUM}) to ({NUM})\) terms \(median, and (90) % of the units\)":
+            lambda of, m: [*_range_of(of[0].scenes[of[1]]["order"]), 90],
+        rf"Noise comes to ({SHARE}) (?:of )?the budget":
+            lambda of, m: [of[0].scenes[of[1]]["noise_share_of_budget"]],
+        rf"({NUM} %) of the units have a model that stays within the budget with (95) %":
+            lambda of, m: [float(of[0].scenes[of[1]]["within"]), None],
+        rf"The basic triad leaves ({SHARE}) (?:of )?the budget": lambda of, m: [_pairs(of[0])[of[1]]],
+    },
+    lambda lots, match, anchor: (lots, lots.anchors[anchor]),
+)  # fmt: skip
+"""Of a class in a scene, by its anchor."""
 
-def _shared(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    name = _class(lots, anchor)
-    held = [
-        term
-        for term in lots.classes[name]["terms"]
-        if term["name"] in lots.of(name, "needed") and term["mean"]["low"] * term["mean"]["high"] > 0.0
-    ]
-    return [len(held), len(lots.terms)]
-
-
-def _here(lots: Lots, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    needed = lots.inside(*_place(lots, anchor), "needed")
-    return [needed, len(needed)]
-
-
-def _scene(lots: Lots, anchor: str) -> dict[str, Any]:
-    return lots.scenes[_place(lots, anchor)]
-
-
-def _place(lots: Lots, anchor: str) -> tuple[str, str]:
-    """Class and scene of an anchor."""
-    place = lots.anchors[anchor]
-    assert not isinstance(place, str)
-    return place
-
-
-READINGS = (
-    Reading(
+OF_ALL = readings(
+    {
         r"(\d+) needed · (\d+) not needed · (\d+) cannot tell"
-        r" \((\d+) terms of (?:each of )?(\d+) class(?:es)?\)",
-        _status,
-    ),
-    Reading(
+        r" \((\d+) terms of (?:each of )?(\d+) class(?:es)?\)":
+            lambda r, m: [*(r.total(answer) for answer in ANSWERS[:3]), len(r.terms), len(r.classes)],
         r"one lot of (\d+) \w+ of each class\. With other units of these lots (\d+) of the (\d+) answers"
-        r" could change \((\d+) % intervals\)",
-        _simulated,
-    ),
-    Reading(r"Every class needs (LIST)\.".replace("LIST", LIST), _by_every),
-    Reading(rf"(\d+) of (\d+) (classes need|scenes require) ({LIST})\.", _by_some),
-    Reading(r"In (\d+) of (\d+) pairs of class and scene, yes", _triad),
-    Reading(r"In (\d+), no:", _short),
-    Reading(rf"\(({SHARE}) (?:of )?the budget\)", _in_brackets),
-    Reading(rf"There ({LIST}) (?:is|are) needed too", _missed),
-    Reading(r"Of (\d+) terms:", lambda lots, match, anchor: [len(lots.terms)]),
-    Reading(r"(?:: |; )([\w ]+?) needs (\d+), cannot tell (\d+)", _counted),
-    Reading(
+        r" could change \((\d+) % intervals\)":
+            lambda r, m: [r.units, r.loose(), len(r.terms) * len(r.classes), 90],
+        rf"Every class needs ({LIST})\.":
+            lambda r, m: [[t for t in r.terms if all(t in _needed(r, name) for name in r.classes)]],
+        rf"(\d+) of (\d+) (classes need|scenes require) ({LIST})\.": _by_some,
+        r"In (\d+) of (\d+) pairs of class and scene, yes": lambda r, m: [_within(r), len(r.scenes)],
+        r"In (\d+), no:": lambda r, m: [sum(share > 1.0 for share in _pairs(r).values())],
+        rf"There ({LIST}) (?:is|are) needed too": _missed,
+        r"Of (\d+) terms:": lambda r, m: [len(r.terms)],
+        r"(?:: |; )([\w ]+?) needs (\d+), cannot tell (\d+)":
+            lambda r, m: [None, len(_needed(r, m[1].strip())), len(r.of(m[1].strip(), "cannot tell"))],
         r"basic triad of 12 parameters leaves less than the budget in (\d+) of (\d+) pairs of class and"
-        rf" scene, a model of the generalized terms in (\d+); the triad's worst is ([\w ,]+), ({SHARE})",
-        _basic,
-    ),
-    Reading(
+        rf" scene, a model of the generalized terms in (\d+); the triad's worst is ([\w ,]+), ({SHARE})":
+            _basic,
         r"over ([\d,]+) cells of class, term and scene that the tests tell, of which ([\d,]+) truly take"
         r" (10) % of the budget or more, precision is (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\)) and"
         r" recall (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\))\."
-        r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?",
-        _truth,
-    ),
+        r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?": _truth,
+        r"^(\d+) of (\d+) terms are needed by every class$":
+            lambda r, m: [len(set.intersection(*(set(_needed(r, n)) for n in r.classes))), len(r.terms)],
+        r"^The median unit needs ([\d.]+) terms of ([\w ]+), ([\d.]+) of ([\w ]+)$": _orders,
+        r"(?:that the tests cannot tell: |; )([\w ]+): ([\w ]+), cannot tell (\d+)":
+            lambda r, m: [None, _needed(r, m[1].strip()), len(r.of(m[1].strip(), "cannot tell"))],
+        rf"(?:% of the units: |; )([A-Za-z][\w ]*?) ({NUM}) \(({NUM}) to ({NUM})\)":
+            lambda r, m: [None, *_range_of(r.classes[m[1].strip()]["order"])],
+        rf"^(\w+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
+            _cell,
+        r"^(\d+) of (\d+) class(?:es)? needs? a model in the scene (.+)$":
+            lambda r, m: [r.needing(m[3]), len(r.classes), None],
+        rf"population (spread|mean) in ([\d,]+) of ([\d,]+) cases, ({NUM}) % \(({NUM}) to ({NUM})\)":
+            _covered,
+    }
+)  # fmt: skip
+
+READINGS = (
+    *OF_ALL,
+    *OF_CLASS,
+    *OF_PAIR,
+    Reading(rf"\(({SHARE}) (?:of )?the budget\)", _in_brackets),
     Reading(
         r"([^.;]*) needs? ([^.;]+); ([^.;:]+?) (?:does|do) not: in (\d+) % of the units (?:it|each) takes"
         rf" less than ({SHARE}) (?:of )?the budget",
         _in_scene,
     ),
-    Reading(r"^(\d+) of (\d+) terms are needed by every class$", _every),
-    Reading(r"^The median unit needs ([\d.]+) terms of ([\w ]+), ([\d.]+) of ([\w ]+)$", _orders),
-    Reading(r"(?:that the tests cannot tell: |; )([\w ]+): ([\w ]+), cannot tell (\d+)", _needed_alt),
-    Reading(rf"(?:% of the units: |; )([A-Za-z][\w ]*?) ({NUM}) \(({NUM}) to ({NUM})\)", _order_alt),
-    Reading(
-        rf"^(\w+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$",
-        _cell,
-    ),
     Reading(rf"(?:typical size: |; )(\w+) (-?{NUM})(?=;|$)", _population),
-    Reading(r"^(\d+) of (\d+) class(?:es)? needs? a model in the scene (.+)$", _modelled),
     Reading(r"needs a model in (\d+) of (\d+) scenes?$", _needs_model),
     Reading(
         rf"^(\w+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"
         rf" in the smallest model of ({NUM} %)$",
         _scene_cell,
     ),
-    Reading(rf"^The class needs ({LIST}|no term), (\d+) of (\d+) terms\.", _of_class),
-    Reading(rf"Of (\d+) the tests cannot tell: ({LIST})\.", _untold),
-    Reading(
-        rf"A single unit needs ({NUM}) \(({NUM}) to ({NUM})\) \(median, and (90) % of the units\)", _single
+    *fixed(
+        r"reach the (0\.95) that was asked",
+        r"asked were (86) to (94) %",
+        r"(?:The (90) % intervals|Intervals) hold(?: (90) %)?",
+        r"inputs beyond (1) g",
+        r"its mean with (90) %|posterior with (90) % intervals",
+        r"median unit, and (5) to (95) % of the units",
+        r"(12) parameters",
+        r"(90) % of the units",
+        r"in (95) % of the units or more",
+        r"below (10?) %",
+        r"^(0): without any term|\. (0): without any term",
     ),
-    Reading(r"^(\d+) of (\d+) terms are needed, and have a mean that all units share$", _shared),
-    Reading(rf"^The class needs ({LIST}) here \((\d+)\)", _here),
-    Reading(
-        rf"the smallest model has ({NUM}) \(({NUM}) to ({NUM})\) terms \(median, and (90) % of the units\)",
-        lambda lots, match, anchor: [*_range_of(_scene(lots, anchor)["order"]), 90],
-    ),
-    Reading(
-        rf"Noise comes to ({SHARE}) (?:of )?the budget",
-        lambda lots, match, anchor: [_scene(lots, anchor)["noise_share_of_budget"]],
-    ),
-    Reading(
-        rf"({NUM} %) of the units have a model that stays within the budget with (95) %",
-        lambda lots, match, anchor: [float(_scene(lots, anchor)["within"]), None],
-    ),
-    Reading(
-        rf"The basic triad leaves ({SHARE}) (?:of )?the budget",
-        lambda lots, match, anchor: [number(_scene(lots, anchor)["basic_share_of_budget"])],
-    ),
-    Reading(
-        rf"population (spread|mean) in ([\d,]+) of ([\d,]+) cases, ({NUM}) % \(({NUM}) to ({NUM})\)", _covered
-    ),
-    fixed(r"reach the (0\.95) that was asked"),
-    fixed(r"asked were (86) to (94) %"),
-    fixed(r"The (90) % intervals hold"),
-    fixed(r"Intervals hold (90) %"),
-    fixed(r"inputs beyond (1) g"),
-    fixed(r"its mean with (90) %|posterior with (90) % intervals"),
-    fixed(r"median unit, and (5) to (95) % of the units"),
-    fixed(r"(12) parameters"),
-    fixed(r"(90) % of the units"),
-    fixed(r"in (95) % of the units or more"),
-    fixed(r"below (10?) %"),
-    fixed(r"^(0): without any term|\. (0): without any term"),
-)  # fmt: skip
+)
 
 
 def wrong_cells(grid: Grid, lots: Lots) -> Iterator[str]:
@@ -447,8 +397,6 @@ def _wrong_shares(anchor: str, row: tuple[str, ...], scene: dict[str, Any]) -> I
 
 FIRST = 3
 """Paragraphs of the first screen: the answer, how many there are of each, and what it was simulated from."""
-
-ANSWERS = ("needed", "not needed", "cannot tell", "would matter")
 
 
 def told_twice(result: dict[str, Any], lots: Lots) -> Iterator[str]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
-from report_reading import Meant, Reading, fixed
+from report_reading import Meant, fixed, named, readings
 from study_phrases import NUM, TERM
 
 from imubayes.reporting.rounding import per_unit
@@ -65,44 +65,29 @@ def _common(one: Found) -> bool:
     return bool(one["component"]) and moves(one) and one["common_share"]["median"] > 0.5
 
 
-def _answered(verdict: str) -> Callable[[Found], list[str]]:
+def _answered(verdict: str, found: Found, match: re.Match[str]) -> Iterable[Meant]:
     """Terms of a verdict, by component where the components differ in it."""
-
-    def answered(found: Found) -> list[str]:
-        names = []
-        for first in _first(found):
-            parts = _of_term(found, first["term"])
-            alike = len({part["verdict"] for part in parts}) == 1
-            kept = [part["parameter"] for part in parts if part["verdict"] == verdict]
-            names += [first["parameter"]] if alike and kept else kept
-        return names
-
-    return answered
+    names = []
+    for first in _first(found):
+        parts = _of_term(found, first["term"])
+        alike = len({part["verdict"] for part in parts}) == 1
+        kept = [part["parameter"] for part in parts if part["verdict"] == verdict]
+        names += [first["parameter"]] if alike and kept else kept
+    return [names]
 
 
-def _among(which: Callable[[Found], Iterable[Found]]) -> Callable[[Found], list[str]]:
-    return lambda found: [one["parameter"] for one in which(found)][:MOST]
-
-
-def _names(phrase: str, wanted: Callable[[Found], list[str]]) -> Reading:
-    """A list of names that must be all of them."""
-    return Reading(phrase, lambda r, m, a: [wanted(_class(r, m, a))])
-
-
-def _each(words: str, item: str, wanted: Callable[[Found], list[str]]) -> Reading:
+def _each(
+    item: str, which: Callable[[Found], Iterable[Found]], found: Found, match: re.Match[str]
+) -> Iterable[Meant]:
     """A list of names with sizes, after some words: the words stand only where these are all its names."""
-
-    def meant(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-        names = wanted(_class(r, match, anchor))
-        return [None if re.findall(item, match[2]) == names else names]
-
-    return Reading(rf"({words})(.*?)\.(?= [A-Z]|$)", meant)
+    names = [one["parameter"] for one in which(found)]
+    return [None if re.findall(item, match[2]) == names else names]
 
 
-def _silent(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _silent(found: Found, match: re.Match[str]) -> Iterable[Meant]:
     """Terms that no component's test tells of, by the answer that most units give."""
     why = {"seen only in combination": "inseparable", "too small beside the noise": "unresolved"}
-    reason, found = why.get(match[2], "untested"), _class(r, match, anchor)
+    reason = why.get(match[2], "untested")
     return [
         [
             one["parameter"]
@@ -138,22 +123,13 @@ def spread_said(one: Found, key: str, said: Sequence[str | None]) -> list[float 
     return [None, *sizes] if there else [None, _limit(sizes[2])]
 
 
-def _size_of(key: str, r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    one = named(_class(r, match, anchor)["terms"], match[1])
+def _size_of(key: str, found: Found, match: re.Match[str]) -> Iterable[Meant]:
+    one = named(found["terms"], match[1], "parameter")
     return [None, *spread_said(one, key, match.groups()[1:])]
 
 
-def _sized(key: str, verb: str) -> Reading:
-    return Reading(rf"({NAME}){verb}{SPREAD} \S+(?:,| and|\.)", partial(_size_of, key))
-
-
-def named(found: Iterable[Found], name: str) -> Found:
-    return next(one for one in found if one["parameter"] == name)
-
-
-def _title(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    found = _class(r, match, anchor)
-    one = named(found["terms"], match[1])
+def _title(found: Found, match: re.Match[str]) -> Iterable[Meant]:
+    one = named(found["terms"], match[1], "parameter")
     sizes = [spread_said(one, key, [match[k]])[:2] for key, k in (("unit_to_unit", 2), ("turn_on", 4))]
     return [
         None,
@@ -162,8 +138,7 @@ def _title(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
     ]
 
 
-def _opening(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    found = _class(r, match, anchor)
+def _opening(found: Found, match: re.Match[str]) -> Iterable[Meant]:
     right = (match[2], match[3]) == (f"{found['kind']}s", found["class"])
     return [len(found["units"]) if right else math.nan, None, None, len(found["sessions"])]
 
@@ -174,74 +149,65 @@ def percents(share: Found) -> list[Meant]:
     return [value if 0.0 < value < 9.95 else round(value) for value in found]
 
 
-def _alike(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    one = named(_class(r, match, anchor)["terms"], match[4])
+def _alike(found: Found, match: re.Match[str]) -> Iterable[Meant]:
+    one = named(found["terms"], match[4], "parameter")
     shift = one["session_shift"]
     off = sum(abs(mean) > 2.0 * sd for mean, sd in zip(shift["mean"], shift["sd"], strict=True))
     return [*percents(one["common_share"]), None, off, len(shift["sessions"])]
 
 
-def _shift(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _shift(found: Found, match: re.Match[str]) -> Iterable[Meant]:
     """Distance of a session from the mean, of the term that was named last."""
     name = re.findall(rf"of that of ({NAME})", match.string[: match.start()])[-1]
-    one = named(_class(r, match, anchor)["terms"], name)
+    one = named(found["terms"], name, "parameter")
     shift, unit = one["session_shift"], per_unit(one["printed_unit"], one["unit"])
     k = shift["sessions"].index(match[1])
     return [None, shift["mean"][k] / unit, shift["sd"][k] / unit]
-
-
-def _left_out(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    found = _class(r, match, anchor)
-    return [len(found["terms"]) - len(told(found))]
 
 
 def _steady(found: Found) -> list[Found]:
     return [one for one in _whole(found) if not moves(one)]
 
 
-DIFFERS, CHANGES, BELOW = " differs by ", " changes by ", rf"(?<!: )({NAME}) (below )({NUM}) \S+(?:,| and|\.)"
+LISTS = {
+    r"From unit to unit \(sd[^)]*\) ":
+        (rf"({NAME}) differs by ", lambda c: [one for one in _whole(c) if _differs(one)][:MOST]),
+    "From one session to the next ":
+        (rf"({NAME}) changes by ", lambda c: [one for one in _whole(c) if moves(one)][:MOST]),
+    "the sd between sessions is ": (rf"({NAME}) below", lambda c: _steady(c)[:MOST]),
+    "Of the variance between sessions all units have in common, as temperature would make it: ":
+        (rf"of that of ({NAME})", lambda c: [one for one in told(c) if _common(one)]),
+}  # fmt: skip
+"""Words before a list of names with sizes, each of its items, and what its names must be."""
 
 CLASS_READINGS = (
-    Reading(r"(?<![\w.])(\d+) (\w+) of class (\w+)(?:, in (\d+) sessions)?\.", _opening),
-    _names(rf"The class needs {LISTED}\.", _answered("needed")),
-    _names(rf"Some units need {LISTED}, others do not\.", _answered("some need it")),
-    _names(rf"It does not need {LISTED}\.", _answered("not needed")),
-    _names(rf"The units leave {LISTED} undecided\.", _answered("undecided")),
-    Reading(rf"(?:cannot tell of|;) {LISTED} \((seen only [\w ]+|too small [\w ]+|not excited)\)", _silent),
-    _each(
-        r"From unit to unit \(sd[^)]*\) ",
-        rf"({NAME}){DIFFERS}",
-        _among(lambda found: filter(_differs, _whole(found))),
+    *readings(
+        {rf"({words})(.*?)\.(?= [A-Z]|$)": partial(_each, *of_each) for words, of_each in LISTS.items()}
+        | {
+            r"(?<![\w.])(\d+) (\w+) of class (\w+)(?:, in (\d+) sessions)?\.": _opening,
+            rf"The class needs {LISTED}\.": partial(_answered, "needed"),
+            rf"Some units need {LISTED}, others do not\.": partial(_answered, "some need it"),
+            rf"It does not need {LISTED}\.": partial(_answered, "not needed"),
+            rf"The units leave {LISTED} undecided\.": partial(_answered, "undecided"),
+            rf"(?:cannot tell of|;) {LISTED} \((seen only [\w ]+|too small [\w ]+|not excited)\)": _silent,
+            rf"The sessions of {LISTED} agree better than by chance": lambda c, m: [
+                [one["parameter"] for one in _steady(c) if one["p_value"] > 1.0 - one["level"]]
+            ],
+            rf"({NAME}) differs by {SPREAD} \S+(?:,| and|\.)": partial(_size_of, "unit_to_unit"),
+            rf"({NAME}) changes by {SPREAD} \S+(?:,| and|\.)": partial(_size_of, "turn_on"),
+            rf"(?<!: )({NAME}) (below )({NUM}) \S+(?:,| and|\.)": partial(_size_of, "turn_on"),
+            rf"^({NAME}): sd (below )?({NUM}) \S+ from unit to unit"
+            rf"(?:, (below )?({NUM}) \S+ between sessions)?(?:, of (\d+) units)?$": _title,
+            rf"({NUM}) % \(({NUM}) to ({NUM})\) of that of ({NAME})(?: \((\d+) of (\d+) sessions off)?":
+                _alike,
+            rf"session (\S+) by ({NUM}) ± ({NUM}) ": _shift,
+            r"(\d+) more parameters are in result\.json": lambda c, m: [len(c["terms"]) - len(told(c))],
+        },
+        _class,
     ),
-    _each(
-        "From one session to the next ",
-        rf"({NAME}){CHANGES}",
-        _among(lambda found: filter(moves, _whole(found))),
+    *fixed(
+        r"Intervals hold (90) %",
+        r"has it with (0\.95) or more",
+        r"in a further session with (90) %",
     ),
-    _each("the sd between sessions is ", rf"({NAME}) below", _among(_steady)),
-    _names(
-        rf"The sessions of {LISTED} agree better than by chance",
-        lambda found: [one["parameter"] for one in _steady(found) if one["p_value"] > 1.0 - one["level"]],
-    ),
-    _each(
-        "Of the variance between sessions all units have in common, as temperature would make it: ",
-        rf"of that of ({NAME})",
-        lambda found: [one["parameter"] for one in told(found) if _common(one)],
-    ),
-    _sized("unit_to_unit", DIFFERS),
-    _sized("turn_on", CHANGES),
-    Reading(BELOW, partial(_size_of, "turn_on")),
-    Reading(
-        rf"^({NAME}): sd (below )?({NUM}) \S+ from unit to unit"
-        rf"(?:, (below )?({NUM}) \S+ between sessions)?(?:, of (\d+) units)?$",
-        _title,
-    ),
-    Reading(
-        rf"({NUM}) % \(({NUM}) to ({NUM})\) of that of ({NAME})(?: \((\d+) of (\d+) sessions off)?", _alike
-    ),
-    Reading(rf"session (\S+) by ({NUM}) ± ({NUM}) ", _shift),
-    Reading(r"(\d+) more parameters are in result\.json", _left_out),
-    fixed(r"Intervals hold (90) %"),
-    fixed(r"has it with (0\.95) or more"),
-    fixed(r"in a further session with (90) %"),
-)
+)  # fmt: skip

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html.parser import HTMLParser
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -29,6 +30,9 @@ BLOCKS = frozenset({"p", "li", "h1", "h2", "h3", "h4", "figcaption"})
 
 Meant = float | int | Sequence[str] | None
 """What a group of a phrase must say: a number, names, or nothing that the result knows of."""
+
+Of = Callable[[Any, re.Match[str], str], Any]
+Told = Callable[[Any, re.Match[str]], Iterable[Meant]]
 
 
 @dataclass(frozen=True)
@@ -207,9 +211,33 @@ def _wrong(block: Block, readings: Sequence[Reading], result: Any) -> Iterator[s
             yield f"#{block.anchor}: nothing explains '{number[0]}' in '...{around}...'"
 
 
-def fixed(phrase: str) -> Reading:
-    """A phrase whose numbers are part of its words, such as '90 % of the units'."""
-    return Reading(phrase, lambda result, match, anchor: [None] * len(match.groups()))
+def fixed(*phrases: str) -> tuple[Reading, ...]:
+    """Phrases whose numbers are part of their words, such as '90 % of the units'."""
+    return readings({phrase: lambda _, match: [None] * len(match.groups()) for phrase in phrases})
+
+
+def readings(table: Mapping[str, Told], of: Of = lambda result, match, anchor: result) -> tuple[Reading, ...]:
+    """Readings of a table: what the groups of each phrase must be, by what the phrase is of."""
+
+    def meant(told: Told, result: Any, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+        return told(of(result, match, anchor), match)
+
+    return tuple(Reading(phrase, partial(meant, told)) for phrase, told in table.items())
+
+
+def named(entries: Iterable[Any], name: str, key: str = "name") -> Any:
+    """Entry of a result by its name."""
+    return next(one for one in entries if one[key] == name)
+
+
+def value(said: str) -> float:
+    """A number as it is written, without its unit."""
+    return float(NUMBER.findall(said)[0].replace(",", "").replace("−", "-"))
+
+
+def nearest(said: str, values: Iterable[float]) -> float:
+    """Of several values that a phrase may be of, the nearest."""
+    return min(values, key=lambda one: abs(one - value(said)), default=math.nan)
 
 
 def quantile(low: float, high: float, count: int, n: int) -> tuple[float, float]:

@@ -11,57 +11,53 @@ from collections.abc import Iterable
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from population_readings import CLASS_READINGS, MOST, NAME, named
+from population_readings import CLASS_READINGS, MOST, NAME
 from population_tables import between, pull, together, wrong_rows
-from report_reading import Block, Meant, Reading, grids, problems
+from report_reading import Block, Meant, grids, named, problems, readings
 from study_phrases import NUM, SAID
 
 Found = dict[str, Any]
 
 
-def _left_out(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [len(r["sessions"]) - len(together(r))]
+def _of(r: Found, name: str) -> Found:
+    return named(r["sessions"], name, "parameter")
 
 
-def _changing(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _changing(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     moving = sorted((one for one in together(r) if one["exceeds"]), key=lambda one: one["p_value"])
     said = re.findall(rf"({NAME}) \(sd ", match.string)
     right = said == [one["parameter"] for one in moving[:MOST]]
     return [len(moving) if right else math.nan, len(together(r))]
 
 
-def _repeats(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _repeats(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     """Units, sessions, spread and largest pull of a parameter in a figure's title."""
-    one = named(r["sessions"], match[1])
-    counts = [len(one["units"]), len(one["sessions"])]
-    return [None, *counts, *([between(one), pull(one)[0]] if one["exceeds"] else [math.nan, math.nan])]
+    one = _of(r, match[1])
+    sizes = [between(one), pull(one)[0]] if one["exceeds"] else [math.nan, math.nan]
+    return [None, len(one["units"]), len(one["sessions"]), *sizes]
 
 
-def _steady(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    one = named(r["sessions"], match[1])
+def _steady(r: Found, match: re.Match[str]) -> Iterable[Meant]:
+    one = _of(r, match[1])
     return [None, math.nan if one["exceeds"] else len(one["units"]), len(one["sessions"])]
 
 
-def _axis(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _axis(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     """Numbers of the first and the last unit of a figure's axis."""
     ends = {(one["units"][0], one["units"][-1]): len(one["units"]) for one in r["sessions"]}
     return [1, None, ends[match[2], match[4]]]
 
 
-def _session(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _session(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     """A session by its mark."""
     known = list(dict.fromkeys(name for one in r["sessions"] for name in one["sessions"]))
     return [None, None if known["●■▲◆▼✚".index(match[1])] == match[2] else math.nan]
 
 
-def _alarm(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-    return [together(r)[0]["level"]]
-
-
 # All cases together
 
 
-def _held(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _held(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     """Errors within 2 sd, counted from the errors; and how many there should be."""
     starts = {"Length of the force": "gravity", "Rates": "rest", "Up carried": "closure", "Angles": "turn"}
     what = next(what for start, what in starts.items() if match.string.startswith(start))
@@ -72,40 +68,33 @@ def _held(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
     return [inside, of, round(expected) if (inside < expected) == larger else math.nan]
 
 
-def _drawn(r: Found, match: re.Match[str], anchor: str) -> Iterable[Meant]:
+def _drawn(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     ids = {one["id"] for one in r["sensors"]}
-    named = match[3].split(", ")
-    return [len(named) if ids.issuperset(named) else math.nan, len(ids)]
+    names = match[3].split(", ")
+    return [len(names) if ids.issuperset(names) else math.nan, len(ids)]
 
 
-SESSION_READINGS = (
-    Reading(r"^(\d+) of (\d+) parameters changes? between sessions", _changing),
-    Reading(rf"({NAME}) \(sd ({NUM}) \S+\)", lambda r, m, a: [None, between(named(r["sessions"], m[1]))]),
-    Reading(
-        rf"(\d+)% of the scatter of ({NAME})",
-        lambda r, m, a: [round(100.0 * named(r["sessions"], m[2])["shared"]), None],
-    ),
-    Reading(rf"Each test alarms below p ({NUM})", _alarm),
-    Reading(r"(\d+) more parameters are in result\.json", _left_out),
-    Reading(
+SESSION_READINGS = readings(
+    {
+        r"^(\d+) of (\d+) parameters changes? between sessions": _changing,
+        rf"({NAME}) \(sd ({NUM}) \S+\)": lambda r, m: [None, between(_of(r, m[1]))],
+        rf"(\d+)% of the scatter of ({NAME})": lambda r, m: [round(100.0 * _of(r, m[2])["shared"]), None],
+        rf"Each test alarms below p ({NUM})": lambda r, m: [together(r)[0]["level"]],
+        r"(\d+) more parameters are in result\.json": lambda r, m: [len(r["sessions"]) - len(together(r))],
         rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?: between sessions ({NUM}) \S+,"
-        rf" largest pull ({NUM}) sd$",
-        _repeats,
-    ),
-    Reading(rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?(: within the error bars)$", _steady),
-    Reading(r"^unit, (\d+) (\S+) to (\d+) (\S+)$", _axis),
-    Reading(r"([●■▲◆▼✚]) (\w+)(?=[,.])", _session),
+        rf" largest pull ({NUM}) sd$": _repeats,
+        rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?(: within the error bars)$": _steady,
+        r"^unit, (\d+) (\S+) to (\d+) (\S+)$": _axis,
+        r"([●■▲◆▼✚]) (\w+)(?=[,.])": _session,
+    }
 )
 
-CASE_READINGS = (
-    Reading(
+CASE_READINGS = readings(
+    {
         r"(\d+) of (\d+) lie within 2 sd of what is predicted"
-        r"(?: \((\d+) expected: they are (larger|smaller) than predicted\))?",
-        _held,
-    ),
-    Reading(
-        r"drawn of (\d+) of the (\d+) components, those whose rows fit worst: ([^ ]+(?:, [^ ]+)*)\.$", _drawn
-    ),
+        r"(?: \((\d+) expected: they are (larger|smaller) than predicted\))?": _held,
+        r"drawn of (\d+) of the (\d+) components, those whose rows fit worst: ([^ ]+(?:, [^ ]+)*)\.$": _drawn,
+    }
 )
 
 

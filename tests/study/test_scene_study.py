@@ -144,6 +144,8 @@ TURNED = """
 [study]
 seed = 1
 method = "exact"
+[decision]
+compare = false
 [[sensor]]
 id = "ACC"
 kind = "accelerometer"
