@@ -20,8 +20,7 @@ from imubayes.reporting.population_views import class_section, class_title, clas
 from imubayes.reporting.posterior import write_posterior
 from imubayes.reporting.results import command, result_json
 from imubayes.reporting.rounding import pretty
-from imubayes.reporting.session_views import session_section
-from imubayes.reporting.session_words import session_sentence
+from imubayes.reporting.session_views import session_section, session_sentence
 from imubayes.reporting.views import (
     MANY,
     Shown,

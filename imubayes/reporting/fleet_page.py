@@ -11,14 +11,12 @@ from markupsafe import Markup
 
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat, swatch
-from imubayes.reporting.fleet_figures import fleet_population_panel, verdict_panel
-from imubayes.reporting.fleet_words import fleet_answer, noise_range, plain, pull_value
 from imubayes.reporting.html import write_page
+from imubayes.reporting.lots_figures import population_panel, verdict_panel
 from imubayes.reporting.lots_results import fleet_json
-from imubayes.reporting.lots_words import class_name
-from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, ranged
+from imubayes.reporting.lots_words import class_name, fleet_answer, noise_range, population_cells, pull_value
+from imubayes.reporting.rounding import measured, per_unit, percent
 from imubayes.reporting.terminal import terminal
-from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:
@@ -57,7 +55,7 @@ def fleet_page(result: FleetResult) -> Page:
         "Units with each verdict", ("term", *VERDICTS), _count_rows(result), "tn", "Number of units."
     )
     noise = [
-        (name, noise_range(one, study.spec.library, k))
+        (name, noise_range(one, study.spec.kind, k))
         for k, (name, one) in enumerate(zip("NBK", found.noise, strict=True))
     ]
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
@@ -85,11 +83,13 @@ def fleet_page(result: FleetResult) -> Page:
 def _population(result: FleetResult) -> Iterator[Block]:
     """Population of each term, drawn and in numbers."""
     true, told = (("true",), " True: of the lot that was simulated.") if result.study.simulated else ((), "")
-    yield Figure((verdict_panel(result, "v"), fleet_population_panel(result, "p")), KEY)
+    lib, terms = result.study.spec.library, result.answer.terms
+    population = population_panel(terms, result.study.sensor_class, lib, "p")
+    yield Figure((verdict_panel(result, "v"), population), KEY)
     yield Table(
         "Population of the units",
         ("term", "symbol", "mean", *true, "spread", *true, "unit", "needed", "open"),
-        _population_rows(result),
+        [*population_cells(terms, lib, true=result.study.simulated)],
         "ttn",
         "Mean and spread of the units: a hierarchical posterior with 90 % intervals, which does not take"
         f" the error of each unit's test for the spread of the units.{told} Needed, open (undecided, or"
@@ -126,31 +126,6 @@ def _broken(result: FleetResult) -> Iterator[Section]:
             " reads them and leaves the others as they are."
         )
         yield Section(title, [Table(title, (), rows, "tw", note)], "broken")
-
-
-def _population_rows(result: FleetResult) -> list[tuple[str, ...]]:
-    """Population of each term, with the truth where the units are simulated."""
-    rows, simulated, spelt = [], result.study.simulated, symbols(result.study.spec.library)
-    for term, one in zip(result.study.spec.library.terms, result.answer.terms, strict=True):
-        size = per_unit(term.printed, term.unit)
-        truth = [(_number(value / size),) if simulated else () for value in (one.true_mean, one.true_spread)]
-        cells = (
-            one.name,
-            spelt[term.name],
-            ranged(one.mean, size=size),
-            *truth[0],
-            ranged(one.spread, size=size),
-            *truth[1],
-            pretty(term.printed),
-            percents(one.needed),
-            percent(one.open),
-        )
-        rows.append(cells)
-    return rows
-
-
-def _number(value: float) -> str:
-    return plain(measured(value, 0.0))
 
 
 def _count_rows(result: FleetResult) -> list[tuple[str, ...]]:

@@ -1,4 +1,4 @@
-"""Figures of a class-level study: matrices of terms by class or by scene, model order, populations.
+"""Figures of lots and fleets: matrices of terms by class or by scene, model order, populations.
 
 The matrices are drawn here and not by the plotting library: each of their cells is a link to its numbers.
 """
@@ -6,23 +6,34 @@ The matrices are drawn here and not by the plotting library: each of their cells
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, in_scene, of_class, terms_in, terms_of
+from imubayes.population.needs import (
+    NEEDED,
+    UNTOLD,
+    VERDICTS,
+    WOULD_MATTER,
+    in_scene,
+    of_class,
+    terms_in,
+    terms_of,
+)
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     PALE,
+    VERDICT_COLOURS,
     WARNING,
     WIDTH,
     Axes,
     Margins,
     Panel,
+    areas,
     dots,
     draw,
     few_ticks,
@@ -34,10 +45,12 @@ from imubayes.sensors.catalogue import prior_sd
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.population.fleet import FleetResult
     from imubayes.population.lots import LotResult
     from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.population.spreads import PopulationTerm
+    from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Library
 
 OPEN = "#E69F00"
@@ -60,6 +73,18 @@ LINE = 17
 
 FARTHEST = 3.0
 """Typical sizes at which the axis of the populations ends; what lies beyond is drawn at the end."""
+
+
+SHOWN = (
+    (("needed",), ACCENT),
+    (("undecided",), VERDICT_COLOURS["undecided"]),
+    (("inseparable", "unresolved", "untested"), VERDICT_COLOURS["inseparable"]),
+    (("not needed",), PALE),
+)
+"""Verdicts that share a colour, in the order of a bar from the left."""
+
+HALF_BAR = 0.36
+"""Half height of a bar, in rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,55 +282,82 @@ def order_panel(result: LotResult, key: str) -> Panel:
     title = f"The median unit needs {most.value:.3g} terms of {biggest}, {least.value:.3g} of {smallest}"
 
     def paint(axes: Axes) -> None:
-        _lines(axes, names, [(o.low, o.value, o.high) for o in orders])
+        _lines(axes, [(o.low, o.value, o.high) for o in orders])
         axes.set(xlabel="terms needed", xlim=(0.0, len(result.study.library.terms)))
         few_ticks(axes, 5, len(names), counts=True)
-        axes.set_yticks(range(len(names)), names)
 
     alt = "Terms needed, median and 90 % of the units: " + "; ".join(
         f"{name} {amid(o)}" for name, o in zip(names, orders, strict=True)
     )
-    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=_margins(names))
+    return _by_name(paint, title, alt, key, names)
 
 
-def population_panel(found: ClassFound, lib: Library, key: str) -> Panel:
+def population_panel(terms: Sequence[PopulationTerm], entry: SensorClass, lib: Library, key: str) -> Panel:
     """Population of each term beside the class's typical size: mean with its interval, and spread."""
-    scales = [prior_sd(found.sensor_class, term)[0] for term in lib.terms]
-    names = list(lib.names)
-    shared = [
-        term.name for term in found.terms if of_class(term) == NEEDED and term.mean.low * term.mean.high > 0.0
-    ]
-    title = f"{len(shared)} of {len(names)} terms are needed, and have a mean that all units share"
+    names, scaled = (
+        lib.names,
+        [(t, prior_sd(entry, term)[0]) for t, term in zip(terms, lib.terms, strict=True)],
+    )
+    shared = sum(of_class(t) == NEEDED and t.mean.low * t.mean.high > 0.0 for t in terms)
+    title = f"{shared} of {len(names)} terms are needed, and have a mean that all units share"
 
     def paint(axes: Axes) -> None:
-        scaled = [(term, scale) for term, scale in zip(found.terms, scales, strict=True)]
         spreads = [
             ((t.mean.value - t.spread.value) / s, (t.mean.value + t.spread.value) / s) for t, s in scaled
         ]
         for row, (low, high) in enumerate(np.clip(spreads, -FARTHEST, FARTHEST)):
             axes.plot([low, high], [row, row], color=PALE, linewidth=5.0, solid_capstyle="butt")
         means = [(t.mean.low / s, t.mean.value / s, t.mean.high / s) for t, s in scaled]
-        _lines(axes, names, np.clip(means, -FARTHEST, FARTHEST).tolist())
+        _lines(axes, np.clip(means, -FARTHEST, FARTHEST).tolist())
         axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
         axes.set(
             xlabel="population over the typical size of the class", xlim=(-1.05 * FARTHEST, 1.05 * FARTHEST)
         )
 
     alt = "Population mean over the class's typical size: " + "; ".join(
-        f"{t.name} {t.mean.value / s:.2g}" for t, s in zip(found.terms, scales, strict=True)
+        f"{t.name} {t.mean.value / s:.2g}" for t, s in scaled
     )
-    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=_margins(names))
+    return _by_name(paint, title, alt, key, names)
 
 
-def _margins(names: Sequence[str]) -> Margins:
-    return Margins(left=int(14 + LETTER * max(len(name) for name in names)))
+def verdict_panel(result: FleetResult, key: str) -> Panel:
+    """Share of the units with each verdict, a bar for each term."""
+    answer, names = result.answer, result.study.spec.library.names
+    counts: dict[str, np.ndarray] = dict(zip(VERDICTS, answer.counts, strict=True))
+    mostly = sum(of_class(term) == NEEDED for term in answer.terms)
+
+    def paint(axes: Axes) -> None:
+        left = np.zeros(len(names))
+        for verdicts, colour in SHOWN:
+            right = left + 100.0 * np.sum([counts[verdict] for verdict in verdicts], axis=0) / answer.units
+            rows = enumerate(zip(left.tolist(), right.tolist(), strict=True))
+            areas(axes, [(a, b, row - HALF_BAR, row + HALF_BAR) for row, (a, b) in rows if b > a], colour)
+            left = right
+        few_ticks(axes, 4, len(names))
+        axes.set(xlabel="units, %", xlim=(0.0, 100.0))
+
+    alt = "Units in which each term is needed: " + "; ".join(
+        f"{term.name} {100.0 * term.needed.value:.0f} %" for term in answer.terms
+    )
+    title = f"{mostly} of {len(names)} terms are needed by most units"
+    return _by_name(paint, title, alt, key, names)
 
 
-def _lines(axes: Axes, names: Sequence[str], rows: Sequence[tuple[float, float, float]]) -> None:
-    """Draw low, middle and high of each row, the first row on top."""
+def _by_name(paint: Callable[[Axes], None], title: str, alt: str, key: str, names: Sequence[str]) -> Panel:
+    """Panel with a row for each name, the first on top."""
+
+    def painted(axes: Axes) -> None:
+        paint(axes)
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.4, -0.6)
+        axes.tick_params(axis="y", length=0)
+
+    margins = Margins(left=int(14 + LETTER * max(map(len, names))))
+    return draw(painted, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=margins)
+
+
+def _lines(axes: Axes, rows: Sequence[tuple[float, float, float]]) -> None:
+    """Draw low, middle and high of each row."""
     for row, (low, middle, high) in enumerate(rows):
         axes.plot([low, high], [row, row], color=ACCENT, linewidth=1.5)
         dots(axes, np.array([middle]), np.array([float(row)]), color=ACCENT, size=6.0)
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0)

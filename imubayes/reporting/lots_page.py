@@ -41,7 +41,6 @@ from imubayes.reporting.lots_figures import (
     population_panel,
     scene_matrix,
 )
-from imubayes.reporting.lots_headline import headline, simulated, status
 from imubayes.reporting.lots_results import lots_json
 from imubayes.reporting.lots_sentences import (
     SIMULATED,
@@ -58,25 +57,27 @@ from imubayes.reporting.lots_words import (
     capitalised,
     class_name,
     counts,
+    headline,
+    plain,
+    population_cells,
     scene_name,
+    simulated,
     slug,
+    status,
 )
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
     duration,
-    measured,
     per_unit,
     percent,
     percents,
     pretty,
-    ranged,
     share,
     share_range,
 )
 from imubayes.reporting.terminal import terminal
 from imubayes.sensors.catalogue import prior_sd
-from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -84,7 +85,7 @@ if TYPE_CHECKING:
     from imubayes.population.lots import Coverage, LotResult
     from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound, MissionTerm
-    from imubayes.reporting.lots_headline import Said
+    from imubayes.reporting.lots_words import Said
     from imubayes.sensors.terms import Kind
 
 
@@ -243,7 +244,7 @@ def _class(result: LotResult, k: int) -> Section:
     """Page of a class."""
     found, lib = result.classes[k], result.study.library
     entry, title = found.sensor_class, capitalised(class_name(found.sensor_class))
-    panels = [population_panel(found, lib, f"population{k}")]
+    panels = [population_panel(found.terms, entry, lib, f"population{k}")]
     if found.missions:
         panels.append(class_matrix(found, f"class{k}"))
     rows = _population_rows(result, found)
@@ -263,29 +264,16 @@ def _class(result: LotResult, k: int) -> Section:
 
 
 def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
-    rows, spelt = [], symbols(replace(result.study.library, technology=found.sensor_class.technology))
-    for term, one in zip(result.study.library.terms, found.terms, strict=True):
-        size = per_unit(term.printed, term.unit)
-        typical = prior_sd(found.sensor_class, term)[0]
-        cells = (
-            link(one.name, "needed-terms"),
-            spelt[term.name],
-            ranged(one.mean, size=size),
-            _plain(one.true_mean / size),
-            ranged(one.spread, size=size),
-            _plain(one.true_spread / size),
-            pretty(term.printed),
-            _plain(typical / size),
-            percents(one.needed),
-            percent(one.open),
-            of_class(one),
-        )
-        rows.append(Row(cells, slug("class", found.sensor_class.id, one.name)))
+    entry = found.sensor_class
+    lib = replace(result.study.library, technology=entry.technology)
+    rows = []
+    for term, one, base in zip(
+        lib.terms, found.terms, population_cells(found.terms, lib, true=True), strict=True
+    ):
+        typical = plain(prior_sd(entry, term)[0] / per_unit(term.printed, term.unit))
+        cells = (link(one.name, "needed-terms"), *base[1:-2], typical, *base[-2:], of_class(one))
+        rows.append(Row(cells, slug("class", entry.id, one.name)))
     return rows
-
-
-def _plain(value: float) -> str:
-    return str(measured(value, 0.0)).replace("-", "−")
 
 
 def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
@@ -317,7 +305,7 @@ def _scene_row(term: MissionTerm, answer: str, scene: str, kind: Kind) -> tuple[
     size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     return (
         link(term.name, slug("scene", scene)),
-        _plain(term.rms / size),
+        plain(term.rms / size),
         share_range(term.share),
         share(term.true_share),
         percent(term.required),

@@ -18,9 +18,8 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
-from imubayes.reporting.fleet_words import fleet_answer
-from imubayes.reporting.lots_headline import simulated, status
 from imubayes.reporting.lots_sentences import lots_answer
+from imubayes.reporting.lots_words import fleet_answer, simulated, status
 from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.entries import Fleet, FleetTerm, Interval
 from imubayes.reporting.result.file import result_text

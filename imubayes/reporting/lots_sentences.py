@@ -19,16 +19,25 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
-from imubayes.reporting.lots_headline import Said, counts_by_class, headline
-from imubayes.reporting.lots_words import amid, capitalised, class_name, covered, of_budget, scene_name, slug
-from imubayes.reporting.rounding import NARROW, percent
+from imubayes.reporting.lots_words import (
+    Said,
+    amid,
+    capitalised,
+    class_name,
+    headline,
+    of_budget,
+    scene_name,
+    slug,
+)
+from imubayes.reporting.rounding import NARROW, percent, percents
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots import LotResult
+    from imubayes.population.lots import Coverage, LotResult
     from imubayes.population.needs import ClassFound
     from imubayes.population.scenes import MissionFound
 
@@ -80,7 +89,13 @@ class Contrast:
 
 def lots_answer(result: LotResult) -> tuple[Said, ...]:
     """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
-    said = [headline(result), counts_by_class(result)]
+    each = "; ".join(
+        f"{class_name(one.sensor_class)} needs {len(terms_of(one, NEEDED))}, cannot tell"
+        f" {len(terms_of(one, UNTOLD))}"
+        for one in result.classes
+    )
+    counts = f"Of {counted(len(result.study.library.terms), 'term')}: {each}."
+    said = [headline(result), Said(counts, "needed-terms")]
     divided = _divided(result)
     # that a bias or a scale counts surprises nobody
     telling = [one for one in divided if not set(one.terms) & set(TERMS)] or divided
@@ -290,10 +305,15 @@ def check_sentences(result: LotResult) -> tuple[str, ...]:
         f" which {true:,} truly take {percent(MATTERS)} of the budget or more, precision is"
         f" {_bounded(check.precision)} and recall {_bounded(check.recall)}.{more}",
         f"{'Both reach' if good else 'Not both reach'} the {ASKED:g} that was asked of them.",
-        f"The 90{NARROW}% intervals hold the population spread in {covered(check.population_spread)}; asked"
+        f"The 90{NARROW}% intervals hold the population spread in {_covered(check.population_spread)}; asked"
         f" were {100 * low:.0f} to {percent(high)}{'' if calibrated else ', which this is outside of'}."
-        f" They hold the population mean in {covered(check.population_mean)}.",
+        f" They hold the population mean in {_covered(check.population_mean)}.",
     )
+
+
+def _covered(found: Coverage) -> str:
+    """How many truths their intervals hold, with the share's interval."""
+    return f"{found.held:,} of {found.of:,} cases, {percents(found.share)}"
 
 
 def _bounded(found: Share) -> str:

@@ -1,27 +1,65 @@
-"""Names and numbers of a class-level study as its report prints them."""
+"""Names, numbers and answers of lots and fleets as their reports print them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.rounding import NARROW, duration, percents, pretty, share
+from imubayes.population.lots import Against
+from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, could_change, of_class, terms_in, terms_of
+from imubayes.reporting.rounding import (
+    NARROW,
+    NOISE_SI,
+    NOISE_UNITS,
+    duration,
+    half_up,
+    measured,
+    per_unit,
+    percent,
+    percents,
+    pretty,
+    ranged,
+    share,
+)
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.scenes.relevance import MATTERS
+from imubayes.selection.verdicts import listed
+from imubayes.sensors.equations.basic import TERMS
+from imubayes.sensors.equations.standards import symbols
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import Mission
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots import Coverage
+    from imubayes.population.fleet import FleetResult, Pull
+    from imubayes.population.lots import LotResult
+    from imubayes.population.needs import ClassFound
+    from imubayes.population.records import Broken
     from imubayes.population.scenes import MissionTerm
+    from imubayes.population.spreads import PopulationTerm
     from imubayes.sensors.sensor_class import SensorClass
-    from imubayes.sensors.terms import Kind
+    from imubayes.sensors.terms import Kind, Library
+
+NAMED = 5
+"""Units that a sentence names before it counts."""
 
 GRADES = ("consumer", "industrial", "tactical", "navigation", "strategic")
 """Words of a class's id that go first in a sentence."""
 
 SPELLED = frozenset({"mems", "fog", "ifog", "rlg", "hrg", "vba", "piga", "sdf", "rig", "dtg", "cvg"})
 """Words of a class's id that are spelled in capitals."""
+
+
+MOST_WORDS = 60
+"""Words of an answer."""
+
+FEW_WORDS = 15
+"""Words of its last sentence, which says what is not needed, before it names classes only."""
+
+MOST_NAMES = 3
+"""Classes, or scenes, that a sentence names."""
 
 
 def class_name(entry: SensorClass) -> str:
@@ -51,13 +89,7 @@ def slug(*parts: str) -> str:
 
 
 def capitalised(text: str) -> str:
-    """Text that begins a sentence.
-
-    Examples
-    --------
-    >>> capitalised("consumer MEMS")
-    'Consumer MEMS'
-    """
+    """Text that begins a sentence: ``Consumer MEMS``."""
     return f"{text[:1].upper()}{text[1:]}"
 
 
@@ -78,19 +110,6 @@ def of_budget(taken: float) -> str:
     return f"{text} the budget" if text.endswith("times") else f"{text} of the budget"
 
 
-def covered(found: Coverage) -> str:
-    r"""How many truths their intervals hold, with the share's interval.
-
-    Examples
-    --------
-    >>> from imubayes.inference.intervals import Share
-    >>> from imubayes.population.lots import Coverage
-    >>> covered(Coverage(9, 10, Share(0.9, 0.64, 0.98)))
-    '9 of 10 cases, 90\xa0% (64 to 98)'
-    """
-    return f"{found.held:,} of {found.of:,} cases, {percents(found.share)}"
-
-
 def budget(mission: Mission, kind: Kind) -> str:
     """Duration and budget of a scene in words."""
     quantity, limit = mission.budget.quantity, mission.budget.limit
@@ -100,17 +119,274 @@ def budget(mission: Mission, kind: Kind) -> str:
 
 
 def amid(found: Share) -> str:
-    """Median count of terms, with the range of 90 % of the units.
-
-    Examples
-    --------
-    >>> from imubayes.inference.intervals import Share
-    >>> amid(Share(12.5, 9.0, 14.0))
-    '12.5 (9 to 14)'
-    """
+    """Median count of terms, with the range of 90 % of the units: ``12.5 (9 to 14)``."""
     return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
 
 
 def counts(term: MissionTerm) -> bool:
     """Whether a table of a scene shows a term: it is required in some unit, or takes a hundredth."""
     return term.required > 0.0 or max(term.share.high, term.true_share) >= 0.1 * MATTERS
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A sentence, and the anchor of the numbers behind it."""
+
+    text: str
+    anchor: str
+
+
+def headline(result: LotResult) -> Said:
+    """Answer what the study asks (`LotStudy.asks`) by naming terms, in at most `MOST_WORDS` words."""
+    asks = result.study.asks
+    if isinstance(asks, Against):
+        return Said(_short(_against(result, asks)), "needed-terms")
+    if asks == "scenes":
+        return Said(_short(_of_scenes(result)), "scenes")
+    if asks == "triad":
+        return Said(_short(_of_triad(result)), "basic")
+    return Said(_short(_of_classes(result), _rest(result.classes)), "needed-terms")
+
+
+def _short(sentences: Iterable[str], last: str = "") -> str:
+    """As many sentences, the first ones first, as leave room for the last one in an answer.
+
+    Examples
+    --------
+    >>> _short(["Nothing is needed.", "a " * 57 + "a.", "More."], "No more.")
+    'Nothing is needed. No more.'
+    """
+    said: list[str] = []
+    for one in sentences:
+        if len(" ".join((*said, one, last)).split()) > MOST_WORDS:
+            break
+        said.append(one)
+    return " ".join((*said, last)).rstrip()
+
+
+def _of_classes(result: LotResult) -> list[str]:
+    """What all classes need, then what only some do."""
+    needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
+    return _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
+
+
+def _rest(classes: Sequence[ClassFound]) -> str:
+    """What classes do not need, where it is little, and that of the others the tests cannot tell."""
+    idle = {class_name(one.sensor_class): terms_of(one, NOT_NEEDED) for one in classes}
+    without = [f"{name} {listed(terms)}" for name, terms in idle.items() if terms]
+    told = f"Not needed: {'; '.join(without)}" if without else "No term is shown not to be needed"
+    if len(told.split()) > FEW_WORDS:
+        told = f"{capitalised(listed(name for name, terms in idle.items() if terms))} do without others"
+    untold = any(terms_of(one, UNTOLD) for one in classes)
+    return f"{told}; of the rest the tests cannot tell." if untold else f"{told}."
+
+
+def _by_owner(
+    names: Sequence[str], needed: dict[str, tuple[str, ...]], words: tuple[str, str, str]
+) -> list[str]:
+    """Sentences on who needs which terms, those that most need first.
+
+    Examples
+    --------
+    >>> _by_owner(["b0", "b1", "g_i"], {"MEMS": ("b0", "g_i"), "FOG": ("b0",)}, ("class", "classes", "need"))
+    ['Every class needs b0.', 'MEMS needs g_i.']
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        owners = tuple(owner for owner, terms in needed.items() if name in terms)
+        if owners:
+            groups.setdefault(owners, []).append(name)
+    ordered = sorted(groups.items(), key=lambda group: (-len(group[0]), -len(group[1])))
+    said = [_owned(owners, terms, tuple(needed), words) for owners, terms in ordered]
+    return said or [f"No {words[0]} is shown to {words[2]} any term."]
+
+
+def _owned(
+    owners: Sequence[str], terms: Sequence[str], every: Sequence[str], words: tuple[str, str, str]
+) -> str:
+    one, many, need = words
+    missing = [name for name in every if name not in owners]
+    if not missing:
+        return f"Every {one} {need}s {listed(terms)}."
+    if len(owners) == 1:
+        return f"{capitalised(owners[0])} {need}s {listed(terms)}."
+    if len(owners) <= MOST_NAMES:
+        return f"{capitalised(listed(owners))} {need} {listed(terms)}."
+    if len(missing) <= MOST_NAMES:
+        return f"All but {listed(missing)} {need} {listed(terms)}."
+    return f"{len(owners)} of {len(every)} {many} {need} {listed(terms)}."
+
+
+def _of_scenes(result: LotResult) -> list[str]:
+    """Which terms each scene requires of most classes."""
+    count, needed = len(result.classes), dict[str, tuple[str, ...]]()
+    for k, mission in enumerate(result.study.missions):
+        votes = [name for one in result.classes for name in terms_in(one, one.missions[k], NEEDED)]
+        needed[scene_name(mission.name)] = tuple(
+            name for name in result.study.library.names if 2 * votes.count(name) >= count
+        )
+    said = _by_owner(result.study.library.names, needed, ("scene", "scenes", "require"))
+    idle = [name for name, terms in needed.items() if not terms]
+    none = [f"{capitalised(listed(idle))} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
+    return [f"Of half of the classes or more: {said[0][:1].lower()}{said[0][1:]}", *said[1:], *none]
+
+
+def _of_triad(result: LotResult) -> list[str]:
+    """Whether the triad is enough, where it is not, and which terms are needed there beside its own."""
+    pairs = [(one, scene) for one in result.classes for scene in one.missions]
+    short = sorted((p for p in pairs if p[1].basic_share > 1.0), key=lambda p: -p[1].basic_share)
+    if not short:
+        return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
+    missed = {name for one, scene in short for name in terms_in(one, scene, NEEDED)} - set(TERMS)
+    named = [name for name in result.study.library.names if name in missed]
+    where = listed(
+        f"{class_name(one.sensor_class)} in {scene_name(scene.mission)} ({of_budget(scene.basic_share)})"
+        for one, scene in short[:MOST_NAMES]
+    )
+    worst = "worst are " if len(short) > MOST_NAMES else ""
+    return [
+        f"In {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes.",
+        f"In {len(short)}, no: {worst}{where}.",
+        f"There {listed(named)} {'is' if len(named) == 1 else 'are'} needed too."
+        if named
+        else "No other term is shown to be needed there.",
+    ]
+
+
+def _against(result: LotResult, asks: Against) -> list[str]:
+    """What some classes all need, by whether the others do; then what only the others need."""
+    mine, others = (
+        [one for one in result.classes if one.sensor_class.id in ids] for ids in (asks.needed_by, asks.not_by)
+    )
+    me, them, names = _called(mine), _called(others), result.study.library.names
+    wanted = [n for n in names if all(n in terms_of(one, NEEDED) for one in mine)]
+    theirs = [n for n in names if any(n in terms_of(one, NEEDED) for one in others)]
+    only = [n for n in wanted if all(n in terms_of(one, NOT_NEEDED) for one in others)]
+    both = [n for n in wanted if n in theirs]
+    more = [n for n in theirs if n not in wanted]
+    untold = [n for n in more if any(n in terms_of(one, UNTOLD) for one in mine)]
+    need = f"some {them} need" if len(others) > 1 else f"{them} needs"
+    alone = [n for n in wanted if n not in (*only, *both)]
+    groups = (
+        (only, f"{me} needs {{}}, and {them} does not."),
+        (both, f"{me} needs {{}}, and {need} them too."),
+        (alone, f"{me} needs {{}}; of {them} the tests cannot tell."),
+        ([n for n in more if n not in untold], f"{need} {{}}, and {me} does not."),
+        (untold, f"{need} {{}}; of {me} the tests cannot tell."),
+    )
+    said = [capitalised(text.format(listed(terms))) for terms, text in groups if terms]
+    return said if only else [f"None is shown to be needed by {me} alone.", *said]
+
+
+def _called(classes: Sequence[ClassFound]) -> str:
+    """Name of some classes together: the words that all of them share (``MEMS``), else their names."""
+    names = [class_name(one.sensor_class) for one in classes]
+    shared = [word for word in names[0].split() if all(word in name.split() for name in names)]
+    return " ".join(shared) or listed(names)
+
+
+def status(result: LotResult) -> str:
+    """How many answers there are of each kind, over the terms of all classes."""
+    classes, terms = len(result.classes), len(result.study.library.terms)
+    counts = (
+        f"{sum(len(terms_of(one, answer)) for one in result.classes)} {answer}"
+        for answer in (NEEDED, NOT_NEEDED, UNTOLD)
+    )
+    each = "each of " if classes > 1 else ""
+    return f"{' · '.join(counts)} ({counted(terms, 'term')} of {each}{counted(classes, 'class')})"
+
+
+def simulated(result: LotResult) -> str:
+    """That it is simulated, from how many units, and how many answers hang on which units these were."""
+    units, kind = result.study.units, result.study.kind
+    every = [term for one in result.classes for term in one.terms]
+    loose = sum(could_change(term, units) for term in every)
+    return (
+        f"Simulated: one lot of {units} {kind}s of each class. With other units of these lots {loose} of the"
+        f" {len(every)} answers could change (90 % intervals); other lots may differ by more."
+    )
+
+
+def fleet_answer(result: FleetResult) -> tuple[str, ...]:
+    """The answer in sentences: how large a unit's model is, what stands out, what could not be read."""
+    answer, spec = result.answer, result.study.spec
+    mostly = [term.name for term in answer.terms if of_class(term) == NEEDED]
+    untold = [term.name for term in answer.terms if of_class(term) == UNTOLD]
+    kind = f"{spec.kind}s" if answer.units != 1 else spec.kind
+    sentences = [
+        f"{answer.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "
+        f"{half_up(answer.order.value):.0f} of {counted(len(answer.terms), 'term')} (90 % of the units: "
+        f"{half_up(answer.order.low):.0f} to {half_up(answer.order.high):.0f}).",
+        f"Needed in half of the units or more: {', '.join(mostly) or 'none'}.",
+    ]
+    if untold:
+        sentences.append(f"The test leaves open in half of the units or more: {', '.join(untold)}.")
+    return (*sentences, standing_out(result), *_broken_sentence(answer.broken, len(result.study.units)))
+
+
+def standing_out(result: FleetResult) -> str:
+    """Which units are farther from the population than is expected of any."""
+    answer, lib = result.answer, result.study.spec.library
+    expected = f"beyond {answer.limit:.1f} sd, where one fleet in a hundred has any unit"
+    if not answer.outliers:
+        return (
+            f"No unit stands out from the population ({expected}; the farthest is at {_sd(answer.worst[0])})."
+        )
+    named = [one for one in answer.worst if one.outlier][:NAMED]
+    texts = [f"{one.unit} in {one.term} ({_sd(one)}, {pull_value(one, lib)})" for one in named]
+    more = f" and {answer.outliers - len(named)} more" if answer.outliers > len(named) else ""
+    stand = f"{counted(answer.outliers, 'unit')} stand{'s' if answer.outliers == 1 else ''}"
+    return f"{stand} out from the population ({expected}): {', '.join(texts)}{more}."
+
+
+def _sd(pull: Pull) -> str:
+    return f"{pull.pull:+.1f} sd".replace("-", "−")
+
+
+def pull_value(pull: Pull, lib: Library) -> str:
+    """Value of a unit's term that stands out, in the unit people use."""
+    terms = {term.name: (term.printed, per_unit(term.printed, term.unit)) for term in lib.terms}
+    printed, size = terms.get(pull.term) or (NOISE_UNITS[lib.kind][0], _noise_size(lib.kind, 0))
+    return plain(pull.value / size, pretty(printed))
+
+
+def _noise_size(kind: Kind, k: int) -> float:
+    """SI value of one printed unit of N, B or K."""
+    return per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
+
+
+def population_cells(
+    terms: Sequence[PopulationTerm], lib: Library, *, true: bool
+) -> Iterator[tuple[str, ...]]:
+    """Each term, its symbol, mean and spread of the population, unit, and shares needed and open.
+
+    Mean and spread are beside those of the simulated lot where `true`.
+    """
+    spelt = symbols(lib)
+    for term, one in zip(lib.terms, terms, strict=True):
+        size = per_unit(term.printed, term.unit)
+        truth = [(plain(value / size),) if true else () for value in (one.true_mean, one.true_spread)]
+        mean, spread = ranged(one.mean, size=size), ranged(one.spread, size=size)
+        shares = pretty(term.printed), percents(one.needed), percent(one.open)
+        yield one.name, spelt[term.name], mean, *truth[0], spread, *truth[1], *shares
+
+
+def noise_range(found: Share, kind: Kind, k: int) -> str:
+    """Median of N, B or K and what 90 % of the units have, in data-sheet units."""
+    value, low, high = (plain(x / _noise_size(kind, k)) for x in (found.value, found.low, found.high))
+    return f"{value} ({low} to {high}) {pretty(NOISE_UNITS[kind][k])}"
+
+
+def plain(value: float, unit: str = "") -> str:
+    """Text of a number of two digits, with a real minus sign."""
+    return str(measured(value, 0.0, unit)).replace("-", "−")
+
+
+def _broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
+    """Say which units could not be read; nothing where all could."""
+    if not broken:
+        return ()
+    named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
+    more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
+    what = counted(len(broken), "unit")
+    return (f"{what} of {of:,} could not be read: {named}{more}.",)

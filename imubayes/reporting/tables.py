@@ -18,7 +18,7 @@ from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_sentences
-from imubayes.reporting.session_words import session_sentence
+from imubayes.reporting.session_views import session_sentence
 from imubayes.reporting.terminal import indented, printable
 from imubayes.reporting.words import (
     confounded_sentences,

@@ -39,13 +39,12 @@ from imubayes.reporting import (
     chain_figures,
     figures,
     fit_figures,
-    fleet_figures,
     lots_figures,
     method_figures,
     method_glance,
     noise_figures,
     plan_figures,
-    population_figures,
+    population_views,
     scene_figures,
     trade_figures,
 )
@@ -137,7 +136,8 @@ def _of_lots(result: Any) -> Iterator[Panel | None]:
     yield lots_figures.scene_matrix(result, 0, "b")
     yield lots_figures.class_matrix(result.classes[0], "c")
     yield lots_figures.order_panel(result, "d")
-    yield lots_figures.population_panel(result.classes[0], result.study.library, "e")
+    one = result.classes[0]
+    yield lots_figures.population_panel(one.terms, one.sensor_class, result.study.library, "e")
 
 
 def _of_quality(quality: Any) -> Iterator[Panel | None]:
@@ -169,7 +169,9 @@ def _of_plan(found: Any) -> Panels:
 
 
 def _of_fleet(result: Any) -> Panels:
-    return fleet_figures.verdict_panel(result, "v"), fleet_figures.fleet_population_panel(result, "p")
+    study, terms = result.study, result.answer.terms
+    population = lots_figures.population_panel(terms, study.sensor_class, study.spec.library, "p")
+    return lots_figures.verdict_panel(result, "v"), population
 
 
 def _of_scene(found: Any) -> Panels:
@@ -188,7 +190,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "methods": (judged_result, _of_methods),
     "noise": (_noise, lambda found: (noise_figures.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
-    "population": (lambda: term_found("b0"), lambda one: (population_figures.units_panel(one, (one,), "u"),)),
+    "population": (lambda: term_found("b0"), lambda one: (population_views.units_panel(one, (one,), "u"),)),
     "quality": (made_quality, _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
@@ -327,7 +329,7 @@ def test_few_samples_are_drawn(count):
     shown(_of_sessions(repeatability(units=count)))
     single = cut(term_found("b0"), count)
     single = replace(single, units=single.units[:count])
-    shown((population_figures.units_panel(single, (single,), "u"),))
+    shown((population_views.units_panel(single, (single,), "u"),))
     chains = replace(sampled.chains, theta=sampled.chains.theta[:, :count])
     shown(_of_corner(replace(sampled, chains=chains)))
     shown(_of_choice(replace(sensor, draws=sensor.draws[:count])))

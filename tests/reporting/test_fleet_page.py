@@ -7,8 +7,8 @@ from fleets_found import BROKEN, fleet_result, pull_of
 
 from imubayes.population.records import Unit
 from imubayes.reporting.fleet_page import fleet_page, write_fleet
-from imubayes.reporting.fleet_words import NAMED, fleet_answer, standing_out
 from imubayes.reporting.html import page_html
+from imubayes.reporting.lots_words import NAMED, fleet_answer, standing_out
 
 
 @pytest.fixture(scope="module")

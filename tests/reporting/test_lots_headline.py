@@ -7,7 +7,8 @@ from lots_found import SIZES, lot_result
 from imubayes.inference.intervals import Share
 from imubayes.population.lots import Against
 from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, terms_of
-from imubayes.reporting.lots_headline import MOST_WORDS, counts_by_class, headline, simulated, status
+from imubayes.reporting.lots_sentences import lots_answer
+from imubayes.reporting.lots_words import MOST_WORDS, headline, simulated, status
 
 FOG_OR_MEMS = Against(("fog_navigation",), ("mems_consumer", "mems_tactical"))
 MEMS_OR_FOG = Against(("mems_consumer", "mems_tactical"), ("fog_navigation",))
@@ -77,7 +78,7 @@ def test_term_that_others_may_need_too_is_no_difference(result):
 
 
 def test_counts_of_the_first_screen_are_those_of_the_classes(result):
-    counted = re.findall(r"needs (\d+), cannot tell (\d+)", counts_by_class(result).text)
+    counted = re.findall(r"needs (\d+), cannot tell (\d+)", lots_answer(result)[1].text)
     assert counted == [
         (str(len(terms_of(one, NEEDED))), str(len(terms_of(one, UNTOLD)))) for one in result.classes
     ]

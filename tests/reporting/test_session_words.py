@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 from imubayes.population.sessions import level_among
-from imubayes.reporting.session_words import session_sentence
+from imubayes.reporting.session_views import session_sentence
 
 
 def test_sentence_names_what_changes_between_sessions_with_its_size(make_sessions) -> None:
