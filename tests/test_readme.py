@@ -18,7 +18,7 @@ import update_study
 
 import imubayes as ib
 from imubayes.errors import UnitError
-from imubayes.reporting.result import entries, sensors
+from imubayes.reporting.result import entries
 from imubayes.reporting.rows import MARKS
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
@@ -295,12 +295,12 @@ def _documented_results() -> dict[str, set[str]]:
 
 def test_documented_keys_of_results_are_those_of_the_published_type():
     published = {
-        "result.json": sensors.SensorsResult,
-        "sensors[]": sensors.Sensor,
-        "terms[]": sensors.Term,
+        "result.json": entries.SensorsResult,
+        "sensors[]": entries.Sensor,
+        "terms[]": entries.Term,
         "mcmc": entries.Mcmc,
         "extras[]": entries.Extra,
-        "scenes[]": sensors.Scene,
+        "scenes[]": entries.Scene,
         "sessions[]": entries.Sessions,
         "population[]": entries.Population,
         "population[].terms[]": entries.PopulationTerm,

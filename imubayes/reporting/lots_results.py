@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import imubayes
@@ -21,7 +20,7 @@ from imubayes.population.needs import (
 from imubayes.reporting.lots_sentences import lots_answer
 from imubayes.reporting.lots_words import fleet_answer, simulated, status
 from imubayes.reporting.provenance import provenance
-from imubayes.reporting.result.entries import Fleet, FleetTerm, Interval
+from imubayes.reporting.result.entries import Fleet, FleetTerm
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
     Class,
@@ -31,7 +30,6 @@ from imubayes.reporting.result.many import (
     FleetResult,
     Lots,
     LotsResult,
-    Unit,
 )
 from imubayes.reporting.result.values import published
 from imubayes.sensors.equations.standards import symbols
@@ -64,7 +62,7 @@ def published_lots(result: LotResult) -> LotsResult:
             study,
             terms=study.library.names,
             classes=tuple(map(_class, result.classes)),
-            check=asdict(result.check),
+            check=result.check,
         ),
         provenance=provenance(study, f"imubayes run {study.path}"),
     )
@@ -91,23 +89,20 @@ def _scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
         would_matter=terms_in(found, scene, WOULD_MATTER),
         cannot_tell=terms_in(found, scene, UNTOLD),
         terms=terms,
-        order=published(Interval, scene.order),
         noise_share_of_budget=scene.noise_share,
         basic_share_of_budget=scene.basic_share,
     )
 
 
 def _class(found: ClassFound) -> Class:
-    return Class(
+    return published(
+        Class,
+        found,
         id=found.sensor_class.id,
-        order=published(Interval, found.order),
         needed=terms_of(found, NEEDED),
         not_needed=terms_of(found, NOT_NEEDED),
         cannot_tell=terms_of(found, UNTOLD),
-        terms=tuple(ClassTerm(**asdict(term), answer=of_class(term)) for term in found.terms),
-        units=tuple(
-            published(Unit, unit, noise=dict(zip("NBK", unit.noise, strict=True))) for unit in found.units
-        ),
+        terms=tuple(published(ClassTerm, term, answer=of_class(term)) for term in found.terms),
     )
 
 
@@ -129,10 +124,6 @@ def fleet_json(result: fleet.FleetResult) -> str:
             units=len(study.units),
             read=answer.units,
             terms=tuple(_fleet_terms(result)),
-            order=published(Interval, answer.order),
-            noise={name: published(Interval, found) for name, found in zip("NBK", answer.noise, strict=True)},
-            worst=[asdict(one) for one in answer.worst],
-            broken=[asdict(one) for one in answer.broken],
         ),
         provenance=provenance(study, f"imubayes run {study.path}"),
     )
@@ -143,8 +134,9 @@ def _fleet_terms(result: fleet.FleetResult) -> Iterator[FleetTerm]:
     library, answer = result.study.spec.library, result.answer
     known = symbols(library)
     for term, found, counts in zip(library.terms, answer.terms, answer.counts.T.tolist(), strict=True):
-        yield FleetTerm(
-            **asdict(found),
+        yield published(
+            FleetTerm,
+            found,
             symbol=known[term.name],
             unit=term.unit,
             verdicts=dict(zip(VERDICTS, counts, strict=True)),

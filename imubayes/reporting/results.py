@@ -2,49 +2,75 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 import imubayes
 from imubayes.reporting.case_views import published_cases
+from imubayes.reporting.evidence import exact_evidence
 from imubayes.reporting.ladder_words import published_choice
-from imubayes.reporting.method_results import opinions
 from imubayes.reporting.noise_views import published_processes
-from imubayes.reporting.population_results import published_population, published_sessions
 from imubayes.reporting.provenance import provenance
-from imubayes.reporting.result.entries import Appendix, Confounded, Digits, DistrustedDwell, Noise, Residuals
+from imubayes.reporting.result.entries import (
+    Criterion,
+    Disagreement,
+    Extra,
+    Mcmc,
+    Population,
+    PopulationTerm,
+    Run,
+    Sensitivity,
+    Sensor,
+    SensorsResult,
+    Sessions,
+    SparseSupport,
+    Term,
+    Votes,
+)
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.result.sensors import Run, Sensor, SensorsResult, Term
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
-from imubayes.reporting.sampled_results import (
-    column_moments,
-    noise_posterior,
-    published_chains,
-    published_extra,
-)
 from imubayes.reporting.scene_views import published_scene
 from imubayes.reporting.standard_views import published_standards
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult, Study, StudyResult
-    from imubayes.inference.residuals import ResidualCheck
+    from collections.abc import Iterable, Mapping
+
+    from imubayes.algebra.arrays import FloatArray
+    from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
+    from imubayes.inference.intervals import Share
+    from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.summary import RunSummary
-    from imubayes.reporting.result.entries import Observed
+    from imubayes.population.classes import ClassInCommon, TermInClass
+    from imubayes.population.sessions import Repeatability
+    from imubayes.reporting.result.entries import Moments
+    from imubayes.selection.panel import Panel
+
+NO_PANEL: dict[str, Any] = {
+    "criteria": {},
+    "sindy": {},
+    "sensitivity": None,
+    "votes": None,
+    "reduced": None,
+    "unasked": (),
+}
+"""Where no other method was run."""
 
 
 def published_result(result: StudyResult) -> SensorsResult:
     """Publish what a study of sensors found."""
     study = result.study
-    return SensorsResult(
+    return published(
+        SensorsResult,
+        study,
         imubayes=imubayes.__version__,
         study=study.title,
-        seed=study.seed,
         sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
         scenes=tuple(published_scene(found, sensor) for sensor, found in result.scenes),
-        sessions=tuple(map(published_sessions, result.sessions)),
-        population=tuple(map(published_population, result.classes)),
+        sessions=tuple(map(_sessions, result.sessions)),
+        population=tuple(map(_population, result.classes)),
         cases=tuple(published_cases(result)),
-        appendices=tuple(published(Appendix, one) for one in study.appendices),
         provenance=provenance(study, command(study)),
     )
 
@@ -67,34 +93,35 @@ def command(study: Study) -> str:
 
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     selection, models = sensor.selection, sensor.selection.models
+    told = _of_panel(sensor.panel, own_names(selection)) if sensor.panel else NO_PANEL
     return published(
         Sensor,
         sensor,
+        **told,
         class_=sensor.class_id or None,
-        noise={run.name: published(Noise, run.noise) for run in sensor.runs},
+        noise={run.name: run.noise for run in sensor.runs},
         noise_posterior=noise_posterior(sensor.chains),
         noise_processes=published_processes(sensor),
         choice=published_choice(sensor.choice),
         terms=_terms(sensor),
         model=selection.model,
         log_evidence=selection.log_evidence,
-        **opinions(sensor),
-        mcmc=published_chains(sensor),
-        extras=tuple(map(published_extra, sensor.extras)),
-        distrusted=tuple(published(DistrustedDwell, dwell) for dwell in sensor.distrusted),
+        groups=selection.groups,
+        mcmc=_chains(sensor),
+        extras=tuple(map(_extra, sensor.extras)),
         n_models=models.n_models,
         drawn_models=models.drawn,
         missing=models.missing,
         inclusion_error=models.error,
-        best_models=[{"terms": names, "probability": p} for names, p in best_models(selection)],
+        best_models=best_models(selection),
         by_size=models.by_size,
         candidates=candidates(selection),
         inclusion_by_width={f"{width:.3g}": inclusion for width, inclusion in selection.by_width},
-        confounded=tuple(published(Confounded, group) for group in own_groups(selection)),
+        confounded=own_groups(selection),
         observability=_observability(sensor),
-        residuals=tuple(map(_residuals, sensor.checks)),
+        residuals=sensor.checks,
         runs=tuple(map(_run, sensor.runs)),
-        digits=selection.digits and published(Digits, selection.digits),
+        digits=selection.digits,
         pooled_inclusion=sensor.pooled,
         standards=published_standards(study, sensor),
     )
@@ -115,18 +142,11 @@ def _terms(sensor: SensorResult) -> tuple[Term, ...]:
     )
 
 
-def _observability(sensor: SensorResult) -> dict[str, Observed]:
+def _observability(sensor: SensorResult) -> dict[str, tuple[Any, ...]]:
+    """Whether a term was tested, and its ratio, that alone, and its inflation."""
     seen, names = sensor.selection.observability, own_names(sensor.selection)
     columns = {name: seen.names.index(column) for column, name in names.items()}
-    return {
-        name: {"tested": seen.tested[j], "ratio": seen.ratio[j], "alone": seen.alone[j], "vif": seen.vif[j]}
-        for name, j in columns.items()
-    }
-
-
-def _residuals(check: ResidualCheck) -> Residuals:
-    outliers = [{"start": start, "stop": stop, "size": size} for start, stop, size in check.outliers]
-    return published(Residuals, check, outliers=outliers)
+    return {name: (seen.tested[j], seen.ratio[j], seen.alone[j], seen.vif[j]) for name, j in columns.items()}
 
 
 def _run(run: RunSummary) -> Run:
@@ -134,12 +154,191 @@ def _run(run: RunSummary) -> Run:
         Run,
         run,
         sampling=run.sampling or run.interval,
-        noise_log_sd=dict(zip("NBK", run.noise_sd, strict=True)),
+        noise_log_sd=run.noise_sd,
         file=run.source.file,
         sha256=run.source.sha256 or None,
-        columns=[
-            {"column": column, "channel": channel, "unit": unit}
-            for column, channel, unit in run.source.columns
-        ],
+        columns=run.source.columns,
         notes=run.source.notes,
     )
+
+
+def _of_panel(panel: Panel, own: Mapping[str, str]) -> dict[str, Any]:
+    """Criteria, sparse regressions, other priors, votes and reduced model, by the component's own names."""
+
+    def named(names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(own.get(name, name) for name in names)
+
+    def by_term(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
+        return dict(zip(named(names), values, strict=True))
+
+    other, votes = panel.sensitivity, panel.votes
+    return {
+        "criteria": {
+            one.name: published(
+                Criterion,
+                one,
+                model=named(one.model),
+                inclusion=by_term(one.inclusion, one.inclusion.values()),
+            )
+            for one in panel.criteria
+        },
+        "sindy": {
+            one.optimizer: published(
+                SparseSupport,
+                one,
+                model=named(one.model),
+                inclusion=by_term(one.inclusion, one.inclusion.values()),
+                strength=one.strength[one.chosen],
+                stable=named(one.stable),
+            )
+            for one in panel.sindy
+        },
+        "sensitivity": published(
+            Sensitivity,
+            other,
+            inclusion=by_term(other.names, other.inclusion.T),
+            g_prior=by_term(other.names, other.g_prior),
+            left_out=named(other.left_out),
+            swing=named(other.swing),
+        ),
+        "votes": published(
+            Votes,
+            votes,
+            terms=named(votes.terms),
+            strength=dict(zip(votes.methods, votes.strength, strict=True)),
+            keeps=dict(zip(votes.methods, votes.keeps, strict=True)),
+            disagreements=[
+                published(Disagreement, one, term=own.get(one.term, one.term)) for one in votes.disagreements
+            ],
+        ),
+        "reduced": panel.reduced,
+        "unasked": panel.unasked,
+    }
+
+
+def _chains(sensor: SensorResult) -> Mcmc:
+    """How the draws came about, and how well the chains mixed."""
+    if sensor.chains:
+        return _of_chains(sensor, sensor.chains)
+    m = len(sensor.draws)
+    return Mcmc(
+        sampler="exact",
+        draws=m,
+        ess_min=m,
+        rhat_max=1.0,
+        acceptance=1.0,
+        seconds=sensor.seconds,
+        converged=True,
+        text="independent draws from the exact posterior: there is nothing to accept or to mix",
+        tau_max=1.0,
+        steps=m,
+        walkers=1,
+        ensembles=1,
+        worst=None,
+        interpolation_error=0.0,
+        log_evidence=None,
+    )
+
+
+def _of_chains(sensor: SensorResult, chains: Chains) -> Mcmc:
+    """Of Markov chains; the evidence is of the full library, ``exact`` at the estimated noise."""
+    found = chains.diagnostics
+    return published(
+        Mcmc,
+        found,
+        sampler=chains.sampler,
+        draws=int(np.prod(chains.theta.shape[:2])),
+        ess_min=np.min(found.ess),
+        rhat_max=np.max(found.rhat),
+        tau_max=np.max(found.tau),
+        worst=found.parameters[int(np.argmin(found.ess))],
+        interpolation_error=chains.interpolation_error,
+        log_evidence=(*chains.log_evidence, exact_evidence(sensor)),
+    )
+
+
+def column_moments(sensor: SensorResult) -> dict[str, tuple[float, float]]:
+    """Mean and sd of each of the component's terms by its chains, under the full library; empty if exact."""
+    if sensor.chains is None:
+        return {}
+    place = {name: j for j, name in enumerate(sensor.chains.names)}
+    theta = sensor.chains.theta.reshape(-1, len(place))
+    own = zip(sensor.selection.columns, sensor.selection.terms, strict=True)
+    return {
+        term.name: (float(theta[:, place[column]].mean()), float(theta[:, place[column]].std(ddof=1)))
+        for column, term in own
+        if column in place
+    }
+
+
+def noise_posterior(chains: Chains | None) -> dict[str, dict[str, Moments]]:
+    """Posterior of N, B, K of each run that has a noise of its own; empty without chains."""
+    if chains is None:
+        return {}
+    return {
+        run: {
+            letter: _moments(chains.noise[:, :, g, parameter].ravel())
+            for parameter, letter in enumerate("NBK")
+        }
+        for g, run in enumerate(chains.runs)
+    }
+
+
+def _moments(draws: FloatArray) -> Moments:
+    low, high = np.quantile(draws, (0.05, 0.95)).tolist()
+    return {"mean": float(draws.mean()), "sd": float(draws.std(ddof=1)), "q05": low, "q95": high}
+
+
+def _extra(entry: ExtraPosterior) -> Extra:
+    """A column that is no term, with its prior and its posterior."""
+    return published(
+        Extra,
+        entry.extra,
+        prior_sd=entry.extra.sd,
+        mean=entry.mean,
+        sd=entry.sd,
+        confounded_with=entry.partners,
+        printed_unit=entry.extra.printed,
+    )
+
+
+def _sessions(found: Repeatability) -> Sessions:
+    """One parameter in several sessions; null where a unit lacks a session."""
+    return published(Sessions, found, printed_unit=found.printed)
+
+
+def _population(found: ClassInCommon) -> Population:
+    """One class and kind."""
+    return published(Population, found, terms=tuple(map(_in_class, found.terms)), **{"class": found.class_id})
+
+
+def _in_class(term: TermInClass) -> PopulationTerm:
+    found, need = term.spreads, term.need
+    return published(
+        PopulationTerm,
+        found,
+        parameter=term.parameter.name,
+        term=term.term,
+        component=term.component,
+        unit=term.parameter.unit,
+        printed_unit=term.parameter.printed,
+        class_size=term.size,
+        mean=(found.mean_sd, *_interval(found.mean)),
+        unit_to_unit=_interval(found.unit),
+        turn_on=_interval(found.turn_on),
+        turn_on_own=_interval(found.own),
+        turn_on_common=_interval(found.common),
+        common_share=_interval(found.common_share),
+        next_unit=_interval(found.next_unit),
+        session_shift=(term.sessions, found.shift, found.shift_sd),
+        measurement=(found.noise, found.alias),
+        verdict=need.verdict,
+        reason=need.reason,
+        answers=need.answers,
+        needed=_interval(need.share),
+        pooled_inclusion=need.pooled,
+    )
+
+
+def _interval(found: Share) -> tuple[float, float, float]:
+    return found.value, found.low, found.high

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import Figure, Prose, Section, Table, quiet
-from imubayes.reporting.result.entries import Budget
-from imubayes.reporting.result.sensors import Scene, TermInScene
+from imubayes.reporting.result.entries import Scene, TermInScene
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
@@ -102,21 +101,13 @@ def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
 
 def published_scene(found: Relevance, sensor: str) -> Scene:
     """Publish what a scene requires of a component."""
-    sizes = {
-        name: dict(zip(("median", "q95"), getattr(found, name), strict=True))
-        for name in ("left_out", "left", "calibrated", "uncompensated")
-    }
     return published(
         Scene,
         found,
         name=found.scene,
         sensor=sensor,
-        budget=published(Budget, found.budget),
         within_budget=found.met,
         terms=tuple(map(_published_term, found.terms)),
-        path=[{"terms": n, "dropped": name, "error": error} for n, name, error in found.path],
-        noise=dict(zip("NBK", found.noise, strict=True)),
-        **sizes,
     )
 
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, adapter
-from imubayes.reporting.result.sensors import Scene, Sensor, SensorsResult, Term
 
 FILE = Written(Path("result.json"), "", "study", "1", {})
 

@@ -7,9 +7,9 @@ import jsonschema
 import pytest
 
 from imubayes.errors import DataError
+from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.file import TAGS, adapter, read, result_schema, result_text, written
 from imubayes.reporting.result.many import LotsResult
-from imubayes.reporting.result.sensors import SensorsResult
 
 REPORTS = Path(__file__).parents[2] / "reports"
 COMMITTED = [

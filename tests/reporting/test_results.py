@@ -1,3 +1,5 @@
+"""A study's result as it is published."""
+
 from __future__ import annotations
 
 import json
@@ -8,7 +10,19 @@ import numpy as np
 import pytest
 
 from imubayes.reporting.result.file import adapter
-from imubayes.reporting.results import result_json
+from imubayes.reporting.results import (
+    column_moments,
+    command,
+    noise_posterior,
+    published_result,
+    result_json,
+)
+
+NAMES = ["aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out"]
+
+
+def written(study) -> dict:
+    return json.loads(result_json(study))
 
 
 def test_result_is_strict_json_that_reads_back(result) -> None:
@@ -23,13 +37,13 @@ def test_what_is_not_finite_becomes_null(result, value: float) -> None:
     sensor = result.sensors[0]
     check = replace(sensor.checks[0], whiteness_p=value)
     broken = replace(sensor, checks=(check,), calibration={"scale": value, "bias": np.float64(2.0)})
-    (written,) = json.loads(result_json(replace(result, sensors=(broken,))))["sensors"]
-    assert written["residuals"][0]["whiteness_p"] is None
-    assert written["calibration"] == {"scale": None, "bias": 2.0}
+    (entry,) = written(replace(result, sensors=(broken,)))["sensors"]
+    assert entry["residuals"][0]["whiteness_p"] is None
+    assert entry["calibration"] == {"scale": None, "bias": 2.0}
 
 
 def test_values_are_in_si(result) -> None:
-    (sensor,) = json.loads(result_json(result))["sensors"]
+    (sensor,) = written(result)["sensors"]
     bias = next(term for term in sensor["terms"] if term["name"] == "b0")
     assert bias["unit"] == "m/s^2" and bias["mean"] == pytest.approx(1502.1e-6 * 9.80665, rel=1e-12)
 
@@ -52,6 +66,144 @@ def test_component_of_a_triad_is_written_with_its_own_terms_only(make_sensor, ma
         groups=(),
     )
     selection = replace(sensor.selection, columns=columns, observability=wide)
-    (written,) = json.loads(result_json(make_study(replace(sensor, selection=selection))))["sensors"]
-    assert list(written["observability"]) == own
-    assert written["observability"]["b0"]["ratio"] == seen.ratio[0]
+    (entry,) = written(make_study(replace(sensor, selection=selection)))["sensors"]
+    assert list(entry["observability"]) == own
+    assert entry["observability"]["b0"]["ratio"] == seen.ratio[0]
+
+
+def test_methods_are_written_under_the_names_of_the_contract(make_judged, make_study) -> None:
+    (sensor,) = written(make_study(make_judged()))["sensors"]
+    assert list(sensor["criteria"]) == NAMES
+    assert all(set(one) >= {"model", "value"} for one in sensor["criteria"].values())
+    assert list(sensor["sindy"]) == ["stlsq", "sr3", "ssr", "frols"]
+    assert all(set(one) >= {"model", "inclusion"} for one in sensor["sindy"].values())
+    assert sensor["groups"] == [{"terms": ["c_jj", "c_kk"], "any_inclusion": 0.52}]
+    assert [one["input"] for one in sensor["misfit"]["found"]] == ["hysteresis of T"]
+
+
+def test_what_a_method_does_not_say_is_null(make_judged, make_study) -> None:
+    (sensor,) = written(make_study(make_judged()))["sensors"]
+    assert sensor["criteria"]["bic"]["pareto_k"] is None and sensor["criteria"]["loo"]["pareto_k"] == 0.31
+    assert sensor["criteria"]["loo"]["samples"] is None
+
+
+def test_votes_and_other_priors_read_back_as_they_were(make_judged, make_study) -> None:
+    sensor = make_judged()
+    (entry,) = written(make_study(sensor))["sensors"]
+    votes, found = sensor.panel.votes, sensor.panel.sensitivity
+    assert tuple(entry["votes"]["terms"]) == votes.terms
+    for table, name in ((votes.strength, "strength"), (votes.keeps, "keeps")):
+        assert tuple(entry["votes"][name]) == votes.methods
+        assert np.array_equal(np.array(list(entry["votes"][name].values())), table)
+    assert np.array_equal(np.array(list(entry["sensitivity"]["inclusion"].values())).T, found.inclusion)
+    assert entry["reduced"]["lost"] == pytest.approx(sensor.panel.reduced.lost, rel=1e-15)
+
+
+def test_terms_of_a_triads_component_have_their_own_names(make_judged, make_study) -> None:
+    sensor = make_judged()
+    columns = tuple(f"ay.{name}" for name in sensor.selection.columns)
+    panel = sensor.panel
+    there = tuple(f"ay.{name}" for name in panel.sensitivity.names)
+    sparse = replace(panel.sindy[0], names=there, model=there[:2], inclusion=dict.fromkeys(there, 0.5))
+    far = replace(
+        panel, sindy=(sparse,), sensitivity=replace(panel.sensitivity, names=there, swing=there[:1])
+    )
+    seen = replace(
+        sensor.selection.observability,
+        names=tuple(f"ay.{name}" for name in sensor.selection.observability.names),
+    )
+    selection = replace(sensor.selection, columns=columns, observability=seen)
+    (block,) = published_result(make_study(replace(sensor, selection=selection, panel=far))).sensors
+    assert block.sindy["stlsq"]["model"] == ("b0", "b1") and "b0" in block.sindy["stlsq"]["inclusion"]
+    assert block.sensitivity["swing"] == ("b0",) and "b0" in block.sensitivity["g_prior"]
+
+
+def test_without_other_methods_their_keys_are_there_and_empty(make_sensor, make_study) -> None:
+    (block,) = published_result(make_study(make_sensor())).sensors
+    assert block.criteria == block.sindy == {} and block.groups == ()
+    assert (block.sensitivity, block.votes, block.reduced, block.misfit) == (None,) * 4
+
+
+@pytest.mark.parametrize("method", ["exact", "collapsed"])
+def test_mcmc_block_names_the_method(make_sensor, make_sampled, make_study, method) -> None:
+    sensor = make_sensor() if method == "exact" else make_sampled()
+    (entry,) = written(make_study(sensor))["sensors"]
+    assert entry["mcmc"]["sampler"] == entry["method"] == method
+
+
+def test_mcmc_block_says_what_the_diagnostics_say(make_sampled, make_study) -> None:
+    sensor = make_sampled(converged=False)
+    block = written(make_study(sensor))["sensors"][0]["mcmc"]
+    assert (block["worst"], block["ess_min"], block["rhat_max"]) == ("b2", 31.0, 1.83)
+    assert block["converged"] is False and block["draws"] == 2000 and block["ensembles"] == 4
+    assert block["log_evidence"]["value"] == 8120.4 and block["log_evidence"]["sd"] == 0.05
+
+
+def test_moments_by_the_chains_stand_beside_each_term_and_are_null_where_exact(
+    make_sensor, make_sampled, make_study
+) -> None:
+    sensor = make_sampled()
+    terms = written(make_study(sensor))["sensors"][0]["terms"]
+    first = sensor.chains.theta[:, :, 0].ravel().tolist()
+    mean = sum(first) / len(first)
+    sd = (sum((x - mean) ** 2 for x in first) / (len(first) - 1)) ** 0.5
+    assert terms[0]["mcmc_mean"] == pytest.approx(mean, rel=1e-12)
+    assert terms[0]["mcmc_sd"] == pytest.approx(sd, rel=1e-9)
+    assert terms[4]["plug_in_inclusion"] == sensor.selection.plug_in[4]
+    exact = written(make_study(make_sensor()))["sensors"][0]
+    assert all(t["mcmc_mean"] is t["mcmc_sd"] is t["plug_in_inclusion"] is None for t in exact["terms"])
+    assert exact["noise_posterior"] == {} and exact["extras"] == exact["distrusted"] == []
+
+
+def test_component_of_a_triad_takes_its_own_columns_of_the_chains(make_sampled) -> None:
+    sensor = make_sampled()
+    columns = tuple(f"ay.{name}" for name in sensor.selection.columns)
+    other = ("ax.b0", *columns, *sensor.chains.names[len(columns) :])
+    theta = np.concatenate((sensor.chains.theta[:, :, :1] + 7.0, sensor.chains.theta), axis=-1)
+    triad = replace(
+        sensor,
+        selection=replace(sensor.selection, columns=columns),
+        chains=replace(sensor.chains, names=other, theta=theta),
+    )
+    assert column_moments(triad) == column_moments(sensor)
+
+
+def test_noise_posterior_holds_nine_tenths_of_the_draws_between_its_ends(make_sampled) -> None:
+    chains = make_sampled().chains
+    for g, run in enumerate(chains.runs):
+        for k, letter in enumerate("NBK"):
+            told, draws = noise_posterior(chains)[run][letter], chains.noise[:, :, g, k]
+            # 2000 draws: the ends fall between two of them
+            inside = np.mean((draws >= told["q05"]) & (draws <= told["q95"]))
+            assert inside == pytest.approx(0.9, abs=1.0 / 2000.0)
+            assert told["q05"] < told["mean"] < told["q95"]
+
+
+def test_test_bench_and_distrusted_dwells_are_written_in_si(make_sampled, make_study) -> None:
+    sensor = make_sampled()
+    (entry,) = written(make_study(sensor))["sensors"]
+    gravity = entry["extras"][0]
+    assert gravity["prior_sd"] == pytest.approx(50e-6 * 9.80665) and gravity["confounded_with"] == ["b1"]
+    assert gravity["text"] == "error of local gravity" and len(entry["extras"]) == 3
+    assert [dwell["start"] for dwell in entry["distrusted"]] == [120.0, 900.0]
+
+
+def test_sessions_are_written_with_null_where_a_unit_lacks_one(make_study, make_sessions) -> None:
+    one = make_sessions("b0")
+    (entry,) = written(replace(make_study(), sessions=(one,)))["sessions"]
+    assert entry["mean"][-1][-1] is None and entry["mean"][0][0] == one.mean[0, 0]
+    assert entry["between"] == dict(zip(("mean", "q05", "q95"), one.between, strict=True))
+
+
+def test_appendices_are_written_by_title_and_command(make_study, appendix) -> None:
+    study = make_study()
+    study = replace(study, study=replace(study.study, appendices=(appendix,)))
+    (entry,) = written(study)["appendices"]
+    assert entry == {"title": appendix.title, "command": appendix.command}
+
+
+def test_command_repeats_the_method_that_was_asked_for(make_study) -> None:
+    study = make_study().study
+    assert command(study) == "imubayes run studies/acc07.toml"
+    full = replace(study, sampling=replace(study.sampling, method="full"))
+    assert command(full) == "imubayes run studies/acc07.toml --method full"

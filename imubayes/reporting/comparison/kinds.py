@@ -10,9 +10,9 @@ from imubayes.reporting.blocks import Page
 from imubayes.reporting.comparison.lots import lots_compared, lots_page, lots_record
 from imubayes.reporting.comparison.sensors import sensors_compared, sensors_page, sensors_record
 from imubayes.reporting.comparison.units import units_compared, units_page, units_record
+from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.file import no_result, read, written
 from imubayes.reporting.result.many import LotsResult
-from imubayes.reporting.result.sensors import SensorsResult
 
 KINDS = {
     frozenset({SensorsResult}): (sensors_compared, sensors_page, sensors_record),

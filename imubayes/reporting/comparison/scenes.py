@@ -23,7 +23,7 @@ from imubayes.reporting.comparison.entries import (
 )
 from imubayes.reporting.comparison.page import DIFFERENCE, LITTLE, RESULT, entry_rows, titled
 from imubayes.reporting.comparison.pulls import normal_of
-from imubayes.reporting.result.sensors import Scene, Sensor, SensorsResult, TermInScene
+from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, TermInScene
 from imubayes.reporting.rounding import duration, measured, share
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed

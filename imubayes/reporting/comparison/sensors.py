@@ -40,8 +40,8 @@ from imubayes.reporting.comparison.page import (
 )
 from imubayes.reporting.comparison.pulls import Estimate
 from imubayes.reporting.comparison.scenes import scene_record, scene_section, scenes_compared
+from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
-from imubayes.reporting.result.sensors import Sensor, SensorsResult, Term
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, below, measured, per_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS

@@ -29,9 +29,9 @@ from imubayes.reporting.comparison.lots import excites, population_record, popul
 from imubayes.reporting.comparison.page import DIFFERENCE, comparison_page, difference, titled
 from imubayes.reporting.comparison.pulls import Pull, log_spread, normal_of
 from imubayes.reporting.comparison.sensors import noise_of, noise_unit, term_value
+from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, ClassTerm, LotsResult
-from imubayes.reporting.result.sensors import Sensor, SensorsResult, Term
 from imubayes.reporting.rounding import measured
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind

@@ -12,8 +12,8 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.reporting.export.draws import posterior_covariance
+from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
-from imubayes.reporting.result.sensors import Scene, Sensor, SensorsResult, Term
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
 from imubayes.sensors.imu_range import InputRange

@@ -14,8 +14,8 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from imubayes import __version__
 from imubayes.errors import DataError, Place, said
+from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.many import FleetResult, LotsResult
-from imubayes.reporting.result.sensors import SensorsResult
 from imubayes.reporting.result.values import plain
 
 RESULT = "result.json"

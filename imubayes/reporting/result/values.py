@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeVar
+from dataclasses import is_dataclass
+from functools import cache
+from types import SimpleNamespace, UnionType
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import BeforeValidator, ConfigDict, Strict
 from pydantic_core import core_schema
+from typing_extensions import is_typeddict
 
 PUBLISHED = ConfigDict(validate_by_name=True, validate_by_alias=True, defer_build=True)
 
@@ -52,10 +56,13 @@ Loose = dict[str, Any]
 Kind = Literal["accelerometer", "gyroscope"]
 
 _Published = TypeVar("_Published")
+_hints = cache(get_type_hints)
 
 
 def published(kind: type[_Published], source: object, /, **other: Any) -> _Published:
     """Publish what a stage found: fields of the same name, and the others as they are given.
+
+    What a field holds is published alike, one or several; a tuple has its values in the order of the fields.
 
     Parameters
     ----------
@@ -63,6 +70,27 @@ def published(kind: type[_Published], source: object, /, **other: Any) -> _Publi
     source : that has attributes of its fields' names.
     other : fields that have another name or form there.
     """
-    return kind(
-        **{name: getattr(source, name) for name in kind.__annotations__.keys() - other.keys()}, **other
-    )
+    given = {name: getattr(source, name) for name in _hints(kind).keys() - other.keys()} | other
+    return kind(**{name: _of_form(form, given[name]) for name, form in _hints(kind).items()})
+
+
+def _of_form(form: Any, value: Any) -> Any:
+    """Publish a value where its form is a published one, a row or a table of these; else leave it."""
+    kinds = get_args(form)
+    if value is None or isinstance(value, str):
+        return value
+    if get_origin(form) is UnionType:
+        return _of_form(kinds[0], value)
+    if get_origin(form) is tuple and kinds[-1] is Ellipsis and _is_published(kinds[0]):
+        return tuple(_of_form(kinds[0], each) for each in value)
+    if get_origin(form) is dict and _is_published(kinds[1]):
+        return {key: _of_form(kinds[1], each) for key, each in value.items()}
+    if not _is_published(form) or isinstance(value, Mapping) or type(value) is form:
+        return value
+    if isinstance(value, tuple):
+        value = SimpleNamespace(**dict(zip(_hints(form), value, strict=True)))
+    return published(form, value)
+
+
+def _is_published(form: Any) -> bool:
+    return is_typeddict(form) or is_dataclass(form)
