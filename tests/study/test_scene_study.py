@@ -8,7 +8,7 @@ import pytest
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.reporting.document import report_html, write_results
-from imubayes.reporting.export.formats import exported
+from imubayes.reporting.export import exported
 from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import columns
 from imubayes.study.method import run

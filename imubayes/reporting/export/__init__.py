@@ -1,5 +1,44 @@
 """From a result to something to fly: compensation, simulator models, filter parameters."""
 
-from imubayes.reporting.export.formats import FORMATS, exported
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from imubayes.errors import InputError
+from imubayes.reporting.export.c_code import c_files
+from imubayes.reporting.export.characterized import NEEDED, Characterized, characterized
+from imubayes.reporting.export.filter_states import filter_files
+from imubayes.reporting.export.noise_models import kalibr_files
+from imubayes.reporting.export.simulator import json_files
+from imubayes.reporting.export.source_texts import matlab_files, python_files
 
 __all__ = ["FORMATS", "exported"]
+
+FORMATS: Mapping[str, Callable[[Characterized], dict[str, str]]] = {
+    "kalibr": kalibr_files,
+    "c": c_files,
+    "python": python_files,
+    "matlab": matlab_files,
+    "json": json_files,
+    "filter": filter_files,
+}
+"""Texts by file name, of each format."""
+
+
+def exported(path: Path | str, to: str, *, sensor: str = "", model: str = NEEDED) -> dict[str, str]:
+    """Texts by file name of a result in one format.
+
+    Parameters
+    ----------
+    path : of the ``result.json``, or of its folder.
+    to : one of `FORMATS`.
+    sensor, model : which, see `imubayes.reporting.export.characterized.characterized`.
+
+    Raises
+    ------
+    InputError : if the format, sensor or model is not known, or the format needs what the result lacks.
+    """
+    if to not in FORMATS:
+        raise InputError(f"format '{to}' is not known: expected one of {', '.join(FORMATS)}")
+    return FORMATS[to](characterized(path, sensor=sensor, model=model))

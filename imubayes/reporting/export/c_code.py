@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from imubayes.reporting.export.characterized import UNLIMITED, Characterized
-from imubayes.reporting.export.equations import Language
 from imubayes.reporting.export.heading import identifier
-from imubayes.reporting.export.python_code import compiled
-from imubayes.reporting.export.templating import model_values, rendered
+from imubayes.reporting.export.source_texts import Language, compiled, model_values, rendered
 from imubayes.sensors.imu import Signals, forward, signals
 
 ROWS = 20_000

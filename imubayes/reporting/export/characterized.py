@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.errors import InputError
-from imubayes.reporting.export.draws import posterior_covariance
+from imubayes.errors import DataError, InputError
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
 from imubayes.sensors.imu_range import InputRange
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Kind
+from imubayes.sensors.terms import REFERENCE_TEMPERATURE
 
 NEEDED, FULL = "needed", "full"
 """Models that every result has; others are its scenes."""
@@ -35,6 +34,9 @@ QUANTITIES = ("f", "w", "dw")
 UNLIMITED = 1e30
 """Size of an input on which no term depends: its range needs no test."""
 
+POSTERIOR = "posterior.nc"
+"""Name of the file in a folder of results."""
+
 TEMPERATURES = (1.0, 1000.0)
 """K; range of temperature where no term depends on it."""
 
@@ -45,7 +47,7 @@ class Part:
 
     Attributes
     ----------
-    id, kind, class_id : of its entry in the result; the class is empty where there was none.
+    sensor : its entry in the result.
     component : the model's terms and their posterior means.
     symbols : of these terms, in the standard of the sensor's technology.
     covariance : (p, p) of the coefficients.
@@ -54,9 +56,7 @@ class Part:
     interval : of the runs' samples, s.
     """
 
-    id: str
-    kind: Kind
-    class_id: str
+    sensor: Sensor
     component: Component
     symbols: tuple[str, ...]
     covariance: FloatArray
@@ -166,9 +166,7 @@ def _part(source: Written, sensor: Sensor, model: str, scene: Mapping[str, Scene
     joint = None if model == FULL else posterior_covariance(source.path, sensor.id, lib.names)
     runs, noise = _noise(sensor)
     return Part(
-        id=sensor.id,
-        kind=sensor.kind,
-        class_id=sensor.class_ or "",
+        sensor=sensor,
         component=Component(lib, theta),
         symbols=tuple(by_name[name].symbol for name in lib.names),
         covariance=np.diag(spread**2) if joint is None else joint,
@@ -193,6 +191,45 @@ def _noise(sensor: Sensor) -> tuple[tuple[str, ...], Noise]:
     found = [(name, sensor.noise[name]) for name in static or sensor.noise if name in sensor.noise]
     N, B, K = (max((one[key] for _, one in found if math.isfinite(one[key])), default=0.0) for key in "NBK")
     return tuple(name for name, _ in found), Noise(N, B, K)
+
+
+def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatArray | None:
+    """Covariance (p, p) of the named terms over the model-averaged draws.
+
+    Parameters
+    ----------
+    result : path of the ``result.json``.
+    id : of the component.
+
+    Returns
+    -------
+    the covariance, or None where there is no file of draws, or it is of another result.
+
+    Raises
+    ------
+    DataError : if the file cannot be read.
+    """
+    file = result.with_name(POSTERIOR)
+    if not file.exists():
+        return None
+    from xarray import open_dataset
+
+    try:
+        with open_dataset(file, group="posterior", engine="h5netcdf") as group:
+            for name, variable in group.data_vars.items():
+                if variable.attrs.get("sensor") == id and variable.dims[-1] == f"{name}_term":
+                    terms = [str(term) for term in group[f"{name}_term"].values]
+                    return _covariance(np.asarray(variable.values), terms, names)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error}): remove it, or run the study again") from None
+    return None
+
+
+def _covariance(draws: FloatArray, terms: Sequence[str], names: Sequence[str]) -> FloatArray | None:
+    if not set(names) <= set(terms):
+        return None
+    values = draws.reshape(-1, draws.shape[-1])[:, [terms.index(name) for name in names]]
+    return np.atleast_2d(np.cov(values, rowvar=False)).reshape(len(names), len(names))
 
 
 def _range(parts: Mapping[str, Part], entries: Mapping[str, Sensor]) -> InputRange:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,9 +9,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from imubayes.reporting.export.characterized import Characterized, Part
-from imubayes.reporting.export.equations import regressor
 from imubayes.reporting.export.heading import identifier, provenance
 from imubayes.reporting.export.noise_models import check_noise, floor_process
+from imubayes.reporting.export.source_texts import regressor
+from imubayes.reporting.result.file import json_text
 
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
@@ -24,8 +24,7 @@ EQUATIONS = (
 
 def filter_files(found: Characterized) -> dict[str, str]:
     """Text of the list of states by its file name."""
-    text = json.dumps(filter_record(found), indent=1, allow_nan=False, ensure_ascii=False)
-    return {f"{identifier(found)}_filter.json": f"{text}\n"}
+    return {f"{identifier(found)}_filter.json": json_text(filter_record(found))}
 
 
 def filter_record(found: Characterized) -> dict[str, Any]:
@@ -51,7 +50,7 @@ def filter_record(found: Characterized) -> dict[str, Any]:
             for place, part in found.parts.items()
         },
         "white": {
-            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({OUTPUT[part.kind]})^2/Hz"}
+            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({OUTPUT[part.sensor.kind]})^2/Hz"}
             for place, part in found.parts.items()
         },
     }
@@ -63,7 +62,7 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
         name = "b0" if term is None else term.name
         yield {
             "name": f"{place}.{name}",
-            "unit": OUTPUT[part.kind] if term is None else term.unit,
+            "unit": OUTPUT[part.sensor.kind] if term is None else term.unit,
             "regressor": "1" if term is None else regressor(place, term),
             "process": "random walk" if name == "b0" else "constant",
             "decay": 0.0,
@@ -72,7 +71,7 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
     sd, tau = floor_process(part.noise)
     yield {
         "name": f"{place}.B",
-        "unit": OUTPUT[part.kind],
+        "unit": OUTPUT[part.sensor.kind],
         "regressor": "1",
         "process": "first-order Gauss-Markov",
         "sd": sd,

@@ -61,7 +61,7 @@ def validity(found: Characterized) -> dict[str, Any]:
 def _lines(found: Characterized) -> Iterator[str]:
     about = provenance(found)
     yield f"{found.name}: {_model_words(found)}"
-    yield f"Components: {', '.join(f'{place} ({part.id})' for place, part in found.parts.items())}."
+    yield f"Components: {', '.join(f'{place} ({part.sensor.id})' for place, part in found.parts.items())}."
     if missing := [name for name in COMPONENTS if name not in found.parts]:
         yield f"Not in the result, and taken as ideal: {', '.join(missing)}."
     yield f"Equation: {MEANING}."

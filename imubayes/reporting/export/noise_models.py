@@ -70,7 +70,8 @@ def triads(found: Characterized) -> dict[str, list[Part]]:
     InputError : if there is none of a kind.
     """
     kinds = {
-        kind: [p for p in found.parts.values() if p.kind == kind] for kind in ("accelerometer", "gyroscope")
+        kind: [p for p in found.parts.values() if p.sensor.kind == kind]
+        for kind in ("accelerometer", "gyroscope")
     }
     for kind, parts in kinds.items():
         if not parts:
@@ -88,7 +89,7 @@ def check_noise(found: Characterized) -> None:
     ------
     InputError : names the components.
     """
-    silent = [part.id for part in found.parts.values() if not part.noise.N > 0.0]
+    silent = [part.sensor.id for part in found.parts.values() if not part.noise.N > 0.0]
     if silent:
         raise InputError(
             f"{found.source.path}: says nothing of the noise of {', '.join(silent)}: expected N of a run of"

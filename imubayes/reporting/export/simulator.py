@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
 import numpy as np
 
 from imubayes.reporting.export.characterized import Characterized, Part
-from imubayes.reporting.export.equations import regressor
 from imubayes.reporting.export.heading import heading, identifier, provenance
 from imubayes.reporting.export.noise_models import floor_process
+from imubayes.reporting.export.source_texts import regressor
+from imubayes.reporting.result.file import json_text
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.noise import Noise
 
@@ -21,9 +21,11 @@ DEGREES_AN_HOUR = math.degrees(3600.0)
 
 def json_files(found: Characterized) -> dict[str, str]:
     """Texts by file name: the model as JSON, and a module that defines gnss-ins-sim's ``imu_err``."""
-    text = json.dumps(model_record(found), indent=1, allow_nan=False, ensure_ascii=False)
     name = identifier(found)
-    return {f"{name}_model.json": f"{text}\n", f"{name}_gnss_ins_sim.py": _gnss_ins_sim(found)}
+    return {
+        f"{name}_model.json": json_text(model_record(found)),
+        f"{name}_gnss_ins_sim.py": _gnss_ins_sim(found),
+    }
 
 
 def model_record(found: Characterized) -> dict[str, Any]:
@@ -39,9 +41,9 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
     terms = zip(part.component.library.terms, part.symbols, part.component.theta, sd, strict=True)
     floor, tau = floor_process(part.noise)
     return {
-        "id": part.id,
-        "kind": part.kind,
-        "class": part.class_id or None,
+        "id": part.sensor.id,
+        "kind": part.sensor.kind,
+        "class": part.sensor.class_,
         "terms": [
             {
                 "name": term.name, "symbol": symbol, "unit": term.unit, "value": float(value),
@@ -49,9 +51,9 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
             }
             for term, symbol, value, spread in terms
         ],
-        "covariance": part.covariance.tolist(),
+        "covariance": part.covariance,
         "covariance_of": "draws of the posterior" if part.joint else "variances alone",
-        "noise": {"N": part.noise.N, "B": part.noise.B, "K": part.noise.K, "runs": list(part.noise_runs)},
+        "noise": {"N": part.noise.N, "B": part.noise.B, "K": part.noise.K, "runs": part.noise_runs},
         "gauss_markov": {"sd": floor, "tau": tau, "stands_for": "B"},
         "interval": part.interval,
     }  # fmt: skip

@@ -14,7 +14,7 @@ from compiling import built, call
 
 from imubayes.reporting.export import FORMATS, exported
 from imubayes.reporting.export.characterized import UNLIMITED, characterized
-from imubayes.reporting.export.python_code import compiled
+from imubayes.reporting.export.source_texts import compiled
 from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
 

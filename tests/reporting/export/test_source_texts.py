@@ -14,8 +14,7 @@ import pytest
 from exported_results import ENDS, rows_inside, write_imu
 
 from imubayes.reporting.export.characterized import Characterized, characterized
-from imubayes.reporting.export.matlab import matlab_files
-from imubayes.reporting.export.python_code import compiled, python_files
+from imubayes.reporting.export.source_texts import compiled, matlab_files, python_files
 from imubayes.sensors.imu import forward, signals
 from imubayes.sensors.imu_compensation import split_jumps
 

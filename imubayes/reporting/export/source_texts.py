@@ -1,0 +1,187 @@
+"""Exported source texts: the model's terms in a programming language; as Python, and as MATLAB (Octave)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from imubayes.reporting.export.characterized import Characterized
+from imubayes.reporting.export.heading import heading, identifier
+from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, case_channel
+from imubayes.sensors.imu_compensation import ROUNDING, split_jumps
+from imubayes.sensors.imu_range import rounds
+from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Factor, Term
+
+
+@dataclass(frozen=True, slots=True)
+class Language:
+    """How a language writes a product.
+
+    Attributes
+    ----------
+    number : a coefficient.
+    channel : an input, by its number from zero in `imubayes.sensors.imu.CASE_CHANNELS`.
+    sign : of an expression.
+    times : between factors.
+    """
+
+    number: Callable[[float], str]
+    channel: Callable[[int], str]
+    sign: Callable[[str], str]
+    times: str = " * "
+
+
+PYTHON = Language(lambda value: repr(float(value)), lambda column: f"u[{column}]", lambda x: f"np.sign({x})")
+MATLAB = Language(
+    lambda value: repr(float(value)), lambda column: f"u({column + 1}, :)", lambda x: f"sign({x})", " .* "
+)
+
+
+def lines(imu: Imu, language: Language) -> dict[str, list[dict[str, str]]]:
+    """Terms of each component, ``ax`` to ``gz``: coefficient times regressor, and what it is."""
+    return {
+        name: [
+            {"name": term.name, "unit": term.unit, "product": _product(name, term, float(theta), language)}
+            for term, theta in zip(component.library.terms, component.theta, strict=True)
+        ]
+        for name, component in zip(COMPONENTS, imu.components, strict=True)
+    }
+
+
+def regressor(name: str, term: Term) -> str:
+    """Regressor of a component's term along the case axes, for people.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.terms import library
+    >>> lib = library("accelerometer")
+    >>> [regressor("ay", lib.terms[k]) for k in (0, 3, 5, 9)]
+    ['1', 'f_y^3', 'sgn(f_y) f_y', 'f_y f_z']
+    """
+    return " ".join(_readable(case_channel(name, factor.channel), factor) for factor in term.factors) or "1"
+
+
+def _product(name: str, term: Term, theta: float, language: Language) -> str:
+    factors = [language.number(theta)]
+    for factor in term.factors:
+        x = language.channel(CASE_CHANNELS.index(case_channel(name, factor.channel)))
+        factors += [x] * factor.power + ([language.sign(x)] if factor.signed else [])
+    return language.times.join(factors)
+
+
+def _readable(channel: str, factor: Factor) -> str:
+    channel = "(T - T0)" if channel == "T" else "dT/dt" if channel == "dT" else channel
+    power = "" if factor.power == 0 else channel if factor.power == 1 else f"{channel}^{factor.power}"
+    return " ".join(part for part in (f"sgn({channel})" if factor.signed else "", power) if part)
+
+
+def rendered(template: str, values: Mapping[str, Any]) -> str:
+    """Text of a template beside this module.
+
+    Raises
+    ------
+    jinja2.UndefinedError : if a template uses a value that is not given: a fault of ours.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("imubayes", "reporting/export"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # source texts, not HTML
+    )
+    return environment.get_template(template).render(**values)
+
+
+def model_values(found: Characterized, language: Language) -> dict[str, Any]:
+    """What the templates of compensations say: terms by component, ends of the range, steps.
+
+    Raises
+    ------
+    InputError : if the model cannot be inverted over the range that was tested; names the terms.
+    """
+    smooth, jumps = split_jumps(found.imu)
+    return {
+        "heading": heading(found),
+        "name": identifier(found),
+        "components": lines(smooth, language),
+        "jumps": lines(jumps, language),
+        "index": {name: c for c, name in enumerate(COMPONENTS)},
+        "uses_sign": any(f.signed for c in smooth.components for t in c.library.terms for f in t.factors),
+        "jumping": any(component.library.terms for component in jumps.components),
+        "ends": [language.number(end) for end in found.within.ends],
+        "rounds": rounds(smooth, found.within),
+        "reference": language.number(REFERENCE_TEMPERATURE),
+        "rounding": language.number(ROUNDING),
+    }
+
+
+def python_files(found: Characterized) -> dict[str, str]:
+    """Text of the module by its file name.
+
+    Raises
+    ------
+    InputError : if the model cannot be inverted over the range that was tested.
+    """
+    return {f"{identifier(found)}_compensation.py": python_text(found)}
+
+
+def python_text(found: Characterized) -> str:
+    """Text of the module; a docstring cannot be ended by what the result says."""
+    values = model_values(found, PYTHON)
+    values["heading"] = [line.replace("\\", "/").replace('"""', "'''") for line in values["heading"]]
+    return rendered("compensation.py.j2", values)
+
+
+def compiled(found: Characterized) -> dict[str, Any]:
+    """Names that the exported module defines: ``compensate``, ``forward``."""
+    names: dict[str, Any] = {}
+    exec(compile(python_text(found), f"<{identifier(found)}>", "exec"), names)
+    return names
+
+
+def matlab_files(found: Characterized) -> dict[str, str]:
+    """Text of the function by its file name.
+
+    Raises
+    ------
+    InputError : if the model cannot be inverted over the range that was tested.
+    """
+    name = f"{identifier(found)}_imu"
+    values = model_values(found, MATLAB)
+    return {f"{name}.m": rendered("imu.m.j2", values | {"function": name, "parts": _parts(found)})}
+
+
+def _parts(found: Characterized) -> list[dict[str, object]]:
+    return [
+        {
+            "place": place,
+            "id": quoted(part.sensor.id),
+            "names": ", ".join(quoted(name) for name in part.component.library.names),
+            "units": ", ".join(quoted(term.unit) for term in part.component.library.terms),
+            "coefficients": _row(part.component.theta),
+            "sd": _row(np.sqrt(np.diag(part.covariance))),
+            "noise": part.noise,
+        }
+        for place, part in found.parts.items()
+    ]
+
+
+def quoted(text: str) -> str:
+    """Text as a literal of MATLAB.
+
+    Examples
+    --------
+    >>> quoted("it's")
+    "'it''s'"
+    """
+    return "'" + " ".join(text.split()).replace("'", "''") + "'"
+
+
+def _row(values: Iterable[float]) -> str:
+    return ", ".join(repr(float(value)) for value in values)
