@@ -28,7 +28,6 @@ __all__ = [
     "areas",
     "dots",
     "draw",
-    "draw_triangle",
     "few_ticks",
     "log_scale",
     "no_ticks",
@@ -141,38 +140,6 @@ def draw(
         return Panel(title, _inline(_svg(figure), key, alt, (WIDTH, height)))
 
 
-def draw_triangle(
-    paint: Callable[[Axes, int, int], None],
-    n: int,
-    *,
-    title: str,
-    alt: str,
-    key: str,
-    cell: int = 108,
-) -> Panel:
-    """Draw every pair of `n` quantities: small axes in the lower triangle of a square, and its diagonal.
-
-    Parameters
-    ----------
-    paint : draws on the axes of a (row, column), ``column <= row``.
-    n : rows.
-    title, alt, key : as of `draw`.
-    cell : px of each axes' side.
-    """
-    space, gap = Margins(left=78, bottom=58), 10
-    size = n * cell + (n - 1) * gap
-    width, height = size + space.left + space.right, size + space.top + space.bottom
-    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
-        figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
-        for row in range(n):
-            bottom = space.bottom + (n - 1 - row) * (cell + gap)
-            for column in range(row + 1):
-                left = space.left + column * (cell + gap)
-                box = (left / width, bottom / height, cell / width, cell / height)
-                paint(figure.add_axes(box, axes_class=_AnyAxes), row, column)
-        return Panel(title, _inline(_svg(figure), key, alt, (width, height)))
-
-
 class _AnyAxes(Axes):
     """Axes that take the numbers of any result, so that no figure has to look at its own before it sets them.
 
@@ -235,14 +202,10 @@ def areas(axes: Axes, boxes: list[tuple[float, float, float, float]], color: str
         axes.fill(*corners.reshape(-1, 2).T, color=color, linewidth=0.0)
 
 
-def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False, inside: bool = False) -> None:
-    """Keep at most `x` and `y` intervals between ticks.
-
-    Whole numbers only along an axis that counts; none at the ends where axes stand side by side.
-    """
-    prune = "both" if inside else None
-    axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts, prune=prune))
-    axes.yaxis.set_major_locator(MaxNLocator(y, prune=prune))
+def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> None:
+    """Keep at most `x` and `y` intervals between ticks; whole numbers only along x where it counts."""
+    axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts))
+    axes.yaxis.set_major_locator(MaxNLocator(y))
 
 
 def plain_logs(axes: Axes) -> None:
@@ -265,11 +228,10 @@ def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def no_ticks(axes: Axes, which: str = "y") -> None:
-    """Remove the ticks of an axis that has no scale to read."""
-    axis = axes.yaxis if which == "y" else axes.xaxis
-    axis.set_major_locator(NullLocator())
-    axis.set_minor_locator(NullLocator())
+def no_ticks(axes: Axes) -> None:
+    """Remove the ticks of y where it has no scale to read."""
+    axes.yaxis.set_major_locator(NullLocator())
+    axes.yaxis.set_minor_locator(NullLocator())
 
 
 def _broken(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
+from scipy.stats import binomtest
 
-from imubayes.reporting.angle_views import AngleTable, angle_table
-from imubayes.reporting.blocks import LEGEND, Figure, Prose, Section, Table, bar, quiet, shape, verdict
-from imubayes.reporting.case_figures import recovered_panel
-from imubayes.reporting.case_words import (
-    QUANTITIES,
-    UNITS,
-    case_answer,
-    pooled_sentence,
-    recovered_sentence,
-)
+from imubayes.reporting.blocks import LEGEND, Figure, Prose, Section, Table, Text, bar, quiet, shape, verdict
+from imubayes.reporting.figures import KNOWN, recovered
 from imubayes.reporting.result.entries import Case, Pooled, RecoveredErrors
 from imubayes.reporting.result.values import published
-from imubayes.reporting.rounding import Measured, measured, per_unit, pretty, signed
-from imubayes.selection.verdicts import EQUAL, Costs
+from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
+from imubayes.selection.verdicts import EQUAL, Costs, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.recovered import Recovered
-    from imubayes.reporting.canvas import Panel
+
+Cases = Mapping[str, Sequence["SensorResult"]]
+"""Components that were found together, by the id of their sensor."""
+
+PooledRow = tuple[str, tuple[str, ...], float, str]
+"""A term of a kind: name, verdict of each component (empty where it has no such term), inclusion in one model
+for all, and verdict: ``needed``, ``not needed``, ``undecided``, or ``cannot tell`` where no test can."""
 
 BLIND = ("inseparable", "unresolved", "untested")
 """Verdicts of a test that cannot tell: where all components have one of them, pooling tells no more."""
@@ -37,6 +36,33 @@ CANNOT = "cannot tell"
 MOST_DRAWN = 3
 """Cases of a study whose errors are drawn."""
 
+WITHIN = math.erf(math.sqrt(2.0))
+"""Share of normal errors within 2 sd."""
+
+CHANCE = 1e-3
+"""Probability from which chance explains how many lie there: errors of one fit are not independent."""
+
+QUANTITIES = {
+    "gravity": ("length of the force in a still, from local g",
+                "Length of the force in the stills, from local g"),
+    "rest": ("rate in a still", "Rates in the stills"),
+    "closure": ("up carried through a turn, from up in the next still", "Up carried through the turns"),
+    "turn": ("angle of a known turn", "Angles of the known turns"),
+}  # fmt: skip
+"""Each known quantity in words: in a row, and at the start of a sentence."""
+
+UNIT = "urad"
+
+HIDDEN = 2.0
+"""A misalignment that is so much less certain than the angles between axes has something else in it: two
+misalignments that are each known make an angle that is known less well than either."""
+
+HEADS = {
+    "accelerometer": "accelerometers",
+    "gyroscope": "gyroscopes",
+    "gyroscopes against accelerometers": "gyroscopes less accelerometers",
+}
+"""Columns of the table of angles, by what an angle is of."""
 
 RECOVERED = (
     "error, rms", "run", "of", "raw", "compensated", "by the kept terms", "predicted", "for new ones", "",
@@ -77,163 +103,8 @@ POOLED_NOTE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class RecoveredRow:
-    """Errors of one known quantity as they are printed: root mean squares over stills or turns.
-
-    Attributes
-    ----------
-    kind, what, run : quantity as its key and in words, and the run.
-    count : of stills or turns.
-    before, after, flown : of the raw output, compensated by the full library and by the kept terms.
-    fitted, fresh : what the posterior predicts for `after` (None where there is a coefficient for each), and
-        for new stills and turns.
-    inside, of : how many errors lie within 2 sd of what is predicted, of how many.
-    """
-
-    kind: str
-    what: str
-    run: str
-    count: int
-    before: Measured
-    after: Measured
-    flown: Measured
-    fitted: Measured | None
-    fresh: Measured
-    inside: int
-    of: int
-
-
-@dataclass(frozen=True, slots=True)
-class PooledRow:
-    """One term of a kind.
-
-    Attributes
-    ----------
-    term : its name.
-    verdicts : of each component; empty where it has no such term.
-    inclusion : in one model for all of them.
-    verdict : ``needed``, ``not needed``, ``undecided``, or ``cannot tell`` where no component's test can.
-    """
-
-    term: str
-    verdicts: tuple[str, ...]
-    inclusion: float
-    verdict: str
-
-
-@dataclass(frozen=True, slots=True)
-class PooledTable:
-    """Terms that a kind of component needs: its components, rows, and the finding in words.
-
-    Attributes
-    ----------
-    also : names of the components that need further terms, by these terms.
-    """
-
-    kind: str
-    components: tuple[str, ...]
-    rows: tuple[PooledRow, ...]
-    sentence: str
-    also: Mapping[tuple[str, ...], Sequence[str]]
-
-
-@dataclass(frozen=True, slots=True)
-class CaseView:
-    """A case of several components.
-
-    Attributes
-    ----------
-    id, anchor : of the sensor, and of its section.
-    answer : first paragraph, by sentence.
-    sentences : of the length of gravity, a run each.
-    rows : the same in numbers.
-    panels : error of each still or turn after compensation, with what is predicted.
-    pooled : a table a kind.
-    angles : how the axes lie; None where directions were not known.
-    """
-
-    id: str
-    anchor: str
-    answer: tuple[str, ...]
-    sentences: tuple[str, ...]
-    rows: tuple[RecoveredRow, ...]
-    panels: tuple[Panel, ...]
-    pooled: tuple[PooledTable, ...]
-    angles: AngleTable | None
-
-
-def case_views(result: StudyResult) -> tuple[CaseView, ...]:
-    """Prepare every case of a study."""
-    cases = _cases(result)
-    drawn = len(cases) <= MOST_DRAWN
-    return tuple(
-        _view(name, f"case{k + 1}", sensors, result.study.costs, drawn=drawn)
-        for k, (name, sensors) in enumerate(cases.items())
-    )
-
-
-def cases_section(views: Sequence[CaseView]) -> Section:
-    """Known quantities of many cases in one table."""
-    rows = [(view.id, *_recovered_cells(row)) for view in views for row in view.rows]
-    label = "Known quantities before and after compensation"
-    table = Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
-    return Section("Raw and compensated", [table], "cases")
-
-
-def case_section(view: CaseView) -> Section:
-    """One case: its known quantities, how its axes lie, and what each kind needs."""
-    parts = [_recovered_section(view)] if view.rows else []
-    if view.angles:
-        label = f"Rotation and non-orthogonality of {view.id}"
-        rows = [(text, *map(signed, cells)) for text, cells in view.angles.rows]
-        head = (f"angle, {pretty('urad')}", *view.angles.heads)
-        table = Table(label, head, rows, note=ANGLES_NOTE)
-        parts.append(Section("How the axes lie", [Prose([*map(pretty, view.angles.sentences)]), table]))
-    parts += [_pooled_section(view, table) for table in view.pooled]
-    last = [Prose(POOLED_NOTE, "note")] if view.pooled else []
-    return Section(f"{view.id} as a whole", [*parts, *last], view.anchor)
-
-
-def _recovered_section(view: CaseView) -> Section:
-    label = f"Known quantities of {view.id} before and after compensation"
-    rows = [_recovered_cells(row) for row in view.rows]
-    table = Table(label, RECOVERED, rows, "wtnnnnnntn")
-    note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(rows) > 1 else "")
-    return Section("Raw and compensated", [Prose(view.sentences), table, Figure(view.panels, note)])
-
-
-def _recovered_cells(row: RecoveredRow) -> tuple[str, ...]:
-    fitted = signed(row.fitted) or "–"
-    sizes = (signed(row.before), signed(row.after), signed(row.flown), fitted, signed(row.fresh))
-    return (row.what, row.run, str(row.count), *sizes, pretty(row.after.unit), f"{row.inside} of {row.of}")
-
-
-def _pooled_section(view: CaseView, table: PooledTable) -> Section:
-    rows = []
-    for row in table.rows:
-        told = (bar(row.inclusion), verdict(row.verdict))
-        if row.verdict == CANNOT:
-            told = (quiet("as the prior"), verdict(CANNOT, like="unresolved"))
-        rows.append((row.term, *map(shape, row.verdicts), *told))
-    label = f"Terms that the {table.kind}s of {view.id} need"
-    head = ("term", *table.components, "in one model", "verdict")
-    found = Table(label, head, rows, "t" * (1 + len(table.components)) + "nt")
-    return Section(f"Does this kind need it: {table.kind}s", [Prose(table.sentence), found])
-
-
-def published_cases(result: StudyResult) -> Iterator[Case]:
-    """Publish the cases of a study: errors in SI, verdicts of each kind."""
-    for name, sensors in _cases(result).items():
-        pooled = {
-            kind: {row.term: published(Pooled, row) for row in rows}
-            for kind, rows in _pooled(sensors, result.study.costs).items()
-        }
-        yield Case(id=name, recovered=tuple(map(_published, sensors[0].recovered)), pooled=pooled)
-
-
-def _cases(result: StudyResult) -> dict[str, list[SensorResult]]:
-    """Components that were found together, by the id of their sensor."""
+def cases_of(result: StudyResult) -> Cases:
+    """Cases of a study."""
     cases: dict[str, list[SensorResult]] = {}
     for sensor in result.sensors:
         if sensor.pooled or sensor.recovered or (sensor.calibration or {}).get("angles"):
@@ -241,43 +112,131 @@ def _cases(result: StudyResult) -> dict[str, list[SensorResult]]:
     return cases
 
 
-def _view(name: str, anchor: str, sensors: Sequence[SensorResult], costs: Costs, *, drawn: bool) -> CaseView:
-    recovered = sensors[0].recovered
-    rows, tables = tuple(map(_row, recovered)), tuple(_tables(sensors, costs))
-    return CaseView(
-        id=name,
-        anchor=anchor,
-        answer=case_answer(name, rows, tables),
-        sentences=tuple(recovered_sentence(row) for row in rows if row.kind == "gravity"),
-        rows=rows,
-        panels=tuple(recovered_panel(one, f"{anchor}p{k}") for k, one in enumerate(recovered))
-        if drawn
-        else (),
-        pooled=tables,
-        angles=angle_table(sensors),
+def case_answer(name: str, sensors: Sequence[SensorResult], costs: Costs) -> tuple[str, ...]:
+    """First paragraph on a case by sentence: what its kinds need, and what compensation recovers."""
+    kinds = pooled_rows(sensors, costs)
+    needs = [text for kind, rows in kinds.items() if (text := _need(kind, rows, sensors))]
+    opening = f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."
+    return (opening, *map(_change, sensors[0].recovered))
+
+
+def _need(kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult]) -> str:
+    """Say what all components of a kind need, and what some need beside it: not all have every term."""
+    needed = [term for term, _, _, word in rows if word == "needed"]
+    also: dict[tuple[str, ...], list[str]] = {}
+    for sensor in sensors:
+        own = (term.name for term in sensor.selection.terms if term.verdict == "needed")
+        if sensor.kind == kind and (more := tuple(name for name in own if name not in needed)):
+            also.setdefault(more, []).append(sensor.id.rpartition(".")[2])
+    beside = " also" if needed else ""
+    some = "; ".join(
+        f"{listed(names)} {'needs' if len(names) == 1 else 'need'}{beside} {listed(terms)}"
+        for terms, names in also.items()
+    )
+    all_of_them = f"its {kind}s need {listed(needed)}" if needed else ""
+    return "; ".join(text for text in (all_of_them, some) if text)
+
+
+def _change(one: Recovered) -> str:
+    sizes = ("before", "after", "fresh" if one.saturated else "fitted")
+    before, after, predicted = (in_unit(_rms(one, size)) for size in sizes)
+    whose = " for new ones" if one.saturated else ""
+    return (
+        f"{QUANTITIES[one.what][1]}: {before} rms raw, {after} compensated;"
+        f" the posterior predicts {predicted}{whose}."
     )
 
 
-def _row(one: Recovered) -> RecoveredRow:
-    unit, si = UNITS[one.what]
-    scale = per_unit(unit, si)
+def held(inside: int, of: int) -> str:
+    """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do.
 
-    def rms(errors: np.ndarray) -> Measured:
-        return measured(root_mean_square(errors, one.what) / scale, 0.0, unit)
+    Examples
+    --------
+    >>> held(444, 504), held(480, 504)
+    (' (481 expected: they are larger than predicted)', '')
+    >>> held(500, 504)
+    ' (481 expected: they are smaller than predicted)'
+    """
+    if binomtest(inside, of, WITHIN).pvalue >= CHANCE:
+        return ""
+    size = "larger" if inside < WITHIN * of else "smaller"
+    return f" ({WITHIN * of:.0f} expected: they are {size} than predicted)"
 
-    return RecoveredRow(
-        kind=one.what,
-        what=QUANTITIES[one.what],
-        run=one.run,
-        count=len(one.after),
-        before=rms(one.before),
-        after=rms(one.after),
-        flown=rms(one.flown),
-        fitted=None if one.saturated else rms(one.fitted),
-        fresh=rms(one.fresh),
-        inside=one.inside,
-        of=one.after.size,
+
+def held_together(cases: Cases) -> tuple[str, ...]:
+    """Say of each known quantity how many errors of all cases lie within 2 sd of what is predicted."""
+    every = [one for sensors in cases.values() for one in sensors[0].recovered]
+    told = []
+    for what in dict.fromkeys(one.what for one in every):
+        alike = [one for one in every if one.what == what]
+        inside, of = sum(one.inside for one in alike), sum(one.after.size for one in alike)
+        told.append(
+            f"{QUANTITIES[what][1]}: {inside} of {of} lie within 2 sd of what is predicted"
+            f"{held(inside, of) or ', as many as there should be'}."
+        )
+    return tuple(told)
+
+
+def cases_section(cases: Cases) -> Section:
+    """Known quantities of many cases in one table."""
+    rows = [(name, *_cells(one)) for name, sensors in cases.items() for one in sensors[0].recovered]
+    label = "Known quantities before and after compensation"
+    table = Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
+    return Section("Raw and compensated", [table], "cases")
+
+
+def case_section(name: str, key: str, sensors: Sequence[SensorResult], costs: Costs) -> Section:
+    """One case: its known quantities, how its axes lie, and what each kind needs.
+
+    Parameters
+    ----------
+    key : its anchor, which keeps its figures apart.
+    """
+    parts = [_recovered_section(name, key, sensors[0].recovered)] if sensors[0].recovered else []
+    parts += angle_sections(name, sensors)
+    kinds = pooled_rows(sensors, costs)
+    parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
+    last = [Prose(POOLED_NOTE, "note")] if kinds else []
+    return Section(f"{name} as a whole", [*parts, *last], key)
+
+
+def _recovered_section(name: str, key: str, found: Sequence[Recovered]) -> Section:
+    label = f"Known quantities of {name} before and after compensation"
+    table = Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
+    note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
+    panels = [recovered(one, f"{key}p{k}") for k, one in enumerate(found)]
+    said = [gravity_sentence(one) for one in found if one.what == "gravity"]
+    return Section("Raw and compensated", [Prose(said), table, Figure(panels, note)])
+
+
+def gravity_sentence(one: Recovered) -> str:
+    """Say what the length of gravity is before and after compensation, beside what the posterior predicts."""
+    sizes = ("after", "before", "fitted", "fresh", "flown")
+    after, before, fitted, fresh, flown = (in_unit(_rms(one, size)) for size in sizes)
+    inside = f"{one.inside} of {one.after.size} lie within 2 sd of that{held(one.inside, one.after.size)}"
+    if one.saturated:
+        predicted = "The fit has a coefficient for each;"
+        predicted += f" the posterior predicts {fresh} for new ones: {inside}."
+    else:
+        predicted = f"The posterior predicts {fitted} for them: {inside}; new ones would be off by {fresh}."
+    kept = "" if after == flown else f" The kept terms alone leave {flown}."
+    return (
+        f"The force in the {len(one.after)} stills of {one.run} is off local gravity by {before} rms raw, and"
+        f" by {after} compensated. {predicted}{kept}"
     )
+
+
+def _cells(one: Recovered) -> tuple[str, ...]:
+    sizes = [signed(_rms(one, size)) for size in ("before", "after", "flown")]
+    sizes += ["–" if one.saturated else signed(_rms(one, "fitted")), signed(_rms(one, "fresh"))]
+    inside = f"{one.inside} of {one.after.size}"
+    unit = pretty(KNOWN[one.what][2][0])
+    return (QUANTITIES[one.what][0], one.run, str(len(one.after)), *sizes, unit, inside)
+
+
+def _rms(one: Recovered, size: str) -> Measured:
+    unit, si = KNOWN[one.what][2]
+    return measured(root_mean_square(getattr(one, size), one.what) / per_unit(unit, si), 0.0, unit)
 
 
 def root_mean_square(errors: np.ndarray, what: str) -> float:
@@ -286,50 +245,101 @@ def root_mean_square(errors: np.ndarray, what: str) -> float:
     return float(np.sqrt(squares.sum(axis=1).mean() if what == "closure" else squares.mean()))
 
 
-def _published(one: Recovered) -> RecoveredErrors:
-    sizes = ("before", "after", "flown", "fitted", "fresh")
-    return published(
-        RecoveredErrors,
-        one,
-        unit=UNITS[one.what][1],
-        count=len(one.after),
-        rms={size: root_mean_square(getattr(one, size), one.what) for size in sizes},
-        within_2_sd=one.inside,
-        of=one.after.size,
-        errors=one.after,
-        sd=one.expected,
-    )
+def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Section]:
+    """Rotations and non-orthogonality of a case's triads; nothing where directions were not known."""
+    angles: Sequence[Mapping[str, Any]] = (sensors[0].calibration or {}).get("angles", [])
+    if not angles:
+        return
+    columns = list(dict.fromkeys(angle["of"] for angle in angles))
+    found = {(angle["name"], angle["of"]): signed(_angle(angle["mean"], angle["sd"])) for angle in angles}
+    names = dict.fromkeys(angle["name"] for angle in angles)
+    rows = [(_text(angle), *(found.get((angle, of), "") for of in columns)) for angle in names]
+    head = (f"angle, {pretty(UNIT)}", *(HEADS[of] for of in columns))
+    table = Table(f"Rotation and non-orthogonality of {name}", head, rows, note=ANGLES_NOTE)
+    yield Section("How the axes lie", [Prose([*map(pretty, _angle_sentences(sensors, angles))]), table])
 
 
-def _tables(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[PooledTable]:
-    for kind, rows in _pooled(sensors, costs).items():
+def _angle(mean: float, sd: float) -> Measured:
+    return measured(mean / per_unit(UNIT, "rad"), sd / per_unit(UNIT, "rad"), UNIT)
+
+
+def _text(name: str) -> str:
+    """Angle in words.
+
+    Examples
+    --------
+    >>> _text("rotation_x"), _text("nonorthogonality_xy")
+    ('rotation about x', 'non-orthogonality of x and y')
+    """
+    what, _, axes = name.partition("_")
+    return f"rotation about {axes}" if what == "rotation" else f"non-orthogonality of {axes[0]} and {axes[1]}"
+
+
+def _angle_sentences(sensors: Sequence[SensorResult], angles: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Say of each kind whether the rotation of its triad is known as well as the angles between its axes."""
+    for kind in dict.fromkeys(sensor.kind for sensor in sensors):
+        known = [a["sd"] for a in angles if a["of"] == kind and a["name"].startswith("nonorthogonality")]
+        terms = [t for sensor in sensors if sensor.kind == kind for t in sensor.selection.terms]
+        single = [term.full_sd for term in terms if term.name in ("m_j", "m_k")]
+        if known and single:
+            between, alone = (_angle(size, 0.0).value for size in (max(known), max(single)))
+            hidden = max(single) > HIDDEN * max(known)
+            yield (
+                f"The angles between the axes of the {kind}s are known to {between} {UNIT},"
+                f"{'' if hidden else ' and'} their misalignments against the case to {alone} {UNIT}: "
+                + (
+                    "how the case as a whole lay in its fixture is known no better."
+                    if hidden
+                    else "their rotation as a whole is known about as well."
+                )
+            )
+
+
+def _pooled_section(
+    name: str, kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult]
+) -> Section:
+    names = [sensor.id for sensor in sensors if sensor.kind == kind]
+    cells: list[tuple[Text, ...]] = []
+    for term, verdicts, inclusion, word in rows:
+        told = (bar(inclusion), verdict(word))
+        if word == CANNOT:
+            told = (quiet("as the prior"), verdict(CANNOT, like="unresolved"))
+        cells.append((term, *map(shape, verdicts), *told))
+    label, head = f"Terms that the {kind}s of {name} need", ("term", *names, "in one model", "verdict")
+    table = Table(label, head, cells, "t" * (1 + len(names)) + "nt")
+    return Section(f"Does this kind need it: {kind}s", [Prose(pooled_sentence(kind, names, rows)), table])
+
+
+def pooled_sentence(kind: str, components: Sequence[str], rows: Sequence[PooledRow]) -> str:
+    """Say which terms a kind needs that not every one of its components shows."""
+    parts = []
+    for told, (one, many) in _WORDS.items():
+        names = [term for term, _, _, word in rows if word == told]
+        parts += [f"{many if len(names) > 1 else one} {listed(names)}"] if names else []
+    text = f"In one model for {listed(components)}: {'; '.join(parts)}."
+    alone = [term for term, verdicts, _, word in rows if word == "needed" and set(verdicts) != {"needed"}]
+    return f"{text} Not every {kind} shows {listed(alone)} by itself." if alone else text
+
+
+_WORDS = {
+    "needed": ("needed is", "needed are"),
+    "not needed": ("not needed is", "not needed are"),
+    "undecided": ("undecided is", "undecided are"),
+    "cannot tell": ("this test cannot tell of", "this test cannot tell of"),
+}
+
+
+def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list[PooledRow]]:
+    """Terms that each kind of component of a case needs, of those that all of its components have."""
+    kinds: dict[str, list[PooledRow]] = {}
+    for kind in dict.fromkeys(sensor.kind for sensor in sensors if sensor.pooled):
         alike = [sensor for sensor in sensors if sensor.kind == kind]
-        names = tuple(sensor.id for sensor in alike)
-        also = _also(alike, {row.term for row in rows if row.verdict == "needed"})
-        yield PooledTable(kind, names, rows, pooled_sentence(kind, names, rows), also)
-
-
-def _also(sensors: Sequence[SensorResult], shared: Collection[str]) -> Mapping[tuple[str, ...], list[str]]:
-    """Components by what they need beyond the terms that their kind does: not all have every term."""
-    found: dict[tuple[str, ...], list[str]] = {}
-    for sensor in sensors:
-        own = (term.name for term in sensor.selection.terms if term.verdict == "needed")
-        if more := tuple(name for name in own if name not in shared):
-            found.setdefault(more, []).append(sensor.id.rpartition(".")[2])
-    return found
-
-
-def _pooled(sensors: Sequence[SensorResult], costs: Costs) -> Mapping[str, tuple[PooledRow, ...]]:
-    """Rows by kind."""
-    kinds = dict.fromkeys(sensor.kind for sensor in sensors if sensor.pooled)
-    return {kind: tuple(_pooled_rows([s for s in sensors if s.kind == kind], costs)) for kind in kinds}
-
-
-def _pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> Iterator[PooledRow]:
-    found = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in sensors]
-    for name, inclusion in sensors[0].pooled.items():
-        verdicts = tuple(one.get(name, "") for one in found)
-        yield PooledRow(name, verdicts, inclusion, pooled_verdict(inclusion, verdicts, costs))
+        found = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in alike]
+        for name, inclusion in alike[0].pooled.items():
+            verdicts = tuple(one.get(name, "") for one in found)
+            row = (name, verdicts, inclusion, pooled_verdict(inclusion, verdicts, costs))
+            kinds.setdefault(kind, []).append(row)
+    return kinds
 
 
 def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQUAL) -> str:
@@ -348,3 +358,29 @@ def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQU
     if inclusion >= costs.needed and told != {"not needed"}:
         return "needed"
     return "not needed" if inclusion <= costs.not_needed and "needed" not in told else "undecided"
+
+
+def published_cases(result: StudyResult) -> Iterator[Case]:
+    """Publish the cases of a study: errors in SI, verdicts of each kind."""
+    for name, sensors in cases_of(result).items():
+        kinds = pooled_rows(sensors, result.study.costs)
+        pooled = {
+            kind: {term: Pooled(inclusion=inclusion, verdict=word) for term, _, inclusion, word in rows}
+            for kind, rows in kinds.items()
+        }
+        yield Case(id=name, recovered=tuple(map(_published, sensors[0].recovered)), pooled=pooled)
+
+
+def _published(one: Recovered) -> RecoveredErrors:
+    sizes = ("before", "after", "flown", "fitted", "fresh")
+    return published(
+        RecoveredErrors,
+        one,
+        unit=KNOWN[one.what][2][1],
+        count=len(one.after),
+        rms={size: root_mean_square(getattr(one, size), one.what) for size in sizes},
+        within_2_sd=one.inside,
+        of=one.after.size,
+        errors=one.after,
+        sd=one.expected,
+    )

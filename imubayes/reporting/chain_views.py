@@ -1,56 +1,56 @@
-"""What the report shows of the chains, of the test bench and of dwells that are not trusted."""
+"""How the posterior was found: rung, chains, errors of the test bench, and what uncertain noise changes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from imubayes.reporting import chain_figures
-from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
-from imubayes.reporting.chain_words import changes, diagnoses
-from imubayes.reporting.rounding import (
-    OUTPUT_SI,
-    OUTPUT_UNIT,
-    in_unit,
-    measured,
-    minus,
-    per_unit,
-    pretty,
-    signed,
-)
-from imubayes.reporting.rows import bench_label, label, shortened
+from imubayes.campaign.fidelity import rung_of
+from imubayes.inference.mcmc.ensembles import STILL
+from imubayes.reporting.blocks import Prose, Section, Table, quiet
+from imubayes.reporting.evidence import exact_evidence
+from imubayes.reporting.result.entries import RungChoice
+from imubayes.reporting.result.values import published
+from imubayes.reporting.rounding import duration, measured, minus, per_unit, pretty, signed
+from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
+from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
 
 if TYPE_CHECKING:
+    from imubayes.campaign.fidelity import Choice
     from imubayes.campaign.study import ExtraPosterior, SensorResult
+
+HOW = {
+    "exact": "exact",
+    "collapsed": "collapsed chains",
+    "full": "full chains, of coefficients and noise",
+}
+"""Each method in words."""
+
+CHANGED = 0.02
+"""Change of an inclusion probability that is worth a row."""
+
+MOST_CHANGED = 6
+"""Rows of such changes."""
+
+MOST_DWELLS = 4
+"""Runs that a sentence names."""
 
 MOST_BENCH = 24
 """Errors of the test bench that a report lists: those that the data say most of."""
 
-MOST_DWELLS = 40
-"""Dwells that a report lists, worst first."""
-
 MOST_PARTNERS = 3
 """Confounded terms that a row names."""
 
-MOST_NOISES, MOST_NOISES_OF_MANY = 4, 1
-"""Noise parameters that are traced: of one or two components, and of each of more."""
-
-CORNER_OF_MANY = 3
-"""Columns of the corner figure of each of more than two components."""
-
-
-TRACES = (
-    "Above: draws of each ensemble, a colour an ensemble, of the noise parameters whose ensembles are"
-    " farthest apart and of the coefficients with the fewest effective draws; ensembles that agree cover"
-    " the same band. Below them: how the draws of an ensemble rank among all draws; bars of one height"
-    " are ensembles that agree, a slope or a hump is one that does not; the grey band is ± 2 sd of"
-    " chance."
+NOT_ASKED = (
+    "Left out for the sake of time: the residual checks, the other methods, and the search for what the"
+    " library lacks."
 )
+"""What no rung does, and a run without budget does."""
 
-CORNER = (
-    "Under the full library. Blue holds half of the draws, grey 90 %; a narrow slanted ridge is a pair"
-    " that the test sees mostly in one combination."
+PLOTS = (
+    "ArviZ draws traces, ranks and pairs of the draws, as by"
+    ' arviz.plot_trace(arviz.from_netcdf("posterior.nc")).'
 )
 
 BENCH = (
@@ -58,36 +58,193 @@ BENCH = (
     " error bars. Where the sd after the test is that before it, the test says nothing of it."
 )
 
-DWELLS = (
-    "Each is more likely contaminated than not, by a knock, a wrong position or a spike; the fit goes on"
-    " without it."
-)
+
+def method_sentence(sensor: SensorResult) -> str:
+    """Say how the posterior was computed, and why so; empty where nothing was chosen."""
+    if not sensor.method_reason or sensor.choice is not None:
+        return ""
+    return sentence(f"Posterior: {HOW[sensor.method]}, because {sensor.method_reason}")
 
 
-def chain_sections(sensor: SensorResult, key: str, sensors: int) -> Iterator[Section]:
-    """Chains of a component; nothing for the exact method.
+def unconverged_sentence(sensor: SensorResult) -> str:
+    """Say that the chains cannot be trusted yet; empty where they can, or where there are none."""
+    if sensor.chains is None or sensor.chains.diagnostics.converged:
+        return ""
+    found = sensor.chains.diagnostics
+    why = found.text.removeprefix("not converged").lstrip(": ")
+    return (
+        f"{sensor.id}: the chains have not converged"
+        + (f" ({why})" if why else "")
+        + f". What rests on them is the estimate so far: {_remedy(sensor)}."
+    )
 
-    Parameters
-    ----------
-    key : identifier of the component in the page.
-    sensors : how many components have figures; 0 where this one has none.
+
+def _remedy(sensor: SensorResult) -> str:
+    """What gives the chains more steps, where these help; those of a rung that was chosen are not kept."""
+    if sensor.chains and STILL in sensor.chains.diagnostics.text:
+        return "hold the noise at its estimate by --method exact"
+    if sensor.choice is None:
+        return "continue with --resume, or give more time"
+    return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"
+
+
+def distrust_sentence(sensor: SensorResult) -> str:
+    """Say how many dwells the robust analysis holds for contaminated, and where."""
+    count = len(sensor.distrusted)
+    if not count:
+        return ""
+    by_run: dict[str, int] = {}
+    for dwell in sensor.distrusted:
+        by_run[dwell.run] = by_run.get(dwell.run, 0) + 1
+    where = [f"{number} in {run}" for run, number in by_run.items()][:MOST_DWELLS]
+    rest = "" if len(by_run) <= MOST_DWELLS else " and elsewhere"
+    dwells = "dwell is" if count == 1 else "dwells are"
+    return f"{count} {dwells} not trusted ({', '.join(where)}{rest}): the fit goes on without them."
+
+
+def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
+    """Say which rung was taken and why, what it gave up, and what the next one would change.
+
+    Examples
+    --------
+    >>> from imubayes.campaign.fidelity import Choice
+    >>> given = ("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
+    >>> choice_sentences(Choice(*given, budget=1.0))[0]
+    'Method: whitened factor, sparse regression along its path, the best that fits a budget of 1 s (0.4 s).'
     """
+    if choice is None:
+        return ()
+    rung = rung_of(choice.rung)
+    taken = f"Method: {rung.title}{_why(choice)}."
+    gave_up = f"It {rung.leaves_out}" if rung.leaves_out else ""
+    return tuple(text for text in (taken, gave_up, *_climbed(choice), _next(choice), NOT_ASKED) if text)
+
+
+def _why(choice: Choice) -> str:
+    """Why this rung was taken, and whether it is what was asked for."""
+    took = duration(choice.seconds)
+    if choice.accuracy is not None:
+        missed = f"the last that there is: {choice.asked} was not reached ({took})"
+        return f", reached {choice.asked} ({took})" if choice.met else f", {missed}"
+    if choice.budget is None:
+        return f", as asked ({took})"
+    if choice.foreseen > choice.budget:
+        return f", the cheapest: none fits {choice.asked} (it took {took})"
+    if not choice.met:
+        return f", the best that was foreseen to fit {choice.asked}; it took longer, {took}"
+    return f", the best that fits {choice.asked} ({took})"
+
+
+def _climbed(choice: Choice) -> tuple[str, ...]:
+    """What the last step changed, where rungs were climbed."""
+    if len(choice.climbed) < 2:
+        return ()
+    name, coefficients, inclusions = choice.climbed[-1]
+    below = choice.climbed[-2][0]
+    return (
+        f"The step from {below} to {name} changed coefficients by up to {coefficients:.2g} posterior sd and"
+        f" inclusions by up to {inclusions:.2g}.",
+    )
+
+
+def _next(choice: Choice) -> str:
+    if choice.next_rung is None:
+        return sentence(choice.next_reason[:1].upper() + choice.next_reason[1:])
+    coefficients, inclusions = choice.next_change
+    return (
+        f"The next rung ({rung_of(choice.next_rung).title}) would take about {duration(choice.next_seconds)}"
+        f" and change coefficients by up to about {coefficients:.1g} posterior sd and inclusions by about"
+        f" {inclusions:.1g} (foreseen by {choice.next_reason})."
+    )
+
+
+def published_choice(choice: Choice | None) -> RungChoice | None:
+    """Publish the same."""
+    return choice and published(
+        RungChoice,
+        choice,
+        foreseen_seconds=choice.foreseen,
+        climbed=[
+            {"rung": name, "change_sd": change, "change_inclusion": inclusion}
+            for name, change, inclusion in choice.climbed
+        ],
+        next=choice.next_rung
+        and {
+            "rung": choice.next_rung,
+            "seconds": choice.next_seconds,
+            "change_sd": choice.next_change[0],
+            "change_inclusion": choice.next_change[1],
+            "foreseen_by": choice.next_reason,
+        },
+    )
+
+
+def chain_sections(sensor: SensorResult) -> Iterator[Section]:
+    """Diagnostics of the chains with what each means; nothing for the exact method."""
+    if sensor.chains is not None:
+        rows = [(name, minus(value), quiet(meaning)) for name, value, meaning in diagnoses(sensor)]
+        table = Table(f"Diagnostics of the chains of {sensor.id}", (), rows, "ttw", PLOTS)
+        yield Section("The chains", [table])
+
+
+def diagnoses(sensor: SensorResult) -> Iterator[tuple[str, str, str]]:
+    """Diagnostics of the chains: what, its value, and how to read it."""
     chains = sensor.chains
     if chains is None:
         return
-    few = sensors <= 2
-    noises = MOST_NOISES if few else MOST_NOISES_OF_MANY
-    shown = chain_figures.watched(sensor, chains, noises) if sensors else ()
-    rows = [(line.name, minus(line.value), quiet(line.meaning)) for line in diagnoses(sensor, chains)]
-    blocks: list[Block] = [Table(f"Diagnostics of the chains of {sensor.id}", (), rows, "ttw")]
-    if shown:
-        blocks.append(Figure([chain_figures.trace(one, f"{key}w{n}") for n, one in enumerate(shown)]))
-        blocks.append(Figure([chain_figures.ranks(one, f"{key}v{n}") for n, one in enumerate(shown)], TRACES))
-    most = chain_figures.CORNER if few else CORNER_OF_MANY
-    corner = chain_figures.corner(sensor, chains, f"{key}x", most) if sensors else None
-    if corner:
-        blocks.append(Figure([corner], CORNER, wide=f"Strongest ties of {sensor.id}"))
-    yield Section("The chains", blocks)
+    found = chains.diagnostics
+    low, high = int(found.ess.argmin()), int(found.rhat.argmax())
+    yield (
+        "smallest effective sample size",
+        f"{found.ess[low]:,.0f} ({_said(found.parameters[low])})",
+        "how many independent draws the chains are worth; 1,000 place a mean within 0.03 sd",
+    )
+    yield (
+        "largest R-hat",
+        f"{found.rhat[high]:.3f} ({_said(found.parameters[high])})",
+        "spread of all draws over the spread within half an ensemble; below 1.01 they agree",
+    )
+    yield (
+        "longest autocorrelation time",
+        f"{found.tau.max():.3g} steps",
+        "steps after which a walker has forgotten where it was",
+    )
+    yield (
+        "accepted proposals",
+        f"{found.acceptance:.0%}",
+        "near 0 the walkers stand still; high is good for proposals from the posterior itself",
+    )
+    yield (
+        "chains",
+        f"{found.ensembles} ensembles of {found.walkers} walkers, {found.steps:,} steps each",
+        f"{found.text}; {found.seconds:.1f} s",
+    )
+    yield (
+        "interpolation error",
+        f"{chains.interpolation_error:.2g} nats",
+        "largest error of the log density from whitenings between computed ones; 0 where none was needed",
+    )
+    value, sd = chains.log_evidence
+    noisy = set(found.parameters) - set(chains.names)
+    over = ", averaged over the prior of the noise" if noisy else ""
+    told = f"of the full library{over}, from the chains"
+    yield "log evidence by bridge sampling", f"{value:.2f} ± {sd:.2f}", told
+    if (exact := exact_evidence(sensor)) is not None:
+        held = "the bridge is lower by what the noise's prior costs" if noisy else "the bridge must agree"
+        at = "estimated" if noisy else "given"
+        yield "log evidence, exact", f"{exact:.2f}", f"of the full library at the {at} noise: {held}"
+
+
+def _said(parameter: str) -> str:
+    """Name of a noise parameter as it is said.
+
+    Examples
+    --------
+    >>> _said("N.tumble"), _said("b2"), _said("ax.b0")
+    ('N of tumble', 'b2', 'ax.b0')
+    """
+    letter, dot, run = parameter.partition(".")
+    return f"{letter} of {run}" if dot and letter in ("N", "B", "K") else parameter
 
 
 def bench_sections(sensor: SensorResult) -> Iterator[Section]:
@@ -124,35 +281,26 @@ def _bench_row(entry: ExtraPosterior, labels: dict[str, str]) -> tuple[str, ...]
     return (extra.text, f"± {prior}", value, pretty(extra.printed), minus(shortened(partners, MOST_PARTNERS)))
 
 
-def dwell_sections(sensor: SensorResult) -> Iterator[Section]:
-    """Dwells that are not trusted, in printed units."""
-    unit = OUTPUT_UNIT[sensor.kind]
-    size = per_unit(unit, OUTPUT_SI[sensor.kind])
-    rows = [
-        (
-            dwell.run,
-            f"{dwell.start:.6g}",
-            f"{dwell.stop:.6g}",
-            "> 99.9 %" if dwell.probability > 0.999 else f"{100.0 * dwell.probability:.1f} %",
-            in_unit(measured(dwell.offset / size, dwell.sd / size, unit)),
-        )
-        for dwell in sensor.distrusted[:MOST_DWELLS]
-    ]
-    left = len(sensor.distrusted) - len(rows)
-    more = f" {left} more are in result.json." if left else ""
-    if rows:
-        head = ("run", "from, s", "to, s", "contaminated with", "off by")
-        table = Table(f"Dwells of {sensor.id} that are not trusted", head, rows, "tn", f"{DWELLS}{more}")
-        yield Section("Dwells that are not trusted", [table])
-
-
 def change_sections(sensor: SensorResult) -> Iterator[Section]:
-    """Effect of the uncertain noise on inclusion; nothing without averages."""
-    said, found = changes(sensor)
-    if said:
-        moved = [minus(f"{one.averaged - one.plug_in:+.3f}") for one in found]
-        sizes = [(one.term, f"{one.plug_in:.3f}", f"{one.averaged:.3f}") for one in found]
-        rows = [(*size, by) for size, by in zip(sizes, moved, strict=True)]
-        head = ("term", "at the estimated noise", "averaged over the noise", "change")
-        table = [Table(f"Inclusion of {sensor.id} with uncertain noise", head, rows)] if rows else []
-        yield Section("Inclusion with uncertain noise", [Prose(said), *table])
+    """Effect of the uncertain noise on inclusion, largest first; nothing without averages."""
+    plug_in = plug_in_inclusion(sensor.selection)
+    if not plug_in:
+        return
+    both = [(term.name, plug_in[term.name], term.inclusion) for term in sensor.selection.terms]
+    both.sort(key=lambda one: -abs(one[2] - one[1]))
+    crossing = [name for name, before, after in both if _level(before) != _level(after)]
+    first, before, after = both[0]
+    who = f"{listed(crossing)} cross{'es' if len(crossing) == 1 else ''}" if crossing else "none crosses"
+    said = (
+        "Averaged over the uncertain noise, no inclusion probability moves by more than"
+        f" {abs(after - before):.3f} ({first}); {who} 0.05, 0.5 or 0.95."
+    )
+    moved = [one for one in both if abs(one[2] - one[1]) > CHANGED][:MOST_CHANGED]
+    rows = [(name, f"{a:.3f}", f"{b:.3f}", minus(f"{b - a:+.3f}")) for name, a, b in moved]
+    head = ("term", "at the estimated noise", "averaged over the noise", "change")
+    table = [Table(f"Inclusion of {sensor.id} with uncertain noise", head, rows)] if rows else []
+    yield Section("Inclusion with uncertain noise", [Prose(said), *table])
+
+
+def _level(inclusion: float) -> int:
+    return sum(inclusion >= level for level in (NOT_NEEDED, 0.5, NEEDED))

@@ -5,21 +5,28 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Block, Page, Prose, Section, answer, link, repeat
-from imubayes.reporting.case_views import MOST_DRAWN, CaseView, case_section, case_views, cases_section
-from imubayes.reporting.case_words import held_together
-from imubayes.reporting.data_views import appendix_section, data_section
+from imubayes.reporting.blocks import Block, Page, Prose, Section, Table, answer, link, repeat, strong
+from imubayes.reporting.case_views import (
+    MOST_DRAWN,
+    Cases,
+    case_answer,
+    case_section,
+    cases_of,
+    cases_section,
+    held_together,
+)
 from imubayes.reporting.html import page_html
 from imubayes.reporting.noise_views import glance_table, process_answers
 from imubayes.reporting.population_views import class_section, class_title, class_words, is_repeated
 from imubayes.reporting.posterior import write_posterior
 from imubayes.reporting.results import command, result_json
-from imubayes.reporting.rounding import pretty
+from imubayes.reporting.rounding import duration, minus, pretty
+from imubayes.reporting.rows import range_texts
 from imubayes.reporting.session_views import session_section, session_sentence
 from imubayes.reporting.views import (
     MANY,
@@ -30,9 +37,15 @@ from imubayes.reporting.views import (
     sensor_section,
     shown_sensors,
 )
+from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import StudyResult
+    from imubayes.campaign.study import Appendix, SensorResult, StudyResult
+    from imubayes.inference.summary import RunSummary
+    from imubayes.sensors.terms import Kind
+
+
+RUNS_HEAD = ("run", "procedure", "samples", "duration", "interval", "ranges", "checks and notes")
 
 
 def write_results(result: StudyResult, out: Path) -> tuple[Path, ...]:
@@ -82,7 +95,7 @@ def report_html(result: StudyResult) -> str:
 
 def report_page(result: StudyResult) -> Page:
     """Page of a study of sensors."""
-    study, sensors, cases = result.study, shown_sensors(result), case_views(result)
+    study, sensors, cases = result.study, shown_sensors(result), cases_of(result)
     few = len(sensors) <= MANY
     which = "does this sensor" if len(sensors) == 1 else "do these components"
     classes = [class_section(found, k) for k, found in enumerate(result.classes)]
@@ -95,7 +108,7 @@ def report_page(result: StudyResult) -> Page:
             *_overview(result),
             *classes,
             *([sessions] if sessions else []),
-            *_cases(cases),
+            *_cases(result, cases),
             *([] if few else [_drawn_note(sensors)]),
             *(
                 sensor_section(one, answered=not few or _is_apart(one), listed=len(sensors) <= 2)
@@ -113,10 +126,11 @@ def _is_apart(one: Shown) -> bool:
     return one.about_noise and not is_doubtful(one.sensor)
 
 
-def _answers(result: StudyResult, sensors: Sequence[Shown], cases: Sequence[CaseView]) -> Iterator[Block]:
+def _answers(result: StudyResult, sensors: Sequence[Shown], cases: Cases) -> Iterator[Block]:
     """First screen: what each case, component and class needs."""
     if len(cases) <= MOST_DRAWN:
-        yield from (answer(view.answer) for view in cases)
+        costs = result.study.costs
+        yield from (answer(case_answer(name, found, costs)) for name, found in cases.items())
     for one in sensors if len(sensors) <= MANY else ():
         told = [*process_answers(one.sensor)]
         own = [] if _is_apart(one) else [sensor_answer(one)]
@@ -137,10 +151,11 @@ def _overview(result: StudyResult) -> Iterator[Block]:
         yield overview(result.sensors)
 
 
-def _cases(cases: Sequence[CaseView]) -> Iterator[Section]:
+def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
     if len(cases) <= MOST_DRAWN:
-        yield from map(case_section, cases)
-    elif any(view.rows for view in cases):
+        for k, (name, found) in enumerate(cases.items(), 1):
+            yield case_section(name, f"case{k}", found, result.study.costs)
+    elif any(found[0].recovered for found in cases.values()):
         yield cases_section(cases)
 
 
@@ -149,3 +164,75 @@ def _drawn_note(sensors: Sequence[Shown]) -> Prose:
     drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     return Prose(said.format(len(drawn), len(sensors), Markup(", ").join(drawn)), "note")
+
+
+def data_section(result: StudyResult) -> Section:
+    """Runs of every component, once where components share them, and the files they are read from."""
+    sharing: dict[tuple[int, ...], list[SensorResult]] = {}
+    for sensor in result.sensors:
+        sharing.setdefault(tuple(map(id, sensor.runs)), []).append(sensor)
+    files = Section("Files", [Prose([_file(source) for source in _sources(result)])])
+    return Section("The data", [*map(_runs, sharing.values()), files], "runs")
+
+
+def _runs(sensors: Sequence[SensorResult]) -> Section:
+    """Runs that some components share."""
+    title = f"Runs of {listed([sensor.id for sensor in sensors])}"
+    rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
+    return Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")])
+
+
+def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
+    ranges = [
+        f"{channel} {minus(low)} to {minus(high)} {pretty(unit)}"
+        for channel, low, high, unit in range_texts(run, kind)
+    ]
+    stills = f"{len(run.stills)} stills. " if run.stills else ""
+    times = (duration(run.duration), duration(run.sampling or run.interval))
+    notes = f"{stills}{'; '.join(run.source.notes) or 'nothing to note'}"
+    return (run.name, run.procedure, f"{run.samples:,}", *times, Markup("<br>").join(ranges), notes)
+
+
+def _file(source: dict[str, Any]) -> Markup:
+    """A file, its hash, and what is taken from it."""
+    text = strong(source["file"])
+    if source["sha256"]:
+        text += Markup(', SHA-256 <code class="hash">{}</code>').format(source["sha256"])
+    columns = [
+        f"{column} as {channel}{f' [{unit}]' if unit else ''}" for column, channel, unit in source["columns"]
+    ]
+    return text + (Markup("<br>{}").format(", ".join(columns)) if columns else "")
+
+
+def _sources(result: StudyResult) -> tuple[dict[str, Any], ...]:
+    """Each file once, with the columns that all components take from it."""
+    files: dict[tuple[str, str], dict[str, Any]] = {}
+    for source in (run.source for sensor in result.sensors for run in sensor.runs):
+        entry = {"file": source.file, "sha256": source.sha256, "columns": {}}
+        files.setdefault((source.file, source.sha256), entry)["columns"] |= dict.fromkeys(source.columns)
+    return tuple(files.values())
+
+
+def appendix_section(tables: Sequence[Appendix]) -> Section:
+    """Tables measured elsewhere."""
+    return Section("Appendices", [Section(one.title, [*_appendix(one)]) for one in tables], "appendices")
+
+
+def _appendix(one: Appendix) -> Iterator[Block]:
+    yield Prose(one.note)
+    columns = ["n" if all(map(_is_numeric, cells)) else "t" for cells in zip(*one.rows, strict=True)]
+    yield Table(one.title, one.header, one.rows, "".join(["t", *columns[1:]]))
+    if one.command:
+        yield Prose("Made by", "note")
+        yield Prose(one.command, "pre")
+
+
+def _is_numeric(text: str) -> bool:
+    """Whether a cell from elsewhere holds a number, to be aligned on the right.
+
+    Examples
+    --------
+    >>> _is_numeric("12,000"), _is_numeric("3.1 s"), _is_numeric("full")
+    (True, True, False)
+    """
+    return text.strip().lstrip("+-−<>~ ")[:1].isdigit()

@@ -1,4 +1,4 @@
-"""Figures on the choice of terms and on the posterior."""
+"""Figures on the choice of terms, the posterior, what compensation recovers, and a scene."""
 
 from __future__ import annotations
 
@@ -15,21 +15,25 @@ from imubayes.reporting.canvas import (
     GREY,
     INK,
     PALE,
+    SERIES,
     VERDICT_COLOURS,
+    WARNING,
     Axes,
     Margins,
     Panel,
     areas,
     draw,
     few_ticks,
-    no_ticks,
+    log_scale,
 )
-from imubayes.reporting.rounding import measured, per_unit, percent, pretty
+from imubayes.reporting.rounding import per_unit, percent, pretty, share
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
+    from imubayes.inference.recovered import Recovered
+    from imubayes.scenes.relevance import Relevance
     from imubayes.selection.verdicts import TermVerdict
 
 
@@ -46,8 +50,8 @@ SHAPES = {
 }
 """Marker and fill of each verdict, the same shapes as in the tables."""
 
-WIDE = 8.0
-"""Prior sd over posterior sd above which the panel shows the posterior's own range only."""
+NARROWED = 0.1
+"""Posterior over prior sd from which a term is counted as known by the test."""
 
 DEEP = 40.0
 """nats below the best size that the evidence panel shows."""
@@ -55,8 +59,13 @@ DEEP = 40.0
 MOST_NAMED = 5
 """Terms that a title names."""
 
-STRONGEST = 8
-"""Pairs in the correlation panel."""
+KNOWN = {
+    "gravity": ("|f| − g", "still", ("mg", "m/s^2")),
+    "rest": ("rate", "still", ("deg/s", "rad/s")),
+    "closure": ("error of up", "turn", ("deg", "rad")),
+    "turn": ("error of the turn", "turn", ("deg", "rad")),
+}
+"""Of each known quantity its name, what is counted, and its printed and SI unit."""
 
 
 def inclusion(sensor: SensorResult, key: str) -> Panel:
@@ -86,13 +95,10 @@ def _matters(terms: Sequence[TermVerdict]) -> str:
 
 
 def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
-    down = np.arange(len(terms))
     areas(axes, [(0.0, term.inclusion, row - 0.28, row + 0.28) for row, term in enumerate(terms)], PALE)
     for level in (0.05, 0.5, 0.95):
         axes.axvline(level, color=PALE, linewidth=0.8, zorder=0)
-    ends = np.array([term.inclusion_range for term in terms])
-    breaks = np.full(len(terms), np.nan)
-    axes.plot(np.column_stack([ends, breaks]).ravel(), np.repeat(down, 3), color=INK, linewidth=1.2)
+    _whiskers(axes, np.array([term.inclusion_range for term in terms]), INK)
     for row, term in enumerate(terms):
         marker, fill = SHAPES.get(term.verdict, ("s", "none"))
         colour = VERDICT_COLOURS.get(term.verdict, GREY)
@@ -108,12 +114,12 @@ def model_size(sensor: SensorResult, key: str) -> Panel:
     """Evidence against model size."""
     by_size = np.asarray(sensor.selection.models.by_size, dtype=float)
     top = float(np.max(by_size[np.isfinite(by_size)]))
-    share = np.exp(by_size - top)
-    share /= share.sum()
-    best = int(np.argmax(share))
+    chance = np.exp(by_size - top)
+    chance /= chance.sum()
+    best = int(np.argmax(chance))
     return draw(
         lambda axes: _paint_sizes(axes, by_size - top, best),
-        title=f"Most likely {counted(best, 'term')} ({share[best]:.0%})",
+        title=f"Most likely {counted(best, 'term')} ({chance[best]:.0%})",
         alt="Log evidence by number of terms, relative to the best: "
         + ", ".join(f"{k}: {value - top:.1f}" for k, value in enumerate(by_size) if value - top > -DEEP),
         key=key,
@@ -139,8 +145,8 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
     """
     names, best = rows.candidates(sensor.selection), rows.best_models(sensor.selection)
     total = sum(p for _, p in best)
-    share = {name: sum(p for model, p in best if name in model) / total for name in names}
-    varies = [name for name in names if NOT_NEEDED < share[name] < NEEDED]
+    held = {name: sum(p for model, p in best if name in model) / total for name in names}
+    varies = [name for name in names if NOT_NEEDED < held[name] < NEEDED]
     title = (
         f"The best model holds {percent(best[0][1])} of the probability"
         if best[0][1] >= NEEDED
@@ -182,103 +188,114 @@ def _paint_models(
     _term_ticks(axes, names)
 
 
-def posteriors(sensor: SensorResult, key: str) -> list[Panel]:
-    """Prior against posterior of each term that is kept."""
-    kept = [j for j, term in enumerate(sensor.selection.terms) if _is_kept(term, sensor.selection.model)]
-    return [_posterior(sensor, j, f"{key}t{j}") for j in kept]
-
-
-def _is_kept(term: TermVerdict, model: tuple[str, ...]) -> bool:
-    return term.name in model and 0.0 < term.sd < math.inf and math.isfinite(term.mean)
-
-
-def _posterior(sensor: SensorResult, j: int, key: str) -> Panel:
-    term = sensor.selection.terms[j]
-    unit = per_unit(term.printed, term.unit)
-    size = measured(term.mean / unit, term.sd / unit, pretty(term.printed))
-    narrowing = term.prior_sd / term.sd
-    sure = f"{abs(term.mean) / term.sd:.0f} sd from zero" if term.verdict == "needed" else term.verdict
-    title = f"{term.name} = {size}".replace("+-", "±").replace("-", "−") + f", {sure}"
-    inside = sensor.draws[:, j][sensor.draws[:, j] != 0.0] / unit
-    return draw(
-        lambda axes: _paint_posterior(axes, term, inside, unit),
-        title=title,
-        alt=f"Posterior of {term.name}, {size}, {narrowing:.3g} times narrower than its prior",
-        key=key,
-        height=130,
-        margins=Margins(left=10, right=10),
-    )
-
-
-def _paint_posterior(axes: Axes, term: TermVerdict, inside: FloatArray, unit: float) -> None:
-    mean, sd, prior_sd = term.mean / unit, term.sd / unit, term.prior_sd / unit
-    zoomed = prior_sd > WIDE * sd
-    low, high = (mean - 5.0 * sd, mean + 5.0 * sd) if zoomed else _both_ranges(mean, sd, prior_sd)
-    x = np.linspace(low, high, 81)
-    if len(inside) >= 50:
-        height, edges = np.histogram(inside, bins=np.linspace(low, high, 41), density=True)
-        axes.stairs(height * term.inclusion, edges, fill=True, color=ACCENT, alpha=0.35)
-    axes.plot(x, term.inclusion * _normal(x, mean, sd), color=ACCENT)
-    axes.plot(x, _normal(x, 0.0, prior_sd), color=GREY, linestyle=(0, (4, 2)))
-    note = f"prior sd {prior_sd / sd:.0f}× wider" if zoomed else f"prior sd {prior_sd / sd:.1f}× wider"
-    axes.text(0.99, 0.96, note, transform=axes.transAxes, ha="right", va="top", color=GREY)
-    axes.set(xlim=(low, high), xlabel=f"{term.name}, {pretty(term.printed)}")
-    axes.set_ylim(bottom=0.0)
-    few_ticks(axes, 3)
-    no_ticks(axes)
-    axes.spines["left"].set_visible(False)
-
-
-def _both_ranges(mean: float, sd: float, prior_sd: float) -> tuple[float, float]:
-    return min(mean - 4.0 * sd, -3.0 * prior_sd), max(mean + 4.0 * sd, 3.0 * prior_sd)
-
-
-def _normal(x: FloatArray, mean: float, sd: float) -> FloatArray:
-    return np.exp(-0.5 * ((x - mean) / sd) ** 2) / (sd * math.sqrt(2.0 * math.pi))
-
-
-def correlations(sensor: SensorResult, key: str) -> Panel | None:
-    """Draw the strongest posterior correlations; None where no two terms vary."""
-    pairs = strongest_pairs(sensor)
-    if not pairs:
+def posterior(sensor: SensorResult, key: str) -> Panel | None:
+    """Posterior of each kept term beside its prior, in prior sds; None where no term is kept."""
+    model = sensor.selection.model
+    kept = [t for t in sensor.selection.terms if t.name in model and _is_known(t)]
+    if not kept:
         return None
-    a, b, r = pairs[0]
+    mean, sd = (np.array([getattr(t, key) / t.prior_sd for t in kept]) for key in ("mean", "sd"))
+    places = zip(kept, mean, sd, strict=True)
     return draw(
-        lambda axes: _paint_pairs(axes, pairs),
-        title=f"{a} and {b} are tied most closely: correlation {r:.2f}".replace("-", "−"),
-        alt="Strongest posterior correlations: " + ", ".join(f"{a} and {b} {r:.2f}" for a, b, r in pairs),
+        lambda axes: _paint_posterior(axes, tuple(t.name for t in kept), mean, sd),
+        title=f"{int((sd <= NARROWED).sum())} of {counted(len(kept), 'kept term')} known ten times as well"
+        " as before",
+        alt="Posterior in prior sd: " + ", ".join(f"{t.name} {m:.3g} ± {s:.2g}" for t, m, s in places),
         key=key,
-        height=ROW * len(pairs) + 44,
-        margins=Margins(left=104, right=12),
+        height=ROW * len(kept) + 44,
+        margins=Margins(left=54, right=12),
     )
 
 
-def strongest_pairs(sensor: SensorResult) -> list[tuple[str, str, float]]:
-    """Pairs of terms with the largest correlation of the posterior draws, strongest first."""
-    tied = dict(sensor.selection.ties)
-    varying = [
-        j
-        for j, term in enumerate(sensor.selection.terms)
-        if term.verdict != "untested"
-        and term.name not in tied
-        and np.any(sensor.draws[:, j] != sensor.draws[0, j])
-    ]
-    if len(varying) < 2 or len(sensor.draws) < 3:
-        return []
-    r = np.atleast_2d(np.corrcoef(sensor.draws[:, varying], rowvar=False))
-    first, second = np.triu_indices(len(varying), 1)
-    order = np.argsort(-np.abs(r[first, second]), kind="stable")[:STRONGEST]
-    names = [sensor.selection.terms[j].name for j in varying]
-    return [(names[first[k]], names[second[k]], float(r[first[k], second[k]])) for k in order]
+def _is_known(term: TermVerdict) -> bool:
+    return 0.0 < term.sd < math.inf and math.isfinite(term.mean) and 0.0 < term.prior_sd < math.inf
 
 
-def _paint_pairs(axes: Axes, pairs: list[tuple[str, str, float]]) -> None:
-    boxes = [(min(r, 0.0), max(r, 0.0), row - 0.3, row + 0.3) for row, (_, _, r) in enumerate(pairs)]
-    areas(axes, boxes, ACCENT)
-    axes.axvline(0.0, color=GREY, linewidth=0.8)
-    axes.set(xlim=(-1.0, 1.0), ylim=(len(pairs) - 0.4, -0.6), xlabel="posterior correlation")
-    few_ticks(axes, 4)
-    _term_ticks(axes, tuple(f"{a}, {b}" for a, b, _ in pairs))
+def _paint_posterior(axes: Axes, names: tuple[str, ...], mean: FloatArray, sd: FloatArray) -> None:
+    down = np.arange(len(names))
+    axes.axvspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
+    axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
+    _whiskers(axes, np.column_stack([mean - 2.0 * sd, mean + 2.0 * sd]), ACCENT)
+    axes.plot(mean, down, "o", color=ACCENT, markersize=4.5)
+    reach = max(2.2, 1.1 * float(np.max(np.abs(mean) + 2.0 * sd)))
+    axes.set(xlim=(-reach, reach), ylim=(len(names) - 0.4, -0.6), xlabel="prior sd")
+    few_ticks(axes, 6)
+    _term_ticks(axes, names)
+
+
+def _whiskers(axes: Axes, ends: FloatArray, color: str) -> None:
+    """Draw a horizontal line a row between its ends (m, 2)."""
+    line = np.column_stack([ends, np.full(len(ends), np.nan)])
+    axes.plot(line.ravel(), np.repeat(np.arange(len(ends)), 3), color=color, linewidth=1.2)
+
+
+def recovered(one: Recovered, key: str) -> Panel:
+    """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
+    held = f"{one.inside} of {one.after.size} within 2 sd"
+    name, place, _ = KNOWN[one.what]
+    return draw(
+        lambda axes: _paint_recovered(axes, one),
+        title=f"{name} after compensation: {held}",
+        alt=f"{name} by {place}, {len(one.after)} of them, with the predicted ± 2 sd: {held}",
+        key=key,
+        height=170,
+        margins=Margins(left=54),
+    )
+
+
+def _paint_recovered(axes: Axes, one: Recovered) -> None:
+    name, place, (unit, si) = KNOWN[one.what]
+    after, expected = (values / per_unit(unit, si) for values in (one.after, one.expected))
+    count, width = after.shape
+    number = np.arange(1, count + 1, dtype=float)
+    band = 2.0 * expected.max(axis=1)
+    axes.fill_between(number, -band, band, color=PALE, linewidth=0.0, step="mid")
+    axes.axhline(0.0, color=GREY, linewidth=0.8)
+    for c, marker in enumerate("os^"[:width]):
+        axes.plot(number, after[:, c], marker, color=SERIES[c], markersize=3.5)
+    axes.set(xlim=(0.4, count + 0.6), xlabel=place, ylabel=f"{name}, {pretty(unit)}")
+    few_ticks(axes, 5, 4)
+    axes.set_xticks(np.unique(np.linspace(1, count, min(count, 6)).round().astype(int)))
+
+
+def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
+    """Bound of the error against the number of terms, each step without the term that costs least.
+
+    Parameters
+    ----------
+    unit, size : printed unit of the budget, and its SI value.
+    """
+    count = np.array([step[0] for step in found.path], dtype=float)
+    error = np.array([step[2] for step in found.path]) / size
+    kept, least = len(found.model), share(error.min() * size / found.budget.limit)
+    title = (
+        f"{kept} {'term stays' if kept == 1 else 'terms stay'} within the budget"
+        if found.met
+        else f"No model stays within the budget: {least} is left at least"
+    )
+    return draw(
+        lambda axes: _paint_scene(axes, (count, error), found.budget.limit / size, kept, pretty(unit)),
+        title=title,
+        alt=f"Bound of the error with 95 %, {unit}, by number of terms: "
+        + ", ".join(f"{n:.0f}: {value:.3g}" for n, value in zip(count, error, strict=True)),
+        key=key,
+        height=220,
+        margins=Margins(left=66),
+    )
+
+
+def _paint_scene(
+    axes: Axes, steps: tuple[FloatArray, FloatArray], limit: float, kept: int, unit: str
+) -> None:
+    count, error = steps
+    drawn = np.maximum(error, 1e-3 * limit)
+    axes.plot(count, drawn, "o-", color=GREY, markersize=4, linewidth=1.0)
+    axes.plot(kept, drawn[count == kept], "o", color=ACCENT, markersize=8)
+    axes.axhline(limit, color=WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
+    axes.set_ylim(0.6 * min(float(drawn.min()), limit), 1.6 * max(float(drawn.max()), limit))
+    axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {unit}")
+    few_ticks(axes, 6, counts=True)
+    log_scale(axes, "y", 5)
 
 
 def _term_ticks(axes: Axes, names: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Figures on the fit: what the residuals still hold."""
+"""Figures on the fit: what the residuals still hold, and the noise."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.misfit import HYSTERESIS, TIME
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     INK,
     PALE,
+    SERIES,
     WARNING,
     Axes,
+    Margins,
     Panel,
     dots,
     draw,
@@ -23,22 +26,35 @@ from imubayes.reporting.canvas import (
     plain_logs,
     sticks,
 )
-from imubayes.reporting.method_words import left_words
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit, pretty, probability
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    in_unit,
+    measured,
+    per_unit,
+    pretty,
+    probability,
+)
 from imubayes.reporting.rows import channel_unit
 from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
+    from imubayes.inference.allan_fit import AllanCurve
+    from imubayes.inference.misfit import Dependence
     from imubayes.inference.residuals import ResidualCheck
+    from imubayes.selection.noise_found import NoiseFound
     from imubayes.sensors.terms import Kind
 
 
 MOST_POINTS = 300
 """Points a curve; more are not seen in 350 px."""
 
-BINS = 12
-"""Bins of equal count in which the residual against an input is averaged."""
+COLOURS = dict(zip("NBKQRG", (*SERIES[1:], *SERIES[1:]), strict=True))
+"""Colour of each noise process; its symbol stands at its line."""
+
+ROOM = 3.0
+"""Factor below the lowest dot down to which noise processes are drawn."""
 
 
 def shown_runs(sensor: SensorResult, most: int) -> tuple[ResidualCheck, ...]:
@@ -140,65 +156,94 @@ def _paint_allan(axes: Axes, check: ResidualCheck, unit: float, name: str) -> No
     plain_logs(axes)
 
 
-def against_inputs(sensor: SensorResult, key: str, most: int = MOST_POINTS) -> list[Panel]:
-    """Whitened residuals of all runs together against each excited input."""
-    channels = dict.fromkeys(channel for check in sensor.checks for channel in check.inputs)
-    misfit = sensor.misfit
-    panels = []
-    for number, channel in enumerate(channels):
-        having = [check for check in sensor.checks if channel in check.inputs]
-        x = np.concatenate([check.inputs[channel] for check in having])
-        y = np.concatenate([check.shown for check in having])
-        if 0 < len(x) == len(y) and np.ptp(x) > 0.0:
-            said = left_words(misfit, channel, sensor.kind) if misfit else ""
-            panels.append(_against((channel, said), x, y, sensor.kind, f"{key}i{number}", most))
-    return panels
+def channel_of(one: Dependence) -> str:
+    """Input channel of a dependence, without what is said of its branches."""
+    return one.input.removeprefix(HYSTERESIS)
 
 
-def _against(
-    channel: tuple[str, str], x: FloatArray, y: FloatArray, kind: Kind, key: str, most: int
-) -> Panel:
-    """Draw residuals over an input, whose name comes with what the tests say of it."""
-    name, said = channel
-    unit, si = channel_unit(name, kind)
-    x = (x - offset(unit, si)) / factor(unit, like=si)
-    means = binned_means(x, y)
-    found = f": {said}" if said else ""
+def dependence_words(one: Dependence) -> str:
+    """Where a dependence shows: ``f_i in run arm``, ``T between heating and cooling in run ramp``."""
+    if one.input.startswith(HYSTERESIS):
+        channel = channel_of(one)
+        branches = "heating and cooling" if channel == "T" else "rising and falling"
+        return f"{channel} between {branches} in run {one.run}"
+    return f"{'time' if one.input == TIME else one.input} in run {one.run}"
+
+
+def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
+    """Draw the mean residual against an input, by branch where the way up differs from the way down."""
+    unit = OUTPUT_UNIT[kind]
+    size = in_unit(measured(one.size / per_unit(unit, OUTPUT_SI[kind]), 0.0, unit))
+    found = f"{size} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
+    where = dependence_words(one)
     return draw(
-        lambda axes: _paint_against(axes, (x, y), means, f"{name}, {pretty(unit)}", most),
-        title=f"Against {name}{found}",
-        alt=f"Whitened residuals against {name} with means of bins{found}",
+        lambda axes: _paint_dependence(axes, one, kind),
+        title=f"{where}: {found}",
+        alt=f"What the residuals hold beyond the library, with ± 2 sd, against {where}: {found}",
         key=key,
+        height=200,
+        margins=Margins(left=54),
     )
 
 
-def binned_means(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of `y`, of unit variance, in at most `BINS` bins of equal count along `x`.
-
-    Returns
-    -------
-    (centre, mean, sd) : of each bin; sd of the mean is 1/sqrt(count).
-    """
-    order = np.argsort(x, kind="stable")
-    bins = [part for part in np.array_split(order, BINS) if len(part)]
-    count = np.array([len(part) for part in bins], dtype=float)
-    centre = np.array([x[part].mean() for part in bins])
-    return centre, np.array([y[part].mean() for part in bins]), 1.0 / np.sqrt(count)
-
-
-def _paint_against(
-    axes: Axes,
-    points: tuple[FloatArray, FloatArray],
-    means: tuple[FloatArray, FloatArray, FloatArray],
-    label: str,
-    most: int,
-) -> None:
-    x, y = points
-    centre, mean, sd = means
-    kept = _thinned(len(x), most)
-    dots(axes, x[kept], y[kept], PALE)
-    sticks(axes, centre, mean - 2.0 * sd, mean + 2.0 * sd, ACCENT)
-    axes.plot(centre, mean, "o", color=ACCENT, markersize=4)
+def _paint_dependence(axes: Axes, one: Dependence, kind: Kind) -> None:
+    name, x = _input(one, kind)
+    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    mean, sd = one.mean / unit, one.sd / unit
     axes.axhline(0.0, color=GREY, linewidth=0.8)
-    axes.set(xlabel=label, ylabel="residual, sd")
+    for sign, colour, shape in ((0.0, ACCENT, "o"), (1.0, SERIES[1], "^"), (-1.0, ACCENT, "v")):
+        part = np.flatnonzero(np.sign(one.branch) == sign)
+        part = part[np.argsort(x[part], kind="stable")]
+        if len(part):
+            sticks(axes, x[part], mean[part] - 2.0 * sd[part], mean[part] + 2.0 * sd[part], colour)
+            axes.plot(x[part], mean[part], f"{shape}-", color=colour, markersize=4.5, linewidth=0.9)
+    axes.set(xlabel=name, ylabel=f"residual, {pretty(OUTPUT_UNIT[kind])}")
     few_ticks(axes, 5, 4)
+
+
+def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
+    """Label of the axis and values of the input in the unit that people use."""
+    channel = channel_of(one)
+    if channel == TIME:
+        unit, scale = time_unit(float(np.ptp(one.x)))
+        return f"time, {unit}", one.x / scale
+    unit, si = channel_unit(channel, kind)
+    return f"{channel}, {pretty(unit)}", (one.x - offset(unit, si)) / factor(unit, like=si)
+
+
+def allan_panel(found: NoiseFound, kind: Kind, key: str) -> Panel | None:
+    """Draw the Allan deviation with its 90 % band, the fitted curve and the share of each process."""
+    curve = found.curve
+    if curve is None:
+        return None
+    inside = float(((curve.low <= curve.fitted) & (curve.fitted <= curve.high)).mean())
+    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    lowest = int(curve.deviation.argmin())
+    least = f"{curve.deviation[lowest] / unit:.3g} {pretty(OUTPUT_UNIT[kind])} at {curve.tau[lowest]:.3g} s"
+    return draw(
+        lambda axes: _paint_processes(axes, curve, unit, pretty(OUTPUT_UNIT[kind])),
+        title=f"Lowest {least}; {inside:.0%} of the fitted curve within the 90 % band",
+        alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
+        key=key,
+        height=280,
+        margins=Margins(right=18),
+    )
+
+
+def _paint_processes(axes: Axes, curve: AllanCurve, unit: float, name: str) -> None:
+    axes.fill_between(curve.tau, curve.low / unit, curve.high / unit, color=PALE, linewidth=0.0)
+    floor = float(curve.deviation.min()) / unit / ROOM
+    for symbol, share in curve.shares.items():
+        shown = share / unit >= floor
+        if not shown.any():
+            continue
+        tau, values = curve.tau[shown], share[shown] / unit
+        axes.plot(tau, values, color=COLOURS[symbol], linewidth=1.2, linestyle=(0, (5, 2)))
+        end = 0 if values[0] < values[-1] or symbol == "B" else -1
+        axes.text(
+            tau[end], values[end], f" {symbol}", color=INK, va="bottom", ha="left" if end == 0 else "center"
+        )
+    axes.plot(curve.tau, curve.fitted / unit, color=ACCENT, linewidth=1.6)
+    axes.plot(curve.tau, curve.deviation / unit, "o", color=INK, markersize=3)
+    axes.set(xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {name}")
+    plain_logs(axes)

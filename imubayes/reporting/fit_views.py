@@ -1,17 +1,31 @@
-"""What the residuals say of a component, as blocks of its report."""
+"""What the residuals say of a component, in words and as blocks of its report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
+from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting import fit_figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
-from imubayes.reporting.rounding import probability
-from imubayes.reporting.words import fit_sentence
+from imubayes.reporting.fit_figures import channel_of, dependence_words
+from imubayes.reporting.rounding import (
+    OUTPUT_SI,
+    OUTPUT_UNIT,
+    in_unit,
+    measured,
+    per_unit,
+    pretty,
+    probability,
+)
+from imubayes.reporting.rows import fit_scale
+from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
+    from imubayes.inference.misfit import Misfit
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
@@ -19,8 +33,17 @@ if TYPE_CHECKING:
 MOST_CURVE_POINTS = 9000
 """Points over all curves of a report, so that it stays below 2 MB."""
 
-MOST_RUNS, MOST_RUNS_OF_MANY = 8, 3
+MOST_RUNS, MOST_RUNS_OF_MANY = 8, 1
 """Runs whose residuals are drawn: of one or two components, and of each of more."""
+
+MOST_DEPENDENCES = 3
+"""Inputs against which a misfit is drawn: the worst."""
+
+MOST_DWELLS = 40
+"""Dwells that a report lists, worst first."""
+
+FEW = 3
+"""Places that a sentence names."""
 
 HEAD = (
     "run", "residual over noise", "white, p", "normal, p", "sample by sample", "stands out", "fits",
@@ -32,10 +55,65 @@ RESIDUALS = (
     " the line is the noise model."
 )
 
-INPUTS = (
-    "Grey: blocks of samples of all runs. Blue: means of bins with ± 2 sd; what the library explains"
-    " leaves them on zero."
+MISFIT = (
+    "What the residuals hold beyond the library, with ± 2 sd, where the input has that value; ▲ while it"
+    " rises, ▼ while it falls, where that matters; p is corrected for the number of inputs that were"
+    " looked at and for the other residual tests of the study, and says something below 0.01."
 )
+
+DWELLS = (
+    "Each is more likely contaminated than not, by a knock, a wrong position or a spike; the fit goes on"
+    " without it."
+)
+
+
+def fit_sentence(sensor: SensorResult) -> str:
+    """Say whether the model explains the data, and name the runs that it does not."""
+    if not sensor.checks:
+        return ""
+    misfits = [check for check in sensor.checks if not check.fits]
+    if not misfits:
+        p = probability(min(check.whiteness_p for check in sensor.checks))
+        return (
+            f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
+            f"white, p {p}). {level_words(sensor)}"
+        )
+    named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
+    runs = "run" if len(misfits) == 1 else "runs"
+    return f"The model does not explain {runs} {named}: {_consequence(misfits)} {level_words(sensor)}"
+
+
+def level_words(sensor: SensorResult) -> str:
+    """Say below which p a test alarms, and how often chance makes any test of a study do so."""
+    level = sensor.checks[0].level
+    chance = f"{100.0 * SUSPECT:.0f} % of studies at most"
+    return f"Tests alarm below p {level:.1g}, so that chance alone makes {chance} do so."
+
+
+def _consequence(misfits: list[ResidualCheck]) -> str:
+    if any(not check.white or check.scale > 1.0 + OFF for check in misfits):
+        return (
+            "either the library misses something there or the noise model is wrong; until that is settled "
+            "the error bars are too small. The residuals show where."
+        )
+    if any(check.scale < 1.0 - OFF for check in misfits):
+        return "the noise is weaker than its model there, so the error bars are wider than they need be."
+    return "chance makes no such blocks; look at what happened then."
+
+
+def check_words(check: ResidualCheck) -> str:
+    """Residual over noise, whiteness and outliers of one run, in words."""
+    p = probability(check.whiteness_p)
+    p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
+    white = "white" if check.white else "not white"
+    return f"residual over noise {check.scale:.2f}, {white}, p {p}{_outstanding(check)}"
+
+
+def _outstanding(check: ResidualCheck) -> str:
+    if not check.outliers:
+        return ""
+    blocks = f"{counted(len(check.outliers), 'block')} {'stands' if len(check.outliers) == 1 else 'stand'}"
+    return f", {blocks} out by up to {max(abs(size) for _, _, size in check.outliers):.0f} sd"
 
 
 def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
@@ -71,7 +149,7 @@ def _check_cells(check: ResidualCheck) -> tuple[str, ...]:
 
 
 def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Block]:
-    """Residuals of each run over time, and of all against the inputs.
+    """Residuals of each run over time, their autocorrelation and their Allan deviation.
 
     Parameters
     ----------
@@ -79,17 +157,15 @@ def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Bl
     sensors : how many components have figures.
     """
     most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
-    channels = {channel for check in sensor.checks for channel in check.inputs}
-    curves = sensors * (min(len(sensor.checks), most_runs) + len(channels))
-    points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(curves, 1)))
     runs = fit_figures.shown_runs(sensor, most_runs)
+    points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
     if 0 < len(runs) < len(sensor.checks):
-        yield Prose(f"Drawn below: the {len(runs)} runs of {len(sensor.checks)} that fit worst.", "note")
+        worst = "the run" if len(runs) == 1 else f"the {len(runs)} runs"
+        fits = "fits" if len(runs) == 1 else "fit"
+        yield Prose(f"Drawn below: {worst} of {len(sensor.checks)} that {fits} worst.", "note")
     for n, check in enumerate(runs):
         yield Section(check.run, [Figure([*_run_panels(check, sensor.kind, f"{key}r{n}", points)])])
     yield Prose(RESIDUALS, "note")
-    if panels := list(fit_figures.against_inputs(sensor, key, points)):
-        yield Section("Against the inputs", [Figure(panels, INPUTS)])
 
 
 def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iterator[Panel]:
@@ -98,3 +174,122 @@ def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iter
     deviation = fit_figures.allan(check, kind, f"{key}a")
     if deviation:
         yield deviation
+
+
+def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Section]:
+    """What the residuals hold that the library does not; nothing where it was not looked for.
+
+    What is found is drawn against its input; where nothing is, the input against which most is left.
+    """
+    misfit = sensor.misfit
+    if misfit is None:
+        return
+    sentences = (found_sentence(misfit, sensor.kind), predictive_sentence(misfit))
+    blocks: list[Block] = [Prose(" ".join(filter(None, sentences))), Prose(nothing_sentence(misfit))]
+    shown = (misfit.found[:MOST_DEPENDENCES] or misfit.dependences[:1]) if drawn else ()
+    if shown:
+        left = len(misfit.found) - len(shown)
+        more = f" {left} more are in result.json." if left > 0 else ""
+        panels = [fit_figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)]
+        blocks.append(Figure(panels, f"{MISFIT}{more}"))
+    yield Section("Does the library miss something?", blocks)
+
+
+def nothing_sentence(misfit: Misfit) -> str:
+    """Name the inputs against which nothing is left; one that goes with another is not among them."""
+    found, tested = {channel_of(one) for one in misfit.found}, dict[str, float]()
+    for one in misfit.dependences:
+        channel = channel_of(one)
+        tested[channel] = min(one.p, tested.get(channel, math.inf))
+    free = [
+        f"{name} (p {probability(p)})" for name, p in tested.items() if p >= SUSPECT and name not in found
+    ]
+    return f"Nothing is left beyond chance against {listed(free)}." if free else ""
+
+
+def found_sentence(misfit: Misfit, kind: Kind) -> str:
+    """Say in printed units where the residuals show that something is missing, or that nothing is."""
+    if not misfit.found:
+        return misfit.text
+    shows = [f"{dependence_words(one)} ({_output(one.size, kind)} rms)" for one in misfit.found]
+    return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
+
+
+def predictive_sentence(misfit: Misfit) -> str:
+    """Say whether runs that the posterior predicts would leave residuals of the size of those seen."""
+    known = {run: p for run, p in misfit.predictive_p.items() if math.isfinite(p)}
+    if not known:
+        return ""
+    odd = [f"{run} (p {_tail(p)})" for run, p in known.items() if not misfit.level < p < 1.0 - misfit.level]
+    if odd:
+        return f"Replicated by the posterior, residuals would be of another size in {listed(odd)}."
+    ends = " to ".join(dict.fromkeys(f"{p:.2f}" for p in (min(known.values()), max(known.values()))))
+    return f"Replicated by the posterior, residuals are of the size of those seen (p {ends})."
+
+
+def _tail(p: float) -> str:
+    return "below 0.001" if p < 0.001 else "above 0.999" if p > 0.999 else f"{p:.3f}"
+
+
+def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[str] = ()) -> str:
+    """Say in the first paragraph that the library misses something; empty where it does not.
+
+    Parameters
+    ----------
+    fits : whether every run's residuals are of the noise's size.
+    assumed : names of the runs whose noise was not estimated.
+    """
+    if misfit is None or not misfit.found:
+        return ""
+    where = list(dict.fromkeys(dependence_words(one) for one in misfit.found))
+    more = f" and {len(where) - FEW} more" if len(where) > FEW else ""
+    yet = "Yet the" if fits else "The"
+    said = (
+        f"{yet} data hold something the library does not contain: it shows in {'; '.join(where[:FEW])}{more}."
+    )
+    if any(one.run in assumed for one in misfit.found):
+        return f"{said} Or the noise that was assumed is wrong: let it be estimated."
+    return said
+
+
+def temperature_sentence(sensor: SensorResult) -> str:
+    """Answer whether a polynomial in temperature is enough; empty where none was tested."""
+    misfit = sensor.misfit
+    tested = [t.name.partition("*")[2] for t in sensor.selection.terms if t.verdict != "untested"]
+    degree = max((int(power[1:] or 1) for power in tested if power[:1] == "T"), default=0)
+    if misfit is None or not degree or all(channel_of(one) != "T" for one in misfit.dependences):
+        return ""
+    beside = " beside its rate" if any(power.startswith("dT") for power in tested) else ""
+    model = f"a polynomial of degree {degree} in T{beside}"
+    left = [one for one in misfit.found if channel_of(one) in ("T", "dT")]
+    if not left:
+        return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
+    shows = listed(f"{_output(one.size, sensor.kind)} rms in {dependence_words(one)}" for one in left)
+    return f"{sensor.id}: {model} is not enough: it leaves {shows}."
+
+
+def _output(size: float, kind: Kind) -> str:
+    unit = OUTPUT_UNIT[kind]
+    return pretty(str(measured(size / per_unit(unit, OUTPUT_SI[kind]), 0.0, unit)))
+
+
+def dwell_sections(sensor: SensorResult) -> Iterator[Section]:
+    """Dwells that are not trusted, in printed units."""
+    unit = OUTPUT_UNIT[sensor.kind]
+    size = per_unit(unit, OUTPUT_SI[sensor.kind])
+    rows = [
+        (
+            dwell.run,
+            f"{dwell.start:.6g}",
+            f"{dwell.stop:.6g}",
+            "> 99.9 %" if dwell.probability > 0.999 else f"{100.0 * dwell.probability:.1f} %",
+            in_unit(measured(dwell.offset / size, dwell.sd / size, unit)),
+        )
+        for dwell in sensor.distrusted[:MOST_DWELLS]
+    ]
+    left = len(sensor.distrusted) - len(rows)
+    more = f" {left} more are in result.json." if left else ""
+    if rows:
+        head = ("run", "from, s", "to, s", "contaminated with", "off by")
+        table = Table(f"Dwells of {sensor.id} that are not trusted", head, rows, "tn", f"{DWELLS}{more}")
+        yield Section("Dwells that are not trusted", [table])

@@ -1,52 +1,60 @@
-"""What the report shows of the other methods, of the prior, of the reduced model and of what is missing."""
+"""What the other methods say of the terms, in words and as blocks of the report."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.reporting import method_figures
-from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
-from imubayes.reporting.chain_words import sentence
-from imubayes.reporting.method_glance import glance
-from imubayes.reporting.method_words import (
-    called,
-    decided,
-    depending,
-    difference,
-    disagreement_sentences,
-    found_sentence,
-    predictive_sentence,
-    prior_sentence,
-    reduced_sentence,
-    spoken,
-    unasked_sentences,
-    votes_title,
-)
-from imubayes.reporting.rounding import minus
-from imubayes.reporting.rows import own_names
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
+from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, in_unit, measured, minus, per_unit
+from imubayes.reporting.rows import own_names, sentence
 from imubayes.reporting.words import models_text
+from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.selection.criteria import Criterion
+    from imubayes.selection.decision import Selection
     from imubayes.selection.panel import Panel as Methods
+    from imubayes.selection.panel import Unasked
+    from imubayes.selection.reduced import Reduced
+    from imubayes.selection.sensitivity import Sensitivity
     from imubayes.selection.sindy import Sparse
+    from imubayes.selection.verdicts import Costs
+    from imubayes.selection.votes import Votes
+    from imubayes.sensors.terms import Kind
 
-MOST_CURVES = 6
-"""Terms whose inclusion is drawn over prior widths: those that it moves most."""
 
-MOST_DEPENDENCES = 3
-"""Inputs against which a misfit is drawn: the worst."""
+METHODS = {
+    "evidence": "evidence",
+    "g-prior": "g-prior",
+    "aic": "AIC",
+    "aicc": "AICc",
+    "bic": "BIC",
+    "hqc": "HQC",
+    "ebic": "EBIC",
+    "waic": "WAIC",
+    "loo": "dwell left out",
+    "leave_one_run_out": "run left out",
+    "stlsq": "STLSQ",
+    "sr3": "SR3",
+    "ssr": "SSR",
+    "frols": "FROLS",
+}
+"""How a method is called in print."""
+
+FEW = 3
+"""Terms that a title names."""
 
 MOST_DISAGREEMENTS = 12
 """Disagreements that the report explains."""
-
-ON_THRESHOLDS = ("stlsq", "sr3")
-"""Optimizers whose path goes over a threshold."""
-
 
 CRITERIA_HEAD = ("criterion", "best subset", "value", "lead", "effective samples", "compared")
 
@@ -54,24 +62,15 @@ SPARSE_HEAD = (
     "sparse regression", "chosen support", "stable support", "frequency from", "false terms, at most",
 )  # fmt: skip
 
-GLANCE = (
-    "A row a term, a column a method, at the right the verdict. The darker a cell, the more the method is"
-    " for the term: a probability for the evidence and the g-prior, a weight for the criteria, a"
-    " frequency over resampled campaigns for the sparse regressions. A dot is a term in the method's own"
-    " model; a dash is a method that says nothing of it. Framed in vermilion, with ≠ at the end of the"
-    " row: the method does not share the decision, or takes a side where the test cannot tell."
-)
-
-PATHS = (
-    "From left to right the threshold rises and terms drop out where their lines end. A detectable effect"
-    " is the size at which the noise hides a term, so one threshold means the same for all. Blue: in the"
-    " support that is chosen at the dashed line; black: kept by the decision only; grey: in neither."
+VOTES = (
+    "● a term in the method's own model, ○ one that is not, – a method that says nothing of it; ≠ where the"
+    " method does not share the decision, or takes a side where the test cannot tell. How strongly each"
+    " method is for a term is in result.json."
 )
 
 REDUCED = (
-    "Each row adds a term to those above it, or is another set of terms (“best 3”); what is lost is the"
-    " rms difference over the test's inputs from what the whole posterior predicts. It is a summary for"
-    " use, not another verdict: a term that is needed may matter little for predictions."
+    "What is lost is the rms difference over the test's inputs from what the whole posterior predicts. It is"
+    " a summary for use, not another verdict: a term that is needed may matter little for predictions."
 )
 
 CRITERIA = (
@@ -86,60 +85,249 @@ SPARSE = (
     " bounds how many of them are expected to be false. Frequencies are not probabilities."
 )
 
-MISFIT = (
-    "What the residuals hold beyond the library, with ± 2 sd, where the input has that value; p is"
-    " corrected for the number of inputs that were looked at and for the other residual tests of the"
-    " study, and says something below 0.01."
-)
+
+def called(method: str) -> str:
+    """Name of a method in print; one that is not known keeps its own."""
+    return METHODS.get(method, method.replace("_", " "))
 
 
-def methods_sections(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool) -> Iterator[Section]:
-    """What the methods of a panel say; without figures where none are drawn.
+def spoken(text: str) -> str:
+    """Put the methods' printed names into a sentence.
+
+    Examples
+    --------
+    >>> spoken("evidence and leave_one_run_out keep b3")
+    'Evidence and run left out keep b3'
+    """
+    told = _NAMES.sub(lambda found: METHODS[found[0]], text)
+    return told[:1].upper() + told[1:]
+
+
+_NAMES = re.compile(r"\b(" + "|".join(METHODS) + r")\b")
+
+
+UNTOLD = {
+    "inseparable": "the test sees only in combination with others",
+    "unresolved": "the noise hides",
+}
+"""Verdicts that are no decision on a term, and why there is none."""
+
+
+def untold(selection: Selection) -> dict[str, str]:
+    """Verdict of the terms that the test excites and cannot tell, by name."""
+    return {term.name: term.verdict for term in selection.terms if term.verdict in UNTOLD}
+
+
+def decided(selection: Selection) -> tuple[str, ...]:
+    """Terms that the decision keeps, without those that the test cannot tell."""
+    open_to = {*untold(selection), *(t.name for t in selection.terms if t.verdict == "untested")}
+    return tuple(name for name in selection.model if name not in open_to)
+
+
+def votes_title(votes: Votes, selection: Selection, names: Mapping[str, str]) -> str:
+    """Say on what the methods agree, and on which terms they do not, of those that the test can tell.
 
     Parameters
     ----------
-    key : identifier of the component in the page.
-    drawn : whether the component has figures.
+    names : of the terms in print, by the names that the votes have.
     """
-    own, selection = own_names(sensor.selection), sensor.selection
-    yield Section("What other methods say", [*_votes(sensor, panel, key, drawn=drawn)])
-    shown = depending(panel.sensitivity, selection, own)[:MOST_CURVES]
-    widths = (
-        [method_figures.prior_widths(panel.sensitivity, shown, selection.costs, own, f"{key}p")]
-        if drawn and shown
-        else []
+    told = ~np.isnan(votes.keeps)
+    voters = int(told.any(axis=1).sum())
+    terms = [names.get(name, name) for name in votes.terms]
+    clear = np.array([name not in untold(selection) for name in terms], dtype=bool)
+    count, kept = told.sum(axis=0), np.nansum(votes.keeps, axis=0)
+    common = int(((kept == count) & (count > 0) & clear).sum())
+    split = [j for j in range(len(terms)) if clear[j] and 0 < kept[j] < count[j]]
+    agreed = f"All {voters} methods keep {'' if split or not common else 'the same '}{_terms(common)}"
+    parts = [f"{agreed} in common" if split else agreed, *_dispute(split, terms, kept, count)]
+    if not clear.all():
+        parts.append(f"the test cannot tell {(~clear).sum()} more")
+    return "; ".join(parts)
+
+
+def _dispute(
+    split: Sequence[int], terms: Sequence[str], kept: FloatArray, count: NDArray[np.int64]
+) -> Iterator[str]:
+    if len(split) == 1:
+        yield f"{kept[split[0]]:.0f} of {count[split[0]]} keep {terms[split[0]]}"
+    elif split:
+        few = listed(terms[j] for j in split) if len(split) <= FEW else f"{len(split)} others"
+        yield f"they differ on {few}"
+
+
+def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...]:
+    """Say why methods do not share the decision; terms that the test cannot tell are put together."""
+    unclear = untold(selection)
+    alike: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    for one in votes.disagreements:
+        if one.term in unclear:
+            alike.setdefault((one.methods, unclear[one.term]), []).append(one.term)
+    return (
+        *(sentence(spoken(one.text)) for one in votes.disagreements if one.term not in unclear),
+        *(
+            spoken(f"{listed(methods)} {'keeps' if len(methods) == 1 else 'keep'} {listed(terms)}, which")
+            + f" {UNTOLD[verdict]}."
+            for (methods, verdict), terms in alike.items()
+        ),
     )
+
+
+def _terms(count: int) -> str:
+    return counted(count, "term") if count else "no terms"
+
+
+def difference(model: Sequence[str], decided: Sequence[str]) -> str:
+    """Write a model as its difference from the decision's.
+
+    Examples
+    --------
+    >>> difference(["b0", "c_ij"], ["b0", "b3"])
+    '+ c_ij, - b3'
+    >>> difference(["b0"], ["b0"])
+    'as decided'
+    """
+    more = [f"+ {name}" for name in model if name not in decided]
+    less = [f"- {name}" for name in decided if name not in model]
+    return ", ".join([*more, *less]) or "as decided"
+
+
+def prior_sentence(sensitivity: Sensitivity, costs: Costs, names: Mapping[str, str]) -> str:
+    """Say whether a verdict hangs on the prior's width, and what the g-prior thinks.
+
+    Parameters
+    ----------
+    costs : of the decision, which give its thresholds.
+    """
+    swing = [names.get(name, name) for name in sensitivity.swing]
+    lines = f"{costs.not_needed:.2g}, {costs.keep:.2g} or {costs.needed:.2g}"
+    cross = "crosses" if len(swing) == 1 else "cross"
+    found = (
+        f"Between a third and three times the prior's width {_few(swing)} {cross} a threshold of inclusion "
+        f"({lines})."
+        if swing
+        else "No verdict depends on the prior: none changes between a third and three times its width."
+    )
+    return " ".join([found, *_second_opinion(sensitivity, costs.keep, names)])
+
+
+def _second_opinion(sensitivity: Sensitivity, keep: float, names: Mapping[str, str]) -> Iterator[str]:
+    nominal = sensitivity.inclusion[int(np.argmin(np.abs(np.log(sensitivity.widths))))]
+    known = np.isfinite(sensitivity.g_prior)
+    if known.any():
+        differs = known & ((sensitivity.g_prior >= keep) != (nominal >= keep))
+        apart = [names.get(sensitivity.names[j], sensitivity.names[j]) for j in np.flatnonzero(differs)]
+        told = f"differs on {_few(apart)}" if apart else "keeps the same terms"
+        yield f"As a second opinion, the hyper-g prior {told}."
+    if sensitivity.left_out:
+        without = [names.get(name, name) for name in sensitivity.left_out]
+        yield f"It cannot have {_few(without)}, which the test sees only in combination with others."
+
+
+def _few(names: Sequence[str]) -> str:
+    return listed(names) if len(names) <= 2 * FEW else counted(len(names), "term")
+
+
+def unasked_sentences(unasked: Sequence[Unasked]) -> tuple[str, ...]:
+    """Say which opinions are left out and why, a sentence for each reason.
+
+    Examples
+    --------
+    >>> from imubayes.selection.panel import Unasked
+    >>> unasked_sentences([Unasked("ssr", "ValueError, nothing to drop")])
+    ('Left out: SSR (ValueError, nothing to drop).',)
+    """
+    methods: dict[str, list[str]] = {}
+    for one in unasked:
+        methods.setdefault(one.reason, []).append(called(one.method))
+    return tuple(f"Left out: {listed(names)} ({reason})." for reason, names in methods.items())
+
+
+def reduced_sentence(reduced: Reduced, kind: Kind) -> str:
+    """Say how small a model predicts the test as well as the whole posterior does."""
+    unit, si = OUTPUT_UNIT[kind], OUTPUT_SI[kind]
+    lost, budget = (
+        in_unit(measured(size / per_unit(unit, si), 0.0, unit)) for size in (reduced.lost, reduced.budget)
+    )
+    if not reduced.terms:
+        return (
+            f"No term is worth keeping for predictions: without any, {lost} rms is lost of {budget} allowed."
+        )
+    one = len(reduced.terms) == 1
+    count, together = (
+        ("1 term predicts", "loses") if one else (f"{len(reduced.terms)} terms predict", "together lose")
+    )
+    return (
+        f"{count} the test as well as the whole posterior: {listed(reduced.terms)} {together} {lost} rms, "
+        f"of {budget} that the posterior itself leaves open."
+    )
+
+
+def group_sentences(selection: Selection) -> tuple[str, ...]:
+    """Say of each group of inseparable terms how probable it is that at least one of them is there."""
+    return tuple(
+        f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
+        for terms, chance in dict.fromkeys(selection.groups)
+    )
+
+
+def probable(chance: float) -> str:
+    """Probability to three digits, never as a bare one or zero.
+
+    Examples
+    --------
+    >>> probable(0.99997), probable(0.4321), probable(2e-5)
+    ('above 0.999', '0.432', 'below 0.001')
+    """
+    if chance > 0.9995:
+        return "above 0.999"
+    return "below 0.001" if chance < 0.0005 else f"{chance:.3f}"
+
+
+def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Section]:
+    """What the methods of a panel say; without their tables where a component has no figures."""
+    own, selection = own_names(sensor.selection), sensor.selection
+    yield Section("What other methods say", [*_votes(sensor, panel, drawn=drawn)])
     prior = Prose(prior_sentence(panel.sensitivity, selection.costs, own))
-    yield Section("How much the prior matters", [prior, Figure(widths)])
+    yield Section("How much the prior matters", [prior])
     if panel.reduced:
-        path = [method_figures.reduced_path(panel.reduced, sensor.kind, f"{key}e")]
-        figure = [Figure(path, REDUCED)] if drawn and panel.reduced.path else []
+        note = Prose(REDUCED if drawn else "", "note")
         said = Prose(reduced_sentence(panel.reduced, sensor.kind))
-        yield Section("The smallest model that predicts as well", [said, *figure])
+        yield Section("The smallest model that predicts as well", [said, note])
 
 
-def _votes(sensor: SensorResult, panel: Methods, key: str, *, drawn: bool) -> Iterator[Block]:
+def _votes(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Block]:
     """Every method's vote on every term, where they disagree and why, and each method in numbers."""
-    own, kept = own_names(sensor.selection), decided(sensor.selection)
-    votes = panel.votes
-    is_drawn = drawn and bool(votes.terms)
-    if is_drawn:
-        yield Figure([glance(votes, sensor.selection, own, f"{key}g")], GLANCE)
-    else:
-        yield Prose(f"{votes_title(votes, sensor.selection, own)}.")
+    own, votes = own_names(sensor.selection), panel.votes
+    yield Prose(f"{votes_title(votes, sensor.selection, own)}.")
+    if drawn and votes.terms:
+        yield vote_table(votes, sensor.selection, own)
     reasons = list(disagreement_sentences(votes, sensor.selection))
     more = len(reasons) - MOST_DISAGREEMENTS
     left = [f"{more} more are in result.json."] if more > 0 else []
     yield Prose(reasons[:MOST_DISAGREEMENTS] + left, "list")
-    if is_drawn:
-        yield from _tables(sensor, panel, kept, own)
-        thresholds = [one for one in panel.sindy if one.optimizer in ON_THRESHOLDS]
-        paths = [
-            method_figures.threshold_path(one, kept, own, f"{key}h{n}") for n, one in enumerate(thresholds)
-        ]
-        if paths:
-            yield Figure(paths, PATHS)
+    if drawn and votes.terms:
+        yield from _tables(sensor, panel, decided(sensor.selection), own)
     yield Prose(unasked_sentences(panel.unasked))
+
+
+def vote_table(votes: Votes, selection: Selection, own: Mapping[str, str]) -> Table:
+    """What every method says of every term that the test excites.
+
+    Parameters
+    ----------
+    own : names of the terms in print, by the names that the votes have.
+    """
+    verdicts = {term.name: term.verdict for term in selection.terms}
+    apart = {(method, one.term) for one in votes.disagreements for method in one.methods}
+    rows: list[tuple[Text, ...]] = []
+    for name, keeps in zip(votes.terms, votes.keeps.T.tolist(), strict=True):
+        marks = ["–" if math.isnan(keep) else "●" if keep else "○" for keep in keeps]
+        told = zip(votes.methods, marks, strict=True)
+        cells = [strong(f"≠ {mark}") if (method, name) in apart else mark for method, mark in told]
+        term = own.get(name, name)
+        rows.append((term, *cells, verdict(verdicts.get(term, ""))))
+    head = ("term", *map(called, votes.methods), "verdict")
+    return Table("Votes of the methods by term", head, rows, "t", VOTES)
 
 
 def _tables(
@@ -187,19 +375,3 @@ def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> tu
 
 def _number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "–"
-
-
-def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Section]:
-    """What the residuals hold that the library does not; nothing where it was not looked for."""
-    if sensor.misfit is None:
-        return
-    found = sensor.misfit.found
-    sentences = (found_sentence(sensor.misfit, sensor.kind), predictive_sentence(sensor.misfit))
-    blocks: list[Block] = [Prose(" ".join(filter(None, sentences)))]
-    shown = found[:MOST_DEPENDENCES] if drawn else ()
-    if shown:
-        left = len(found) - len(shown)
-        more = f" {left} more are in result.json." if left else ""
-        panels = [method_figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)]
-        blocks.append(Figure(panels, f"{MISFIT}{more}"))
-    yield Section("Does the library miss something?", blocks)

@@ -20,7 +20,7 @@ from imubayes.reporting.blocks import (
     strong,
     verdict,
 )
-from imubayes.reporting.noise_figures import allan_panel
+from imubayes.reporting.fit_figures import allan_panel
 from imubayes.reporting.result.entries import Allan, Process, Processes
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (

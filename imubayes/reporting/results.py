@@ -8,8 +8,8 @@ import numpy as np
 
 import imubayes
 from imubayes.reporting.case_views import published_cases
+from imubayes.reporting.chain_views import published_choice
 from imubayes.reporting.evidence import exact_evidence
-from imubayes.reporting.ladder_words import published_choice
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.entries import (
@@ -31,7 +31,7 @@ from imubayes.reporting.result.entries import (
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
-from imubayes.reporting.scene_views import published_scene
+from imubayes.reporting.scene_words import published_scene
 from imubayes.reporting.standard_views import published_standards
 
 if TYPE_CHECKING:

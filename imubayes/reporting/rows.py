@@ -168,6 +168,11 @@ def shortened(names: tuple[str, ...], most: int) -> str:
     return ", ".join(names[:most]) + rest
 
 
+def sentence(text: str) -> str:
+    """Close a text as a sentence does."""
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
 @dataclass(frozen=True, slots=True)
 class NoiseRow:
     """Noise of one run in data-sheet units.

@@ -11,9 +11,14 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from imubayes.reporting.chain_words import distrust_sentence, method_sentence, unconverged_sentence
-from imubayes.reporting.ladder_words import choice_sentences
-from imubayes.reporting.method_words import temperature_sentence, unasked_sentences
+from imubayes.reporting.chain_views import (
+    choice_sentences,
+    distrust_sentence,
+    method_sentence,
+    unconverged_sentence,
+)
+from imubayes.reporting.fit_views import fit_sentence, temperature_sentence
+from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
 from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
@@ -22,7 +27,6 @@ from imubayes.reporting.session_views import session_sentence
 from imubayes.reporting.terminal import indented, printable
 from imubayes.reporting.words import (
     confounded_sentences,
-    fit_sentence,
     sensor_groups,
     strain_sentence,
     weighed_text,

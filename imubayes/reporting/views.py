@@ -27,11 +27,14 @@ from imubayes.reporting.blocks import (
     shape,
     verdict,
 )
-from imubayes.reporting.chain_views import bench_sections, chain_sections, change_sections, dwell_sections
-from imubayes.reporting.chain_words import unconverged_sentence
-from imubayes.reporting.fit_views import check_blocks, residual_blocks
-from imubayes.reporting.method_views import methods_sections, misfit_sections
-from imubayes.reporting.method_words import group_sentences
+from imubayes.reporting.chain_views import (
+    bench_sections,
+    chain_sections,
+    change_sections,
+    unconverged_sentence,
+)
+from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
+from imubayes.reporting.method_views import group_sentences, methods_sections
 from imubayes.reporting.noise_views import process_blocks
 from imubayes.reporting.posterior import written_draws
 from imubayes.reporting.rounding import NOISE_UNITS, in_unit, minus, pretty, signed, superscript
@@ -45,8 +48,7 @@ from imubayes.reporting.rows import (
     shortened,
     term_rows,
 )
-from imubayes.reporting.scene_views import scene_section
-from imubayes.reporting.scene_words import scene_sentences
+from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standard_views
 from imubayes.reporting.words import answer as sensor_words
 from imubayes.reporting.words import averaged_text, sensor_groups, weighed_text
@@ -85,8 +87,8 @@ CHOICE = (
 )
 
 POSTERIOR = (
-    "Blue: posterior (area: draws; line: its mean and sd). Grey dashes: prior. Where the prior is far"
-    " wider, the axis shows the posterior's own range."
+    "Blue: mean and ± 2 sd of the posterior, in sds of the prior; grey: ± 2 sd of the prior. The nearer a"
+    " term's line is to a dot, the more the test tells of it."
 )
 
 NOISE = (
@@ -321,19 +323,17 @@ def _choice(one: Shown) -> Iterator[Block]:
         )
         yield Figure(panels, CHOICE)
     if sensor.panel:
-        yield from methods_sections(sensor, sensor.panel, key, drawn=bool(one.figures))
+        yield from methods_sections(sensor, sensor.panel, drawn=bool(one.figures))
     yield from change_sections(sensor)
 
 
 def _posterior(one: Shown) -> Iterator[Block]:
-    """Prior and posterior of each kept term."""
+    """Prior and posterior of each kept term, and how its draws came about."""
     sensor, key, draws = one.sensor, one.anchor, written_draws(one.result)
     if one.figures:
-        panels = list(figures.posteriors(sensor, key))
-        yield Figure(panels, POSTERIOR) if panels else Prose("No term is kept.")
-        correlations = figures.correlations(sensor, f"{key}d")
-        yield Figure([correlations] if correlations else [])
-    yield from chain_sections(sensor, key, one.figures)
+        panel = figures.posterior(sensor, f"{key}p")
+        yield Figure([panel], POSTERIOR) if panel else Prose("No term is kept.")
+    yield from chain_sections(sensor)
     if sensor.chains:
         said = (
             f"{draws:,} draws of the full library, and as many averaged over the models, are in posterior.nc."

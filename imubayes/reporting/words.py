@@ -6,17 +6,14 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.inference.residuals import OFF, SUSPECT
-from imubayes.reporting.chain_words import (
+from imubayes.reporting.chain_views import (
+    choice_sentences,
     distrust_sentence,
     method_sentence,
-    sentence,
     unconverged_sentence,
 )
-from imubayes.reporting.ladder_words import choice_sentences
-from imubayes.reporting.method_words import missing_sentence, temperature_sentence
-from imubayes.reporting.rounding import probability
-from imubayes.reporting.rows import fit_scale, label, own_groups
+from imubayes.reporting.fit_views import fit_sentence, missing_sentence, temperature_sentence
+from imubayes.reporting.rows import label, own_groups, sentence
 from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import STRAINED, listed
 from imubayes.units import counted
@@ -25,7 +22,6 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.linear import Extra
     from imubayes.inference.observability import Confounded
-    from imubayes.inference.residuals import ResidualCheck
     from imubayes.selection.models import Models
     from imubayes.selection.verdicts import TermVerdict
 
@@ -199,55 +195,6 @@ def digits_sentence(sensor: SensorResult) -> str:
         " say little of the others. Averages over the most probable models alone, columns that are all but"
         " alike, or noise far below what the output resolves do that."
     )
-
-
-def fit_sentence(sensor: SensorResult) -> str:
-    """Say whether the model explains the data, and name the runs that it does not."""
-    if not sensor.checks:
-        return ""
-    misfits = [check for check in sensor.checks if not check.fits]
-    if not misfits:
-        p = probability(min(check.whiteness_p for check in sensor.checks))
-        return (
-            f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
-            f"white, p {p}). {level_words(sensor)}"
-        )
-    named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
-    runs = "run" if len(misfits) == 1 else "runs"
-    return f"The model does not explain {runs} {named}: {_consequence(misfits)} {level_words(sensor)}"
-
-
-def level_words(sensor: SensorResult) -> str:
-    """Say below which p a test alarms, and how often chance makes any test of a study do so."""
-    level = sensor.checks[0].level
-    chance = f"{100.0 * SUSPECT:.0f} % of studies at most"
-    return f"Tests alarm below p {level:.1g}, so that chance alone makes {chance} do so."
-
-
-def _consequence(misfits: list[ResidualCheck]) -> str:
-    if any(not check.white or check.scale > 1.0 + OFF for check in misfits):
-        return (
-            "either the library misses something there or the noise model is wrong; until that is settled "
-            "the error bars are too small. The residuals show where."
-        )
-    if any(check.scale < 1.0 - OFF for check in misfits):
-        return "the noise is weaker than its model there, so the error bars are wider than they need be."
-    return "chance makes no such blocks; look at what happened then."
-
-
-def check_words(check: ResidualCheck) -> str:
-    """Residual over noise, whiteness and outliers of one run, in words."""
-    p = probability(check.whiteness_p)
-    p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
-    white = "white" if check.white else "not white"
-    return f"residual over noise {check.scale:.2f}, {white}, p {p}{_outstanding(check)}"
-
-
-def _outstanding(check: ResidualCheck) -> str:
-    if not check.outliers:
-        return ""
-    blocks = f"{counted(len(check.outliers), 'block')} {'stands' if len(check.outliers) == 1 else 'stand'}"
-    return f", {blocks} out by up to {max(abs(size) for _, _, size in check.outliers):.0f} sd"
 
 
 def models_text(count: int) -> str:

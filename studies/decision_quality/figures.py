@@ -21,7 +21,7 @@ from imubayes.reporting.canvas import (
     log_scale,
     sticks,
 )
-from imubayes.reporting.method_words import called
+from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import percent
 from studies.decision_quality.scores import RATIOS
 from studies.decision_quality.trials import DECISION, STRONG

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, answer, repeat
-from imubayes.reporting.method_words import called
+from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import duration, percent
 from studies.command import recorded
 from studies.decision_quality.figures import calibration_panel, cost_panel, drops_panel, ratio_panel

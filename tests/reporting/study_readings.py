@@ -33,7 +33,7 @@ from report_reading import (
 from session_readings import is_of_class, wrong_population
 from study_phrases import NUM, SAID, SHARE, TERM, UNHELD, P
 
-from imubayes.reporting.method_words import spoken
+from imubayes.reporting.method_views import spoken
 from imubayes.reporting.noise_views import process_units
 from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit
 
@@ -157,6 +157,18 @@ def _posterior(sensor: Found, match: Match) -> Iterable[Meant]:
     return [None, None if near and right else mean if right else math.nan, sd, None, away, None]
 
 
+def _narrowed(sensor: Found, match: Match) -> Iterable[Meant]:
+    """Terms of the model that are known ten times as well as before."""
+    terms = [_term(sensor, name) for name in sensor["model"]]
+    kept = [t for t in terms if number(t["sd"]) > 0.0 and not math.isnan(number(t["mean"]))]
+    return [sum(10.0 * t["sd"] <= t["prior_sd"] for t in kept), len(kept)]
+
+
+def _in_prior_sd(sensor: Found, match: Match) -> Iterable[Meant]:
+    term = _term(sensor, match[1])
+    return [None, term["mean"] / term["prior_sd"], term["sd"] / term["prior_sd"]]
+
+
 def _inclusion(sensor: Found, match: Match) -> Iterable[Meant]:
     term = _term(sensor, match[1])
     return [None, term["inclusion"] if term["verdict"] == match[3] else math.nan, None]
@@ -207,7 +219,8 @@ def _lost(sensor: Found, match: Match) -> Iterable[Meant]:
 
 def _dependence(sensor: Found, match: Match) -> Iterable[Meant]:
     unit, said = _output(sensor), value(match[1])
-    one = min(sensor["misfit"]["found"], key=lambda one: abs(one["size"] / unit - said))
+    shown = sensor["misfit"]["found"] or sensor["misfit"]["dependences"]
+    one = min(shown, key=lambda one: abs(one["size"] / unit - said))
     return [one["size"] / unit, one["share"], one["p"]][: len(match.groups())]
 
 
@@ -331,6 +344,9 @@ READINGS = readings(
         rf"\b([NBKQRG]) = \(?({NUM}) ± ({NUM})\)?(?:e(-?\d+))?": _process,
         r"(Not there|Undecided|Too small for this run to tell): ((?:[BKQRG], )*[BKQRG])\.": _none_of,
         rf"Against (\S+): nothing is left beyond chance \(p {P}\)": _hysteresis,
+        rf"(?:chance against|,|and) (\w+) \(p {P}\)": _hysteresis,
+        r"^(\d+) of (\d+) kept terms? known ten times": _narrowed,
+        rf"(?:in prior sd: |, )({TERM}) ({NUM}) ± ({NUM})(?=,|$)": _in_prior_sd,
         rf"with means of bins: nothing is left beyond chance \(p ({NUM})\)": lambda s, m: [None],
         rf"unresolved: (.+)\. posterior sd is ({NUM}) of the prior's":
             lambda s, m: [None, max(s["observability"][name]["ratio"] for name in m[1].split(", "))],

@@ -35,22 +35,15 @@ from imubayes.inference.allan_fit import AllanCurve
 from imubayes.planning.candidates import Step
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
-    case_figures,
-    chain_figures,
     figures,
     fit_figures,
     lots_figures,
-    method_figures,
-    method_glance,
-    noise_figures,
     plan_figures,
     population_views,
-    scene_figures,
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
 from imubayes.reporting.session_views import session_section
-from imubayes.scenes.relevance import QUADRANTS
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
@@ -63,10 +56,6 @@ Panels = Iterable[Panel | None]
 
 NUMBERS = (0.0, 1.0, -1.0, 1e-200, 1e200, math.inf, -math.inf, math.nan)
 """What may stand in the place of any number of a result."""
-
-
-def _watched() -> chain_figures.Watched:
-    return chain_figures.Watched("b0", "b0", "ug", 1.0 + np.random.default_rng(1).random((4, 60)))
 
 
 def _planned() -> SimpleNamespace:
@@ -102,33 +91,18 @@ def _ranks() -> Ranks:
     return Ranks(RanksStudy(), {"b0": np.arange(200)}, 1.0)
 
 
-def _of_methods(sensor: Any) -> Iterator[Panel | None]:
-    panel, selection = sensor.panel, sensor.selection
-    yield method_glance.glance(panel.votes, selection, {}, "g")
-    for n, one in enumerate(panel.sindy[:2]):
-        yield method_figures.threshold_path(one, selection.model, {}, f"h{n}")
-    yield method_figures.prior_widths(panel.sensitivity, (2, 3), selection.costs, {}, "p")
-    yield method_figures.reduced_path(panel.reduced, sensor.kind, "e")
-    for n, one in enumerate(sensor.misfit.dependences):
-        yield method_figures.dependence(one, sensor.kind, f"m{n}")
-
-
 def _of_choice(sensor: Any) -> Iterator[Panel | None]:
-    for paint in (figures.inclusion, figures.model_size, figures.best_models, figures.correlations):
+    for paint in (figures.inclusion, figures.model_size, figures.best_models, figures.posterior):
         yield paint(sensor, paint.__name__)
-    yield from figures.posteriors(sensor, "p")
 
 
 def _of_fit(sensor: Any) -> Iterator[Panel | None]:
-    yield from fit_figures.against_inputs(sensor, "i")
+    for n, one in enumerate(sensor.misfit.dependences):
+        yield fit_figures.dependence(one, sensor.kind, f"m{n}")
     for check in sensor.checks:
         yield fit_figures.over_time(check, "t")
         yield fit_figures.autocorrelation(check, "c")
         yield fit_figures.allan(check, sensor.kind, "l")
-
-
-def _of_chains(watched: chain_figures.Watched) -> Panels:
-    return chain_figures.trace(watched, "t"), chain_figures.ranks(watched, "r")
 
 
 def _of_lots(result: Any) -> Iterator[Panel | None]:
@@ -155,10 +129,6 @@ def _of_trade(found: Any) -> Panels:
     return trade_figures.trade_panels(found)
 
 
-def _of_corner(sensor: Any) -> Panels:
-    return (chain_figures.corner(sensor, sensor.chains, "c"),)
-
-
 def _of_sessions(one: Any) -> Panels:
     section = session_section(replace(study_result(), sessions=(one,)))
     return tuple(panels([section])) if section else ()
@@ -175,20 +145,17 @@ def _of_fleet(result: Any) -> Panels:
 
 
 def _of_scene(found: Any) -> Panels:
-    return scene_figures.quadrants(found, "q"), scene_figures.path(found, "p")
+    return (figures.scene_path(found, "m", 1.0, "p"),)
 
 
 FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
-    "case": (recovered, lambda one: (case_figures.recovered_panel(one, "r"),)),
-    "chains": (_watched, _of_chains),
-    "corner": (sampled_result, _of_corner),
+    "case": (recovered, lambda one: (figures.recovered(one, "r"),)),
     "digits": (_digits, lambda outcomes: (extremes_figures.digits_panel(outcomes, "x"),)),
     "choice": (judged_result, _of_choice),
     "fit": (judged_result, _of_fit),
     "fleet": (fleet_result, _of_fleet),
     "lots": (lot_result, _of_lots),
-    "methods": (judged_result, _of_methods),
-    "noise": (_noise, lambda found: (noise_figures.allan_panel(found, "gyroscope", "n"),)),
+    "noise": (_noise, lambda found: (fit_figures.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
     "population": (lambda: term_found("b0"), lambda one: (population_views.units_panel(one, (one,), "u"),)),
     "quality": (made_quality, _of_quality),
@@ -206,11 +173,9 @@ EXTENDED = {
         lambda kind=kind: judged_result(lib=library(kind, set="extended", temperature=1)),
         FIGURES[name][1],
     )
-    for name in ("choice", "fit", "methods")
+    for name in ("choice", "fit")
     for kind in ("accelerometer", "gyroscope")
 }
-LARGE = {"corner": 80_000}
-"""Bytes of a figure, where it may be larger than others."""
 
 
 @pytest.mark.parametrize("name", [*FIGURES, *EXTENDED])
@@ -222,7 +187,7 @@ def test_figure_is_small_vector_svg_with_words_for_those_who_cannot_see_it_and_t
         root = ElementTree.fromstring(panel.svg)
         assert root.get("role") == "img" and len(root.get("aria-label", "")) > 20 and panel.title
         assert not [*root.iter("image"), *root.iter("style")] and list(root.iter("text"))
-        assert len(panel.svg) < LARGE.get(name, 30_000)
+        assert len(panel.svg) < 30_000
         ids = re.findall(r'\bid="([^"]+)"', panel.svg)
         assert set(re.findall(r"url\(#([\w.-]+)", panel.svg)) <= set(ids) and len(ids) == len(set(ids))
 
@@ -319,52 +284,27 @@ def test_residuals_of_few_samples_are_drawn(count):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_samples_are_drawn(count):
-    sensor, sampled, watched = judged_result(), sampled_result(), _watched()
+    sensor = judged_result()
     noisy = SimpleNamespace(curve=cut(_noise().curve, count))
-    shown((noise_figures.allan_panel(noisy, "gyroscope", "n"),))
-    shown((method_figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
-    shown(_of_chains(replace(watched, draws=watched.draws[:, :count])))
-    shown((case_figures.recovered_panel(recovered(count=count), "r"),))
+    shown((fit_figures.allan_panel(noisy, "gyroscope", "n"),))
+    shown((fit_figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
+    shown((figures.recovered(recovered(count=count), "r"),))
     shown((extremes_figures.digits_panel(_digits()[:count], "x"),))
     shown(_of_sessions(repeatability(units=count)))
     single = cut(term_found("b0"), count)
     single = replace(single, units=single.units[:count])
     shown((population_views.units_panel(single, (single,), "u"),))
-    chains = replace(sampled.chains, theta=sampled.chains.theta[:, :count])
-    shown(_of_corner(replace(sampled, chains=chains)))
-    shown(_of_choice(replace(sensor, draws=sensor.draws[:count])))
-
-
-def test_a_single_candidate_that_drops_out_at_once_is_drawn():
-    sensor = judged_result()
-    whole = sensor.panel.sindy[0]
-    for path in (np.zeros((25, 1)), whole.path[:, :1]):
-        one = replace(whole, names=("b0",), model=(), path=path, stable=())
-        shown((method_figures.threshold_path(one, (), {}, "h"),))
-    for lost in (0.0, 1e-3):
-        reduced = replace(sensor.panel.reduced, terms=(), lost=lost, path=(((), lost),))
-        shown((method_figures.reduced_path(reduced, sensor.kind, "e"),))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_verdicts_of_one_kind_are_drawn(verdict):
-    sampled, judged, fleet = sampled_result(), judged_result(), fleet_result()
+    judged, fleet = judged_result(), fleet_result()
     terms = tuple(replace(term, verdict=verdict) for term in judged.selection.terms)
     judged = replace(judged, selection=replace(judged.selection, terms=terms))
     shown(_of_choice(judged))
-    if verdict == "untested":
-        shown(_of_corner(replace(sampled, selection=judged.selection)))
-    else:
-        shown(_of_methods(judged))
     counts = np.zeros_like(fleet.answer.counts)
     counts[VERDICTS.index(verdict)] = fleet.answer.units
     shown(_of_fleet(replace(fleet, answer=replace(fleet.answer, counts=counts))))
-
-
-@pytest.mark.parametrize("quadrant", QUADRANTS)
-def test_terms_of_one_quadrant_are_drawn(quadrant):
-    found = a_relevance()
-    shown(_of_scene(replace(found, terms=tuple(replace(term, quadrant=quadrant) for term in found.terms))))
 
 
 def test_no_figure_is_missing_here():

@@ -6,16 +6,27 @@ import json
 import math
 import re
 from dataclasses import replace
-from xml.etree import ElementTree
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from block_readings import panels, rows, said
 from scipy import stats
 
 from imubayes.inference.recovered import Recovered
-from imubayes.reporting.case_views import BLIND, CANNOT, case_views, pooled_verdict, published_cases
-from imubayes.reporting.case_words import UNITS, held_together
+from imubayes.reporting.case_views import (
+    BLIND,
+    CANNOT,
+    angle_sections,
+    case_answer,
+    case_section,
+    cases_of,
+    held_together,
+    pooled_verdict,
+    published_cases,
+)
 from imubayes.reporting.document import report_html
+from imubayes.reporting.figures import KNOWN
 from imubayes.reporting.results import result_json
 from imubayes.selection.verdicts import EQUAL
 
@@ -34,8 +45,8 @@ def recovered(what="gravity", *, count=30, width=1, fitted=0.1 * MG, fresh=0.2 *
 def cased(make_sensor, make_study):
     """Three accelerometers of one case, with what is pooled and recovered of them, and k cases of them."""
 
-    def of(*found, cases=1, pooled=None):
-        pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86} if pooled is None else pooled
+    def of(*found, cases=1):
+        pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86}
         sensors = [
             replace(make_sensor(f"U{k}.a{axis}"), pooled=pooled, recovered=found)
             for k in range(cases)
@@ -46,76 +57,76 @@ def cased(make_sensor, make_study):
     return of
 
 
+def answered(study):
+    """First paragraph on the first case."""
+    return case_answer("U0", cases_of(study)["U0"], EQUAL)
+
+
+def shown(study):
+    """Section of the first case."""
+    return [case_section("U0", "case1", cases_of(study)["U0"], EQUAL)]
+
+
 def test_a_case_names_what_one_of_its_components_needs_beyond_the_others(cased):
     study = cased(recovered())
     first, *others = study.sensors
     terms = first.selection.terms
     more = tuple(replace(term, verdict="needed") if term.name == "b3" else term for term in terms)
     first = replace(first, selection=replace(first.selection, terms=more))
-    (view,) = case_views(replace(study, sensors=(first, *others)))
-    assert (
-        "; ax needs also b1, b2, b3, m_j and m_k; ay and az need also b1, b2, m_j and m_k." in view.answer[0]
+    assert answered(replace(study, sensors=(first, *others)))[0].endswith(
+        "; ax needs also b1, b2, b3, m_j and m_k; ay and az need also b1, b2, m_j and m_k."
     )
 
 
 def test_sensors_that_stand_alone_are_no_case(result):
-    assert case_views(result) == () and list(published_cases(result)) == []
+    assert not cases_of(result) and list(published_cases(result)) == []
 
 
 @pytest.mark.parametrize(("what", "width"), [("gravity", 1), ("rest", 3), ("closure", 2), ("turn", 1)])
 def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     """Of a closure the two directions make one angle; of the others each number counts."""
     one = recovered(what, width=width)
-    (view,) = case_views(cased(one))
-    (row,) = view.rows
-    unit = {"mg": MG, "deg/s": math.pi / 180.0, "deg": math.pi / 180.0}[UNITS[what][0]]
+    study = cased(one)
+    row = rows(shown(study))[0]
+    unit = {"mg": MG, "deg/s": math.pi / 180.0, "deg": math.pi / 180.0}[KNOWN[what][2][0]]
     squares = np.sum(one.after**2) / (30 if what == "closure" else 30 * width)
-    printed = float(row.after.value) * 10.0**row.after.exponent
-    assert printed == pytest.approx(math.sqrt(squares) / unit, rel=0.05)
-    (record,) = next(published_cases(cased(one)))["recovered"]
+    assert float(row[4].replace(" ×10⁻", "e-")) == pytest.approx(math.sqrt(squares) / unit, rel=0.05)
+    (record,) = next(published_cases(study))["recovered"]
     assert record["rms"]["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
-    assert (row.inside, row.of) == (record["within_2_sd"], record["of"]) == (one.inside, 30 * width)
+    assert (record["within_2_sd"], record["of"]) == (one.inside, 30 * width)
+    assert row[-1] == f"{one.inside} of {30 * width}"
 
 
 def test_the_sentence_on_gravity_has_the_numbers_of_its_row(cased):
-    (view,) = case_views(cased(recovered(), recovered("rest", width=3)))
-    (sentence,) = view.sentences
-    row = view.rows[0]
-    for size in (row.before, row.after, row.fitted, row.fresh, row.flown):
-        assert f"{size.value} mg" in sentence
-    assert f"{row.inside} of 30 lie within 2 sd" in sentence
-    assert len(view.panels) == 2 and all(
-        ElementTree.fromstring(panel.svg) is not None for panel in view.panels
-    )
+    section = shown(cased(recovered(), recovered("rest", width=3)))
+    row, text = rows(section)[0], said(section)
+    assert all(f"{size} mg" in text for size in row[3:8])
+    assert f"{row[-1]} lie within 2 sd" in text
+    assert len(panels(section)) == 2
 
 
 def test_where_the_fit_has_a_coefficient_for_each_error_nothing_is_predicted_of_it(cased):
-    (view,) = case_views(cased(recovered(fitted=1e-3 * MG)))
-    assert view.rows[0].fitted is None
-    assert "a coefficient for each" in view.sentences[0]
-    assert "0.20 mg for new ones" in " ".join(view.answer)
+    study = cased(recovered(fitted=1e-3 * MG))
+    assert rows(shown(study))[0][6] == "–"
+    assert "a coefficient for each" in said(shown(study))
+    assert "0.20 mg for new ones" in " ".join(answered(study))
 
 
 def test_a_kind_needs_what_its_components_show_together(cased):
-    (view,) = case_views(cased(recovered()))
-    (table,) = view.pooled
-    verdicts = {row.term: row.verdict for row in table.rows}
+    study = cased(recovered())
+    verdicts = {row[0]: row[-1][2:] for row in rows(shown(study))[1:]}
     # alone b0p is undecided, and of c_jk no component's test can tell
     assert verdicts == {"b0": "needed", "b0p": "needed", "b3": "not needed", "c_jk": CANNOT}
-    assert "Not every accelerometer shows b0p by itself" in table.sentence
-    assert view.answer[0] == (
+    assert "Not every accelerometer shows b0p by itself" in said(shown(study))
+    assert answered(study)[0] == (
         "U0 as a whole: its accelerometers need b0 and b0p; ax, ay and az need also b1, b2, m_j and m_k."
     )
 
 
-@pytest.mark.parametrize("inclusion", [0.0, 0.3, 1.0])
-def test_what_no_component_can_tell_is_not_told_by_all_of_them(inclusion):
+@pytest.mark.parametrize("inclusion", [0.0, 0.3, 0.9, 1.0])
+def test_what_no_component_can_tell_is_not_told_by_all_and_no_answer_is_against_each(inclusion):
     assert pooled_verdict(inclusion, BLIND) == CANNOT
     assert pooled_verdict(inclusion, (*BLIND, "undecided"), EQUAL) != CANNOT
-
-
-@pytest.mark.parametrize("inclusion", [0.0, 0.3, 0.9, 1.0])
-def test_no_answer_of_a_kind_is_against_that_of_each_of_its_components(inclusion):
     assert pooled_verdict(inclusion, (*BLIND, "not needed", "not needed")) != "needed"
     assert pooled_verdict(inclusion, (*BLIND, "needed", "undecided")) != "not needed"
 
@@ -124,8 +135,7 @@ def test_the_page_and_the_file_hold_a_case(cased):
     study = cased(recovered())
     page = report_html(study)
     assert "U0 as a whole" in page and "within 2 sd" in page
-    document = json.loads(result_json(study))
-    (case,) = document["cases"]
+    (case,) = json.loads(result_json(study))["cases"]
     assert case["id"] == "U0" and case["recovered"][0]["what"] == "gravity"
     assert case["pooled"]["accelerometer"]["b0p"] == {"inclusion": 0.97, "verdict": "needed"}
 
@@ -141,7 +151,7 @@ def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as
     normal = stats.norm.ppf((np.arange(one.after.size) + 0.5) / one.after.size).reshape(one.after.shape)
     found = replace(one, after=scale * 1e-3 * normal, fitted=sd, fresh=2.0 * sd)
     study = cased(found, cases=8)
-    (sentence,) = held_together(case_views(study))
+    (sentence,) = held_together(cases_of(study))
     assert word in sentence and f"{8 * found.inside} of {8 * found.after.size} lie" in sentence
     records = [entry for case in published_cases(study) for entry in case["recovered"]]
     assert sum(entry["within_2_sd"] for entry in records) == 8 * found.inside
@@ -154,3 +164,39 @@ def test_many_cases_share_one_table(cased):
     (table,) = re.findall(r'<h2 id="cases">.*?</section>', page, re.DOTALL)
     assert [f"U{k}" in table for k in range(4)] == [True] * 4
     assert table.count("<tr>") == 5 and "as a whole" not in page
+
+
+def angled(misalignment):
+    """Component of a case whose misalignment against it is known so well, in rad, and its angles."""
+    of = ("accelerometer", "accelerometer", "gyroscopes against accelerometers")
+    names = ("rotation_x", "nonorthogonality_xy", "rotation_x")
+    sizes = ((1.234e-4, 1.6e-4), (-4.7895e-4, 1.61e-5), (1e-6, 2e-6))
+    angles = [
+        {"name": name, "of": what, "mean": mean, "sd": sd}
+        for name, what, (mean, sd) in zip(names, of, sizes, strict=True)
+    ]
+    selection = SimpleNamespace(terms=[SimpleNamespace(name="m_j", full_sd=misalignment)])
+    return SimpleNamespace(kind="accelerometer", selection=selection, calibration={"angles": angles})
+
+
+@pytest.mark.parametrize(
+    ("misalignment", "told"),
+    [
+        (1.65e-4, "how the case as a whole lay in its fixture is known no better"),
+        (1.1e-5, "is known about as well"),
+    ],
+)
+def test_angles_are_rounded_by_their_own_sd_and_the_sentence_says_whether_a_rotation_is_hidden(
+    misalignment, told
+):
+    section = list(angle_sections("U0", [angled(misalignment)]))
+    assert rows(section) == [
+        ("rotation about x", "120 ± 160", "1.0 ± 2.0"),
+        ("non-orthogonality of x and y", "−479 ± 16", ""),
+    ]
+    assert told in said(section) and "are known to 16 µrad" in said(section)
+
+
+@pytest.mark.parametrize("calibration", [{"scale": 1.0}, None])
+def test_without_known_directions_there_are_no_angles(calibration):
+    assert not list(angle_sections("U0", [SimpleNamespace(calibration=calibration)]))

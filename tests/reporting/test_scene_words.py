@@ -1,4 +1,4 @@
-"""What a scene requires, in words."""
+"""What a scene requires, in words, in the report, and as it is published."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes_found import a_relevance
+from block_readings import panels, rows, said
+from scenes_found import TERMS, a_relevance
 
-from imubayes.reporting.rounding import duration, share
-from imubayes.reporting.scene_words import scene_sentences
+from imubayes.reporting.figures import scene_path
+from imubayes.reporting.scene_words import published_scene, scene_section, scene_sentences
 from imubayes.scenes.propagation import Budget
 
 
@@ -64,14 +65,29 @@ def test_budget_is_printed_in_the_unit_that_people_use(found, quantity, kind, si
     assert f"budget {text} of " in scene_sentences(other, "X")[0]
 
 
-def test_shares_are_percentages_up_to_twice_the_budget() -> None:
-    assert [share(v) for v in (0.0, 0.0021, 1.94, 1.96, 250.0)] == [
-        "below 0.1 %", "0.21 %", "190 %", "2.0 times", "250 times",
-    ]  # fmt: skip
-    assert [duration(v) for v in (0.5, 119.0, 120.0, 7199.0, 86400.0)] == [
-        "0.5 s",
-        "119 s",
-        "2 min",
-        "120 min",
-        "24 h",
-    ]
+def test_published_scene_is_that_of_the_component(found) -> None:
+    scene = published_scene(found, "ACC-07")
+    assert (scene.name, scene.sensor, scene.model) == ("quadrotor", "ACC-07", ("b0", "b2"))
+    assert [term.name for term in scene.terms] == [row[0] for row in TERMS]
+    assert scene.terms[0].share_of_budget == 1.3 and scene.budget["limit"] == 100.0
+
+
+def test_view_lists_what_costs_most_first_with_the_shape_of_its_quadrant(found) -> None:
+    section = [scene_section(found, "ACC-07", {"b0": "K0"}, "s1")]
+    view = rows(section)
+    assert [row[0] for row in view] == ["c_jk", "b0", "b2", "b1", "b3"]
+    assert (view[0][1], *view[1][1:5]) == ("", "K0", view[1][2], "10 µg", "130 m")
+    assert [row[-1][0] for row in view] == ["▲", "●", "●", "○", "×"]
+    words = said(section)
+    assert "Budget 100 m." in words and "with this model at most 41 m" in words
+    assert "N 3.0 m, B 4.0 m, K 0 m" in words
+
+
+def test_figure_says_how_many_terms_stay_within_the_budget(found) -> None:
+    (panel,) = panels([scene_section(found, "ACC-07", {}, "s1")])
+    assert panel.title == "2 terms stay within the budget"
+    worse = replace(found, met=False, budget=Budget("position", 10.0))
+    title = scene_path(worse, "m", 1.0, "k").title
+    assert title == "No model stays within the budget: 3.8 times is left at least"
+    nothing = replace(found, path=((1, "", 0.0), (0, "b0", 0.0)), model=())
+    assert scene_path(nothing, "m", 1.0, "k").svg

@@ -5,41 +5,8 @@ from dataclasses import replace
 import pytest
 
 from imubayes.inference.observability import Confounded
-from imubayes.reporting.words import answer, confounded_sentences, fit_sentence
+from imubayes.reporting.words import answer, confounded_sentences
 from imubayes.sensors.terms import library
-
-
-def test_answer_claims_a_fit_only_when_every_run_fits(make_sensor) -> None:
-    good, bad = make_sensor(), make_sensor(misfit="centrifuge")
-    assert "to the noise floor (residual over noise 1.02, white, p " in fit_sentence(good)
-    assert (
-        "does not explain run centrifuge (residual over noise 1.83, not white, p < 0.001, "
-        "1 block stands out by up to 7 sd)" in answer(bad)[-1]
-    )
-    assert "tumble" not in fit_sentence(bad)
-
-
-@pytest.mark.parametrize(
-    ("scale", "p", "outliers", "words"),
-    [
-        (1.5, 0.4, (), "error bars are too small"),
-        (1.0, 1e-5, (), "error bars are too small"),
-        (0.7, 0.4, (), "error bars are wider than they need be"),
-        (1.0, 0.4, ((1.0, 2.0, -9.0),), "1 block stands out by up to 9 sd"),
-    ],
-)
-def test_each_way_of_not_fitting_has_its_own_consequence(make_sensor, scale, p, outliers, words: str) -> None:
-    sensor = make_sensor(runs=("tumble",))
-    check = replace(sensor.checks[0], scale=scale, whiteness_p=p, outliers=outliers, fits=False)
-    assert words in fit_sentence(replace(sensor, checks=(check,)))
-
-
-def test_residual_over_noise_of_all_runs_is_weighted_by_samples(make_sensor) -> None:
-    sensor = make_sensor()
-    runs = (replace(sensor.runs[0], samples=9), replace(sensor.runs[1], samples=1))
-    checks = (replace(sensor.checks[0], scale=1.0), replace(sensor.checks[1], scale=2.0))
-    # sqrt((9 * 1 + 1 * 4) / 10) = 1.14
-    assert "residual over noise 1.14" in fit_sentence(replace(sensor, runs=runs, checks=checks))
 
 
 def test_answer_does_not_speak_of_a_group_whose_terms_are_all_settled(make_sensor) -> None:

@@ -29,7 +29,7 @@ from report_reading import (
     written,
 )
 
-from imubayes.reporting.method_words import called
+from imubayes.reporting.method_views import called
 from studies.decision_quality.trials import DECISION, SURE
 
 Found = dict[str, Any]

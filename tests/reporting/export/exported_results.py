@@ -12,7 +12,7 @@ from published_found import QUICKSTART
 from scenes_found import a_relevance
 from xarray import Dataset, DataTree
 
-from imubayes.reporting.scene_views import published_scene
+from imubayes.reporting.scene_words import published_scene
 from imubayes.sensors.catalogue import draw_unit, prior_sd, sensor, typical_noise
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.terms import CHANNELS, Library, library
