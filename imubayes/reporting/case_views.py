@@ -247,7 +247,8 @@ def root_mean_square(errors: np.ndarray, what: str) -> float:
 
 def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Section]:
     """Rotations and non-orthogonality of a case's triads; nothing where directions were not known."""
-    angles: Sequence[Mapping[str, Any]] = (sensors[0].calibration or {}).get("angles", [])
+    calibration: Mapping[str, Any] = sensors[0].calibration or {}
+    angles = calibration.get("angles", [])
     if not angles:
         return
     columns = list(dict.fromkeys(angle["of"] for angle in angles))

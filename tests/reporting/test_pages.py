@@ -20,7 +20,7 @@ COMMITTED = sorted(file.parent.name for file in REPORTS.glob("*/report.html"))
 OF_THE_TOOL = ("decision_quality", "extremes", "ranks", "speed")
 """Committed reports of kinds that no result is made of here."""
 
-CROWDED = {"chains", "extremes", "noise_catalogue", "sampler_speed", "tofupilot_thermal", "xsens_tumble"}
+CROWDED = {"extremes", "noise_catalogue", "sampler_speed", "tofupilot_thermal", "xsens_tumble"}
 """Pages with a figure in which one label covers another."""
 
 
