@@ -219,7 +219,7 @@ def _lost(sensor: Found, match: Match) -> Iterable[Meant]:
 
 def _dependence(sensor: Found, match: Match) -> Iterable[Meant]:
     unit, said = _output(sensor), value(match[1])
-    shown = sensor["misfit"]["found"] or sensor["misfit"]["dependences"]
+    shown = sensor["misfit"]["found"] or sensor["misfit"]["dependences"][:1]
     one = min(shown, key=lambda one: abs(one["size"] / unit - said))
     return [one["size"] / unit, one["share"], one["p"]][: len(match.groups())]
 
@@ -247,8 +247,8 @@ def _none_of(sensor: Found, match: Match) -> Iterable[Meant]:
 
 def _hysteresis(sensor: Found, match: Match) -> Iterable[Meant]:
     """Chance of what an input leaves in any run, between its rise and its fall too."""
-    found = sensor["misfit"]["dependences"]
-    return [None, min(one["p"] for one in found if one["input"].removeprefix("hysteresis of ") == match[1])]
+    found, name = sensor["misfit"]["dependences"], "t" if match[1] == "time" else match[1]
+    return [None, min(one["p"] for one in found if one["input"].removeprefix("hysteresis of ") == name)]
 
 
 def _kept(sensor: Found, match: Match) -> Iterable[Meant]:

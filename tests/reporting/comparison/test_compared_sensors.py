@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imubayes.reporting.scene_views import published_scene
 from published_found import FILE, a_result, a_sensor, a_term
 from scenes_found import a_relevance
 
@@ -16,6 +15,7 @@ from imubayes.reporting.comparison.entries import differing
 from imubayes.reporting.comparison.pulls import LEVEL, QUANTILE
 from imubayes.reporting.comparison.sensors import noise_of, sensors_compared, sensors_record
 from imubayes.reporting.results import published_result
+from imubayes.reporting.scene_words import published_scene
 
 
 def _part(id="A", values=((1.0, 0.1),), noise=((1.0, 0.1),), runs="run", **other):
