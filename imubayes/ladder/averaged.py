@@ -1,15 +1,15 @@
-"""The rung of drawn noises: every submodel, averaged over the noise's posterior without a chain.
+"""The rungs that weigh every submodel without a chain: at the noise as estimated, and averaged over draws.
 
-Each run's posterior of ln N, ln B, ln K is taken as a Student distribution about its peak. Draws of it are
-weighted by the exact posterior of all runs together, and resampled by these weights (Rubin 1988): what comes
-out counts as draws of the posterior.
+For the second, each run's posterior of ln N, ln B, ln K is taken as a Student distribution about its peak.
+Draws of it are weighted by the exact posterior of all runs together, and resampled by these weights (Rubin
+1988): what comes out counts as draws of the posterior.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
@@ -17,13 +17,11 @@ from scipy.special import ndtri
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import Prepared
-from imubayes.inference.at_noise import at_noise
+from imubayes.inference.at_noise import at_found_noise, at_noise
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
 from imubayes.inference.mcmc.split import log_likelihood, splits_of
-from imubayes.ladder.answer import Answer, answer_of
-from imubayes.ladder.problem import Ground, once, prepared
-from imubayes.ladder.shared_noise import groups_of, noises_of
+from imubayes.ladder.problem import Answer, Ground, answer_of, once, prepared
 from imubayes.selection.decision import select
 from imubayes.units import counted
 
@@ -90,6 +88,20 @@ class Weighted:
         return 1.0 / float(np.sum(self.weight**2))
 
 
+def plug_in(ground: Ground) -> Answer:
+    """Weigh every submodel at the noise that was estimated."""
+    ready, problem = prepared(ground), ground.problem
+    ground.tell("every model at the estimated noise")
+    selection = select(
+        ready.summary,
+        ready.prior,
+        noises=(at_found_noise(ready.summary, ready.prior),),
+        costs=problem.costs,
+        hierarchical=problem.hierarchical,
+    )
+    return answer_of("plug-in", selection, estimated_noise(ready))
+
+
 def averaged(ground: Ground) -> Answer:
     """Weigh every model at draws of the noise, and average; the full library over all weighted draws."""
     ready, problem, drawn = prepared(ground), ground.problem, weighted(ground)
@@ -104,10 +116,10 @@ def averaged(ground: Ground) -> Answer:
         costs=problem.costs,
         hierarchical=problem.hierarchical,
     )
-    found = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1)).tolist()
-    answer = answer_of("averaged", selection, [(N, B, K) for N, B, K in found], noises=noises)
-    mean, sd = _moments(ready, drawn)
-    return replace(answer, full_mean=mean[: len(answer.names)], full_sd=sd[: len(answer.names)])
+    noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
+    p = len(selection.terms)
+    mean, sd = (moments[:p] for moments in _moments(ready, drawn))
+    return answer_of("averaged", selection, noise, noises=noises, full_mean=mean, full_sd=sd)
 
 
 def _moments(ready: Prepared, drawn: Weighted) -> tuple[FloatArray, FloatArray]:
@@ -236,3 +248,32 @@ def _resampled(weight: FloatArray, rng: np.random.Generator) -> list[int]:
         return [0]
     ticks = (np.arange(RESAMPLED) + rng.random()) / RESAMPLED
     return np.minimum(np.searchsorted(np.cumsum(weight), ticks), len(weight) - 1).tolist()
+
+
+def estimated_noise(ready: Prepared) -> FloatArray:
+    """N, B, K (g, 3) of each run as it was estimated."""
+    return np.array([(run.noise.N, run.noise.B, run.noise.K) for run in ready.summary.runs])
+
+
+def groups_of(ready: Prepared) -> tuple[tuple[str, int], ...]:
+    """Runs whose noise is not known, each with how many of ln N, ln B, ln K there are; once if shared."""
+    return tuple({run.noise_run: len(run.steering) for run in ready.summary.runs if run.steering}.items())
+
+
+def noises_of(ready: Prepared, groups: Sequence[tuple[str, int]], x: FloatArray) -> FloatArray:
+    """N, B, K (m, g, 3) of every run, from logarithms (m, d).
+
+    Parameters
+    ----------
+    ready : the runs; one whose noise is not in `groups` has that of its summary.
+    groups : (run whose noise it is, how many of ln N, ln B, ln K) in the order of the columns of x.
+    x : logarithms.
+    """
+    out = np.repeat(estimated_noise(ready)[None], len(x), axis=0)
+    first = 0
+    for name, count in groups:
+        for k, run in enumerate(ready.summary.runs):
+            if run.steering and run.noise_run == name:
+                out[:, k, :count] = np.exp(x[:, first : first + count])
+        first += count
+    return out

@@ -8,8 +8,15 @@ read again for each whitening: once for a single noise, some thirty times where 
 
 from __future__ import annotations
 
+import json
+import math
+import os
+import platform
+import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 
@@ -18,12 +25,9 @@ from imubayes.inference.linear import BLOCKS, Rows
 from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten, whitener
-from imubayes.ladder import law_file
 from imubayes.selection.enumerate import LARGEST
 from imubayes.selection.tree import walk
 from imubayes.sensors.noise import Noise
-
-Progress = Callable[[str], None]
 
 
 def _blocks(size: Size) -> float:
@@ -76,14 +80,8 @@ REPEATS = 20
 LARGE = 20_000
 """Rows of the large kind of work: beyond a cache."""
 
-COPIES: Mapping[RungName, float] = {
-    "plug-in": 10.0,
-    "averaged": 80.0,
-    "collapsed": 80.0,
-    "full": 80.0,
-    "raw": 80.0,
-}
-"""Arrays over all models that a rung holds at a time; those that average over noises have `MANY_COPIES`."""
+COPIES: Mapping[RungName, float] = {"plug-in": 10.0}
+"""Arrays over all models that a rung holds at a time; the others have `MANY_COPIES`."""
 
 MANY_COPIES = 80.0
 """Of these arrays: five for each of sixteen noises."""
@@ -96,6 +94,9 @@ USUAL_TABLES = 2.2
 
 SMALLEST = 1e7
 """Bytes that any rung takes for its work."""
+
+FILE = "speeds.json"
+"""Speeds of this machine, in the user's cache folder."""
 
 
 def foreseen(rung: RungName, size: Size, law: CostLaw) -> Cost:
@@ -121,28 +122,27 @@ def within(budget: float, size: Size, law: CostLaw) -> RungName:
     >>> within(1.0, Size(rows=36_000, columns=20, candidates=17, runs=2), REFERENCE)
     'plug-in'
     """
-    fitting: list[RungName] = [
-        rung for rung in rungs_for(size) if foreseen(rung, size, law).seconds <= budget
-    ]
-    return fitting[-1] if fitting else rungs_for(size)[0]
+    every = rungs_for(size)
+    fitting: list[RungName] = [rung for rung in every if foreseen(rung, size, law).seconds <= budget]
+    return fitting[-1] if fitting else every[0]
 
 
-def calibrate(progress: Progress = lambda message: None) -> CostLaw:
+def calibrate(progress: Callable[[str], None] = lambda message: None) -> CostLaw:
     """Constants of this machine: from the user's cache folder, or measured and kept there.
 
     A folder that cannot be read or written is no error: the machine is then measured each time.
     """
-    speeds = law_file.read(tuple(USUAL))
+    speeds = kept_speeds()
     if speeds is None:
         progress("measuring the speed of this machine")
         speeds = measured_speeds()
-        law_file.write(speeds)
+        _keep(speeds)
     return law_of(speeds)
 
 
 def known_law() -> CostLaw:
     """Constants of this machine where they are kept, else those of the one that they were found on."""
-    speeds = law_file.read(tuple(USUAL))
+    speeds = kept_speeds()
     return REFERENCE if speeds is None else law_of(speeds)
 
 
@@ -190,3 +190,40 @@ def _walking(p: int) -> Callable[[], object]:
     R = np.triu(np.ones((p + 1, p + 1))) + np.diag(np.arange(1.0, p + 2.0))
     walk(R)  # compiled once, which counts for nothing
     return lambda: walk(R)
+
+
+def cache_folder() -> Path:
+    """Where this platform keeps what a program can do without."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "imubayes"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "imubayes"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "imubayes"
+
+
+def kept_speeds() -> dict[str, float] | None:
+    """Seconds of each kind of work on this machine as they were kept; None where they are not known."""
+    try:
+        kept = json.loads((cache_folder() / FILE).read_text(encoding="utf-8"))
+        speeds = {kind: float(kept["speeds"][kind]) for kind in USUAL}
+        sound = all(math.isfinite(s) and s > 0.0 for s in speeds.values())
+        return speeds if sound and kept["machine"] == _machine() else None
+    except (OSError, RuntimeError, ValueError, LookupError, TypeError):
+        return None
+
+
+def _keep(speeds: Mapping[str, float]) -> None:
+    """Keep the seconds of each kind of work, if the folder lets us."""
+    text = json.dumps({"machine": _machine(), "speeds": dict(speeds)}, indent=1)
+    with suppress(OSError, RuntimeError):
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        part = folder / f"{FILE}.{os.getpid()}.part"
+        part.write_text(text + "\n", encoding="utf-8")
+        part.replace(folder / FILE)
+
+
+def _machine() -> list[str]:
+    """What the speeds hold for."""
+    here = platform.node(), platform.machine(), str(os.cpu_count()), platform.python_version()
+    return [*here, np.__version__]

@@ -23,10 +23,9 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reml import estimate
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import whiten, whitener
-from imubayes.ladder.answer import Answer
 from imubayes.ladder.averaged import weighted
-from imubayes.ladder.means import EXHAUSTIVE, by_bic
-from imubayes.ladder.problem import Ground, Problem, prepared
+from imubayes.ladder.problem import Answer, Ground, Problem, prepared
+from imubayes.ladder.regression import EXHAUSTIVE, by_bic
 from imubayes.selection.effects import effects_of, log_evidence, refitted
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_prior import log_model_prior
@@ -153,24 +152,17 @@ def _few_draws(ground: Ground, found: Answer) -> Foresight:
     return Foresight(coefficients * error, inclusions * error, reason)
 
 
-def _few_steps(ground: Ground, found: Answer) -> Foresight:
-    """Collapsed: the Monte Carlo errors of both samplers."""
-    return _chain_error(ground, found, 0.0, "the Monte Carlo errors of the chains")
-
-
-def _carried_on(ground: Ground, found: Answer) -> Foresight:
-    """Full: what the log density is off between whitenings, and the Monte Carlo errors."""
-    error = found.chains.interpolation_error if found.chains else 0.0
-    reason = f"the {error:.2g} nats that the log density is off between whitenings, and Monte Carlo errors"
-    return _chain_error(ground, found, error, reason)
-
-
-def _chain_error(ground: Ground, found: Answer, nats: float, reason: str) -> Foresight:
+def _chain_error(ground: Ground, found: Answer) -> Foresight:
     """Errors of averages over draws of the noise, and of the coefficients' own draws.
 
-    Two densities whose logarithms differ by e have means that differ by e sds at most, to first order; it is
-    the noise's density that is off, so that the sd is that of the averages over the noise.
+    To full they are all that changes; to raw also what the log density is off between whitenings. Two
+    densities whose logarithms differ by e have means that differ by e sds at most, to first order; it is the
+    noise's density that is off, so that the sd is that of the averages over the noise.
     """
+    nats, reason = 0.0, "the Monte Carlo errors of the chains"
+    if found.rung == "full":
+        nats = found.chains.interpolation_error if found.chains else 0.0
+        reason = f"the {nats:.2g} nats that the log density is off between whitenings, and Monte Carlo errors"
     coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
     few = max(math.sqrt(2.0 / max(len(found.noises), 1)), nats)
     own = 0.0
@@ -216,7 +208,7 @@ STEPS: Mapping[RungName, Callable[[Ground, Answer], Foresight]] = {
     "sparse": _neighbours,
     "plug-in": _moved_noise,
     "averaged": _few_draws,
-    "collapsed": _few_steps,
-    "full": _carried_on,
+    "collapsed": _chain_error,
+    "full": _chain_error,
 }
 """How the change from each rung to the next is foreseen."""

@@ -1,4 +1,4 @@
-"""What a rung of the ladder is asked: one component with known inputs, and what the rungs share."""
+"""What a rung of the ladder is asked, what the rungs share, and what every one of them gives."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from imubayes.campaign.fidelity import LADDER, Size
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.fidelity import LADDER, RungName, Size
 from imubayes.campaign.preparation import AnyRun, Prepared, component_prior, prepare
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
+from imubayes.inference.mcmc.chains import Chains, NoiseDraw
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
 from imubayes.rig.inputs import Run
+from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
@@ -157,3 +160,77 @@ def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
         made = make()
         ground.shared[name] = (made, time.perf_counter() - start)
     return ground.shared[name][0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a rung says of one component.
+
+    Attributes
+    ----------
+    rung : that was taken.
+    selection : the decision, in the form that the report shows. Every rung gives one: of the cheap ones its
+        means, inclusions and verdicts are those of the method.
+    full_mean, full_sd : (p,) coefficients under the full library, SI.
+    noise : (N, B, K) by run, SI; of a method that knows only white noise, B and K are 0.
+    noises : draws of the noise that the decision averaged over; empty where it took one.
+    chains : of emcee, where the rung has them.
+    seconds : that it took, from rows to decision.
+    converged : whether chains, where there are any, reached what was asked.
+    ready : factor, rows and prior that it rests on; None of a method that has no use for them.
+    """
+
+    rung: RungName
+    selection: Selection
+    full_mean: FloatArray
+    full_sd: FloatArray
+    noise: tuple[tuple[float, float, float], ...]
+    noises: tuple[NoiseDraw, ...] = ()
+    chains: Chains | None = None
+    seconds: float = 0.0
+    converged: bool = True
+    ready: Prepared | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the p terms of the library, in its order."""
+        return tuple(term.name for term in self.selection.terms)
+
+    @property
+    def model(self) -> tuple[str, ...]:
+        """Terms that are kept."""
+        return self.selection.model
+
+    @property
+    def mean(self) -> FloatArray:
+        """Coefficients (p,) averaged over models, SI."""
+        return np.array([term.mean for term in self.selection.terms])
+
+    @property
+    def sd(self) -> FloatArray:
+        """Their sd (p,), SI."""
+        return np.array([term.sd for term in self.selection.terms])
+
+    @property
+    def inclusion(self) -> FloatArray:
+        """Probability (p,) of each term; of a method that gives none, 0 or 1."""
+        return np.array([term.inclusion for term in self.selection.terms])
+
+
+def answer_of(rung: RungName, selection: Selection, noise: FloatArray, **other: Any) -> Answer:
+    """Answer that says what a decision says; `noise` (g, 3) is N, B, K by run."""
+    full = {
+        "full_mean": np.array([term.full_mean for term in selection.terms]),
+        "full_sd": np.array([term.full_sd for term in selection.terms]),
+    }
+    runs = tuple((N, B, K) for N, B, K in noise.tolist())
+    return Answer(rung=rung, selection=selection, noise=runs, **{**full, **other})
+
+
+def change(before: Answer, after: Answer) -> tuple[float, float]:
+    """How far two answers are apart: coefficients in posterior sd of the second, and inclusions.
+
+    The largest over terms; of the averaged and the full-library coefficients, the larger.
+    """
+    apart = np.maximum(np.abs(after.mean - before.mean), np.abs(after.full_mean - before.full_mean))
+    return float(np.max(apart / after.full_sd)), float(np.max(np.abs(after.inclusion - before.inclusion)))

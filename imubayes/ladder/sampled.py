@@ -1,30 +1,64 @@
-"""The rungs of emcee on the factor: noise alone, or noise and coefficients; then every model."""
+"""The rungs of emcee: over the noise, over coefficients and noise on compressed rows, and on every row.
+
+On every row nothing is compressed and nothing carried on between whitenings: each step factors the noise's
+covariance of all rows and whitens what the coefficients leave. Walkers start from the posterior of the rung
+below, which also proposes: the acceptance is as good as that posterior is right. Their every step is long, so
+that the time is looked at after each of them.
+"""
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from imubayes.campaign.fidelity import RungName
-from imubayes.inference.mcmc.run import Sampled
-from imubayes.ladder.answer import Answer, answer_of
-from imubayes.ladder.problem import Ground, chained, prepared
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.fidelity import NEEDS_ROWS, RungName, rungs_for
+from imubayes.campaign.preparation import Prepared
+from imubayes.errors import InputError
+from imubayes.inference.at_noise import at_noise
+from imubayes.inference.linear import Linear
+from imubayes.inference.mcmc.chains import Chains, Diagnostics
+from imubayes.inference.mcmc.density import Density, density_of, theta_of
+from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
+from imubayes.inference.mcmc.engine import Target, sampler_of
+from imubayes.inference.mcmc.ensembles import History, Limits, verdict, walkers_for, wanting
+from imubayes.inference.mcmc.moves import Student, independent
+from imubayes.inference.mcmc.pointwise import by_dwell
+from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
+from imubayes.inference.summary import RunSummary
+from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.ladder.averaged import groups_of, noises_of
+from imubayes.ladder.problem import Answer, Ground, Tell, answer_of, chained, prepared, size_of
 from imubayes.selection.decision import select
+from imubayes.sensors.noise import Noise
 from imubayes.units import counted
+
+INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
+"""Shares of the two moves."""
+
+FIRST = 4
+"""Steps before the chains are looked at: fewer have no autocorrelation."""
+
+TURN = 10
+"""Steps of all ensembles before they are looked at again."""
 
 
 def collapsed(ground: Ground) -> Answer:
     """Sample the noise, with the coefficients integrated out and drawn exactly."""
-    return by_chains("collapsed", ground, *chained(ground, "collapsed"))
+    return _by_chains("collapsed", ground, *chained(ground, "collapsed"))
 
 
 def full(ground: Ground) -> Answer:
     """Sample coefficients and noise."""
-    return by_chains("full", ground, *chained(ground, "full"))
+    return _by_chains("full", ground, *chained(ground, "full"))
 
 
-def by_chains(rung: RungName, ground: Ground, sampled: Sampled, converged: bool) -> Answer:
+def _by_chains(rung: RungName, ground: Ground, sampled: Sampled, converged: bool) -> Answer:
     """Weigh every model at the noises of some draws; of the full library, say what the chains say."""
     ready, problem, chains = prepared(ground), ground.problem, sampled.chains
     ground.tell(f"every model at {counted(len(sampled.noises), 'draw')} of the noise")
@@ -36,14 +70,209 @@ def by_chains(rung: RungName, ground: Ground, sampled: Sampled, converged: bool)
         costs=problem.costs,
         hierarchical=problem.hierarchical,
     )
-    found = np.median(chains.noise, axis=(0, 1)).tolist()
-    answer = answer_of(
+    theta = chains.theta[..., [chains.names.index(term.name) for term in selection.terms]]
+    return answer_of(
         rung,
         selection,
-        [(N, B, K) for N, B, K in found],
+        np.median(chains.noise, axis=(0, 1)),
         noises=sampled.noises,
         chains=chains,
         converged=converged,
+        full_mean=theta.mean(axis=(0, 1)),
+        full_sd=theta.std(axis=(0, 1)),
     )
-    theta = chains.theta[..., [chains.names.index(name) for name in answer.names]]
-    return replace(answer, full_mean=theta.mean(axis=(0, 1)), full_sd=theta.std(axis=(0, 1)))
+
+
+def raw(ground: Ground) -> Answer:
+    """Sample coefficients and noise on every row.
+
+    Raises
+    ------
+    InputError : if a run is read a part at a time, so that its rows are not there.
+    """
+    if "raw" not in rungs_for(size_of(ground.problem)):
+        raise InputError(
+            f"the rung raw is not for this study: {NEEDS_ROWS}: take full, which compresses them"
+        )
+    ready = prepared(ground)
+    below, _ = chained(ground, "full")
+    rng = ground.rngs["raw"]
+    ground.tell("every row at every step")
+    density = density_of(ready.summary, ready.rows, ready.prior.sd, rng)
+    limits = replace(ground.limits, seed=int(rng.integers(2**32)))
+    history = run_slowly(_target(ready, density, below.chains), limits, ground.tell)
+    sampled = _sampled(ready, density, history, below.chains)
+    return _by_chains("raw", ground, sampled, history.converged)
+
+
+def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], FloatArray]:
+    """Log p(y, phi, x) (m,) of coordinates (m, p + d), from all rows.
+
+    It is what `imubayes.inference.mcmc.density.log_joint` carries on between whitenings.
+    """
+    parts = [_misfit_of(rows, run) for rows, run in zip(ready.rows, ready.summary.runs, strict=True)]
+    groups, p, n = groups_of(ready), density.p, ready.summary.factor.n
+    half = 0.5 * math.log(2.0 * math.pi)
+    constant = density.coordinates.log_volume - float(np.sum(np.log(density.sd))) - (p + n) * half
+    constant -= float(np.sum(np.log(density.width))) + density.d * half
+
+    def of(c: FloatArray) -> FloatArray:
+        theta, x = theta_of(density, c[:, :p]), c[:, p:]
+        pull = np.sum((theta / density.sd) ** 2, axis=1)
+        pull += np.sum(((x - density.center) / density.width) ** 2, axis=1)
+        noises = noises_of(ready, groups, x)
+        misfit = [sum(part(theta[k], noises[k, g]) for g, part in enumerate(parts)) for k in range(len(c))]
+        return constant - 0.5 * (pull + np.array(misfit))
+
+    return of
+
+
+def _misfit_of(rows: Linear, run: RunSummary) -> Callable[[FloatArray, FloatArray], float]:
+    """Minus twice the log likelihood of a run, up to a constant, of coefficients (p,) and N, B, K (3,)."""
+    X, taken, parts = rows.columns(0, len(rows)), rows.rows, mattering(run.noise, rows.rows)
+
+    def misfit(theta: FloatArray, noise: FloatArray) -> float:
+        w = whitener(Noise(*noise.tolist()), taken, parts)
+        left = whiten(w, (rows.y - X @ theta)[:, None])
+        return w.log_det + float(np.sum(left**2))
+
+    return misfit
+
+
+def _target(ready: Prepared, density: Density, below: Chains) -> Target:
+    """What is sampled, started and proposed from the chains below."""
+    p, groups = density.p, groups_of(ready)
+    theta, noise = _flat(below.theta, 1), _flat(below.noise, 2)
+    phi = np.linalg.solve(density.coordinates.inverse, (theta - density.coordinates.origin).T).T
+    x = _logarithms(ready, groups, noise)
+
+    def start(rng: np.random.Generator, size: int) -> FloatArray:
+        which = rng.choice(len(phi), size, replace=False)
+        return np.asarray(np.column_stack((phi[which], x[which])), dtype=float)
+
+    q = _proposal(x)
+    return Target(
+        names=(*density.names, *density.parameters),
+        log_prob=log_density(ready, density),
+        moves=(("independent", independent(density, q), INDEPENDENT), ("differential", None, DIFFERENTIAL)),
+        start=start,
+        readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
+    )
+
+
+def _proposal(x: FloatArray) -> Student:
+    """Student distribution with the moments of draws x (m, d)."""
+    d = x.shape[1]
+    root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
+    return Student(x.mean(axis=0), np.asarray(root, dtype=float))
+
+
+def _logarithms(ready: Prepared, groups: tuple[tuple[str, int], ...], noise: FloatArray) -> FloatArray:
+    """Logarithms (m, d) of the noise (m, g, 3) of the runs, where it is not known: `noises_of`, backwards."""
+    runs = [run.noise_run for run in ready.summary.runs]
+    columns = [np.log(noise[:, runs.index(name), :count]) for name, count in groups]
+    return np.column_stack((np.zeros((len(noise), 0)), *columns))
+
+
+def _sampled(ready: Prepared, density: Density, history: History, below: Chains) -> Sampled:
+    """Chains with all that a report asks of them, and the problem at some of their noises."""
+    p = density.p
+    c = np.array([_thinned(chain) for chain in history.chains])
+    theta = theta_of(density, c[..., :p])
+    x = c[..., p:].reshape(-1, density.d)
+    noise = noises_of(ready, groups_of(ready), x)
+    estimated = [run.noise for run in ready.summary.runs]
+    scored = by_dwell(ready.rows, estimated, _flat(theta, 1), noise)
+    shape = theta.shape[:2]
+    chains = replace(
+        below,
+        sampler="raw",
+        theta=theta,
+        noise=noise.reshape(*shape, *noise.shape[1:]),
+        log_density=np.array([_thinned(part[..., None])[:, 0] for part in history.log_prob]),
+        log_likelihood=scored.log_likelihood.reshape(*shape, -1),
+        predicted=scored.predicted.reshape(*shape, -1),
+        diagnostics=_diagnosed(history, (*density.names, *density.parameters)),
+        interpolation_error=0.0,
+    )
+    chosen = np.linspace(0, len(noise) - 1, NOISE_DRAWS if density.d else 1).astype(int)
+    return Sampled(
+        chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
+    )
+
+
+def _diagnosed(history: History, parameters: tuple[str, ...]) -> Diagnostics:
+    steps, walkers, _ = history.chains[0].shape
+    return Diagnostics(
+        parameters=parameters,
+        ess=history.ess,
+        rhat=history.rhat,
+        tau=history.tau,
+        acceptance=history.acceptance,
+        steps=steps,
+        walkers=walkers,
+        ensembles=len(history.chains),
+        seconds=history.seconds,
+        converged=history.converged,
+        text=history.text,
+    )
+
+
+def _flat(values: FloatArray, last: int) -> FloatArray:
+    """All draws in one axis, before the `last` ones."""
+    return values.reshape(-1, *values.shape[values.ndim - last :])
+
+
+def _thinned(chain: FloatArray) -> FloatArray:
+    """Draws (DRAWS, k) of an ensemble (steps, walkers, k), evenly over its steps and walkers."""
+    every = _flat(chain, 1)
+    return every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]
+
+
+def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
+    """Run ensembles until they have mixed, or the time is up: after each step, for steps are long."""
+    start = time.perf_counter()
+    walkers = limits.walkers or walkers_for(len(target.names))
+    samplers = [sampler_of(target, walkers) for _ in range(limits.ensembles)]
+    for sampler, seed in zip(
+        samplers, np.random.SeedSequence(limits.seed).spawn(limits.ensembles), strict=True
+    ):
+        state = target.start(np.random.default_rng(seed), walkers)
+        sampler.random_state = np.random.RandomState(seed.generate_state(4)).get_state()
+        sampler.run_mcmc(state, FIRST, skip_initial_state_check=True)
+    while True:
+        seconds = time.perf_counter() - start
+        done = _judged(target, samplers, seconds, limits)
+        if done.converged or seconds > limits.time_limit:
+            return done
+        tell(f"{counted(len(done.chains[0]), 'step')} on every row, {done.text}")
+        _turn(samplers, start + limits.time_limit)
+
+
+def _turn(samplers: Sequence[Any], deadline: float) -> None:
+    """Give every ensemble the same number of steps, unless the time is up before."""
+    for _ in range(TURN):
+        for sampler in samplers:
+            sampler.run_mcmc(None, 1, skip_initial_state_check=True)
+        if time.perf_counter() > deadline:
+            return
+
+
+def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Limits) -> History:
+    """What the chains are so far."""
+    chains = tuple(sampler.get_chain() for sampler in samplers)
+    readable = [target.readable(chain) for chain in chains]
+    ess, tau = effective_size(readable)
+    rhat = split_rhat(readable)
+    missing = wanting(ess, rhat, tau, len(chains[0]), limits)
+    return History(
+        chains=chains,
+        log_prob=tuple(sampler.get_log_prob() for sampler in samplers),
+        ess=ess,
+        rhat=rhat,
+        tau=tau,
+        acceptance=float(np.mean([sampler.acceptance_fraction for sampler in samplers])),
+        seconds=seconds,
+        converged=not missing,
+        text=verdict(missing),
+    )

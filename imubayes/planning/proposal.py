@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import Factor, triangular
+from imubayes.algebra.factor import Factor, solve_triangular, triangular
 from imubayes.campaign.study import Mission
 from imubayes.errors import UnobservableError
+from imubayes.inference.linear import Rows
 from imubayes.inference.observability import Observability, carried, observe
+from imubayes.inference.whiten import whiten, whitener
 from imubayes.planning.candidates import (
     Aim,
     Menu,
@@ -23,14 +26,15 @@ from imubayes.planning.candidates import (
     duration,
     root,
     runs_of,
+    starts,
     whitened,
     worth,
 )
-from imubayes.planning.design import best_plan, even_plan, following
+from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.menu import Bench, PlanStudy, bench_columns, own_input, start_of
-from imubayes.planning.rehearsal import rehearsed
-from imubayes.rig.inputs import Facts, facts_of
+from imubayes.rig.inputs import facts_of
 from imubayes.rig.settings import Setting, settings_of
+from imubayes.rig.simulate import synthesise
 from imubayes.scenes.effects import SceneEffects, budget_effects
 from imubayes.scenes.relevance import MATTERS
 
@@ -39,6 +43,9 @@ SEEN = 0.9
 
 NEXT = 6
 """Next dwells that are told."""
+
+INTERVAL, FEWEST = 5.0, 8
+"""s; averaging time of a simulated sample; and samples in a dwell, at least."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,12 +141,13 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
     best = best_plan(problem).steps
     if worth(problem, even) < worth(problem, best):
         best = best_plan(problem, [even]).steps
-    alone = replace(problem, menus=tuple(_only(m, k == study.even) for k, m in enumerate(problem.menus)))
+    one_run = (m if k == study.even else replace(m, dwells=()) for k, m in enumerate(problem.menus))
+    alone = replace(problem, menus=tuple(one_run))
     same = best_plan(alone, [even]).steps if len(problem.menus) > 1 else best
     if worth(problem, same) < worth(problem, best):
         best = same
     progress(f"{study.units} simulated units")
-    told = _Told(study, bench, problem, effects)
+    told = partial(_outcome, study=study, bench=bench, problem=problem, effects=effects)
     return Proposal(
         study=study,
         prior_sd=bench.sd[: bench.p],
@@ -151,9 +159,9 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
         settings=tuple(
             settings_of(m, o.spec.simulate or {}) for m, o in zip(bench.plans, study.offers, strict=True)
         ),
-        even=told.of("even", even),
-        same=told.of("same", same),
-        best=told.of("best", best),
+        even=told("even", even),
+        same=told("same", same),
+        best=told("best", best),
         following=following(problem, (), NEXT),
         seconds=time.perf_counter() - start,
     )
@@ -227,64 +235,80 @@ def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArr
     return rows
 
 
-def _only(menu: Menu, offered: bool) -> Menu:
-    """Menu, or nothing of it."""
-    return menu if offered else replace(menu, dwells=())
-
-
 def _sd(bench: Bench, S: FloatArray) -> FloatArray:
     return np.linalg.norm(S, axis=1) * bench.sd
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Told:
-    """What is told of plans."""
+def _outcome(
+    name: str, steps: Steps, study: PlanStudy, bench: Bench, problem: Problem, effects: SceneEffects | None
+) -> Outcome:
+    """What a plan would tell."""
+    S, where, share = root(problem, steps), _carriers(study), float("nan")
+    errors = rehearsed(problem, steps, study.units, np.random.default_rng([study.seed, 1]))
+    if effects is not None and study.mission is not None:
+        share = float(effects.sized(np.linalg.norm(_in_scene(bench, effects, study.mission) @ S, axis=1)))
+    return Outcome(
+        name=name,
+        steps=steps,
+        seconds=duration(problem, steps),
+        worth=worth(problem, steps),
+        sd=_sd(bench, S)[where],
+        simulated=(np.sqrt(np.mean(errors**2, axis=0)) * bench.sd)[where],
+        share=share,
+        seen=_seen(study, bench, steps),
+    )
 
-    study: PlanStudy
-    bench: Bench
-    problem: Problem
-    effects: SceneEffects | None
 
-    def of(self, name: str, steps: Steps) -> Outcome:
-        """Outcome of a plan."""
-        bench, problem = self.bench, self.problem
-        S = root(problem, steps)
-        where = _carriers(self.study)
-        errors = rehearsed(problem, steps, self.study.units, np.random.default_rng([self.study.seed, 1]))
-        return Outcome(
-            name=name,
-            steps=steps,
-            seconds=duration(problem, steps),
-            worth=worth(problem, steps),
-            sd=_sd(bench, S)[where],
-            simulated=(np.sqrt(np.mean(errors**2, axis=0)) * bench.sd)[where],
-            share=self._share(S),
-            seen=self._seen(steps),
-        )
+def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
+    """What the plan can tell, with the runs that are done."""
+    rows = [whitened(bench.menus[k], part) for k, part in runs_of(steps)]
+    c = len(bench.sd)
+    R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
+    padded = np.pad(R, ((0, 1), (0, 1)))
+    chosen = [bench.menus[s.menu].X[s.setting] for s in steps]
+    reach = np.abs(np.array([*chosen, *bench.known])).max(axis=0) / bench.sd
+    found = dict(zip(bench.names, reach.tolist(), strict=True))
+    channels = [run.inputs.channels for run in bench.done]
+    for k, part in runs_of(steps):
+        where, inputs = [step.setting for step in part], bench.plans[k].inputs.channels
+        channels.append({name: values[where] for name, values in inputs.items()})
+    facts = facts_of(channels, study.spec.kind)
+    seen = observe(Factor(bench.names, padded, len(steps)), bench.sd, facts, reach=found)
+    return carried(seen, dict(study.spec.library.tied))
 
-    def _share(self, S: FloatArray) -> float:
-        if self.effects is None or self.study.mission is None:
-            return float("nan")
-        spread = np.linalg.norm(_in_scene(self.bench, self.effects, self.study.mission) @ S, axis=1)
-        return float(self.effects.sized(spread))
 
-    def _seen(self, steps: Steps) -> Observability:
-        """What the plan can tell, with the runs that are done."""
-        bench = self.bench
-        rows = [whitened(bench.menus[k], part) for k, part in runs_of(steps)]
-        c = len(bench.sd)
-        R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
-        padded = np.pad(R, ((0, 1), (0, 1)))
-        chosen = [bench.menus[s.menu].X[s.setting] for s in steps]
-        reach = np.abs(np.array([*chosen, *bench.known])).max(axis=0) / bench.sd
-        found = dict(zip(bench.names, reach.tolist(), strict=True))
-        seen = observe(Factor(bench.names, padded, len(steps)), bench.sd, self._facts(steps), reach=found)
-        return carried(seen, dict(self.study.spec.library.tied))
+def rehearsed(problem: Problem, steps: Sequence[Step], units: int, rng: np.random.Generator) -> FloatArray:
+    """Errors (units, c) of the estimates of a plan, carried out sample by sample, in units of the prior.
 
-    def _facts(self, steps: Steps) -> Facts:
-        channels = [run.inputs.channels for run in self.bench.done]
-        for k, part in runs_of(steps):
-            where = [step.setting for step in part]
-            chosen = self.bench.plans[k].inputs.channels
-            channels.append({name: values[where] for name, values in chosen.items()})
-        return facts_of(channels, self.study.spec.kind)
+    Units and benches are drawn from the prior. Every noise process of every run is drawn sample by sample;
+    samples, and not the means of dwells that a plan is weighed by, are whitened and fitted. What was known
+    before counts as drawn with the prior.
+
+    Parameters
+    ----------
+    problem, steps : plan.
+    units : how many.
+    rng : draws units, benches and noise.
+    """
+    c = len(problem.start)
+    known = problem.start
+    truth = solve_triangular(known, rng.standard_normal((c, units)))
+    tables = [np.column_stack((known, np.zeros((c, units))))]
+    tables += [_rehearse(problem.menus[k], part, truth, rng) for k, part in runs_of(steps)]
+    R = np.asarray(np.linalg.qr(np.concatenate(tables), mode="r"))
+    return (solve_triangular(R[:c, :c], R[:c, c:]) - truth).T
+
+
+def _rehearse(
+    menu: Menu, steps: Sequence[Step], truth: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Whitened rows ``[X y ...]`` of a run, with a response for each unit."""
+    interval = min(INTERVAL, min(step.dwell for step in steps) / FEWEST)
+    counts = [int(step.dwell / interval) for step in steps]
+    begin = starts([menu], [replace(step, menu=0) for step in steps]).tolist()
+    within = [start + interval * (0.5 + np.arange(n)) for start, n in zip(begin, counts, strict=True)]
+    t = np.concatenate(within)
+    X = menu.X[np.repeat([step.setting for step in steps], counts)]
+    noise = np.column_stack([synthesise(menu.noise, t, interval, rng) for _ in range(truth.shape[1])])
+    rows = Rows(t, np.full(len(t), interval))
+    return whiten(whitener(menu.noise, rows), np.ascontiguousarray(np.column_stack((X, X @ truth + noise))))

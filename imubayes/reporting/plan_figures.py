@@ -21,11 +21,10 @@ from imubayes.reporting.canvas import (
     few_ticks,
     log_scale,
 )
-from imubayes.reporting.plan_words import CALLED
 from imubayes.reporting.rounding import OUTPUT_SI, per_unit
 
 if TYPE_CHECKING:
-    from imubayes.planning.proposal import Proposal
+    from imubayes.planning.proposal import Outcome, Proposal
 
 OWN = {"accelerometer": "g", "gyroscope": "deg/s"}
 """Unit of the own input."""
@@ -33,12 +32,20 @@ OWN = {"accelerometer": "g", "gyroscope": "deg/s"}
 ROW = 19
 """px of a term's row."""
 
+CALLED = {"even": "evenly", "same": "same equipment", "best": "best plan"}
+"""Plans by their names in an outcome."""
+
+
+def outcomes(found: Proposal) -> tuple[Outcome, ...]:
+    """Plans that are told: `same` only where there is other equipment."""
+    return (found.even, found.same, found.best) if len(found.menus) > 1 else (found.even, found.best)
+
 
 def predicted_panel(found: Proposal, key: str) -> Panel:
     """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
     names = found.study.spec.library.names
-    outcomes = [o for o in (found.even, found.same, found.best) if o.name != "same" or len(found.menus) > 1]
-    ratios = np.array([o.sd / found.prior_sd for o in outcomes])
+    told = outcomes(found)
+    ratios = np.array([o.sd / found.prior_sd for o in told])
     shown = [k for k, name in enumerate(names) if name in found.needed or ratios[:, k].min() < 0.95]
     y = np.arange(len(shown))[::-1]
     styles = {"even": ("o", GREY), "same": ("s", SERIES[1]), "best": ("D", ACCENT)}
@@ -48,21 +55,14 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
         for row in y:
             axes.axhline(row, color=PALE, linewidth=0.8, zorder=0)
         axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=0)
-        for outcome, ratio in zip(outcomes, ratios[:, shown], strict=True):
+        for outcome, ratio in zip(told, ratios[:, shown], strict=True):
             marker, color = styles[outcome.name]
             label = CALLED[outcome.name]
             axes.plot(ratio, y, marker, color=color, markersize=5, linestyle="none", label=label)
         inside = np.isfinite(need) & (need < 10.0)
         if inside.any():
-            axes.plot(
-                need[inside],
-                y[inside],
-                "|",
-                color=WARNING,
-                markersize=12,
-                linestyle="none",
-                label="scene's need",
-            )
+            mark = {"color": WARNING, "markersize": 12, "linestyle": "none", "label": "scene's need"}
+            axes.plot(need[inside], y[inside], "|", **mark)
         axes.set_yticks(y, [names[k] for k in shown])
         axes.set(xlabel="predicted sd over prior sd", ylim=(-0.7, len(shown) + 1.6))
         log_scale(axes, "x", 6)
@@ -74,7 +74,7 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
     title = f"The worst needed term ({term}) has {100.0 * (1.0 - ratio / even):.0f} % less sd than evenly"
     alt = "Predicted over prior sd, " + "; ".join(
         f"{names[k]} "
-        + ", ".join(f"{CALLED[o.name]} {r:.2g}" for o, r in zip(outcomes, ratios[:, k], strict=True))
+        + ", ".join(f"{CALLED[o.name]} {r:.2g}" for o, r in zip(told, ratios[:, k], strict=True))
         for k in shown
     )
     margins = Margins(left=52, bottom=40)
@@ -87,9 +87,8 @@ def course_panel(found: Proposal, key: str) -> Panel:
     begin = starts(found.menus, steps) / 60.0
     end = begin + np.array([step.dwell for step in steps]) / 60.0
     kind = found.study.spec.kind
-    own = np.array([found.own[step.menu][step.setting] for step in steps]) / per_unit(
-        OWN[kind], OUTPUT_SI[kind]
-    )
+    own = np.array([found.own[step.menu][step.setting] for step in steps])
+    own /= per_unit(OWN[kind], OUTPUT_SI[kind])
 
     def paint(axes: Axes) -> None:
         gaps = np.full(len(steps), np.nan)

@@ -1,10 +1,11 @@
-"""The report on a plan: one page and its numbers."""
+"""The report on a plan: one page and its numbers, the answer in words, and the dwells for the bench."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,27 +16,27 @@ import imubayes
 from imubayes.planning.candidates import starts
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat
 from imubayes.reporting.html import write_page
-from imubayes.reporting.plan_figures import course_panel, predicted_panel
-from imubayes.reporting.plan_words import (
-    AIMS,
-    CALLED,
-    Mount,
-    at_clock,
-    inseparable,
-    lasting,
-    mounts,
-    plan_answer,
-)
+from imubayes.reporting.plan_figures import CALLED, course_panel, outcomes, predicted_panel
 from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.reporting.terminal import terminal
+from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
 
+    from imubayes.inference.observability import Confounded
+    from imubayes.planning.candidates import Step
     from imubayes.planning.proposal import Outcome, Proposal
 
+AIMS = {
+    "worst": "the worst-determined of the needed terms",
+    "D": "the volume of what is left open of the needed terms",
+    "scene": "what the calibration leaves open in the scene",
+}
+"""What a plan makes small, in words."""
 
 DWELL_HEAD = ("no.", "record from", "set to", "record for")
 NEXT_HEAD = ("run", "mount", "set to", "record for", "takes", "left open")
@@ -62,7 +63,7 @@ def plan_page(found: Proposal) -> Page:
         blocks=[
             Section("What it will tell", [*_terms(found)], "terms"),
             Section("What the data cannot tell apart", [*_open(found)], "open"),
-            Section("The plan", [Prose(ORDER), *(_mount(one) for one in mounts(found, found.best))], "plan"),
+            Section("The plan", [Prose(ORDER), *_mounts(found)], "plan"),
             Section("The next dwell", [*_next(found)], "next"),
             _repeat(found),
         ],
@@ -110,12 +111,24 @@ def _open(found: Proposal) -> Iterator[Block]:
         yield Section("If the positions were gone through evenly", [Prose(before, "list")])
 
 
-def _mount(one: Mount) -> Section:
-    """Dwells in one mount."""
-    todo = f": {one.todo}" if one.todo else ""
-    said = Prose(f"{len(one.rows)} dwells in {lasting(one.time)}{todo}.", "note")
-    table = Table(f"Dwells of {one.run} {one.mount}", DWELL_HEAD, one.rows, "n")
-    return Section(f"{one.run}: {one.mount}" if one.mount else one.run, [said, table])
+def _mounts(found: Proposal) -> Iterator[Section]:
+    """Dwells in each mount, and what comes before the first."""
+    last = -1
+    for (offer, mount), dwells, time in mounts(found):
+        one = found.study.offers[offer]
+        handling = one.handling
+        todo = [f"set up {lasting(handling.setup)}"] if offer != last and handling.setup else []
+        todo += [f"mount {lasting(handling.mount)}"] if handling.mount else []
+        todo += [f"settle {lasting(handling.settle)} before every dwell"] if handling.settle else []
+        before = f": {', '.join(todo)}" if todo else ""
+        said = Prose(f"{len(dwells)} dwells in {lasting(time)}{before}.", "note")
+        rows = [
+            (str(number), at_clock(start), found.settings[offer][step.setting].at, lasting(step.dwell))
+            for number, start, step in dwells
+        ]
+        table = Table(f"Dwells of {one.spec.name} {mount}", DWELL_HEAD, rows, "n")
+        yield Section(f"{one.spec.name}: {mount}" if mount else one.spec.name, [said, table])
+        last = offer
 
 
 def _next(found: Proposal) -> Iterator[Block]:
@@ -150,11 +163,6 @@ def _done(found: Proposal) -> str:
 def plan_names(found: Proposal) -> list[str]:
     """Names of the plans that are told."""
     return [CALLED[outcome.name] for outcome in outcomes(found)]
-
-
-def outcomes(found: Proposal) -> tuple[Outcome, ...]:
-    """Plans that are told: `same` only where there is other equipment."""
-    return (found.even, found.same, found.best) if len(found.menus) > 1 else (found.even, found.best)
 
 
 def term_rows(found: Proposal) -> list[tuple[str, ...]]:
@@ -240,9 +248,9 @@ def terminal_plan(found: Proposal) -> Group:
         ratios = [f"{outcome.sd[k] / found.prior_sd[k]:.3f}" for outcome in outcomes(found)]
         rows.append((name, "needed" if name in found.needed else "", *ratios))
     steps, clock = [], 0.0
-    for one in mounts(found, found.best):
-        steps.append((at_clock(clock), str(len(one.rows)), f"{one.run} {one.mount}"))
-        clock += one.time
+    for (offer, mount), dwells, time in mounts(found):
+        steps.append((at_clock(clock), str(len(dwells)), f"{found.study.offers[offer].spec.name} {mount}"))
+        clock += time
     return terminal(
         (
             Prose(plan_answer(found)),
@@ -251,3 +259,118 @@ def terminal_plan(found: Proposal) -> Group:
             Table("", ("start", "dwells", "run and mount"), steps, "nnw"),
         )
     )
+
+
+def plan_answer(found: Proposal) -> tuple[str, ...]:
+    """Sentences that say what the plan gains."""
+    study, best = found.study, found.best
+    term, ratio = found.worst(best)
+    even_term, even_ratio = found.worst(found.even)
+    of = f"of {'what the scene needs' if np.isfinite(found.need).any() else 'its prior sd'}"
+    sentences = [
+        f"{study.spec.id}: {counted(len(best.steps), 'dwell')} in {lasting(best.seconds)} leave {term} worst"
+        f" known of {counted(len(found.needed), 'needed term')}, to {ratio:.2g} {of}.",
+        f"Going evenly through '{study.offers[study.even].spec.name}' for {lasting(found.even.seconds)}"
+        f" leaves {even_term} at {even_ratio:.2g}; the plan's worst sd is {_compared(ratio, even_ratio)}.",
+    ]
+    if len(study.offers) > 1:
+        term, same = found.worst(found.same)
+        sentences.append(
+            f"The best plan with that run alone leaves {term} at {same:.2g}, {_compared(same, even_ratio)}."
+        )
+    return (*sentences, *_share(found), checked(found))
+
+
+def _compared(ratio: float, even: float) -> str:
+    return f"{100.0 * abs(1.0 - ratio / even):.0f} % {'lower' if ratio <= even else 'higher'}"
+
+
+def _share(found: Proposal) -> Iterator[str]:
+    if found.study.mission is not None:
+        yield (
+            f"What the calibration leaves open comes to {found.best.share:.2g} of the budget in"
+            f" {found.study.mission.name}; evenly, to {found.even.share:.2g}."
+        )
+
+
+def checked(found: Proposal) -> str:
+    """Sentence that holds the prediction for each plan against simulated units."""
+    where = [k for k, name in enumerate(found.study.spec.library.names) if name in found.needed]
+    ratios = [(o.simulated / o.sd)[where] for o in (found.best, found.even)]
+    best, even = (f"{ratio.min():.2f} to {ratio.max():.2f}" for ratio in ratios)
+    return (
+        f"Over {found.study.units} simulated units the rms errors of the needed terms are {best} of what is"
+        f" predicted for the plan, and {even} of what is predicted evenly."
+    )
+
+
+def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
+    """Sentences on what the data of a plan see only in combination, and what is left open of it."""
+    return tuple(dict.fromkeys(_together(found, outcome, group) for group in outcome.seen.groups))
+
+
+def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
+    """One combination, and what the priors of its terms, and what is known of the bench, leave of each."""
+    terms = [name for name in group.terms if name in found.study.spec.library.names]
+    left = listed([_left(found, outcome, name) for name in terms])
+    if len(terms) == len(group.terms):
+        why = f": {group.reason}" if group.reason else ""
+        return (
+            f"{listed(terms)} are seen only in combination{why}. Their priors leave {left}; {group.remedy}."
+        )
+    reason = f"{group.reason[:1].upper()}{group.reason[1:]}"
+    return f"{reason}. What is known of the bench and of the terms leaves {left}; {group.remedy} further."
+
+
+def _left(found: Proposal, outcome: Outcome, name: str) -> str:
+    """Predicted sd of a term beside that of its prior, as the table has them."""
+    k = found.study.spec.library.names.index(name)
+    term = found.study.spec.library.terms[k]
+    unit = per_unit(term.printed, term.unit)
+    sd, prior = (
+        str(measured(values[k] / unit, math.nan, term.printed)) for values in (outcome.sd, found.prior_sd)
+    )
+    return f"{name} an sd of {sd} (prior {prior})"
+
+
+def mounts(found: Proposal) -> Iterator[tuple[tuple[int, str], list[tuple[int, float, Step]], float]]:
+    """Best plan by mount: (offer, mount), (number, start, step) of its dwells, and s with handling."""
+    begin, clock = starts(found.menus, found.best.steps).tolist(), 0.0
+    entries = zip(range(1, len(begin) + 1), begin, found.best.steps, strict=True)
+
+    def place(entry: tuple[int, float, Step]) -> tuple[int, str]:
+        step = entry[2]
+        return step.menu, found.settings[step.menu][step.setting].mount
+
+    for where, part in groupby(entries, key=place):
+        dwells = list(part)
+        end = dwells[-1][1] + dwells[-1][2].dwell
+        yield where, dwells, end - clock
+        clock = end
+
+
+def lasting(seconds: float) -> str:
+    """Time in words.
+
+    Examples
+    --------
+    >>> lasting(60.0), lasting(14340.0), lasting(0.5), lasting(176.6)
+    ('1 min', '3 h 59 min', '0.5 s', '177 s')
+    """
+    if seconds < 60.0 or (seconds < 600.0 and seconds % 60.0):
+        return f"{seconds:.3g} s"
+    minutes = round(seconds / 60.0)
+    hours, rest = divmod(minutes, 60)
+    return " ".join(filter(None, (f"{hours} h" if hours else "", f"{rest} min" if rest or not hours else "")))
+
+
+def at_clock(seconds: float) -> str:
+    """Time since the start as on a clock.
+
+    Examples
+    --------
+    >>> at_clock(3725.0)
+    '1:02:05'
+    """
+    whole = round(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"

@@ -46,9 +46,9 @@ from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.noise_at_rest import rows_at_rest
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
-from imubayes.ladder.climb import by_accuracy, by_budget
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
+from imubayes.ladder.rungs import by_accuracy, by_budget
 from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.inputs import CaseRun, Run

@@ -5,10 +5,8 @@ from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
 from imubayes.inference.at_noise import at_noise
-from imubayes.ladder.averaged import averaged, peak_of, weighted
-from imubayes.ladder.plug_in import plug_in
+from imubayes.ladder.averaged import averaged, groups_of, noises_of, peak_of, plug_in, weighted
 from imubayes.ladder.problem import prepared
-from imubayes.ladder.shared_noise import groups_of, noises_of
 from imubayes.sensors.noise import Noise, NoiseRule
 
 

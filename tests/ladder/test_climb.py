@@ -3,11 +3,9 @@ import pytest
 from ladders import problem
 
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder.answer import change
-from imubayes.ladder.climb import NAMES, by_accuracy, by_budget
 from imubayes.ladder.costs import REFERENCE, foreseen
-from imubayes.ladder.problem import ground_of, size_of
-from imubayes.ladder.rungs import stand
+from imubayes.ladder.problem import change, ground_of, size_of
+from imubayes.ladder.rungs import NAMES, by_accuracy, by_budget, stand
 
 SHORT = Limits(ess=200.0, time_limit=2.0)
 

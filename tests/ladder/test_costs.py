@@ -5,7 +5,7 @@ import pytest
 from ladders import ground, problem
 
 from imubayes.campaign.fidelity import LADDER, Size
-from imubayes.ladder import law_file
+from imubayes.ladder import costs
 from imubayes.ladder.costs import REFERENCE, calibrate, foreseen, law_of, measured_speeds, within
 from imubayes.ladder.problem import size_of
 from imubayes.ladder.rungs import stand
@@ -15,7 +15,7 @@ SIZE = Size(rows=36_000, columns=20, candidates=17, runs=2)
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path, monkeypatch):
-    monkeypatch.setattr(law_file, "cache_folder", lambda: tmp_path / "cache")
+    monkeypatch.setattr(costs, "cache_folder", lambda: tmp_path / "cache")
 
 
 @pytest.mark.parametrize("rung", ["means", "sparse", "plug-in", "averaged"])
@@ -65,7 +65,7 @@ def test_law_of_a_machine_half_as_fast_takes_twice_as_long():
 
 def measured_and_kept() -> dict[str, float]:
     calibrate()
-    found = law_file.read(("small", "large", "models"))
+    found = costs.kept_speeds()
     assert found is not None
     return found
 
@@ -78,8 +78,8 @@ def test_machine_is_measured_once(monkeypatch):
 
 def test_speeds_of_another_machine_are_not_taken(monkeypatch):
     calibrate()
-    monkeypatch.setattr(law_file, "_machine", lambda: ["another"])
-    assert law_file.read(("small",)) is None
+    monkeypatch.setattr(costs, "_machine", lambda: ["another"])
+    assert costs.kept_speeds() is None
 
 
 @pytest.mark.parametrize(
@@ -87,11 +87,11 @@ def test_speeds_of_another_machine_are_not_taken(monkeypatch):
 )
 def test_broken_cache_is_measured_again(text, tmp_path):
     (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / law_file.FILE).write_text(text)
-    assert law_file.read(("small",)) is None
+    (tmp_path / "cache" / costs.FILE).write_text(text)
+    assert costs.kept_speeds() is None
 
 
 def test_cache_that_cannot_be_written_is_no_error(tmp_path):
     (tmp_path / "cache").write_text("a file where the folder would be")
-    law_file.write({"small": 1.0})
-    assert law_file.read(("small",)) is None
+    costs._keep({"small": 1.0})
+    assert costs.kept_speeds() is None

@@ -6,8 +6,8 @@ from ladders import ground, problem
 from imubayes.algebra.factor import factor_of
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
-from imubayes.ladder import means as rung
-from imubayes.ladder.means import by_bic, means
+from imubayes.ladder import regression as rung
+from imubayes.ladder.regression import by_bic, means
 
 
 def _rows(n: int, p: int, seed: int):

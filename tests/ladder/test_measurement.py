@@ -7,9 +7,8 @@ import pytest
 from trades import SHORT, problem, told
 
 from imubayes.algebra.factor import posterior
-from imubayes.ladder.answer import change
 from imubayes.ladder.machine import STATUS
-from imubayes.ladder.problem import ground_of
+from imubayes.ladder.problem import change, ground_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
 

@@ -3,7 +3,7 @@ from ladders import ground, problem
 
 from imubayes.inference.mcmc.density import condition, density_of, log_joint, theta_of
 from imubayes.ladder.problem import prepared
-from imubayes.ladder.raw import log_density
+from imubayes.ladder.sampled import log_density
 from imubayes.sensors.noise import Noise, NoiseRule
 
 

@@ -6,9 +6,8 @@ from imubayes.campaign.fidelity import LADDER
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.prior import ScalePrior
-from imubayes.ladder.answer import change
 from imubayes.ladder.foresight import foresee
-from imubayes.ladder.problem import ground_of, prepared, problem_of, size_of
+from imubayes.ladder.problem import change, ground_of, prepared, problem_of, size_of
 from imubayes.ladder.rungs import RUNGS, stand
 from imubayes.rig.inputs import TriadRun
 

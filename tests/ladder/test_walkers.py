@@ -2,7 +2,7 @@ import numpy as np
 
 from imubayes.inference.mcmc.engine import Target
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder.walkers import run_slowly
+from imubayes.ladder.sampled import run_slowly
 
 NORMAL = Target(
     names=("x", "y"),

@@ -11,8 +11,7 @@ import pytest
 from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.errors import InputError, StudyError
 from imubayes.planning.proposal import propose
-from imubayes.reporting.plan_page import term_rows, write_plan
-from imubayes.reporting.plan_words import inseparable, plan_answer
+from imubayes.reporting.plan_page import inseparable, plan_answer, term_rows, write_plan
 from imubayes.study.schema.reading import read_plan, read_study
 from imubayes.study.schema.recorded import write_planned
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.ladder.climb import NAMES
+from imubayes.ladder.rungs import NAMES
 
 STUDY = """
 [study]

@@ -20,10 +20,9 @@ from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.mcmc.diagnostics import LONG
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder.answer import Answer
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.machine import with_peak
-from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
+from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.subjects import NAMES
 from imubayes.population.processes import Lost, elsewhere

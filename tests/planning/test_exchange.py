@@ -11,8 +11,15 @@ import pytest
 from imubayes.algebra.factor import invert_triangular
 from imubayes.errors import InputError
 from imubayes.planning.candidates import Aim, Handling, Menu, Problem, Step, duration, root, runs_of, worth
-from imubayes.planning.design import best_plan, even_plan, following
-from imubayes.planning.exchange import _promised, _promised_without, additions, with_step
+from imubayes.planning.exchange import (
+    _promised,
+    _promised_without,
+    additions,
+    best_plan,
+    even_plan,
+    following,
+    with_step,
+)
 from imubayes.sensors.noise import Noise
 
 WHITE = Noise(1.0, 0.0, 0.0)

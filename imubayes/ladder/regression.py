@@ -1,0 +1,341 @@
+"""The two cheapest rungs: BIC on averages over dwells, and one path of sparse regression.
+
+Means knows no prior, no colour of the noise and no errors of the bench. The dwells' means count alike; with n
+of them, ``BIC = n ln(rss/n) + k ln n`` of a model with k terms, and models count as ``exp(-BIC/2)``. Sparse
+thresholds least squares on the whitened factor, and judges the supports along its path. Neither weighs every
+submodel, so that the report's form of a decision is made here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.factor import Factor, factor_of, noise_scale, posterior, reorder
+from imubayes.campaign.preparation import Prepared
+from imubayes.inference.dwells import dwells_of
+from imubayes.inference.linear import linear_of
+from imubayes.inference.observability import Observability, carried, observe
+from imubayes.ladder.averaged import estimated_noise
+from imubayes.ladder.problem import Answer, Ground, Problem, answer_of, prepared
+from imubayes.rig.inputs import facts_of
+from imubayes.selection.decision import WIDTHS, Selection
+from imubayes.selection.effects import best_of, effects_of, log_evidence
+from imubayes.selection.masks import sizes
+from imubayes.selection.mixture import (
+    Components,
+    candidates,
+    limit,
+    probability_within,
+    quantiles,
+    scale_components,
+)
+from imubayes.selection.model_prior import hierarchy
+from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
+from imubayes.selection.moments import solutions
+from imubayes.selection.sindy import THRESHOLDS
+from imubayes.selection.spaces import Every, listed
+from imubayes.selection.sparse_paths import PATHS
+from imubayes.selection.tree import walk
+from imubayes.selection.verdicts import (
+    TENTH,
+    Evidence,
+    TermVerdict,
+    decide,
+    median_model,
+    untested,
+    with_tied,
+)
+from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.terms import Term
+
+OPTIMIZER = "stlsq"
+"""Sequentially thresholded least squares: one fit is its whole path."""
+
+EXHAUSTIVE = 18
+"""Most candidates of which every subset is looked at; with more, terms are taken and dropped singly."""
+
+KEPT = 300
+"""Most models whose coefficients are averaged; BIC makes the others count by less than a thousandth or so."""
+
+SPARE = 4
+"""Times as many are looked at: some have columns that depend on each other, or lack what a term needs."""
+
+ALIKE = 1e-7
+"""A column of which less is left beside the others of its model, relative to its norm, depends on them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Basis:
+    """What a decision is about, besides the models.
+
+    Attributes
+    ----------
+    problem : with library, prior and costs.
+    reach : largest size of each column, by name, SI.
+    seen : what the test can tell.
+    full : mean and sd of each term under the full library; a term that it lacks has its prior's.
+    why : how the method came to it: ends every reason.
+    """
+
+    problem: Problem
+    reach: Mapping[str, float]
+    seen: Observability
+    full: Mapping[str, tuple[float, float]]
+    why: str
+
+
+def means(ground: Ground) -> Answer:
+    """Least squares on dwell means, averaged over models by BIC."""
+    problem, names, sd = ground.problem, ground.problem.library.names, ground.problem.prior.sd
+    ground.tell("dwell means")
+    dwells = [dwells_of(linear_of(run, problem.library)) for run in problem.runs]
+    X, y = np.concatenate([d.means.X for d in dwells]), np.concatenate([d.means.y for d in dwells])
+    f, reach = factor_of(X, y, names), dict(zip(names, np.abs(X).max(axis=0).tolist(), strict=True))
+    models = by_bic(f, problem.hierarchical)
+    scale = float(models.components.weight @ models.components.scale)
+    facts = facts_of([run.inputs.channels for run in problem.runs], problem.spec.kind)
+    seen = observe(f, sd, facts, scale=scale, reach=reach)
+    why = f"by BIC on {f.n} dwell means, whose noise is taken as white"
+    noise = [(scale * math.sqrt(float(d.means.rows.duration.mean())), 0.0, 0.0) for d in dwells]
+    return answer_of("means", decided(Basis(problem, reach, seen, _full(f), why), models), np.array(noise))
+
+
+def sparse(ground: Ground) -> Answer:
+    """Choose the support with the largest evidence along one path, and refit it."""
+    ready, problem = prepared(ground), ground.problem
+    ground.tell("sparse regression along its path")
+    f, sd, reach = ready.summary.factor, ready.prior.sd, ready.summary.reach
+    scale = noise_scale(f, sd)
+    moments = (values.tolist() for values in posterior(f, sd, scale))
+    seen = observe(f, sd, ready.summary.facts, scale=scale, reach=reach)
+    full = dict(zip(f.names, zip(*moments, strict=True), strict=True))
+    why = "of the models along one path, so that 0 and 1 are a choice and no probability"
+    models = _chosen(ready, scale, problem.hierarchical)
+    return answer_of(
+        "sparse", decided(Basis(problem, reach, seen, full, why), models), estimated_noise(ready)
+    )
+
+
+def by_bic(f: Factor, hierarchical: bool = False) -> Models:
+    """Weigh models of the columns of a factor of white rows by BIC, with flat priors.
+
+    Models whose columns depend on each other count nothing, for least squares does not tell them; nor do
+    those with more than half as many terms as rows, whose residuals say little of the noise.
+
+    Parameters
+    ----------
+    f : of n rows; columns that are zero are no candidates.
+    hierarchical : whether a term needs what it modifies.
+
+    Examples
+    --------
+    >>> X = np.column_stack((np.ones(8), np.tile([1.0, -1.0], 4)))
+    >>> y = 3.0 + np.array([0.1, 0.0, -0.1, 0.0, 0.1, -0.1, 0.0, 0.1])
+    >>> by_bic(factor_of(X, y, ("one", "turn"))).best[0][0]
+    ('one',)
+    """
+    names = tuple(n for n, size in zip(f.names, f.column_norms, strict=True) if size > 0.0)
+    tested = reorder(f, names)
+    norms = tested.column_norms
+    scaled = tested.R / np.append(norms, 1.0)
+    inside = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else _stepwise(scaled, f.n)
+    inside = inside[allowed(inside, names, hierarchical)][:KEPT]
+    mean, variance, rss, _ = solutions(scaled, inside)
+    sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
+    inside, rss = inside[sound], rss[sound]
+    bic = _bic(rss, inside.sum(axis=1), f.n)
+    weight = np.exp(0.5 * (bic.min() - bic))
+    scale = np.sqrt(rss / (f.n - inside.sum(axis=1)))
+    parts = Components(
+        weight=weight / weight.sum(),
+        inside=inside,
+        scale=scale,
+        mean=mean[sound] / norms,
+        sd=scale[:, None] * np.sqrt(variance[sound]) / norms,
+    )
+    c = candidates(tested, names, (), np.full(len(names), math.inf))
+    space, weight = listed(inside, weight)
+    found = posterior_of(names, Weighed(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
+    return found if found.n_models == 1 << len(names) else replace(found, missing=math.nan, error=math.nan)
+
+
+def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
+    """BIC (m,) of models with so many terms; inf beyond half as many as rows."""
+    found = n * np.log(np.maximum(rss, np.finfo(float).tiny) / n) + count * math.log(n)
+    return np.where(count <= n // 2, found, math.inf)
+
+
+def _every(R: FloatArray, n: int) -> BoolArray:
+    """The best of all subsets (m, p), best first."""
+    p = R.shape[1] - 1
+    bic = _bic(walk(np.ascontiguousarray(R))[0], sizes(p), n)
+    best = np.argsort(bic, kind="stable")[: KEPT * SPARE]
+    return Every(p).members(best[np.isfinite(bic[best])])
+
+
+def _stepwise(R: FloatArray, n: int) -> BoolArray:
+    """Models (m, p) next to the way of the best single step from none, best first."""
+    p = R.shape[1] - 1
+    here, seen, scores = np.zeros(p, dtype=bool), [], []
+    best = math.inf
+    while True:
+        around = np.vstack((here, here ^ np.eye(p, dtype=bool)))
+        score = _bic(solutions(R, around)[2], around.sum(axis=1), n)
+        seen.append(around)
+        scores.append(score)
+        if not score.min() < best:
+            break
+        best, here = float(score.min()), around[int(np.argmin(score))]
+    every, first = np.unique(np.concatenate(seen), axis=0, return_index=True)
+    score = np.concatenate(scores)[first]
+    order = np.argsort(score, kind="stable")
+    return every[order[np.isfinite(score[order])]]
+
+
+def _full(f: Factor) -> dict[str, tuple[float, float]]:
+    """Least squares under the full library, but for columns that depend on those before them."""
+    norms = np.where(f.column_norms > 0.0, f.column_norms, 1.0)
+    scaled = f.R / np.append(norms, 1.0)
+    kept = np.abs(np.diag(scaled)[:-1]) > ALIKE
+    dof = f.n - int(kept.sum())
+    if dof < 1:
+        return {}
+    mean, variance, rss, _ = solutions(scaled, kept[None])
+    sd = np.sqrt(variance[0] * rss[0] / dof) / norms
+    found = zip(f.names, (mean[0] / norms).tolist(), sd.tolist(), kept.tolist(), strict=True)
+    return {name: (m, s) for name, m, s, there in found if there}
+
+
+def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
+    """The one model that is chosen along the path, refitted under the prior."""
+    f, sd = ready.summary.factor, ready.prior.sd
+    terms = {term.name for term in ready.summary.library.terms} if ready.summary.library else set(f.names)
+    e = effects_of(f, sd, [name for name in f.names if name in terms], scale)
+    supports = PATHS[OPTIMIZER](e.R[:-1, :-1], e.R[:-1, -1], THRESHOLDS)
+    supports = np.vstack(
+        (supports[allowed(supports, e.names, hierarchical)], np.ones((1, len(e.names)), bool))
+    )
+    score = log_evidence(e, supports)
+    best = best_of(supports, score)
+    always = tuple(name for name in f.names if name not in terms)
+    by_name = dict(zip(f.names, sd.tolist(), strict=True))
+    columns = (*always, *e.names)
+    c = candidates(f, e.names, always, np.array([by_name[name] for name in columns]))
+    space, weight = listed(supports[best : best + 1], np.ones(1))
+    scales = np.array([scale])
+    w = Weighed(c, space, scales, weight, float(score[best]))
+    found = posterior_of(columns, w, scale_components(c, space, scales, weight))
+    return replace(found, missing=math.nan, error=math.nan)
+
+
+def decided(basis: Basis, models: Models) -> Selection:
+    """Give a verdict on every term of the library."""
+    lib, costs = basis.problem.library, basis.problem.costs
+    by_candidate = models.inclusion[[models.names.index(name) for name in models.candidates.names]]
+    # given how many others are in, every size of the model being as likely as another
+    alone = float(by_candidate.sum() + 1.0) / (len(by_candidate) + 2.0)
+    prior_sd = dict(zip(lib.names, basis.problem.prior.sd.tolist(), strict=True))
+    terms = with_tied(
+        tuple(
+            _tested(basis, models, term, prior_sd[term.name])
+            if term.name in models.candidates.names
+            else _untested(basis, term, prior_sd[term.name], alone)
+            for term in lib.terms
+        ),
+        lib.tied,
+    )
+    return Selection(
+        terms=terms,
+        columns=lib.names,
+        model=median_model(terms, costs),
+        log_evidence=models.log_evidence,
+        models=models,
+        by_width=tuple((width, by_candidate) for width in WIDTHS),
+        observability=carried(basis.seen, dict(zip(lib.names, lib.carriers, strict=True))),
+        free=np.array([term.full_mean for term in terms]),
+        ties=lib.tied,
+        costs=costs,
+    )
+
+
+def allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> BoolArray:
+    """Which models (m, p) hold what each of their terms calls for: (m,); all if not `hierarchical`."""
+    needs = hierarchy(names) if hierarchical else ()
+    column = {name: j for j, name in enumerate(names)}
+    sound = np.ones(len(inside), dtype=bool)
+    for child, parent in needs:
+        if child in column and parent in column:
+            sound &= ~inside[:, column[child]] | inside[:, column[parent]]
+    return sound
+
+
+def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVerdict:
+    parts, column = models.components, models.candidates.columns.index(term.name)
+    mean, sd, inclusion = (
+        float(values[models.names.index(term.name)]) for values in (models.mean, models.sd, models.inclusion)
+    )
+    partners = tuple(n for n in basis.seen.partners(term.name) if n in models.candidates.names)
+    evidence = Evidence(
+        inclusion=inclusion,
+        range=(0.0, 1.0) if partners else (inclusion, inclusion),
+        small=probability_within(parts, column, TENTH * prior_sd),
+        ratio=float(basis.seen.ratio[basis.seen.names.index(term.name)]),
+        pull=abs(mean) / sd if sd > 0.0 else 0.0,
+        partners=partners,
+        remedy=next((group.remedy for group in basis.seen.groups if term.name in group.terms), ""),
+    )
+    verdict, reason = decide(evidence, basis.problem.costs)
+    most = limit(parts, column)
+    if not math.isfinite(most):  # in no model: under the full library
+        full_mean, full_sd = basis.full.get(term.name, (0.0, prior_sd))
+        most = abs(full_mean) + 1.96 * full_sd
+    tails = quantiles(parts, column, (0.05, 0.95))
+    told = verdict, f"{reason}; {basis.why}"
+    return _verdict(basis, term, prior_sd, evidence, (mean, sd, tails[0], tails[1], most), told)
+
+
+def _untested(basis: Basis, term: Term, sd: float, inclusion: float) -> TermVerdict:
+    """What the prior says of a term that was never excited."""
+    none = Evidence(inclusion, (inclusion, inclusion), 0.0, 1.0, 0.0, (), "")
+    values = (0.0, sd, -1.645 * sd, 1.645 * sd, 1.96 * sd)
+    return _verdict(basis, term, sd, none, values, untested(term))
+
+
+def _verdict(
+    basis: Basis,
+    term: Term,
+    prior_sd: float,
+    e: Evidence,
+    values: tuple[float, float, float, float, float],
+    told: tuple[str, str],
+) -> TermVerdict:
+    """Verdict; `values` are mean, sd, ends of the 90 % interval, and the size it stays below with 95 %."""
+    mean, sd, q05, q95, limit95 = values
+    full_mean, full_sd = basis.full.get(term.name, (0.0, prior_sd))
+    return TermVerdict(
+        name=term.name,
+        symbol=symbols(basis.problem.library)[term.name],
+        unit=term.unit,
+        printed=term.printed,
+        group=term.group,
+        mean=mean,
+        sd=sd,
+        q05=q05,
+        q95=q95,
+        full_mean=full_mean,
+        full_sd=full_sd,
+        prior_sd=prior_sd,
+        inclusion=e.inclusion,
+        inclusion_range=e.range,
+        limit95=limit95,
+        effect=abs(mean) * basis.reach[term.name],
+        verdict=told[0],
+        reason=told[1],
+        confounded_with=e.partners,
+    )
