@@ -15,9 +15,10 @@ Values are SI; the unit of each term or column is a coordinate beside it.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,8 +34,13 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.mcmc.chains import Chains
 
-Variable = tuple[tuple[str, ...], Any, dict[str, Any]]
-"""Dimensions, values and attributes, as xarray takes them."""
+Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
+"""End of the name, dimensions (a component's own begin with ``_``), values, what they are, other attributes."""
+
+Layout = tuple[int, int]
+"""How many chains and draws a group's variables have."""
+
+DRAWN = ("chain", "draw")
 
 SUFFIXES = (
     "", "_term", "_unit", "_full", "_column", "_column_unit", "_noise", "_run", "_noise_unit", "_lp",
@@ -47,14 +53,6 @@ LARGEST = 16_000_000
 
 RESERVED = ("chain", "draw", "noise")
 """Dimensions that all components share."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """How many chains and draws a group's variables have."""
-
-    chains: int
-    draws: int
 
 
 def write_posterior(result: StudyResult, path: Path) -> None:
@@ -82,29 +80,32 @@ def _dataset(result: StudyResult, group: str) -> xarray.Dataset:
     from xarray import Dataset
 
     layout = _prior_layout(result) if group == "prior" else _layout(result)
-    variables: dict[str, Variable] = {}
+    variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
     for name, sensor in zip(variable_names(result), result.sensors, strict=True):
-        found = dict(_VARIABLES[group](name, sensor, layout))
-        variables |= found
-        coordinates |= _coordinates(name, sensor, {d for dims, _, _ in found.values() for d in dims})
+        along: set[str] = set()
+        for suffix, dims, values, what, more in _variables(group, sensor, layout):
+            dims = tuple(f"{name}{dim}" if dim.startswith("_") else dim for dim in dims)
+            about = {"long_name": f"{what}: {sensor.id}", "sensor": sensor.id, "kind": sensor.kind}
+            variables[name + suffix] = dims, values, about | more
+            along.update(dims)
+        coordinates |= _coordinates(name, sensor, along)
     if group != "observed_data":
-        coordinates |= {"chain": np.arange(layout.chains), "draw": np.arange(layout.draws)}
+        coordinates |= {dim: np.arange(n) for dim, n in zip(DRAWN, layout, strict=True)}
     about = {"inference_library": "imubayes", "inference_library_version": imubayes.__version__}
     return Dataset(variables, coordinates, about)
 
 
 def written_draws(result: StudyResult) -> int:
     """Count the posterior draws that the file holds of every component."""
-    layout = _layout(result)
-    return layout.chains * layout.draws
+    return math.prod(_layout(result))
 
 
-def _layout(result: StudyResult) -> _Layout:
+def _layout(result: StudyResult) -> Layout:
     sampled = [sensor.chains.theta.shape for sensor in result.sensors if sensor.chains]
     chains = min((shape[0] for shape in sampled), default=1)
     lengths = [*(shape[1] for shape in sampled), *(len(sensor.draws) // chains for sensor in result.sensors)]
-    return _Layout(chains, min(*lengths, _most_draws(result) // chains))
+    return chains, min(*lengths, _most_draws(result) // chains)
 
 
 def _most_draws(result: StudyResult) -> int:
@@ -115,100 +116,66 @@ def _most_draws(result: StudyResult) -> int:
     return LARGEST // (8 * values)
 
 
-def _prior_layout(result: StudyResult) -> _Layout:
+def _prior_layout(result: StudyResult) -> Layout:
     sampled = [sensor.chains for sensor in result.sensors if sensor.chains]
     lengths = [
         *(len(sensor.prior_draws) for sensor in result.sensors),
         *(length for chains in sampled for length in (len(chains.prior_theta), len(chains.prior_noise))),
     ]
-    return _Layout(1, min(*lengths, _most_draws(result)))
+    return 1, min(*lengths, _most_draws(result))
 
 
-def _posterior(name: str, sensor: SensorResult, layout: _Layout) -> Iterator[tuple[str, Variable]]:
-    averaged = sensor.draws[: layout.chains * layout.draws].reshape(layout.chains, layout.draws, -1)
-    yield from _coefficients(name, sensor, averaged)
-    if chains := sensor.chains:
-        full, noise = _thinned(chains.theta, layout), _thinned(chains.noise, layout)
-        yield from _full(name, sensor, chains, full, noise)
+_OF_CHAINS = ("sample_stats", "log_likelihood", "posterior_predictive", "observed_data")
+"""Groups that components with chains alone have."""
 
 
-def _prior(name: str, sensor: SensorResult, layout: _Layout) -> Iterator[tuple[str, Variable]]:
-    yield from _coefficients(name, sensor, sensor.prior_draws[np.newaxis, : layout.draws])
-    if chains := sensor.chains:
-        full, noise = chains.prior_theta[: layout.draws], chains.prior_noise[: layout.draws]
-        yield from _full(name, sensor, chains, full[np.newaxis], noise[np.newaxis])
+def _variables(group: str, sensor: SensorResult, layout: Layout) -> Iterator[Variable]:
+    """Variables of a component in a group."""
+    chains, (n, m) = sensor.chains, layout
+    if group in _OF_CHAINS:
+        if chains:
+            yield _of_chains(group, sensor, chains, layout)
+        return
+    if group == "posterior":
+        averaged = sensor.draws[: n * m].reshape(n, m, -1)
+        full = chains and (_thinned(chains.theta, layout), _thinned(chains.noise, layout))
+    else:
+        averaged = sensor.prior_draws[np.newaxis, :m]
+        full = chains and (chains.prior_theta[np.newaxis, :m], chains.prior_noise[np.newaxis, :m])
+    units = _units((term.name, term.unit) for term in sensor.selection.terms)
+    yield "", (*DRAWN, "_term"), averaged, "coefficients, averaged over the models", units
+    if chains and full:
+        what = "coefficients under the full library, and what else moves the output"
+        units = _units(zip(chains.names, chains.units, strict=True))
+        yield "_full", (*DRAWN, "_column"), full[0], what, units
+        units = _units(zip("NBK", NOISE_SI[sensor.kind], strict=True))
+        yield "_noise", (*DRAWN, "_run", "noise"), full[1], "noise N, B, K by run", units
 
 
-def _coefficients(name: str, sensor: SensorResult, draws: FloatArray) -> Iterator[tuple[str, Variable]]:
-    about = _about(sensor, "coefficients, averaged over the models")
-    about["units"] = ", ".join(f"{term.name}: {term.unit}" for term in sensor.selection.terms)
-    yield name, (("chain", "draw", f"{name}_term"), draws, about)
+def _units(named: Iterable[tuple[str, str]]) -> dict[str, str]:
+    return {"units": ", ".join(f"{name}: {unit}" for name, unit in named)}
 
 
-def _full(
-    name: str, sensor: SensorResult, chains: Chains, theta: FloatArray, noise: FloatArray
-) -> Iterator[tuple[str, Variable]]:
-    about = _about(sensor, "coefficients under the full library, and what else moves the output")
-    about["units"] = ", ".join(f"{c}: {unit}" for c, unit in zip(chains.names, chains.units, strict=True))
-    yield f"{name}_full", (("chain", "draw", f"{name}_column"), theta, about)
-    about = _about(sensor, "noise N, B, K by run")
-    about["units"] = ", ".join(f"{x}: {u}" for x, u in zip("NBK", NOISE_SI[sensor.kind], strict=True))
-    yield f"{name}_noise", (("chain", "draw", f"{name}_run", "noise"), noise, about)
-
-
-def _sample_stats(name: str, sensor: SensorResult, layout: _Layout) -> Iterator[tuple[str, Variable]]:
-    if chains := sensor.chains:
+def _of_chains(group: str, sensor: SensorResult, chains: Chains, layout: Layout) -> Variable:
+    output, by_dwell = {"units": OUTPUT_SI[sensor.kind]}, (*DRAWN, "_dwell")
+    if group == "sample_stats":
         found = chains.diagnostics
-        about = _about(sensor, "log of the posterior density") | {
-            "sampler": chains.sampler,
-            "acceptance": found.acceptance,
-            "converged": int(found.converged),
-            "walkers": found.walkers,
-            "steps": found.steps,
-            "text": found.text,
-        }
-        yield f"{name}_lp", (("chain", "draw"), _thinned(chains.log_density, layout), about)
+        about = {"sampler": chains.sampler, "acceptance": found.acceptance, "converged": int(found.converged)}
+        about |= {name: getattr(found, name) for name in ("walkers", "steps", "text")}
+        return "_lp", DRAWN, _thinned(chains.log_density, layout), "log of the posterior density", about
+    if group == "log_likelihood":
+        what = "log likelihood of each dwell, given those before it in its run"
+        return "", by_dwell, _thinned(chains.log_likelihood, layout), what, {}
+    if group == "posterior_predictive":
+        what = "mean output minus input of each dwell by the model, without noise"
+        return "", by_dwell, _thinned(chains.predicted, layout), what, output
+    return "", ("_dwell",), chains.observed, "mean output minus input of each dwell", output
 
 
-def _log_likelihood(name: str, sensor: SensorResult, layout: _Layout) -> Iterator[tuple[str, Variable]]:
-    if chains := sensor.chains:
-        about = _about(sensor, "log likelihood of each dwell, given those before it in its run")
-        values = _thinned(chains.log_likelihood, layout)
-        yield name, (("chain", "draw", f"{name}_dwell"), values, about)
-
-
-def _predictive(name: str, sensor: SensorResult, layout: _Layout) -> Iterator[tuple[str, Variable]]:
-    if chains := sensor.chains:
-        about = _about(sensor, "mean output minus input of each dwell by the model, without noise")
-        about["units"] = OUTPUT_SI[sensor.kind]
-        yield name, (("chain", "draw", f"{name}_dwell"), _thinned(chains.predicted, layout), about)
-
-
-def _observed(name: str, sensor: SensorResult, _: _Layout) -> Iterator[tuple[str, Variable]]:
-    if chains := sensor.chains:
-        about = _about(sensor, "mean output minus input of each dwell") | {"units": OUTPUT_SI[sensor.kind]}
-        yield name, ((f"{name}_dwell",), chains.observed, about)
-
-
-_VARIABLES: dict[str, Callable[[str, SensorResult, _Layout], Iterator[tuple[str, Variable]]]] = {
-    "posterior": _posterior,
-    "prior": _prior,
-    "sample_stats": _sample_stats,
-    "log_likelihood": _log_likelihood,
-    "posterior_predictive": _predictive,
-    "observed_data": _observed,
-}
-_OF_CHAINS = tuple(group for group in _VARIABLES if group not in ("posterior", "prior"))
-
-
-def _thinned(values: FloatArray, layout: _Layout) -> FloatArray:
+def _thinned(values: FloatArray, layout: Layout) -> FloatArray:
     """Draws evenly over each chain, first to last."""
-    kept = np.linspace(0, values.shape[1] - 1, layout.draws).round().astype(np.int64)
-    return values[: layout.chains, kept]
-
-
-def _about(sensor: SensorResult, what: str) -> dict[str, Any]:
-    return {"long_name": f"{what}: {sensor.id}", "sensor": sensor.id, "kind": sensor.kind}
+    kept = np.linspace(0, values.shape[1] - 1, layout[1]).round().astype(np.int64)
+    return values[: layout[0], kept]
 
 
 def _coordinates(name: str, sensor: SensorResult, dimensions: set[str]) -> dict[str, Any]:
@@ -232,24 +199,20 @@ def _coordinates(name: str, sensor: SensorResult, dimensions: set[str]) -> dict[
             f"{dwell}_start": (dwell, np.array(start, dtype=float), {"units": "s"}),
             f"{dwell}_stop": (dwell, np.array(stop, dtype=float), {"units": "s"}),
         }
-    return {key: value for key, value in found.items() if _along(key, value) in dimensions}
-
-
-def _along(key: str, value: Any) -> str:
-    return value[0] if isinstance(value, tuple) else key
+    return {
+        key: value
+        for key, value in found.items()
+        if (value[0] if isinstance(value, tuple) else key) in dimensions
+    }
 
 
 def variable_names(result: StudyResult) -> tuple[str, ...]:
     """Name of each component's variable in the file: its id, made safe and unique."""
-    return tuple(
-        _unique([re.sub(r"\W", "_", sensor.id, flags=re.ASCII) or "sensor" for sensor in result.sensors])
-    )
-
-
-def _unique(names: list[str]) -> Iterator[str]:
-    taken = set(RESERVED)
-    for name in names:
-        tries = (name, *(f"{name}_{k}" for k in range(2, len(names) + len(RESERVED) + 2)))
+    taken, names = set(RESERVED), []
+    for sensor in result.sensors:
+        name = re.sub(r"\W", "_", sensor.id, flags=re.ASCII) or "sensor"
+        tries = chain((name,), (f"{name}_{k}" for k in count(2)))
         free = next(f for f in tries if taken.isdisjoint(f + suffix for suffix in SUFFIXES))
         taken |= {free + suffix for suffix in SUFFIXES}
-        yield free
+        names.append(free)
+    return tuple(names)
