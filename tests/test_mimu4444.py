@@ -186,7 +186,7 @@ def test_class_needs_bias_scale_and_misalignment_and_its_turn_on_is_common_to_al
     """Eight units on one board: what a session does, it does to all of them."""
     result, _ = whole
     (found,) = result.classes
-    terms = {term.parameter.name: term for term in found.terms}
+    terms = {term.name: term for term in found.terms}
     verdicts = {name: term.need.verdict for name, term in terms.items()}
     assert (len(found.units), found.sessions, found.components) == (8, ("1", "2", "3"), COMPONENTS)
     needed = {f"{axis}.{name}" for axis in COMPONENTS for name in ("b0", "b1")} | {"ay.m_j", "ax.m_k"}

@@ -299,9 +299,7 @@ def rehearsed(problem: Problem, steps: Sequence[Step], units: int, rng: np.rando
     return (solve_triangular(R[:c, :c], R[:c, c:]) - truth).T
 
 
-def _rehearse(
-    menu: Menu, steps: Sequence[Step], truth: FloatArray, rng: np.random.Generator
-) -> FloatArray:
+def _rehearse(menu: Menu, steps: Sequence[Step], truth: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Whitened rows ``[X y ...]`` of a run, with a response for each unit."""
     interval = min(INTERVAL, min(step.dwell for step in steps) / FEWEST)
     counts = [int(step.dwell / interval) for step in steps]

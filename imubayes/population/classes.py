@@ -17,7 +17,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import SensorResult, SensorSpec
 from imubayes.population.levels import Likelihoods, likelihoods
 from imubayes.population.needs import Need, class_need, unit_answer
-from imubayes.population.sessions import Parameter, SessionEstimate, arranged, estimates, joined, level_among
+from imubayes.population.sessions import SessionEstimate, arranged, estimates, joined, level_among
 from imubayes.population.spreads import FEWEST, Spreads, spreads
 from imubayes.selection.decision import Selection
 from imubayes.selection.masks import fold, sizes
@@ -36,7 +36,8 @@ class TermInClass:
 
     Attributes
     ----------
-    parameter : its name, with the component of a triad (``ax.b0``) or for all of its axes together (``b0``).
+    name : with the component of a triad (``ax.b0``) or for all of its axes together (``b0``).
+    unit, printed : SI unit, and the one people use.
     term, component : the two parts of that; the component is empty for all together.
     size : that the class gives the coefficient, SI: the prior's sd.
     spreads : mean and spreads of the population.
@@ -47,7 +48,9 @@ class TermInClass:
     need : whether the class needs the term.
     """
 
-    parameter: Parameter
+    name: str
+    unit: str
+    printed: str
     term: str
     component: str
     size: float
@@ -131,7 +134,9 @@ def _term(
     units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
     answers = [unit_answer([row.verdict for row in part if row.unit == unit]) for unit, part in units]
     return TermInClass(
-        parameter=Parameter(joined(component, first.term), first.si, first.printed),
+        name=joined(component, first.term),
+        unit=first.si,
+        printed=first.printed,
         term=first.term,
         component=component,
         size=first.prior_sd,

@@ -25,7 +25,7 @@ from imubayes.population.dataset import (
 )
 from imubayes.population.needs import NEEDED, VERDICTS
 from imubayes.population.processes import Engine, Lost, Progress, pace
-from imubayes.population.records import Broken, FleetStudy, Part, Record, part_found, parts_of
+from imubayes.population.records import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.spreads import PopulationTerm, over_units, population
 from imubayes.sensors.lots import Lot, draw_lot
 
@@ -149,11 +149,11 @@ def measure(
     done, finished, every = 0, dict[int, Marks](), list[Record | Broken]()
     try:
         for part, new in _missing(replace(study, units=()), parts_of(study, lot), kept, engine):
-            old = [kept[unit.number] for unit in part.units if unit.number in kept]
+            old = [kept[unit.number] for unit in part if unit.number in kept]
             found = sorted((*old, *new), key=lambda one: one.number)
-            records, names = _records(found), study.spec.library.names
+            records, names, index = _records(found), study.spec.library.names, part[0].number // study.part
             changed = bool(_records(new))
-            finished[part.index] = keep(folder, part.index, records, names, prints, changed=changed)
+            finished[index] = keep(folder, index, records, names, prints, changed=changed)
             every += [replace(one, R=NOTHING) if isinstance(one, Record) else one for one in found]
             done += len(new)
             if new:
@@ -180,33 +180,29 @@ def lot_of(study: FleetStudy) -> Lot | None:
 
 
 def _missing(
-    study: FleetStudy, parts: Sequence[Part], kept: Mapping[int, Record], engine: Engine
-) -> Iterator[tuple[Part, Sequence[Record | Broken]]]:
+    study: FleetStudy, parts: Sequence[Sequence[Unit]], kept: Mapping[int, Record], engine: Engine
+) -> Iterator[tuple[Sequence[Unit], Sequence[Record | Broken]]]:
     """Each part with what is not kept of it: those that lack nothing first, the others as they are done.
 
     A part that ends its process is done unit by unit at the end.
     """
-    todo, lost = list[Part](), list[Part]()
-    for part in parts:
-        places = [k for k, unit in enumerate(part.units) if unit.number not in kept]
-        if places:
-            todo.append(part.only(places))
-        else:
-            yield part, ()
-    for k, found in engine.do(part_found, [(study, part) for part in todo]):
+    lacking = [[unit for unit in part if unit.number not in kept] for part in parts]
+    yield from ((part, ()) for part, units in zip(parts, lacking, strict=True) if not units)
+    todo, lost = [k for k, units in enumerate(lacking) if units], list[int]()
+    for job, found in engine.do(part_found, [(study, lacking[k]) for k in todo]):
         if isinstance(found, Lost):
-            lost.append(todo[k])
+            lost.append(todo[job])
         else:
-            yield parts[todo[k].index], found
-    yield from ((parts[part.index], _one_by_one(study, part, engine)) for part in lost)
+            yield parts[todo[job]], found
+    yield from ((parts[k], _one_by_one(study, lacking[k], engine)) for k in lost)
 
 
-def _one_by_one(study: FleetStudy, part: Part, engine: Engine) -> list[Record | Broken]:
-    jobs = [(study, part.only([k])) for k in range(len(part.units))]
+def _one_by_one(study: FleetStudy, units: Sequence[Unit], engine: Engine) -> list[Record | Broken]:
+    jobs = [(study, [unit]) for unit in units]
     found = dict(engine.do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
     return [
-        Broken(unit.number, unit.name, ENDED) if isinstance(one, Lost) else one[0]
-        for unit, one in zip(part.units, (found[k] for k in range(len(jobs))), strict=True)
+        Broken(unit.number, unit.name, ENDED) if isinstance(found[k], Lost) else found[k][0]
+        for k, unit in enumerate(units)
     ]
 
 

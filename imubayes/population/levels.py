@@ -93,22 +93,6 @@ def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: Fl
     return Likelihoods(value, np.sqrt(error**2 - known), alias)
 
 
-def log_density(
-    blocks: Sequence[Likelihoods], own: FloatArray, unit: FloatArray, common: FloatArray
-) -> FloatArray:
-    """Restricted log likelihood (own, unit, common) of the three sds, up to a constant, SI.
-
-    Parameters
-    ----------
-    blocks : of one kind of component, or of several, each with its mean and its sessions.
-    own, unit, common : values of the sds.
-    """
-    return sum(
-        (over_sessions(block_of(one, own, unit), common)[0] for one in blocks),
-        np.zeros((len(own), len(unit), len(common))),
-    )
-
-
 def block_of(one: Likelihoods, own: FloatArray, unit: FloatArray) -> Block:
     """Integrate out what the units are and what their tests book to the coefficient."""
     sessions = one.value.shape[1]

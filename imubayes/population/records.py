@@ -180,11 +180,13 @@ class Unit:
     number : in the fleet, from 0; the order of the names for recorded units.
     name : of its folder or file; the class and the number of a simulated one.
     place : folder of its files, or its only file; None for a simulated unit.
+    lot : of a unit that is drawn, that unit alone.
     """
 
     number: int
     name: str
     place: Path | None = None
+    lot: Lot | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,39 +220,16 @@ class FleetStudy:
         return self.units[0].place is None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """Units that one process works off, one after the other.
-
-    Attributes
-    ----------
-    index : among the parts of the fleet.
-    units : of the part.
-    lot : simulated units of the part, in their order; None for recorded ones.
-    """
-
-    index: int
-    units: tuple[Unit, ...]
-    lot: Lot | None = None
-
-    def only(self, places: Sequence[int]) -> Part:
-        """Give the part with some of its units, by their places in it."""
-        lot = None if self.lot is None else lot_of_some(self.lot, places)
-        return replace(self, units=tuple(self.units[k] for k in places), lot=lot)
-
-
-def parts_of(study: FleetStudy, lot: Lot | None) -> tuple[Part, ...]:
+def parts_of(study: FleetStudy, lot: Lot | None) -> tuple[tuple[Unit, ...], ...]:
     """Divide a fleet, of a lot where it is simulated, into parts by the numbers of its units."""
-    whole, n = Part(0, study.units, lot), len(study.units)
-    return tuple(
-        replace(whole.only(range(first, min(first + study.part, n))), index=index)
-        for index, first in enumerate(range(0, n, study.part))
-    )
+    units = study.units
+    if lot is not None:
+        units = tuple(replace(unit, lot=_alone(lot, unit.number)) for unit in units)
+    return tuple(units[first : first + study.part] for first in range(0, len(units), study.part))
 
 
-def lot_of_some(lot: Lot, places: Sequence[int]) -> Lot:
-    """Some units of a lot, by their places in it."""
-    return replace(lot, theta=lot.theta[list(places)], noise=tuple(lot.noise[k] for k in places))
+def _alone(lot: Lot, place: int) -> Lot:
+    return replace(lot, theta=lot.theta[place : place + 1], noise=(lot.noise[place],))
 
 
 def simulated_units(class_id: str, count: int) -> tuple[Unit, ...]:
@@ -265,18 +244,17 @@ def simulated_units(class_id: str, count: int) -> tuple[Unit, ...]:
     return tuple(Unit(number, f"{class_id}-{number + 1:0{digits}}") for number in range(count))
 
 
-def part_found(study: FleetStudy, part: Part) -> tuple[Record | Broken, ...]:
-    """Analyse the units of a part in their order; the study's list of units is not used."""
+def part_found(study: FleetStudy, part: Sequence[Unit]) -> tuple[Record | Broken, ...]:
+    """Analyse units in their order; the study's list of units is not used."""
     from threadpoolctl import threadpool_limits
 
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        return tuple(_unit_found(study, part.only([k])) for k in range(len(part.units)))
+        return tuple(_unit_found(study, unit) for unit in part)
 
 
-def _unit_found(study: FleetStudy, alone: Part) -> Record | Broken:
-    (unit,) = alone.units
+def _unit_found(study: FleetStudy, unit: Unit) -> Record | Broken:
     try:
-        return unit_record(study, alone)
+        return unit_record(study, unit)
     except ImubayesError as error:
         return Broken(unit.number, unit.name, str(error))
     except Exception as error:  # noqa: BLE001  # our fault in one unit must not cost the other thousand
@@ -284,18 +262,17 @@ def _unit_found(study: FleetStudy, alone: Part) -> Record | Broken:
         return Broken(unit.number, unit.name, f"{fault}; this is a fault of imubayes, please report it")
 
 
-def unit_record(study: FleetStudy, alone: Part) -> Record:
-    """Test and analyse the only unit of a part.
+def unit_record(study: FleetStudy, unit: Unit) -> Record:
+    """Test and analyse a unit.
 
     Raises
     ------
     InputError : if a file of the unit cannot be used.
     ConvergenceError : if the errors of the bench do not settle.
     """
-    (unit,) = alone.units
     spec, seed = replace(study.spec, id=unit.name), (study.seed, *_stream(unit))
-    if alone.lot is not None:
-        return tested(unit.number, spec, alone.lot, 0, seed)
+    if unit.lot is not None:
+        return tested(unit.number, spec, unit.lot, 0, seed)
     files = [(run, run_file(run, unit)) for run in spec.runs]
     spec = replace(spec, runs=tuple(replace(run, file=file, shown=str(file)) for run, file in files))
     runs = tuple(run for run in runs_of(spec, study.seed, 0) if isinstance(run, Run))

@@ -23,7 +23,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import StudyError
@@ -46,15 +45,6 @@ EDGE = 1e5
 
 STEP = 0.01
 """Step of the grid in ln tau; the posterior's own width there is 0.1 at least."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """What is compared: ``ax.b0``, or ``b0`` for all axes together; its SI unit, and the one people use."""
-
-    name: str
-    unit: str
-    printed: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +111,7 @@ class Repeatability:
     pulls: FloatArray
     p_value: float
     between: tuple[float, float, float]
-    exceeds: bool
+    exceeds: bool = False
     shared: float = math.nan
     level: float = SUSPECT
 
@@ -231,55 +221,6 @@ def level_among(p_values: Iterable[float]) -> float:
     return SUSPECT / max(sum(not math.isnan(p) for p in p_values), 1)
 
 
-def compare_sessions(
-    parameter: Parameter,
-    mean: ArrayLike,
-    sd: ArrayLike,
-    prior_sd: ArrayLike,
-    *,
-    units: Sequence[str],
-    sessions: Sequence[str],
-) -> Repeatability:
-    """Pulls, scatter and sd between sessions of one parameter.
-
-    Parameters
-    ----------
-    parameter : its name and units.
-    mean, sd : (u, s) posteriors, SI; NaN where a unit lacks a session.
-    prior_sd : of the zero-mean prior in each posterior, SI; broadcast to (u, s).
-    units, sessions : names of rows and columns.
-
-    Examples
-    --------
-    >>> bias = Parameter("b0", "m/s^2", "mg")
-    >>> found = compare_sessions(
-    ...     bias, [[0.010, 0.013]], [[0.001, 0.001]], 0.4, units=("A",), sessions=("1", "2")
-    ... )
-    >>> round(float(found.pulls[0, 1, 0]), 2), round(found.p_value, 3), found.exceeds
-    (2.12, 0.034, False)
-    """
-    means, sds = np.asarray(mean, dtype=float), np.asarray(sd, dtype=float)
-    prior = np.broadcast_to(np.asarray(prior_sd, dtype=float), means.shape)
-    value, error = without_prior(means, sds, prior)
-    rows = np.isfinite(value).sum(axis=1) >= 2
-    nothing = (math.nan, math.nan, math.nan)
-    p = _scatter_p(value[rows], error[rows]) if rows.any() else math.nan
-    return Repeatability(
-        parameter=parameter.name,
-        unit=parameter.unit,
-        printed=parameter.printed,
-        units=tuple(units),
-        sessions=tuple(sessions),
-        mean=means,
-        sd=sds,
-        pulls=_pulls(value, error),
-        p_value=p,
-        between=between_sd(value[rows], error[rows], float(np.nanmedian(prior))) if rows.any() else nothing,
-        exceeds=p < SUSPECT,
-        shared=_shared([value]),
-    )
-
-
 def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean and sd of the likelihood: the posterior divided by its zero-mean prior.
 
@@ -362,17 +303,28 @@ def _shared(values: Sequence[FloatArray]) -> float:
 
 
 def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
-    """Compare the estimates of one parameter."""
-    units, sessions, table = arranged(group)
-    first = Parameter(name, group[0].si, group[0].printed)
-    found = compare_sessions(first, *table, units=units, sessions=sessions)
-    if len({e.component for e in group}) == 1:
-        return found
+    """Pulls, scatter and sd between sessions of one parameter."""
+    units, sessions, (mean, sd, prior) = arranged(group)
+    value, error = without_prior(mean, sd, prior)
+    rows = np.isfinite(value).sum(axis=1) >= 2
+    nothing = (math.nan, math.nan, math.nan)
     # the axes of a case share their sessions, but not what these do to them
-    value, _ = without_prior(*table)
-    axes = [unit.rpartition(".")[2] for unit in units]
-    rows = [[k for k, axis in enumerate(axes) if axis == one] for one in dict.fromkeys(axes)]
-    return replace(found, shared=_shared([value[part] for part in rows]))
+    axes = tuple(dict.fromkeys(row.component for row in group))
+    ends = [unit.rpartition(".")[2] for unit in units]
+    parts = [[end == axis for end in ends] for axis in axes] if len(axes) > 1 else [[True] * len(units)]
+    return Repeatability(
+        parameter=name,
+        unit=group[0].si,
+        printed=group[0].printed,
+        units=units,
+        sessions=sessions,
+        mean=mean,
+        sd=sd,
+        pulls=_pulls(value, error),
+        p_value=_scatter_p(value[rows], error[rows]) if rows.any() else math.nan,
+        between=between_sd(value[rows], error[rows], float(np.nanmedian(prior))) if rows.any() else nothing,
+        shared=_shared([value[part] for part in parts]),
+    )
 
 
 def joined(first: str, second: str) -> str:

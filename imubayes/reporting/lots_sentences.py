@@ -53,6 +53,8 @@ ASKED = 0.95
 COVERING = (0.86, 0.94)
 """Share of the truths that 90 % intervals should hold."""
 
+UNSHOWN = "The tests cannot tell, and by the catalogue it would matter"
+
 SIMULATED = (
     "All of it stands on simulated campaigns: the sizes are the catalogue's, many of them orders of"
     " magnitude. No measured data stand behind what is said of inputs beyond 1 g, or of fibre-optic and laser"
@@ -135,25 +137,21 @@ def _contrast(
     pattern: tuple[bool, ...],
     terms: Sequence[int],
 ) -> Contrast:
-    names = [class_name(one.sensor_class) for one in classes]
-    hidden = [
-        any(in_scene(one.terms[j], scene.terms[j]) in (UNTOLD, WOULD_MATTER) for j in terms)
-        for one, scene in zip(classes, found, strict=True)
-    ]
-    largest = [max(one.terms[j].share.high for j in terms) for one in found]
-    untold = [not needs and unseen for needs, unseen in zip(pattern, hidden, strict=True)]
-    told = [not needs and not unseen for needs, unseen in zip(pattern, hidden, strict=True)]
-    little = [seen and most < MATTERS for seen, most in zip(told, largest, strict=True)]
-    between = [seen and not small for seen, small in zip(told, little, strict=True)]
+    groups: dict[str, list[str]] = {kind: [] for kind in ("needing", "without", "untold", "between")}
+    most = 0.0
+    for one, scene, needs in zip(classes, found, pattern, strict=True):
+        largest = max(scene.terms[j].share.high for j in terms)
+        answers = {in_scene(one.terms[j], scene.terms[j]) for j in terms}
+        kind = "needing" if needs else "untold" if answers & {UNTOLD, WOULD_MATTER} else "between"
+        if kind == "between" and largest < MATTERS:
+            kind, most = "without", max(most, largest)
+        groups[kind].append(class_name(one.sensor_class))
     return Contrast(
         mission=found[0].mission,
         terms=tuple(found[0].terms[j].name for j in terms),
-        needing=tuple(compress(names, pattern)),
-        without=tuple(compress(names, little)),
-        untold=tuple(compress(names, untold)),
-        between=tuple(compress(names, between)),
+        **{kind: tuple(names) for kind, names in groups.items()},
         least=min(one.terms[j].share.value for one in compress(found, pattern) for j in terms),
-        most=max(compress(largest, little), default=0.0),
+        most=most,
     )
 
 
@@ -180,7 +178,13 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     """Say what a scene requires of the classes."""
     said = [capitalised(contrast_sentence(one)) for one in contrasts(result, k)]
     said = said or ["No class is shown to need any term."]
-    said += _catalogued(result, k)
+    would = [
+        f"{class_name(one.sensor_class)} {listed(terms)}"
+        for one in result.classes
+        if (terms := terms_in(one, one.missions[k], WOULD_MATTER))
+    ]
+    if would:
+        said.append(f"{UNSHOWN}: {'; '.join(would)}.")
     open_classes = [one for one in result.classes if one.missions[k].within < HALF]
     if open_classes:
         names = listed(class_name(one.sensor_class) for one in open_classes)
@@ -194,18 +198,6 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
         )
         said.append(f"Noise alone is more than the budget: {names}.")
     return tuple(said)
-
-
-def _catalogued(result: LotResult, k: int) -> list[str]:
-    """Say what only the catalogue says of a scene."""
-    each = [
-        f"{class_name(one.sensor_class)} {listed(terms)}"
-        for one in result.classes
-        if (terms := terms_in(one, one.missions[k], WOULD_MATTER))
-    ]
-    return (
-        [f"The tests cannot tell, and by the catalogue it would matter: {'; '.join(each)}."] if each else []
-    )
 
 
 def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
@@ -242,7 +234,7 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
         else "The class is not shown to need any term here."
     ]
     if would:
-        said.append(f"The tests cannot tell, and by the catalogue it would matter: {listed(would)}.")
+        said.append(f"{UNSHOWN}: {listed(would)}.")
     said.append(
         f"Counted unit by unit, the smallest model has {amid(scene.order)} terms (median, and 90{NARROW}% of"
         " the units), shown or not."

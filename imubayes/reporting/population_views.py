@@ -30,10 +30,10 @@ from imubayes.reporting.population_words import (
     changes,
     class_answer,
     class_sentences,
+    parts,
     short_title,
     shown,
-    turn_on_text,
-    unit_text,
+    spread_text,
     whole,
 )
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, signed
@@ -87,7 +87,7 @@ def class_section(found: ClassInCommon, k: int) -> Section:
     blocks: list[Block] = [Prose([_signs(text) for text in class_sentences(found)], "list")]
     if terms:
         drawn = [term for term in whole(found) if term in terms][:MOST_PANELS]
-        panels = [units_panel(first, _parts(first, terms), f"u{k}x{n}") for n, first in enumerate(drawn)]
+        panels = [units_panel(first, parts(terms, first), f"u{k}x{n}") for n, first in enumerate(drawn)]
         further = " in a further session" if is_repeated(found) else ""
         note = (
             "A row is a unit: the dot is its mean, each bar a session. The grey line is the population's"
@@ -116,33 +116,27 @@ def _table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
     )
 
 
-def _parts(first: TermInClass, terms: tuple[TermInClass, ...]) -> tuple[TermInClass, ...]:
-    """A term by component: what stands for all of them is left out."""
-    alike = tuple(term for term in terms if term.term == first.term)
-    return alike[1:] if len(alike) > 1 and not alike[0].component else alike
-
-
 def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[str, ...]:
-    printed, spreads, need = term.parameter.printed, term.spreads, term.need
-    unit = per_unit(printed, term.parameter.unit)
+    printed, spreads, need = term.printed, term.spreads, term.need
+    unit = per_unit(printed, term.unit)
     together = not term.component and len(found.components) > 1 and len(term.units) > len(found.units)
     answers = {part.need.verdict for part in found.terms if part.term == term.term and part is not term}
     needing = f"{need.answers.get('needed', 0)} of {sum(need.answers.values())}"
     share = quiet(f"({100.0 * need.share.low:.0f} to {percent(need.share.high)})")
     mean = None if together else measured(spreads.mean.value / unit, spreads.mean_sd / unit, printed)
     between = (
-        _signs(turn_on_text(term).removesuffix(f" {printed}")),
+        _signs(spread_text(term, "turn_on").removesuffix(f" {printed}")),
         percents(spreads.common_share) if changes(term) else "",
     )
     error = measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed)
     return (
-        Markup("{}{}").format(term.parameter.name, quiet(", all") if together else ""),
+        Markup("{}{}").format(term.name, quiet(", all") if together else ""),
         "by axis"
         if together and len(answers) > 1
         else verdict(need.verdict, reason=need.reason, like=LIKE.get(need.verdict, "")).page,
         joined(needing, share),
         signed(mean),
-        _signs(unit_text(term).removesuffix(f" {printed}")),
+        _signs(spread_text(term, "unit").removesuffix(f" {printed}")),
         *(between if repeated else ()),
         quiet(signed(error)),
         pretty(printed),
@@ -162,7 +156,7 @@ def units_panel(first: TermInClass, parts: tuple[TermInClass, ...], key: str) ->
     first : the term for all components together, or the only one.
     parts : by component.
     """
-    unit = per_unit(first.parameter.printed, first.parameter.unit)
+    unit = per_unit(first.printed, first.unit)
     rows = sum(len(part.units) for part in parts) + GAP * (len(parts) - 1)
     title = pretty(short_title(first))
     return draw(
@@ -184,7 +178,7 @@ def _paint(axes: Axes, parts: tuple[TermInClass, ...], unit: float, rows: float)
         ticks.append((float(place.mean()), part.component))
         top += n + GAP
     few_ticks(axes, 5, len(parts))
-    axes.set(ylim=(rows - 0.4, -0.6), xlabel=f"{parts[0].term}, {pretty(parts[0].parameter.printed)}")
+    axes.set(ylim=(rows - 0.4, -0.6), xlabel=f"{parts[0].term}, {pretty(parts[0].printed)}")
     if all(name for _, name in ticks):
         axes.set_yticks([at for at, _ in ticks], [name for _, name in ticks])
         axes.tick_params(axis="y", length=0)

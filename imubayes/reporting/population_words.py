@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Literal
 
 from imubayes.reporting.rounding import NARROW, below, measured, per_unit, percents, ranged
 from imubayes.selection.verdicts import listed
@@ -41,48 +41,24 @@ def changes(term: TermInClass) -> bool:
     return term.spreads.p_value < term.spreads.level
 
 
-def turn_on_text(term: TermInClass) -> str:
-    """Sd between sessions, or what it is below where the sessions agree."""
-    if math.isnan(term.spreads.turn_on.value):
-        return "unknown"
-    return _printed(term.spreads.turn_on, term, there=changes(term))
-
-
-def unit_text(term: TermInClass) -> str:
-    """Sd from unit to unit, or what it is below."""
-    return _printed(term.spreads.unit, term, there=resolved(term.spreads.unit))
-
-
 def short_title(term: TermInClass) -> str:
     """Both spreads without their intervals, as a finding."""
-    unit = _printed(term.spreads.unit, term, there=resolved(term.spreads.unit), interval=False)
-    text = f"{term.parameter.name}: sd {unit} from unit to unit"
+    text = f"{term.name}: sd {spread_text(term, 'unit', interval=False)} from unit to unit"
     if math.isnan(term.spreads.turn_on.value):
         return text
-    turn_on = _printed(term.spreads.turn_on, term, there=changes(term), interval=False)
-    return f"{text}, {turn_on} between sessions"
+    return f"{text}, {spread_text(term, 'turn_on', interval=False)} between sessions"
 
 
-def _printed(found: Share, term: TermInClass, *, there: bool, interval: bool = True) -> str:
-    if there and not interval:
-        return str(measured(found.value / _unit(term), 0.0, term.parameter.printed))
-    return spread_text(found, term.parameter.printed, _unit(term), there=there)
-
-
-def spread_text(found: Share, printed: str, size: float, *, there: bool) -> str:
-    """A spread with its interval in a printed unit of `size` SI, or what it is below with 95 %.
-
-    Examples
-    --------
-    >>> from imubayes.inference.intervals import Share
-    >>> spread_text(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6, there=True)
-    '41.8 (39.0 to 45.0) ppm'
-    >>> spread_text(Share(1e-5, 1e-6, 4.44e-5), "ppm", 1e-6, there=False)
-    'below 45 ppm'
-    """
-    if there:
-        return f"{ranged(found, size=size).replace('−', '-')} {printed}"
-    return f"below {below(found.high / size, printed)}"
+def spread_text(term: TermInClass, which: Literal["unit", "turn_on"], *, interval: bool = True) -> str:
+    """Sd from unit to unit or between sessions, with its interval; what it is below where it is not there."""
+    found: Share = getattr(term.spreads, which)
+    if math.isnan(found.value):
+        return "unknown"
+    if not (changes(term) if which == "turn_on" else resolved(found)):
+        return f"below {below(found.high / _unit(term), term.printed)}"
+    if not interval:
+        return str(measured(found.value / _unit(term), 0.0, term.printed))
+    return f"{ranged(found, size=_unit(term)).replace('−', '-')} {term.printed}"
 
 
 def whole(found: ClassInCommon) -> tuple[TermInClass, ...]:
@@ -124,10 +100,10 @@ def _needs(found: ClassInCommon) -> Iterator[str]:
     """Say what the class needs: a term once where all its axes have one answer."""
     said: dict[str, list[str]] = {}
     for first in whole(found):
-        parts = _parts(found, first)
-        answers = {part.need.verdict for part in parts}
-        for part in [first] if len(answers) == 1 else parts:
-            said.setdefault(part.need.verdict, []).append(part.parameter.name)
+        each = parts(found.terms, first)
+        answers = {part.need.verdict for part in each}
+        for part in [first] if len(answers) == 1 else each:
+            said.setdefault(part.need.verdict, []).append(part.name)
     for verdict, words in (
         ("needed", "The class needs {}."),
         ("some need it", "Some units need {}, others do not."),
@@ -138,19 +114,19 @@ def _needs(found: ClassInCommon) -> Iterator[str]:
             yield words.format(listed(names))
 
 
-def _parts(found: ClassInCommon, first: TermInClass) -> list[TermInClass]:
-    """A term by component, or the term itself where there is but one."""
-    alike = [term for term in found.terms if term.term == first.term]
-    return alike[1:] if len(alike) > 1 else alike
+def parts(terms: Iterable[TermInClass], first: TermInClass) -> tuple[TermInClass, ...]:
+    """A term by component: what stands for all of them is left out; or the term itself where it is alone."""
+    alike = tuple(term for term in terms if term.term == first.term)
+    return alike[1:] if len(alike) > 1 and not alike[0].component else alike
 
 
 def _silent(found: ClassInCommon) -> Iterator[str]:
     """Say what this test cannot tell, by reason."""
     reasons: dict[str, list[str]] = {}
     for term in whole(found):
-        if all(part.need.verdict == "cannot tell" for part in _parts(found, term)):
+        if all(part.need.verdict == "cannot tell" for part in parts(found.terms, term)):
             word = max(term.need.answers, key=lambda answer: term.need.answers[answer])
-            reasons.setdefault(word, []).append(term.parameter.name)
+            reasons.setdefault(word, []).append(term.name)
     if reasons:
         told = "; ".join(f"{listed(names)} ({WHY.get(word, word)})" for word, names in reasons.items())
         yield f"This test cannot tell of {told}: more units do not change that."
@@ -167,20 +143,17 @@ WHY = {
 def _spreads(found: ClassInCommon) -> Iterator[str]:
     told = [term for term in whole(found) if term in shown(found) and resolved(term.spreads.unit)]
     if told:
-        several = ", both what a unit is and what a turn-on does" if _single_session(found) else ""
-        yield f"From unit to unit (sd{several}) {_listed(told, unit_text, ' differs by ')}."
+        single = all(math.isnan(term.spreads.turn_on.value) for term in found.terms)
+        several = ", both what a unit is and what a turn-on does" if single else ""
+        yield f"From unit to unit (sd{several}) {_listed(told, 'unit', ' differs by ')}."
 
 
-def _single_session(found: ClassInCommon) -> bool:
-    return all(math.isnan(term.spreads.turn_on.value) for term in found.terms)
-
-
-def _listed(terms: Sequence[TermInClass], text: Callable[[TermInClass], str], verb: str) -> str:
-    return listed(f"{term.parameter.name}{verb}{text(term)}" for term in terms[:MOST_NAMES])
+def _listed(terms: Sequence[TermInClass], which: Literal["unit", "turn_on"], verb: str) -> str:
+    return listed(f"{term.name}{verb}{spread_text(term, which)}" for term in terms[:MOST_NAMES])
 
 
 def _unit(term: TermInClass) -> float:
-    return per_unit(term.parameter.printed, term.parameter.unit)
+    return per_unit(term.printed, term.unit)
 
 
 def _turn_on(found: ClassInCommon) -> Iterator[str]:
@@ -190,12 +163,12 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
     moving = [term for term in known if changes(term)]
     steady = [term for term in known if not changes(term)]
     if moving:
-        yield f"From one session to the next {_listed(moving, turn_on_text, ' changes by ')}."
+        yield f"From one session to the next {_listed(moving, 'turn_on', ' changes by ')}."
     if steady:
         rest = "The rest" if moving else "Everything"
-        sizes = _listed(steady, turn_on_text, " ")
+        sizes = _listed(steady, "turn_on", " ")
         yield f"{rest} comes back within the error bars: the sd between sessions is {sizes}."
-    if wide := [term.parameter.name for term in steady if term.spreads.p_value > 1.0 - term.spreads.level]:
+    if wide := [term.name for term in steady if term.spreads.p_value > 1.0 - term.spreads.level]:
         told = "agree better than by chance: from session to session these error bars are too wide"
         yield f"The sessions of {listed(wide)} {told}."
 
@@ -203,9 +176,11 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
 def _common(found: ClassInCommon) -> Iterator[str]:
     """Say what of a turn-on all units have in common, and in which sessions."""
     alike = [
-        f"{_share(term)} of that of {term.parameter.name}{_off(term)}"
+        f"{percents(term.spreads.common_share).replace(NARROW, ' ')} of that of {term.name}{_off(term)}"
         for term in shown(found)
-        if _alone(found, term) and changes(term) and term.spreads.common_share.value > COMMON
+        if (term.component or len(found.components) == 1)
+        and changes(term)
+        and term.spreads.common_share.value > COMMON
     ]
     if alike:
         yield (
@@ -214,19 +189,10 @@ def _common(found: ClassInCommon) -> Iterator[str]:
         )
 
 
-def _share(term: TermInClass) -> str:
-    return percents(term.spreads.common_share).replace(NARROW, " ")
-
-
-def _alone(found: ClassInCommon, term: TermInClass) -> bool:
-    """Whether a term is that of one component."""
-    return bool(term.component) or len(found.components) == 1
-
-
 def _off(term: TermInClass) -> str:
     """Name the sessions in which all units are off, and by how much."""
     off = [
-        f"session {name} by {measured(shift / _unit(term), sd / _unit(term), term.parameter.printed)}"
+        f"session {name} by {measured(shift / _unit(term), sd / _unit(term), term.printed)}"
         for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
         if abs(shift) > STANDS_OUT * sd
     ]

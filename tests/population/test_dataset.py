@@ -1,15 +1,30 @@
+import os
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from fleet_studies import first_part, fleet
+from fleet_studies import first_part, fleet, recorded
 from pyarrow import parquet
 
 from imubayes.algebra.factor import Factor, posterior
+from imubayes.errors import InputError
 from imubayes.inference.prior import class_sd
-from imubayes.population.dataset import marks_of, read_part, records_of, write_part
+from imubayes.population.dataset import (
+    GROWING,
+    UNITS,
+    fingerprint,
+    keep,
+    kept_records,
+    make_room,
+    marks_of,
+    part_file,
+    publish,
+    read_part,
+    records_of,
+    write_part,
+)
 from imubayes.population.records import part_found
 
 
@@ -72,3 +87,109 @@ def test_file_that_is_not_whole_or_is_another_program_s_has_no_marks_and_no_reco
     assert (marks_of(file), read_part(file)) == (None, ())
     parquet.write_table(pa.table({"t": [0.0]}), file)
     assert marks_of(file) is None
+
+
+def _prints(study) -> list[str]:
+    return [fingerprint(study, unit) for unit in study.units]
+
+
+def _keep(folder: Path, study, found, *, index: int = 0, changed: bool = True):
+    make_room(folder, study)
+    return keep(folder, index, found, study.spec.library.names, _prints(study), changed=changed)
+
+
+def _files(folder: Path) -> list[str]:
+    return sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
+
+
+@pytest.mark.parametrize("change", ["text", "class", "name"])
+def test_record_of_another_study_is_not_taken_for_finished(found, tmp_path, change):
+    study, records = found
+    _keep(tmp_path, *found)
+    assert sorted(kept_records(tmp_path, _prints(study))) == [0, 1, 2]
+    other = {
+        "text": lambda: replace(study, text=study.text + " "),
+        "class": lambda: replace(study, sensor_class=replace(study.sensor_class, full_scale=1.0)),
+        "name": lambda: replace(study, units=tuple(replace(unit, name="x") for unit in study.units)),
+    }[change]()
+    assert kept_records(tmp_path, _prints(other)) == {}
+    assert len(records) == 3
+
+
+def test_file_of_a_unit_that_is_changed_makes_it_another_one_and_leaves_its_neighbour(tmp_path):
+    study = recorded(tmp_path, ("A1", "A2"))
+    before, file = _prints(study), tmp_path / "units" / "A2" / "tumble.csv"
+    os.utime(file, ns=(1, 1))
+    touched = _prints(study)
+    file.unlink()
+    gone = _prints(study)
+    assert len({before[1], touched[1], gone[1]}) == 3
+    assert before[0] == touched[0] == gone[0]
+
+
+def test_record_is_found_by_its_unit_wherever_that_has_moved(found, tmp_path):
+    study, records = found
+    _keep(tmp_path, *found)
+    first, second, _ = _prints(study)
+    kept = kept_records(tmp_path, ["new", second, "other", first])
+    assert {number: (one.number, one.name) for number, one in kept.items()} == {
+        1: (1, records[1].name),
+        3: (3, records[0].name),
+    }
+
+
+def test_dataset_is_what_it_was_until_all_parts_are_finished(found, tmp_path):
+    study, records = found
+    publish(tmp_path, {0: _keep(tmp_path, *found)})
+    before = part_file(tmp_path, 0).read_bytes()
+    changed = replace(study, text="changed")
+    marks = _keep(tmp_path, changed, records)
+    assert part_file(tmp_path, 0).read_bytes() == before
+    assert len(kept_records(tmp_path, _prints(study))) == len(kept_records(tmp_path, _prints(changed))) == 3
+    publish(tmp_path, {0: marks})
+    assert kept_records(tmp_path, _prints(study)) == {}
+    assert len(kept_records(tmp_path, _prints(changed))) == 3
+    assert _files(tmp_path) == ["units/part-00000.parquet"]
+    assert not (tmp_path / GROWING).exists()
+
+
+def test_parts_of_an_earlier_study_leave_the_dataset_and_other_files_stay(found, tmp_path):
+    study, records = found
+    earlier = {0: _keep(tmp_path, *found), 7: _keep(tmp_path, study, records, index=7)}
+    publish(tmp_path, earlier)
+    _keep(tmp_path, study, records, index=8)
+    for name in ("notes.txt", "part-1.txt"):
+        (tmp_path / UNITS / name).write_text("mine")
+    publish(tmp_path, {0: _keep(tmp_path, *found)})
+    assert _files(tmp_path) == ["units/notes.txt", "units/part-00000.parquet", "units/part-1.txt"]
+
+
+@pytest.mark.parametrize("name", ["U0.parquet", "part-00000.parquet"])
+@pytest.mark.parametrize("within", [UNITS, GROWING])
+def test_file_that_no_fleet_wrote_is_refused_and_stays(tmp_path, name, within):
+    (tmp_path / within).mkdir()
+    file = tmp_path / within / name
+    parquet.write_table(pa.table({"t": [0.0]}), file)
+    with pytest.raises(InputError, match=rf"{name}: is not whole, or .*choose another --out"):
+        make_room(tmp_path, fleet(3))
+    assert _files(tmp_path) == [f"{within}/{name}"]
+
+
+def test_part_under_another_name_is_somebodys_copy_and_is_refused(found, tmp_path):
+    publish(tmp_path, {0: _keep(tmp_path, *found)})
+    part_file(tmp_path, 0).rename(tmp_path / UNITS / "backup.parquet")
+    with pytest.raises(InputError, match=r"backup\.parquet"):
+        make_room(tmp_path, found[0])
+
+
+def test_results_are_not_written_among_recordings_that_a_link_leads_to(tmp_path):
+    study = recorded(tmp_path, ("A1", "A2"))
+    (tmp_path / "link").symlink_to(tmp_path, target_is_directory=True)
+    with pytest.raises(InputError, match=r"A1: is a unit of this study"):
+        make_room(tmp_path / "link", study)
+
+
+def test_folder_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"file: cannot be written .*choose another --out"):
+        make_room(tmp_path / "file", fleet(3))

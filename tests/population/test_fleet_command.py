@@ -81,11 +81,3 @@ def test_interrupt_is_said_in_one_line_and_resume_goes_on(command, tmp_path, mon
     ended = command("run", path, "--out", out, "--resume")
     assert ended.code == 0 and "2 units were there already" in ended.words
     assert sorted(file.name for file in out.iterdir()) == ["report.html", "result.json", "units"]
-
-
-def test_recordings_where_the_results_would_be_are_refused_and_stay(command, tmp_path):
-    study = recorded(tmp_path, ("A1", "A2"))
-    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
-    ended = command("run", study.path, "--out", tmp_path)
-    assert ended.code == 2 and "A1: is a unit of this study" in ended.err
-    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before

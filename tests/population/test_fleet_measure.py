@@ -115,7 +115,7 @@ def noting(tried: list[str]) -> Engine:
     """Engine of this process; keeps the names of the units that it was given."""
 
     def do(work, given):
-        tried.extend(unit.name for _, part in given for unit in part.units)
+        tried.extend(unit.name for _, part in given for unit in part)
         return as_done(work, given, 1)
 
     return Engine("this process", do)
@@ -156,14 +156,6 @@ def test_recordings_in_the_folder_of_the_results_are_refused_before_any_is_touch
     assert {file: file.read_bytes() for file in tmp_path.rglob("*.csv")} == before
 
 
-def test_unit_without_its_file_is_broken_and_says_what_is_missing(tmp_path):
-    study = recorded(tmp_path, ("A1", "A2", "A3"))
-    (tmp_path / "units" / "A1" / "tumble.csv").unlink()
-    (broken,) = measure(study, tmp_path / "out", here()).answer.broken
-    assert broken.name == "A1"
-    assert "tumble.csv" in broken.error
-
-
 def test_fleet_of_broken_units_only_is_an_error(tmp_path):
     study = recorded(tmp_path, ("A1", "A2"))
     for name in ("A1", "A2"):
@@ -175,14 +167,14 @@ def test_fleet_of_broken_units_only_is_an_error(tmp_path):
 
 def deadly(study, part):
     """Analyse a part, unless unit 4 is in it: it ends the process."""
-    if any(unit.number == 4 for unit in part.units):
+    if any(unit.number == 4 for unit in part):
         os.kill(os.getpid(), signal.SIGKILL)
     return part_found(study, part)
 
 
 def spared(study, part):
     """Say what an engine says of a part that would end its process; analyse the others."""
-    return Lost() if any(unit.number == 4 for unit in part.units) else part_found(study, part)
+    return Lost() if any(unit.number == 4 for unit in part) else part_found(study, part)
 
 
 @pytest.mark.parametrize(

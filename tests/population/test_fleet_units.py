@@ -8,12 +8,9 @@ from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import prepare
 from imubayes.errors import InputError, StudyError
 from imubayes.inference.at_noise import at_found_noise
-from imubayes.inference.prior import ScalePrior
 from imubayes.population import records
 from imubayes.population.records import (
     Broken,
-    Part,
-    lot_of_some,
     of_terms,
     part_found,
     parts_of,
@@ -22,7 +19,6 @@ from imubayes.population.records import (
 )
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
-from imubayes.selection.decision import loose_fit
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import Noise, NoiseRule
 
@@ -67,7 +63,7 @@ def test_full_library_estimates_scatter_about_the_truth_as_their_sds_say():
 def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrated_out():
     study = fleet(2)
     spec = replace(OSCILLATING, truth=_lot(study).truth(0))
-    runs = simulate_unit(spec, lot_of_some(_lot(study), [0]), 0, np.random.default_rng(1))
+    runs = simulate_unit(spec, _lot(study), 0, np.random.default_rng(1))
     ready = prepare(spec, runs, lambda message: None, np.random.default_rng(2))
     p = len(spec.library.terms)
     assert len(ready.summary.names) > p
@@ -78,37 +74,15 @@ def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrat
         np.testing.assert_allclose((mine - theirs[:p]) / sd, 0.0, atol=1e-7)
 
 
-def test_without_errors_of_the_bench_the_factor_is_the_whole_one():
-    study = fleet(2)
-    record = unit_record(study, first_part(study).only([0]))
-    p = len(study.spec.library.terms)
-    summary = replace(_summary(study), extras=())
-    mean, cov = loose_fit(summary, ScalePrior(np.ones(p)))
-    assert record.R.shape == (p + 1, p + 1)
-    assert np.array_equal(record.R, np.triu(record.R))
-    assert mean.shape == (p,)
-    assert cov.shape == (p, p)
-    gram = record.R.T @ record.R
-    found = at_found_noise(summary, ScalePrior(np.ones(p))).factor.R
-    np.testing.assert_allclose(gram, found.T @ found, rtol=1e-9, atol=1e-9 * np.abs(gram).max())
-
-
-def _summary(study):
-    lot = _lot(study)
-    spec = replace(study.spec, id=study.units[0].name, truth=lot.truth(0))
-    runs = simulate_unit(spec, lot_of_some(lot, [0]), 0, np.random.default_rng([5, 1, 0, 0]))
-    return prepare(spec, runs, lambda message: None, np.random.default_rng([5, 1, 0, 1])).summary
-
-
 def test_fault_in_one_unit_leaves_the_others(monkeypatch):
     study, usual = fleet(3), records.unit_record
 
-    def faulty(study, alone):
-        if alone.units[0].number == 1:
+    def faulty(study, unit):
+        if unit.number == 1:
             raise StudyError("no such thing")
-        if alone.units[0].number == 2:
+        if unit.number == 2:
             raise ZeroDivisionError("oh")
-        return usual(study, alone)
+        return usual(study, unit)
 
     monkeypatch.setattr(records, "unit_record", faulty)
     found = part_found(study, first_part(study))
@@ -129,8 +103,8 @@ def test_random_numbers_of_recorded_units_hang_on_their_names_and_differ(tmp_pat
 
     monkeypatch.setattr(records, "prepare", note)
     (part,) = parts_of(study, None)
-    for unit in (*part.units, replace(part.units[0], number=7)):
-        unit_record(study, Part(0, (unit,)))
+    for unit in (*part, replace(part[0], number=7)):
+        unit_record(study, unit)
     assert drawn["A1", 0] == drawn["A1", 2] != drawn["A2", 1]
 
 
@@ -139,10 +113,10 @@ def test_long_file_of_a_unit_is_read_a_part_at_a_time_and_says_the_same(tmp_path
     study = recorded(tmp_path, ("A1", "A2"), fast)
     study = replace(study, spec=replace(study.spec, runs=(replace(study.spec.runs[0], noise=KNOWN),)))
     (part,) = parts_of(study, None)
-    whole = unit_record(study, part.only([0]))
+    whole = unit_record(study, part[0])
     monkeypatch.setattr(streams, "STREAMED", 1000)
     monkeypatch.setattr(streams, "MOST_WHOLE", 1000)
-    streamed = unit_record(study, part.only([0]))
+    streamed = unit_record(study, part[0])
     assert streamed.samples == whole.samples == 6000
     assert streamed.verdicts == whole.verdicts
     np.testing.assert_allclose((streamed.full_mean - whole.full_mean) / whole.full_sd, 0.0, atol=1e-4)
@@ -156,10 +130,10 @@ def test_long_file_is_refused_where_dwells_may_be_left_out(tmp_path, monkeypatch
     monkeypatch.setattr(streams, "STREAMED", 10)
     monkeypatch.setattr(streams, "MOST_WHOLE", 10)
     with pytest.raises(InputError, match=r"\(reference\) or robust"):
-        unit_record(replace(study, spec=replace(study.spec, robust=True)), part.only([0]))
+        unit_record(replace(study, spec=replace(study.spec, robust=True)), part[0])
 
 
 def test_unit_that_is_asked_for_alone_says_what_is_wrong():
     study = fleet(3, spec=replace(fleet().spec, runs=(RunSpec("x", "tumble"),)))
     with pytest.raises(StudyError, match="'x'"):
-        unit_record(study, first_part(study).only([0]))
+        unit_record(study, first_part(study)[0])

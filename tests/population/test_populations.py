@@ -9,11 +9,16 @@ from scipy import optimize
 
 from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference.correlations import pulls
-from imubayes.population.levels import Likelihoods, likelihoods, log_density
+from imubayes.population.levels import Likelihoods, block_of, likelihoods, over_sessions
 from imubayes.population.sessions import between_sd
 from imubayes.population.spreads import FEWEST, spreads
 
 SIZE = 1.0
+
+
+def log_density(blocks, own, unit, common):
+    """Restricted log likelihood (own, unit, common) of the three sds, up to a constant."""
+    return sum(over_sessions(block_of(one, own, unit), common)[0] for one in blocks)
 
 
 def drawn(rng, sds, *, units=8, sessions=3, aliases=2, mean=0.3):

@@ -11,25 +11,26 @@ from scipy import integrate, stats
 from imubayes.algebra.factor import Factor, factor_of, posterior
 from imubayes.errors import StudyError
 from imubayes.population.sessions import (
-    Parameter,
     Repeatability,
     SessionEstimate,
     between_sd,
-    compare_sessions,
     repeatability,
     without_prior,
 )
 
-BIAS = Parameter("b0", "m/s^2", "mg")
 PRIOR = 0.4
 
 
 def compared(value, error, prior_sd=PRIOR) -> Repeatability:
     """Compare likelihoods: what their posteriors under the prior give."""
     precision = 1.0 / error**2 + 1.0 / prior_sd**2
-    units, sessions = (tuple(map(str, range(count))) for count in value.shape)
     mean, sd = value / error**2 / precision, 1.0 / np.sqrt(precision)
-    return compare_sessions(BIAS, mean, sd, prior_sd, units=units, sessions=sessions)
+    (found,) = repeatability(
+        SessionEstimate(str(u), str(s), "", "b0", "m/s^2", "mg", mean[u, s], sd[u, s], prior_sd)
+        for s, u in np.ndindex(value.T.shape)
+        if np.isfinite(value[u, s])
+    )
+    return found
 
 
 def drawn(rng, tau, *, units=8, sessions=3):

@@ -9,7 +9,6 @@ import numpy as np
 from imubayes.inference.intervals import Share
 from imubayes.population.classes import ClassInCommon, TermInClass
 from imubayes.population.needs import Need
-from imubayes.population.sessions import Parameter
 from imubayes.population.spreads import Spreads
 
 UG = 9.80665e-6
@@ -58,7 +57,9 @@ def term_found(
     need = Need(verdict, "as made", {ANSWER[verdict]: len(units)}, Share(1.0, 0.8, 1.0), 1.0)
     single = len(sessions) == 1
     return TermInClass(
-        Parameter(f"{component}.{name}" if component else name, si, printed),
+        f"{component}.{name}" if component else name,
+        si,
+        printed,
         name,
         component,
         40.0 * size,

@@ -8,25 +8,12 @@ from fleets_found import BROKEN, fleet_result, pull_of
 from imubayes.population.records import Unit
 from imubayes.reporting.fleet_page import fleet_page, write_fleet
 from imubayes.reporting.html import page_html
-from imubayes.reporting.lots_words import NAMED, fleet_answer, standing_out
+from imubayes.reporting.lots_words import NAMED, standing_out
 
 
 @pytest.fixture(scope="module")
 def html() -> str:
     return page_html(fleet_page(fleet_result()))
-
-
-def test_answer_counts_terms_names_units_that_stand_out_and_those_that_are_broken():
-    first, needed, untold, out, broken = fleet_answer(fleet_result())
-    assert first == (
-        "9 tactical MEMS accelerometers: the median unit needs 2 of 15 terms (90 % of the units: 2 to 2)."
-    )
-    assert needed == "Needed in half of the units or more: b0, b1."
-    assert untold.startswith("The test leaves open in half of the units or more: m_j, m_k,")
-    # 1e-3 m/s^2 are 102 ug; N of 2e-3 m/s^2/sqrt(Hz) is 204 ug/sqrt(Hz)
-    assert out.startswith("2 units stand out from the population (beyond 4.1 sd")
-    assert out.endswith("u1 in b0 (+8.0 sd, 100 µg), u2 in N (−6.0 sd, 200 µg/√Hz).")
-    assert broken == "1 unit of 10 could not be read: A<8>: A8/tumble.csv, line 3: is no number."
 
 
 def test_fleet_without_outliers_says_how_far_the_farthest_is():

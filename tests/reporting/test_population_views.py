@@ -4,22 +4,18 @@ import json
 from dataclasses import replace
 
 import pytest
-from block_readings import panels, rows, said
-from populations_found import SESSIONS, UG, UNITS, class_found
+from block_readings import rows
+from populations_found import SESSIONS, UG, UNITS, class_found, term_found
 
+from imubayes.inference.intervals import Share
 from imubayes.reporting.document import report_html
 from imubayes.reporting.population_views import class_section
+from imubayes.reporting.population_words import class_sentences, resolved, spread_text
 from imubayes.reporting.results import result_json
 
 
 def test_study_of_few_units_has_no_section(result) -> None:
     assert "What units of this class have in common" not in report_html(result)
-
-
-def test_rows_are_the_terms_that_the_test_tells_all_axes_first() -> None:
-    view = [class_section(class_found(), 0)]
-    assert [row[0] for row in rows(view)] == ["b0, all", "ax.b0", "az.b0", "ax.m_j"]
-    assert "3 more parameters" in said(view) and "Common is the share" in said(view)
 
 
 def test_axes_that_differ_have_no_verdict_together() -> None:
@@ -28,22 +24,6 @@ def test_axes_that_differ_have_no_verdict_together() -> None:
     mixed = replace(found, terms=(*found.terms[:2], other, *found.terms[3:]))
     told = [row[1].lstrip("●○ ") for row in rows([class_section(mixed, 0)])]
     assert told[:3] == ["by axis", "needed", "not needed"]
-
-
-def test_numbers_of_a_row_are_those_of_the_population_in_printed_units() -> None:
-    found = rows([class_section(class_found(), 0)])
-    _, _, units, mean, unit, turn_on, common, error, printed = found[1]
-    assert found[0][3] == "" and mean == "−250000 ± 12000"
-    assert (unit, turn_on) == ("30000 (20000 to 50000)", "1000 (500 to 3000)")
-    assert (error, printed) == ("220", "µg")
-    assert units.startswith("8 of 8 ") and common.startswith("90")
-    assert found[3][5] == "below 60"
-
-
-def test_units_are_drawn_term_by_term() -> None:
-    drawn = panels([class_section(class_found(), 0)])
-    assert len(drawn) == 2
-    assert "az" in drawn[0].svg and "b0" in drawn[0].title
 
 
 def test_units_of_one_session_have_no_column_of_sessions(result) -> None:
@@ -61,3 +41,41 @@ def test_population_is_in_the_results_in_si(result) -> None:
     assert one["unit_to_unit"]["q95"] == pytest.approx(50e3 * UG)
     assert one["session_shift"]["sessions"] == [*SESSIONS] and len(one["session_shift"]["mean"]) == 3
     assert (one["verdict"], one["answers"], one["needed"]["q05"]) == ("needed", {"needed": 8}, 0.8)
+
+
+def said(found) -> str:
+    return " ".join(class_sentences(found))
+
+
+def test_sessions_that_agree_better_than_by_chance_are_a_finding_on_the_error_bars() -> None:
+    found = class_found()
+    steady = replace(found.terms[3], spreads=replace(found.terms[3].spreads, p_value=0.9995))
+    said_of = "The sessions of ax.m_j agree better than by chance"
+    assert said_of in said(replace(found, terms=(*found.terms[:3], steady, *found.terms[4:])))
+    assert said_of not in said(found)
+
+
+def test_axes_with_different_answers_are_named_one_by_one() -> None:
+    found = class_found()
+    other = replace(found.terms[2], need=replace(found.terms[2].need, verdict="not needed"))
+    text = said(replace(found, terms=(*found.terms[:2], other, *found.terms[3:])))
+    assert "The class needs ax.b0." in text and "It does not need az.b0 and ax.m_j." in text
+
+
+def test_units_of_one_session_each_do_not_tell_of_turn_on() -> None:
+    text = said(class_found(sessions=("",)))
+    assert "sessions" not in text and "both what a unit is and what a turn-on does" in text
+
+
+def test_spread_that_may_be_nothing_is_printed_as_a_limit_no_smaller_than_it_is() -> None:
+    assert not resolved(Share(1.0, 0.1, 3.0)) and resolved(Share(1.0, 0.5, 3.0))
+    found = term_found("b0", sessions=("",))
+    spreads = replace(found.spreads, unit=Share(1.0 * UG, 0.1 * UG, 3.01 * UG))
+    assert spread_text(replace(found, spreads=spreads), "unit") == "below 3.1 ug"
+
+
+def test_terms_of_which_no_unit_tells_are_not_said_to_spread() -> None:
+    found = class_found()
+    silent = tuple(term_found(name, verdict="cannot tell") for name in ("c_jj", "c_kk"))
+    text = said(replace(found, terms=silent, components=("",)))
+    assert "c_jj and c_kk" in text and "From unit to unit" not in text
