@@ -64,7 +64,7 @@ def published_lots(result: LotResult) -> LotsResult:
             classes=tuple(map(_class, result.classes)),
             check=result.check,
         ),
-        provenance=provenance(study, f"imubayes run {study.path}"),
+        provenance=provenance(study.path, study.text, f"imubayes run {study.path}"),
     )
 
 
@@ -125,7 +125,7 @@ def fleet_json(result: fleet.FleetResult) -> str:
             read=answer.units,
             terms=tuple(_fleet_terms(result)),
         ),
-        provenance=provenance(study, f"imubayes run {study.path}"),
+        provenance=provenance(study.path, study.text, f"imubayes run {study.path}"),
     )
     return result_text(document)
 

@@ -212,7 +212,7 @@ def plan_json(found: Proposal) -> str:
             "plans": [_plan_entry(found, outcome) for outcome in outcomes(found)],
         },
         "seconds": found.seconds,
-        "provenance": provenance(study, f"imubayes plan {study.path}"),
+        "provenance": provenance(study.path, study.text, f"imubayes plan {study.path}"),
     }
     return json_text(document)
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from imubayes.inference.mcmc.chains import Chains
 
 Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
-"""End of the name, dimensions (a component's own begin with ``_``), values, what they are, other attributes."""
+"""End of the name, dimensions (a component's own begin with an underscore), values, what they are, others."""
 
 Layout = tuple[int, int]
 """How many chains and draws a group's variables have."""

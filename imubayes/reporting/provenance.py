@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import imubayes
 
@@ -15,25 +15,11 @@ if TYPE_CHECKING:
     from imubayes.reporting.result.entries import Provenance
 
 
-class FromFile(Protocol):
-    """A study of any kind."""
-
-    @property
-    def path(self) -> Path:
-        """Of its file."""
-        ...
-
-    @property
-    def text(self) -> str:
-        """Of its file."""
-        ...
-
-
-def provenance(study: FromFile, command: str) -> Provenance:
-    """Collect what it takes to repeat a study: the study file, the command and the versions."""
+def provenance(path: Path, text: str, command: str) -> Provenance:
+    """What it takes to repeat a study: its file and the text of it, the command and the versions."""
     return {
-        "study_file": str(study.path),
-        "study_text": study.text,
+        "study_file": str(path),
+        "study_text": text,
         "command": command,
         "versions": versions(),
     }

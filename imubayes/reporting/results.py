@@ -71,7 +71,7 @@ def published_result(result: StudyResult) -> SensorsResult:
         sessions=tuple(map(_sessions, result.sessions)),
         population=tuple(map(_population, result.classes)),
         cases=tuple(published_cases(result)),
-        provenance=provenance(study, command(study)),
+        provenance=provenance(study.path, study.text, command(study)),
     )
 
 

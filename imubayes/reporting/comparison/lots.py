@@ -17,7 +17,7 @@ from imubayes.errors import InputError, TermError
 from imubayes.inference.intervals import Share
 from imubayes.population.needs import HALF
 from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset
-from imubayes.reporting.comparison.entries import (
+from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
     Group,
@@ -25,8 +25,12 @@ from imubayes.reporting.comparison.entries import (
     comparison,
     differing,
     entry,
+    fisher,
     head_record,
     labels_of,
+    largest,
+    log_spread,
+    normal_of,
     pull_record,
     terms_of,
     with_scenes,
@@ -41,7 +45,6 @@ from imubayes.reporting.comparison.page import (
     most_different,
     titled,
 )
-from imubayes.reporting.comparison.pulls import fisher, largest, log_spread, normal_of
 from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.result.entries import Interval
 from imubayes.reporting.result.file import Written

@@ -19,8 +19,7 @@ from imubayes.reporting.blocks import (
     repeat,
     strong,
 )
-from imubayes.reporting.comparison.entries import Comparison, Entry, Group, differing
-from imubayes.reporting.comparison.pulls import LEVEL
+from imubayes.reporting.comparison.differences import LEVEL, Comparison, Entry, Group, differing
 from imubayes.selection.verdicts import listed
 
 RESULT, DIFFERENCE = Both("result", ""), Both("difference", "differs")

@@ -12,17 +12,17 @@ from dataclasses import replace
 from typing import Any
 
 from imubayes.reporting.blocks import Section, Text
-from imubayes.reporting.comparison.entries import (
+from imubayes.reporting.comparison.differences import (
     Group,
     aligned,
     column,
     entry,
+    normal_of,
     numbered,
     pull_record,
     terms_of,
 )
 from imubayes.reporting.comparison.page import DIFFERENCE, LITTLE, RESULT, entry_rows, titled
-from imubayes.reporting.comparison.pulls import normal_of
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, TermInScene
 from imubayes.reporting.rounding import duration, measured, share
 from imubayes.reporting.scene_words import budget_unit

@@ -13,9 +13,10 @@ from typing import Any
 
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset, verdict
-from imubayes.reporting.comparison.entries import (
+from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
+    Estimate,
     Group,
     aligned,
     column,
@@ -38,7 +39,6 @@ from imubayes.reporting.comparison.page import (
     most_different,
     titled,
 )
-from imubayes.reporting.comparison.pulls import Estimate
 from imubayes.reporting.comparison.scenes import scene_record, scene_section, scenes_compared
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
@@ -152,7 +152,8 @@ def noise_of(sensor: Sensor) -> dict[tuple[str, str], Estimate]:
 def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, str], Estimate]]:
     """Noise by run; runs in the first member's order have its names where two have no run in common."""
     tables = [noise_of(one) if one else {} for one in members]
-    names = list(dict.fromkeys(run for run, _ in next((table for table in tables if table), {})))
+    first = next(table for table, one in zip(tables, members, strict=True) if one)
+    names = list(dict.fromkeys(run for run, _ in first))
     for table in tables:
         own = list(dict.fromkeys(run for run, _ in table))
         same = len(own) != len(names) or set(own) & set(names)

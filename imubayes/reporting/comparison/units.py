@@ -15,19 +15,21 @@ from typing import Any
 
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, Text, typeset, verdict
-from imubayes.reporting.comparison.entries import (
+from imubayes.reporting.comparison.differences import (
     LETTERS,
     Comparison,
     Entry,
     Group,
+    Pull,
     comparison,
     differing,
     head_record,
+    log_spread,
+    normal_of,
     pull_record,
 )
 from imubayes.reporting.comparison.lots import excites, population_record, population_texts, unit_of_term
 from imubayes.reporting.comparison.page import DIFFERENCE, comparison_page, difference, titled
-from imubayes.reporting.comparison.pulls import Pull, log_spread, normal_of
 from imubayes.reporting.comparison.sensors import noise_of, noise_unit, term_value
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written

@@ -11,8 +11,7 @@ from published_found import FILE, a_result, a_sensor, a_term
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
-from imubayes.reporting.comparison.entries import differing
-from imubayes.reporting.comparison.pulls import LEVEL, QUANTILE
+from imubayes.reporting.comparison.differences import LEVEL, QUANTILE, differing
 from imubayes.reporting.comparison.sensors import noise_of, sensors_compared, sensors_record
 from imubayes.reporting.results import published_result
 from imubayes.reporting.scene_words import published_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from imubayes.reporting.comparison.pulls import LEVEL, fisher, largest, normal_of, threshold_of
+from imubayes.reporting.comparison.differences import LEVEL, fisher, largest, normal_of, threshold_of
 
 
 @pytest.mark.parametrize(("a", "n", "b", "m"), [(8, 8, 0, 8), (3, 10, 7, 8), (0, 9, 1, 9), (40, 50, 10, 60)])
