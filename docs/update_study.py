@@ -38,7 +38,16 @@ def made() -> dict[str, str]:
     schema = study_schema()
     tables = dict(keyed(schema["$defs"]))
     pages = {name: filled((DOCS / name).read_text(encoding="utf-8"), tables) for name in PAGES}
-    return {"study.schema.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n", **pages}
+    return {"study.schema.json": lines_of(schema) + "\n", **pages}
+
+
+def lines_of(value: Any, depth: int = 4, indent: str = "\n") -> str:
+    """JSON with a line for each key of a table of a study."""
+    if not depth or not isinstance(value, dict) or not value:
+        return json.dumps(value, ensure_ascii=False)
+    inner = f"{indent} "
+    keys = [f"{json.dumps(key)}: {lines_of(one, depth - 1, inner)}" for key, one in value.items()]
+    return f"{{{inner}{f',{inner}'.join(keys)}{indent}}}"
 
 
 def keyed(shapes: dict[str, Any]) -> Iterator[tuple[str, str]]:
