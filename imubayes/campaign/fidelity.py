@@ -58,14 +58,6 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True)
-class Cost:
-    """Seconds and bytes that a rung takes."""
-
-    seconds: float
-    memory: float
-
-
-@dataclass(frozen=True, slots=True)
 class Choice:
     """Which rung was taken, and why: part of a result.
 

@@ -21,9 +21,7 @@ from imubayes.inference.at_noise import at_found_noise, at_noise
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
 from imubayes.inference.mcmc.split import log_likelihood, splits_of
-from imubayes.ladder.problem import Answer, Ground, answer_of, once, prepared
-from imubayes.selection.decision import select
-from imubayes.units import counted
+from imubayes.ladder.problem import Answer, Ground, answer_of, at_noises, once, prepared
 
 PROPOSED = 24
 """Noises at which all rows are whitened; about half as many count."""
@@ -90,32 +88,16 @@ class Weighted:
 
 def plug_in(ground: Ground) -> Answer:
     """Weigh every submodel at the noise that was estimated."""
-    ready, problem = prepared(ground), ground.problem
-    ground.tell("every model at the estimated noise")
-    selection = select(
-        ready.summary,
-        ready.prior,
-        noises=(at_found_noise(ready.summary, ready.prior),),
-        costs=problem.costs,
-        hierarchical=problem.hierarchical,
-    )
+    ready = prepared(ground)
+    selection = at_noises(ground, (at_found_noise(ready.summary, ready.prior),), where="the estimated noise")
     return answer_of("plug-in", selection, estimated_noise(ready))
 
 
 def averaged(ground: Ground) -> Answer:
     """Weigh every model at draws of the noise, and average; the full library over all weighted draws."""
-    ready, problem, drawn = prepared(ground), ground.problem, weighted(ground)
-    chosen = _resampled(drawn.weight, ground.rngs["averaged"])
-    noises = tuple(drawn.draws[k] for k in chosen)
-    ground.tell(f"every model at {counted(len(noises), 'draw')} of the noise")
-    selection = select(
-        ready.summary,
-        ready.prior,
-        noises=noises,
-        log_evidence=drawn.log_evidence,
-        costs=problem.costs,
-        hierarchical=problem.hierarchical,
-    )
+    ready, drawn = prepared(ground), weighted(ground)
+    noises = tuple(drawn.draws[k] for k in _resampled(drawn.weight, ground.rngs["averaged"]))
+    selection = at_noises(ground, noises, drawn.log_evidence)
     noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
     p = len(selection.terms)
     mean, sd = (moments[:p] for moments in _moments(ready, drawn))

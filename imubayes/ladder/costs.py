@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.fidelity import Cost, CostLaw, RungName, Size, rungs_for
+from imubayes.campaign.fidelity import CostLaw, RungName, Size, rungs_for
 from imubayes.inference.linear import BLOCKS, Rows
 from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
@@ -80,38 +80,20 @@ REPEATS = 20
 LARGE = 20_000
 """Rows of the large kind of work: beyond a cache."""
 
-COPIES: Mapping[RungName, float] = {"plug-in": 10.0}
-"""Arrays over all models that a rung holds at a time; the others have `MANY_COPIES`."""
-
-MANY_COPIES = 80.0
-"""Of these arrays: five for each of sixteen noises."""
-
-TABLES: Mapping[RungName, float] = {"means": 1.6, "raw": 5.0}
-"""Tables of all rows and columns that a rung holds at a time; the others have `USUAL_TABLES`."""
-
-USUAL_TABLES = 2.2
-"""Of these tables: the columns, what whitens them, and what is copied."""
-
-SMALLEST = 1e7
-"""Bytes that any rung takes for its work."""
-
 FILE = "speeds.json"
 """Speeds of this machine, in the user's cache folder."""
 
 
-def foreseen(rung: RungName, size: Size, law: CostLaw) -> Cost:
-    """Seconds and bytes that a rung will take, alone.
+def foreseen(rung: RungName, size: Size, law: CostLaw) -> float:
+    """Seconds that a rung will take, alone.
 
     Examples
     --------
     >>> size = Size(rows=36_000, columns=20, candidates=17, runs=2)
-    >>> [round(foreseen(name, size, REFERENCE).seconds, 1) for name in ("means", "averaged")]
+    >>> [round(foreseen(name, size, REFERENCE), 1) for name in ("means", "averaged")]
     [0.0, 3.2]
     """
-    seconds = sum(constant * FEATURES[name](size) for name, constant in law[rung].items())
-    tables = 8.0 * (size.rows - size.streamed) * size.columns * TABLES.get(rung, USUAL_TABLES)
-    models = 8.0 * COPIES.get(rung, MANY_COPIES) * FEATURES["models"](size)
-    return Cost(seconds, SMALLEST + tables + models)
+    return sum(constant * FEATURES[name](size) for name, constant in law[rung].items())
 
 
 def within(budget: float, size: Size, law: CostLaw) -> RungName:
@@ -123,7 +105,7 @@ def within(budget: float, size: Size, law: CostLaw) -> RungName:
     'plug-in'
     """
     every = rungs_for(size)
-    fitting: list[RungName] = [rung for rung in every if foreseen(rung, size, law).seconds <= budget]
+    fitting: list[RungName] = [rung for rung in every if foreseen(rung, size, law) <= budget]
     return fitting[-1] if fitting else every[0]
 
 

@@ -1,13 +1,12 @@
 """What the rung above would change, foreseen without climbing it.
 
-Each step has a formula of its own that takes milliseconds to tens of them; `Foresight.reason` says which.
+Each step has a formula of its own that takes milliseconds to tens of them; its reason says which.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -39,23 +38,12 @@ CERTAIN = 1e-12
 """An inclusion is taken no nearer to 0 or 1 than this: log odds stay finite."""
 
 
-@dataclass(frozen=True, slots=True)
-class Foresight:
-    """Largest change of a coefficient in posterior sd, and of an inclusion, and how it was foreseen."""
-
-    coefficients: float
-    inclusions: float
-    reason: str
+Foresight = tuple[tuple[float, float], str]
+"""Largest change of a coefficient in posterior sd, and of an inclusion; and how it was foreseen."""
 
 
 def foresee(ground: Ground, found: Answer) -> Foresight:
-    """Foresee what the rung above `found` would change.
-
-    Parameters
-    ----------
-    ground : on which the answer was found.
-    found : answer of any rung.
-    """
+    """Foresee what the rung above `found` would change."""
     return STEPS[found.rung](ground, found)
 
 
@@ -72,11 +60,8 @@ def _colour(ground: Ground, found: Answer) -> Foresight:
     full, sd = posterior(whole, problem.prior.sd)
     mean, inclusion = _weighed(whole, problem, found)
     apart = np.maximum(np.abs(full - found.full_mean), np.abs(mean - found.mean))
-    return Foresight(
-        float(np.max(apart / sd)),
-        float(np.max(np.abs(inclusion - found.inclusion))),
-        "the dwell means weighed again, with drift estimated from them and the class's prior",
-    )
+    change = float(np.max(apart / sd)), float(np.max(np.abs(inclusion - found.inclusion)))
+    return change, "the dwell means weighed again, with drift estimated from them and the class's prior"
 
 
 def _weighed(f: Factor, problem: Problem, found: Answer) -> tuple[FloatArray, FloatArray]:
@@ -106,11 +91,11 @@ def _neighbours(ground: Ground, found: Answer) -> Foresight:
     weight = np.exp(score - score.max())
     weight /= weight.sum()
     moved = weight @ refitted(e, around) - refitted(e, around[:1])[0]
-    return Foresight(
+    change = (
         float(np.max(np.abs(moved), initial=0.0)),
         float(np.max(np.abs(weight @ around - here), initial=0.0)),
-        "the chosen model weighed against those with one term more or less",
     )
+    return change, "the chosen model weighed against those with one term more or less"
 
 
 def _moved_noise(ground: Ground, found: Answer) -> Foresight:
@@ -130,11 +115,8 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
             shift += 0.5 * (m - mean)
             gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
             turn += 0.5 * (expit(odds + gained) - found.inclusion)
-    return Foresight(
-        float(np.max(np.abs(shift) / sd)),
-        float(np.max(np.abs(turn))),
-        "each noise parameter moved by its sd either way, on block averages",
-    )
+    change = float(np.max(np.abs(shift) / sd)), float(np.max(np.abs(turn)))
+    return change, "each noise parameter moved by its sd either way, on block averages"
 
 
 def _odds(found: Answer, pull: FloatArray, narrower: FloatArray) -> FloatArray:
@@ -149,7 +131,7 @@ def _few_draws(ground: Ground, found: Answer) -> Foresight:
     coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
     error = math.hypot(1.0 / math.sqrt(count), 1.0 / math.sqrt(len(found.noises)))
     reason = f"the Monte Carlo error of draws of the noise, of which {count:.0f} count"
-    return Foresight(coefficients * error, inclusions * error, reason)
+    return (coefficients * error, inclusions * error), reason
 
 
 def _chain_error(ground: Ground, found: Answer) -> Foresight:
@@ -168,7 +150,7 @@ def _chain_error(ground: Ground, found: Answer) -> Foresight:
     own = 0.0
     if found.chains:
         own = math.sqrt(2.0 / min(found.chains.theta[..., 0].size, float(found.chains.diagnostics.ess.min())))
-    return Foresight(max(coefficients * few, own), inclusions * few, reason)
+    return (max(coefficients * few, own), inclusions * few), reason
 
 
 def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:

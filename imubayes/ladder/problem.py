@@ -20,10 +20,11 @@ from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
 from imubayes.rig.inputs import Run
-from imubayes.selection.decision import Selection
+from imubayes.selection.decision import Selection, select
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
+from imubayes.units import counted
 
 Tell = Callable[[str], None]
 Made = TypeVar("Made")
@@ -153,6 +154,22 @@ def chained(ground: Ground, method: Method) -> tuple[Sampled, bool]:
     return once(ground, method, make)
 
 
+def at_noises(
+    ground: Ground, noises: tuple[NoiseDraw, ...], log_evidence: float = 0.0, where: str = ""
+) -> Selection:
+    """Decision from every submodel, weighed at draws of the noise; `where` says it in other words."""
+    ready, problem = prepared(ground), ground.problem
+    ground.tell(f"every model at {where or counted(len(noises), 'draw') + ' of the noise'}")
+    return select(
+        ready.summary,
+        ready.prior,
+        noises=noises,
+        log_evidence=log_evidence,
+        costs=problem.costs,
+        hierarchical=problem.hierarchical,
+    )
+
+
 def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
     """What was made under a name, or is now."""
     if name not in ground.shared:
@@ -205,11 +222,6 @@ class Answer:
     def mean(self) -> FloatArray:
         """Coefficients (p,) averaged over models, SI."""
         return np.array([term.mean for term in self.selection.terms])
-
-    @property
-    def sd(self) -> FloatArray:
-        """Their sd (p,), SI."""
-        return np.array([term.sd for term in self.selection.terms])
 
     @property
     def inclusion(self) -> FloatArray:

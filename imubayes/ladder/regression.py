@@ -128,11 +128,6 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     Models whose columns depend on each other count nothing, for least squares does not tell them; nor do
     those with more than half as many terms as rows, whose residuals say little of the noise.
 
-    Parameters
-    ----------
-    f : of n rows; columns that are zero are no candidates.
-    hierarchical : whether a term needs what it modifies.
-
     Examples
     --------
     >>> X = np.column_stack((np.ones(8), np.tile([1.0, -1.0], 4)))

@@ -16,7 +16,7 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.averaged import averaged, plug_in
 from imubayes.ladder.costs import foreseen, within
-from imubayes.ladder.foresight import Foresight, foresee
+from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Answer, Ground, Problem, Tell, change, ground_of, size_of
 from imubayes.ladder.regression import means, sparse
 from imubayes.ladder.sampled import collapsed, full, raw
@@ -75,7 +75,7 @@ def by_budget(
     """
     start, size = time.perf_counter(), size_of(problem)
     rung = within(budget, size, law)
-    ground = ground_of(problem, rng, tell, _ending(limits, budget, foreseen(rung, size, law).seconds))
+    ground = ground_of(problem, rng, tell, _ending(limits, budget, foreseen(rung, size, law)))
     try:
         found = stand(rung, ground)
     except ConvergenceError:  # where chains cannot be run, the best rung without
@@ -135,17 +135,17 @@ def _choice(
     size = size_of(ground.problem)
     can = rungs_for(size)
     above = can[can.index(found.rung) + 1 :]
-    ahead = foresee(ground, found) if above else Foresight(0.0, 0.0, _top(found.rung))
+    ahead, why = foresee(ground, found) if above else ((0.0, 0.0), _top(found.rung))
     return Choice(
         rung=found.rung,
         asked=asked,
         seconds=time.perf_counter() - start,
-        foreseen=foreseen(found.rung, size, law).seconds,
+        foreseen=foreseen(found.rung, size, law),
         climbed=(),
         next_rung=above[0] if above else None,
-        next_seconds=foreseen(above[0], size, law).seconds if above else 0.0,
-        next_change=(ahead.coefficients, ahead.inclusions),
-        next_reason=ahead.reason,
+        next_seconds=foreseen(above[0], size, law) if above else 0.0,
+        next_change=ahead,
+        next_reason=why,
     )
 
 

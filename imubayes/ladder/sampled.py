@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -24,17 +23,15 @@ from imubayes.inference.at_noise import at_noise
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains, Diagnostics
 from imubayes.inference.mcmc.density import Density, density_of, theta_of
-from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
 from imubayes.inference.mcmc.engine import Target, sampler_of
-from imubayes.inference.mcmc.ensembles import History, Limits, verdict, walkers_for, wanting
+from imubayes.inference.mcmc.ensembles import History, Limits, advance, judged, walkers_for
 from imubayes.inference.mcmc.moves import Student, independent
 from imubayes.inference.mcmc.pointwise import by_dwell
 from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.ladder.averaged import groups_of, noises_of
-from imubayes.ladder.problem import Answer, Ground, Tell, answer_of, chained, prepared, size_of
-from imubayes.selection.decision import select
+from imubayes.ladder.problem import Answer, Ground, Tell, answer_of, at_noises, chained, prepared, size_of
 from imubayes.sensors.noise import Noise
 from imubayes.units import counted
 
@@ -60,16 +57,8 @@ def full(ground: Ground) -> Answer:
 
 def _by_chains(rung: RungName, ground: Ground, sampled: Sampled, converged: bool) -> Answer:
     """Weigh every model at the noises of some draws; of the full library, say what the chains say."""
-    ready, problem, chains = prepared(ground), ground.problem, sampled.chains
-    ground.tell(f"every model at {counted(len(sampled.noises), 'draw')} of the noise")
-    selection = select(
-        ready.summary,
-        ready.prior,
-        noises=sampled.noises,
-        log_evidence=chains.log_evidence[0],
-        costs=problem.costs,
-        hierarchical=problem.hierarchical,
-    )
+    chains = sampled.chains
+    selection = at_noises(ground, sampled.noises, chains.log_evidence[0])
     theta = chains.theta[..., [chains.names.index(term.name) for term in selection.terms]]
     return answer_of(
         rung,
@@ -183,7 +172,15 @@ def _sampled(ready: Prepared, density: Density, history: History, below: Chains)
     noise = noises_of(ready, groups_of(ready), x)
     estimated = [run.noise for run in ready.summary.runs]
     scored = by_dwell(ready.rows, estimated, _flat(theta, 1), noise)
-    shape = theta.shape[:2]
+    shape, (steps, walkers, _) = theta.shape[:2], history.chains[0].shape
+    same = ("ess", "rhat", "tau", "acceptance", "seconds", "converged", "text")
+    diagnostics = Diagnostics(
+        parameters=(*density.names, *density.parameters),
+        steps=steps,
+        walkers=walkers,
+        ensembles=len(history.chains),
+        **{name: getattr(history, name) for name in same},
+    )
     chains = replace(
         below,
         sampler="raw",
@@ -192,29 +189,12 @@ def _sampled(ready: Prepared, density: Density, history: History, below: Chains)
         log_density=np.array([_thinned(part[..., None])[:, 0] for part in history.log_prob]),
         log_likelihood=scored.log_likelihood.reshape(*shape, -1),
         predicted=scored.predicted.reshape(*shape, -1),
-        diagnostics=_diagnosed(history, (*density.names, *density.parameters)),
+        diagnostics=diagnostics,
         interpolation_error=0.0,
     )
     chosen = np.linspace(0, len(noise) - 1, NOISE_DRAWS if density.d else 1).astype(int)
     return Sampled(
         chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
-    )
-
-
-def _diagnosed(history: History, parameters: tuple[str, ...]) -> Diagnostics:
-    steps, walkers, _ = history.chains[0].shape
-    return Diagnostics(
-        parameters=parameters,
-        ess=history.ess,
-        rhat=history.rhat,
-        tau=history.tau,
-        acceptance=history.acceptance,
-        steps=steps,
-        walkers=walkers,
-        ensembles=len(history.chains),
-        seconds=history.seconds,
-        converged=history.converged,
-        text=history.text,
     )
 
 
@@ -234,45 +214,17 @@ def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
     start = time.perf_counter()
     walkers = limits.walkers or walkers_for(len(target.names))
     samplers = [sampler_of(target, walkers) for _ in range(limits.ensembles)]
-    for sampler, seed in zip(
-        samplers, np.random.SeedSequence(limits.seed).spawn(limits.ensembles), strict=True
-    ):
-        state = target.start(np.random.default_rng(seed), walkers)
-        sampler.random_state = np.random.RandomState(seed.generate_state(4)).get_state()
-        sampler.run_mcmc(state, FIRST, skip_initial_state_check=True)
+    seeds = np.random.SeedSequence(limits.seed).spawn(limits.ensembles)
+    for sampler, seed in zip(samplers, seeds, strict=True):
+        advance(sampler, target, seed, FIRST)
     while True:
         seconds = time.perf_counter() - start
-        done = _judged(target, samplers, seconds, limits)
+        done = judged(target, samplers, seconds, limits, dropped=0.0)
         if done.converged or seconds > limits.time_limit:
             return done
         tell(f"{counted(len(done.chains[0]), 'step')} on every row, {done.text}")
-        _turn(samplers, start + limits.time_limit)
-
-
-def _turn(samplers: Sequence[Any], deadline: float) -> None:
-    """Give every ensemble the same number of steps, unless the time is up before."""
-    for _ in range(TURN):
-        for sampler in samplers:
-            sampler.run_mcmc(None, 1, skip_initial_state_check=True)
-        if time.perf_counter() > deadline:
-            return
-
-
-def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Limits) -> History:
-    """What the chains are so far."""
-    chains = tuple(sampler.get_chain() for sampler in samplers)
-    readable = [target.readable(chain) for chain in chains]
-    ess, tau = effective_size(readable)
-    rhat = split_rhat(readable)
-    missing = wanting(ess, rhat, tau, len(chains[0]), limits)
-    return History(
-        chains=chains,
-        log_prob=tuple(sampler.get_log_prob() for sampler in samplers),
-        ess=ess,
-        rhat=rhat,
-        tau=tau,
-        acceptance=float(np.mean([sampler.acceptance_fraction for sampler in samplers])),
-        seconds=seconds,
-        converged=not missing,
-        text=verdict(missing),
-    )
+        for _ in range(TURN):
+            for sampler, seed in zip(samplers, seeds, strict=True):
+                advance(sampler, target, seed, 1)
+            if time.perf_counter() - start > limits.time_limit:
+                break

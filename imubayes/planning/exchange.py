@@ -70,6 +70,10 @@ class Found:
     steps: Steps
     worth: float
 
+    def beats(self, other: Found) -> bool:
+        """Whether it is better than another plan."""
+        return self.worth < (1.0 - GAIN) * other.worth
+
 
 Move = Callable[[Problem, Found], Found]
 
@@ -94,11 +98,6 @@ def even_plan(problem: Problem, menu: int) -> Steps:
 
 def best_plan(problem: Problem, starts: Sequence[Steps] = ()) -> Found:
     """Find the best plan within the time.
-
-    Parameters
-    ----------
-    problem : candidates, aim and time.
-    starts : plans to start from beside the usual ones.
 
     Returns
     -------
@@ -162,13 +161,7 @@ def _spread(problem: Problem, menu: int) -> Steps:
 
 
 def improved(problem: Problem, plan: Found) -> Found:
-    """Improve a plan until no move makes it better.
-
-    Parameters
-    ----------
-    problem : says what is better, and within what time.
-    plan : within that time.
-    """
+    """Improve a plan until no move makes it better."""
     for _ in range(ROUNDS):
         before = plan
         for move in MOVES:
@@ -227,7 +220,7 @@ def time_moved(problem: Problem, plan: Found) -> Found:
     together = [least[:count] for count in TOGETHER if count < len(least)]
     for out in (*alone, *together):
         better = filled(problem, tuple(s for k, s in enumerate(plan.steps) if k not in out))
-        if _is_better(better, plan):
+        if better.beats(plan):
             return better
     return plan
 
@@ -242,7 +235,7 @@ def dwells_changed(problem: Problem, plan: Found) -> Found:
                 new = Step(old.menu, old.setting, dwell)
                 steps = _shortened(problem, (*plan.steps[:slot], new, *plan.steps[slot + 1 :]), new)
                 better = filled(problem, steps)
-                if duration(problem, steps) <= problem.limit and _is_better(better, plan):
+                if duration(problem, steps) <= problem.limit and better.beats(plan):
                     return better
     return plan
 
@@ -260,7 +253,7 @@ def mounts_changed(problem: Problem, plan: Found) -> Found:
     """Leave a mount out, and spend its time anew."""
     for block in dict.fromkeys(_mount(problem, step) for step in plan.steps):
         better = filled(problem, tuple(s for s in plan.steps if _mount(problem, s) != block))
-        if _is_better(better, plan):
+        if better.beats(plan):
             return better
     return plan
 
@@ -334,9 +327,10 @@ def _promised(problem: Problem, steps: Steps, slot: int, E: FloatArray, d: Float
     E : (steps, k) directions e, zero outside of the run.
     d : (k, c) changes.
     """
-    menu, part, first = _run_of(steps, slot, problem)
+    run = [k for k, step in enumerate(steps) if step.menu == steps[slot].menu]
+    menu, part = problem.menus[steps[slot].menu], [steps[k] for k in run]
     W, S = whitening(menu, part), root(problem, steps)
-    G, We = problem.aim.G @ S, W @ E[first : first + len(part)]
+    G, We = problem.aim.G @ S, W @ E[run]
     a = (We.T @ whitened(menu, part)) @ S
     U = np.stack((a, d @ S), axis=2)
     K = np.swapaxes(U, 1, 2) @ U
@@ -361,16 +355,6 @@ def _promised_without(problem: Problem, steps: Steps) -> FloatArray:
     return np.concatenate([np.empty(0), *worths])
 
 
-def _run_of(steps: Steps, slot: int, problem: Problem) -> tuple[Menu, list[Step], int]:
-    """Menu and steps of the run that a slot is in, and the slot of its first step."""
-    first = 0
-    for k, part in runs_of(steps):
-        if slot < first + len(part):
-            return problem.menus[k], part, first
-        first += len(part)
-    raise IndexError(slot)
-
-
 def _promising(promised: FloatArray, now: float) -> list[int]:
     """Numbers of the best few of those that promise to be better."""
     best = np.argsort(promised)[:SHORTLIST]
@@ -391,10 +375,6 @@ def _mount(problem: Problem, step: Step) -> tuple[int, int]:
 def _first_better(problem: Problem, plan: Found, candidates: Iterable[Steps]) -> Found:
     for steps in candidates:
         other = Found(steps, worth(problem, steps))
-        if _is_better(other, plan):
+        if other.beats(plan):
             return other
     return plan
-
-
-def _is_better(other: Found, plan: Found) -> bool:
-    return other.worth < (1.0 - GAIN) * plan.worth

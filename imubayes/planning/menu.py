@@ -102,7 +102,7 @@ class Bench:
 def bench_columns(study: PlanStudy) -> Bench:
     """Columns of everything that could be done, and what is known already."""
     spec = study.spec
-    plans = tuple(replace(_menu_plan(offer), name=offer.spec.name) for offer in study.offers)
+    plans = tuple(replace(_candidates(offer), name=offer.spec.name) for offer in study.offers)
     runs = [Run(plan.name, plan.procedure, plan.inputs, own_input(plan, spec)) for plan in plans]
     done, ready = _done(study)
     kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
@@ -131,7 +131,7 @@ def own_input(plan: Plan, spec: SensorSpec) -> FloatArray:
     return plan.inputs.channels.get(spec.library.own, np.zeros(len(plan.inputs)))
 
 
-def _menu_plan(offer: Offer) -> Plan:
+def _candidates(offer: Offer) -> Plan:
     given = dict(offer.spec.simulate or {})
     return menu_of(PROFILES[str(given.pop("profile"))], given)
 

@@ -120,11 +120,6 @@ class Proposal:
 def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda message: None) -> Proposal:
     """Find the best plan within the time.
 
-    Parameters
-    ----------
-    study : as `config.plan_tables.plan_study` gives it.
-    progress : is told what goes on.
-
     Raises
     ------
     InputError : if the candidates tell nothing of a needed term, or the time is too short.
@@ -283,12 +278,6 @@ def rehearsed(problem: Problem, steps: Sequence[Step], units: int, rng: np.rando
     Units and benches are drawn from the prior. Every noise process of every run is drawn sample by sample;
     samples, and not the means of dwells that a plan is weighed by, are whitened and fitted. What was known
     before counts as drawn with the prior.
-
-    Parameters
-    ----------
-    problem, steps : plan.
-    units : how many.
-    rng : draws units, benches and noise.
     """
     c = len(problem.start)
     known = problem.start

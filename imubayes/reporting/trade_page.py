@@ -222,7 +222,16 @@ def trade_json(found: Traded) -> str:
         "good_enough": allowed(found.floor[0]),
         "rungs": [asdict(place) for place in found.places],
         "scores": [asdict(one) for one in found.scores],
-        "components": [_standing_values(standing) for standing in found.standings],
+        "components": [
+            {
+                "id": one.subject,
+                "best": one.best,
+                "monte_carlo_floor": dict(zip(("largest", "rms"), one.floor, strict=True)),
+                "skipped": dict(one.skipped),
+                "rungs": [_measured_values(measured) for measured in one.measured],
+            }
+            for one in found.standings
+        ],
         "machine": asdict(found.machine),
         "seconds": found.seconds,
         "provenance": {
@@ -232,16 +241,6 @@ def trade_json(found: Traded) -> str:
         },
     }
     return json_text(document)
-
-
-def _standing_values(standing: Standing) -> dict[str, Any]:
-    return {
-        "id": standing.subject,
-        "best": standing.best,
-        "monte_carlo_floor": dict(zip(("largest", "rms"), standing.floor, strict=True)),
-        "skipped": dict(standing.skipped),
-        "rungs": [_measured_values(one) for one in standing.measured],
-    }
 
 
 def _measured_values(one: Measured) -> dict[str, Any]:

@@ -111,7 +111,7 @@ def _quicker(job: _Job, case: Sequence[CaseRun], runs: Sequence[AnyRun]) -> str:
         return ""
     size, law = size_of(problem_of(job.spec, runs)), known_law()
     rung = within(SHORT, size, law)
-    seconds = foreseen(rung, size, law).seconds
+    seconds = foreseen(rung, size, law)
     return f'--budget "{SHORT:g} s" would answer by the method {rung}, in about {math.ceil(seconds)} s'
 
 

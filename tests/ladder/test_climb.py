@@ -23,7 +23,7 @@ def test_a_budget_takes_the_best_rung_that_fits_and_no_other():
     assert choice.climbed == ()
     assert "dwell means" not in told
     assert choice.next_rung == "averaged"
-    assert choice.foreseen == foreseen("plug-in", size_of(one), REFERENCE).seconds <= 0.25
+    assert choice.foreseen == foreseen("plug-in", size_of(one), REFERENCE) <= 0.25
     assert choice.seconds >= found.seconds
     assert choice.asked == "a budget of 0.25 s"
 

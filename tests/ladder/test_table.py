@@ -47,14 +47,10 @@ def test_what_a_scene_requires_of_the_best_rung_does_not_differ_from_itself():
     seen = {"shaken": exposure(mission().scene, one.library, mission().budget)}
     p = len(one.library.terms)
     big, none = (np.tile(np.where(np.arange(p) == 0, size, 0.0), (4, 1)) for size in (1.0, 0.0))
-    shape = {
-        "names": one.library.names,
-        "inclusion": np.ones(p),
-        "limit95": np.ones(p),
-        "prior_sd": np.ones(p),
-    }
-    shape |= {key: np.zeros(p) for key in ("mean", "full_mean", "monte_carlo")}
-    shape |= {"full_sd": np.ones(p), "verdicts": ("needed",) * p}
+    ones, zeros = np.ones(p), np.zeros(p)
+    shape = {"names": one.library.names, "verdicts": ("needed",) * p, "full_sd": ones}
+    shape |= {"inclusion": ones, "limit95": ones, "prior_sd": ones}
+    shape |= {"mean": zeros, "full_mean": zeros, "monte_carlo": zeros}
     pair = [told("means", draws=none, **shape), told(draws=big, **shape)]
     means, best = (found.difference.scenes[0] for found in table.standing_of("a", pair, seen).measured)
     assert best.terms == ()

@@ -115,7 +115,7 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
     before, started, due = kept.seconds if kept else 0.0, time.perf_counter(), 0.0
     while True:
         elapsed = time.perf_counter() - started
-        done = _judged(target, samplers, before + elapsed, limits)
+        done = judged(target, samplers, before + elapsed, limits)
         if why := _hopeless(done, samplers[0].iteration, elapsed, limits):
             done = replace(done, text=f"{done.text}; {why}")
         ended = done.converged or bool(why) or (elapsed > limits.time_limit and len(done.chains[0]) > 1)
@@ -127,16 +127,16 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
             return done
         progress(_message(done, limits, elapsed))
         for sampler, seed in zip(samplers, seeds, strict=True):
-            _advance(sampler, target, seed)
+            advance(sampler, target, seed, _turn(sampler.iteration))
 
 
-def _advance(sampler: Any, target: Target, seed: np.random.SeedSequence) -> None:
-    """Run one turn of an ensemble, from its last state or from the start."""
+def advance(sampler: Any, target: Target, seed: np.random.SeedSequence, steps: int) -> None:
+    """Run some steps of an ensemble, from its last state or from the start."""
     state = None
     if sampler.iteration == 0:
         state = target.start(np.random.default_rng(seed), sampler.nwalkers)
         sampler.random_state = np.random.RandomState(seed.generate_state(4)).get_state()
-    sampler.run_mcmc(state, _turn(sampler.iteration), skip_initial_state_check=True)
+    sampler.run_mcmc(state, steps, skip_initial_state_check=True)
 
 
 def _turn(steps: int) -> int:
@@ -145,8 +145,10 @@ def _turn(steps: int) -> int:
     return min(doubled, MOST_AT_ONCE)
 
 
-def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Limits) -> History:
-    """What the chains are so far."""
+def judged(
+    target: Target, samplers: Sequence[Any], seconds: float, limits: Limits, dropped: float = DROPPED
+) -> History:
+    """What the chains are so far, without the share that is dropped at their start."""
     steps = min(sampler.iteration for sampler in samplers)
     d = len(target.names)
     if steps == 0:
@@ -154,7 +156,7 @@ def _judged(target: Target, samplers: Sequence[Any], seconds: float, limits: Lim
         return History(
             (empty,), (empty[..., 0],), nothing, nothing + np.inf, nothing, 0.0, seconds, False, ""
         )
-    drop = int(DROPPED * steps)
+    drop = int(dropped * steps)
     chains = tuple(sampler.get_chain()[drop:] for sampler in samplers)
     readable = [target.readable(chain) for chain in chains]
     ess, tau = effective_size(readable)

@@ -151,15 +151,7 @@ class Measured:
 
 
 def measured(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]) -> Measured | None:
-    """Measure a rung in a new process; None where the process did not survive it.
-
-    Parameters
-    ----------
-    problem : of the component.
-    rung : by name.
-    limits : of chains.
-    seed : of whatever is drawn; chains have one of their own from it.
-    """
+    """Measure a rung in a new process; None where the process did not survive it."""
     found = elsewhere(here, problem, rung, limits, seed)
     return None if isinstance(found, Lost) else found
 
@@ -173,13 +165,12 @@ def here(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]
     while len(times) < TURNS and sum(seconds for seconds, _ in times) < ENOUGH:
         times.append([*turn()[2:]])
     seconds, processor_seconds = min(times)
-    ahead = None if rung == NAMES[-1] else foresee(ground, answer)
     return replace(
         measured_of(answer, limits.ess, np.random.default_rng([*seed, 1])),
         seconds=seconds,
         processor_seconds=processor_seconds,
         memory=memory,
-        foreseen=(ahead.coefficients, ahead.inclusions) if ahead else (math.nan, math.nan),
+        foreseen=(math.nan, math.nan) if rung == NAMES[-1] else foresee(ground, answer)[0],
     )
 
 
@@ -204,14 +195,7 @@ def _small_problem() -> Problem:
 
 
 def measured_of(answer: Answer, ess: float, rng: np.random.Generator) -> Measured:
-    """Keep of an answer what others compare.
-
-    Parameters
-    ----------
-    answer : of any rung.
-    ess : effective sample size that was asked of the chains.
-    rng : draws from the posterior.
-    """
+    """What others compare of an answer; `ess` was asked of chains, `rng` draws from the posterior."""
     terms, diagnostics = answer.selection.terms, answer.chains.diagnostics if answer.chains else None
     reached, wanting = float(diagnostics.ess.min()) if diagnostics else math.inf, 1.0
     if diagnostics and not answer.converged:
@@ -272,13 +256,7 @@ def best_of(found: Sequence[Measured]) -> Measured:
 def difference(
     one: Measured, best: Measured, needs: Mapping[str, Relevance], best_needs: Mapping[str, Relevance]
 ) -> Difference:
-    """Hold what a rung says against what the best says.
-
-    Parameters
-    ----------
-    one, best : on the same runs.
-    needs, best_needs : what each scene requires by either.
-    """
+    """Hold what a rung says against the best on the same runs, and what each scene requires by either."""
     asked = best.tested
     apart = np.maximum(np.abs(one.mean - best.mean), np.abs(one.full_mean - best.full_mean)) / best.full_sd
     away = np.where(asked, apart, 0.0)

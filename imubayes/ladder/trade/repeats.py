@@ -50,14 +50,7 @@ class Repeat:
 def afforded(
     seconds: Mapping[RungName, float], repeats: int, left: float, processes: int
 ) -> dict[RungName, int]:
-    """How many repeats each rung answers, the cheapest first.
-
-    Parameters
-    ----------
-    seconds : that each rung takes, from the cheapest rung to the best.
-    repeats : that are asked for.
-    left : s.
-    processes : that share them.
+    """How many repeats each rung answers in the seconds that are left, the cheapest first.
 
     Examples
     --------
@@ -75,14 +68,7 @@ def afforded(
 
 
 def drawn(subject: Subject, best: Measured | None, number: int) -> Repeat:
-    """Draw a sensor: a further unit of a lot, or a draw of the component's posterior.
-
-    Parameters
-    ----------
-    subject : to be repeated.
-    best : whose posterior is drawn from; None for a unit of a lot.
-    number : of the draw.
-    """
+    """Draw a sensor: a further unit of a lot, or a draw of the component's posterior by its best rung."""
     if subject.lot is not None:
         return Repeat(subject.name, number + 1, subject.lot.theta[number + 1])
     if best is None:
@@ -96,16 +82,7 @@ def drawn(subject: Subject, best: Measured | None, number: int) -> Repeat:
 def answered(
     one: Repeat, subject: Subject, rungs: Iterable[RungName], limits: Limits, seed: tuple[int, ...]
 ) -> Repeat:
-    """Simulate a sensor's tests, and let rungs answer, which share what they have in common.
-
-    Parameters
-    ----------
-    one : sensor.
-    subject : that it repeats.
-    rungs : from the cheapest.
-    limits : of chains.
-    seed : of noise, errors of the bench, and whatever the rungs draw.
-    """
+    """Simulate a sensor's tests, and let rungs answer, which share what they have in common."""
     rng, rungs_rng, kept = (np.random.default_rng([*seed, k]) for k in range(3))
     if subject.lot is not None:
         problem = unit_of(subject.lot, one.number, subject.problem.spec, rng)

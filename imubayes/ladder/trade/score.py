@@ -71,15 +71,7 @@ class Score:
 
 
 def score(rung: RungName, repeats: Sequence[Repeat], costs: Costs, exposed: Exposed) -> Score | None:
-    """Score a rung over the repeats that it answered; None where there are none.
-
-    Parameters
-    ----------
-    rung : by name.
-    repeats : of all components.
-    costs : of wrong choices.
-    exposed : what each scene makes of the terms, by component.
-    """
+    """Score a rung over the repeats that it answered; None where there are none."""
     pairs = [(one, found) for one in repeats for found in one.answers if found.rung == rung]
     if not pairs:
         return None

@@ -182,15 +182,7 @@ def with_options(
 
 
 def unit_of(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> Problem:
-    """Problem of one unit of a lot after its campaign, on a bench with errors.
-
-    Parameters
-    ----------
-    lot : that it is of.
-    number : in the lot.
-    spec : of any unit of the class.
-    rng : draws the errors of the bench and the noise.
-    """
+    """Problem of one unit of a lot after its campaign, on a bench with errors; `spec` is of any unit."""
     own = replace(spec, truth=lot.truth(number))
     return problem_of(own, simulate_unit(own, lot, number, rng))
 

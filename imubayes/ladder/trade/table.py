@@ -157,11 +157,6 @@ class Traded:
 def measure(trade: Trade, *, progress: Progress = lambda message: None) -> Traded:
     """Measure the rungs.
 
-    Parameters
-    ----------
-    trade : what is asked (see `imubayes.ladder.trade.subjects`).
-    progress : is told what goes on.
-
     Raises
     ------
     InputError : if a component's runs cannot be used, or the time is too short for any rung.
@@ -230,8 +225,8 @@ def _least_seconds(rung: RungName, size: Size, law: CostLaw) -> float:
     Chains on every row end when their time is up; around them they take what two rungs of chains do.
     """
     if rung == "raw":
-        return START + 2.0 * foreseen("full", size, law).seconds
-    return START + foreseen(rung, size, law).seconds
+        return START + 2.0 * foreseen("full", size, law)
+    return START + foreseen(rung, size, law)
 
 
 def _standing(
@@ -270,15 +265,7 @@ def standing_of(
     exposed: Mapping[str, Exposure],
     skipped: Sequence[tuple[RungName, str]] = (),
 ) -> Standing:
-    """Hold the rungs on one component against the best of them.
-
-    Parameters
-    ----------
-    name : of the component.
-    found : the rungs, from the cheapest.
-    exposed : what each scene makes of its terms.
-    skipped : rungs that were not measured.
-    """
+    """Hold the rungs on one component against the best of them."""
     best = best_of(found)
     needs = {one.rung: required(exposed, one) for one in found}
     # a difference of two answers has the errors of both
@@ -354,12 +341,8 @@ def allowed(floor: float) -> float:
 def front(found: Sequence[Place], floor: float) -> tuple[RungName, ...]:
     """Rungs that no other beats in time without being worse; errors below the floor are all the same.
 
-    The error is that of the worst coefficient, by which rungs are recommended.
-
-    Parameters
-    ----------
-    found : from the cheapest rung.
-    floor : largest Monte Carlo error of a difference.
+    The error is that of the worst coefficient, by which rungs are recommended; the floor is the largest Monte
+    Carlo error of a difference.
     """
     kept, lowest = list[RungName](), math.inf
     for one in sorted(found, key=lambda place: place.whole_seconds):
@@ -371,13 +354,7 @@ def front(found: Sequence[Place], floor: float) -> tuple[RungName, ...]:
 
 
 def faults(place: Place, one: Score | None, floor: float) -> Iterator[str]:
-    """Why a rung is not good enough, in words; nothing if it is.
-
-    Parameters
-    ----------
-    place, one : of the rung on the study's own data, and on simulated repeats where it answered any.
-    floor : largest Monte Carlo error of a difference.
-    """
+    """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
     if place.largest > allowed(floor):
         yield f"a coefficient is off by {place.largest:.2g} posterior sd"
     if place.inclusion > SURE:
