@@ -69,14 +69,9 @@ class TermInClass:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassInCommon:
-    """What the units of a class have in common.
+    """What the units of a class have in common: each term for all axes of a triad together, then for each.
 
-    Attributes
-    ----------
-    class_id, kind : of the units.
-    units, sessions : names.
-    components : of a triad; one empty name for single components.
-    terms : each term for all axes of a triad together, then for each of them.
+    The components of single sensors have one empty name.
     """
 
     class_id: str
@@ -161,16 +156,10 @@ def _likelihoods(rows: Sequence[SessionEstimate], sessions: Sequence[str]) -> Li
 
 
 def pooled_inclusion(selections: Sequence[Selection]) -> Mapping[str, float]:
-    """Inclusion of each term in a model that several components share.
+    """Inclusion of each term in a model that several components of one kind share, by name.
 
-    Parameters
-    ----------
-    selections : of components of one kind, whose terms have the same names.
-
-    Returns
-    -------
-    inclusion of each term that is weighed in all of them, by name; empty where one of them has so many terms
-    that its models were searched for, and not all weighed.
+    Of the terms that are weighed in all of them; empty where one of them has so many terms that its models
+    were searched for, and not all weighed.
     """
     weighed = [
         (one.models, dict(zip(one.columns, (term.name for term in one.terms), strict=True)))

@@ -99,16 +99,7 @@ class FleetAnswer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FleetResult:
-    """Result of a study of a fleet.
-
-    Attributes
-    ----------
-    study : that was run.
-    answer : what the units say together.
-    engine : who did the work, in words.
-    resumed : units whose records were there already.
-    seconds : that it took.
-    """
+    """Result of a study of a fleet, by whom it was done, and how many units were there already."""
 
     study: FleetStudy
     answer: FleetAnswer

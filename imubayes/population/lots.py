@@ -1,7 +1,8 @@
-"""A class-level study: lots of simulated units, put together and held against the truth."""
+"""A class-level study: lots of simulated units, put together, weighed in scenes, held against the truth."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,17 +11,21 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor
 from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.errors import UnobservableError
 from imubayes.inference.intervals import Share, frequency
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
-from imubayes.population.scenes import exposures, missions
 from imubayes.population.spreads import over_units, population
 from imubayes.rig.recordings import RunSpec
-from imubayes.scenes.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS, SURE, Exposure, Knowledge, Relevance, exposure, weigh
 from imubayes.sensors.catalogue import coupled
+from imubayes.sensors.equations.basic import TERMS, project
 from imubayes.sensors.lots import Lot, draw_lot
+from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Name
@@ -45,11 +50,8 @@ class LotStudy:
 
     Attributes
     ----------
-    title, seed : of the study.
-    kind : of all its sensors.
     classes : of the catalogue, in the order of the report.
     units : simulated of each class.
-    library : candidate terms, of every class.
     runs : the test campaign that each unit goes through, simulated.
     reference : sd in SI of each error of the test bench, by kind: drawn for each unit, and allowed for in its
         analysis.
@@ -57,8 +59,6 @@ class LotStudy:
     basic : whether the report asks what the twelve-parameter triad would cost.
     asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
         triad is enough, or what some classes need and others do not.
-    processes : that share the work.
-    path, text : of the file.
     """
 
     title: str
@@ -78,14 +78,50 @@ class LotStudy:
 
 
 @dataclass(frozen=True, slots=True)
-class Coverage:
-    """How many of the truths their 90 % intervals hold.
+class MissionTerm:
+    """One term of a class in one scene.
 
     Attributes
     ----------
-    held, of : count of them, and of all.
-    share : of the truths that are held, with its 90 % interval.
+    name : of the term.
+    rms : median over units of its rms effect on the output, SI.
+    share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
+    required : share of the units whose smallest model for the scene has it, shown by the test or not.
+    true_share : median over units of the share of the budget of the simulated truth.
     """
+
+    name: str
+    rms: float
+    share: Share
+    required: float
+    true_share: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionFound:
+    """A class in one scene.
+
+    Attributes
+    ----------
+    mission : name of the scene.
+    terms : every term of the library.
+    order : number of terms that a unit's own smallest model has: median and 90 % range over units.
+    within : share of the units for which a model within the budget was found.
+    noise_share : noise's share of the budget, median over units.
+    basic_share : median share of the budget that a triad of twelve parameters leaves; NaN where not asked.
+    """
+
+    mission: str
+    terms: tuple[MissionTerm, ...]
+    order: Share
+    within: float
+    noise_share: float
+    basic_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """How many of the truths their 90 % intervals hold: counts, and the share with its own interval."""
 
     held: int
     of: int
@@ -212,3 +248,93 @@ def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:
     """Count the truths that lie within their intervals."""
     held = sum(found.low <= truth <= found.high for found, truth in pairs)
     return Coverage(held, len(pairs), frequency(held, len(pairs)))
+
+
+def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
+    """Work out the effects of the library's terms in each scene, once for all classes."""
+    return tuple(exposure(m.scene, lib, m.budget, axis=m.axis) for m in scenes)
+
+
+def missions(
+    units: Sequence[Record], scenes: Sequence[Mission], exposed: Sequence[Exposure], *, basic: bool
+) -> tuple[MissionFound, ...]:
+    """Weigh the units of one class in every scene, with what each makes of the library's terms (`exposures`).
+
+    What the triad of twelve parameters leaves is worked out where `basic` asks for it.
+    """
+    pairs = zip(scenes, exposed, strict=True)
+    return tuple(_mission(units, mission, seen, basic) for mission, seen in pairs)
+
+
+def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: bool) -> MissionFound:
+    weighed = [weigh(seen, _knowledge(unit), noise=Noise(*unit.noise)) for unit in units]
+    limit = mission.budget.limit
+    left = [basic_left(seen, unit.mean, unit.draws) / limit for unit in units] if basic else [math.nan]
+    return MissionFound(
+        mission=mission.name,
+        terms=_terms(units, weighed, seen),
+        order=over_units([len(one.model) for one in weighed]),
+        within=float(np.mean([one.met for one in weighed])),
+        noise_share=float(np.median([math.hypot(*one.noise) for one in weighed])) / limit,
+        basic_share=float(np.median(left)),
+    )
+
+
+def _knowledge(unit: Record) -> Knowledge:
+    """What is known of a unit; its limits, and draws, are those of all models together."""
+    return Knowledge(unit.draws, unit.inclusion, np.quantile(np.abs(unit.draws), SURE, axis=0))
+
+
+def _terms(units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure) -> tuple[MissionTerm, ...]:
+    rms, share, kept = (
+        np.array([[value(term) for term in one.terms] for one in weighed])
+        for value in (lambda t: t.rms, lambda t: t.share[1], lambda t: t.kept)
+    )
+    true = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
+    return tuple(
+        MissionTerm(
+            name=name,
+            rms=float(np.median(rms[:, j])),
+            share=over_units(share[:, j]),
+            required=float(kept[:, j].mean()),
+            true_share=float(np.median(true[:, j])),
+        )
+        for j, name in enumerate(seen.lib.names)
+    )
+
+
+def basic_left(seen: Exposure, theta: FloatArray, draws: FloatArray) -> float:
+    """Size that the error of a triad of twelve parameters stays below in a scene with 95 %, SI of the budget.
+
+    Bias, scale and misalignment of the triad are those found, and take up what they can of the other terms'
+    rms over the scene. The error is what they leave, and what the test does not know of any term.
+
+    Parameters
+    ----------
+    seen : what the scene makes of the terms.
+    theta : (p,) coefficients that were found, SI.
+    draws : (m, p) of their posterior.
+    """
+    names = seen.lib.names
+    left = np.array([0.0 if name in TERMS else value for name, value in zip(names, theta, strict=True)])
+    for name, taken in _taken_up(seen, left).items():
+        left[names.index(name)] = -taken
+    return float(np.quantile(seen.budgeted.size(left + draws - theta), SURE))
+
+
+def _taken_up(seen: Exposure, others: FloatArray) -> dict[str, float]:
+    """What bias, scale and misalignment take up of the other terms.
+
+    A scene in which one of them does what others do as well has one less of them.
+    """
+    lib, R = seen.lib, seen.output.rows
+    columns, kept = np.pad(R, ((0, len(lib.terms) + 1 - len(R)), (0, 1))), list(TERMS)
+    while True:
+        alone = columns.copy()
+        for name in set(TERMS) - set(kept):
+            alone[:, lib.names.index(name)] = 0.0
+        try:
+            found = project(lib, others, Factor(lib.names, alone, 1))[1].coefficients
+            return {name: found[name] for name in kept}
+        except UnobservableError as error:
+            kept = [name for name in kept if name not in error.terms]

@@ -25,8 +25,8 @@ from imubayes.selection import verdicts
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.population.lots import MissionFound, MissionTerm
     from imubayes.population.records import Record
-    from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.population.spreads import PopulationTerm
     from imubayes.sensors.sensor_class import SensorClass
 
@@ -50,15 +50,9 @@ TIE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassFound:
-    """What the units of a class say of it.
+    """What the drawn units of a class say of it: one by one, by term, and by scene.
 
-    Attributes
-    ----------
-    sensor_class : which.
-    units : one by one.
-    terms : of the population.
-    order : number of needed terms a unit, median and 90 % range over units.
-    missions : by scene.
+    `order` is the number of needed terms of a unit, median and 90 % range over units.
     """
 
     sensor_class: SensorClass
@@ -69,12 +63,7 @@ class ClassFound:
 
 
 def of_class(term: PopulationTerm) -> str:
-    """Whether a class needs a term: what most of the units say whose tests tell, if half of them or more do.
-
-    Returns
-    -------
-    ``needed``, ``not needed`` or ``cannot tell``.
-    """
+    """Whether a class needs a term: what most of those units say whose tests tell."""
     if term.open >= HALF:
         return UNTOLD
     return NEEDED if term.needed.value + TIE >= HALF * (1.0 - term.open) else NOT_NEEDED
@@ -168,12 +157,7 @@ def unit_answer(told: Sequence[str]) -> str:
 
 
 def class_need(answers: Sequence[str], pooled: float | None) -> Need:
-    """Put the answers of the units of a class together.
-
-    Parameters
-    ----------
-    answers : of each unit.
-    pooled : inclusion in one model for all units; None where it was not weighed.
+    """Put the answers of the units of a class together (`Need`).
 
     Examples
     --------

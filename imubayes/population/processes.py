@@ -66,19 +66,13 @@ def shared(
     things: str,
     progress: Progress = lambda message: None,
 ) -> list[Found]:
-    """Do every job.
+    """Do every job: what `work` gives for each, in the order of the jobs, whatever the number of processes.
 
     Parameters
     ----------
     work : a module's own function, of a job's parts; called in another process unless there is only one.
-    jobs : arguments of each call.
     processes : that share the work; each leaves linear algebra to one thread.
     things : what a job is about, in words, for `progress`.
-    progress : is told how many are done, and how long the others will take.
-
-    Returns
-    -------
-    what `work` gives for each job, in the order of the jobs, whatever the number of processes.
 
     Raises
     ------
@@ -224,12 +218,9 @@ def _alone(held: Connection, one_thread: bool) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Engine:
-    """Who does the work.
+    """Who does the work: its name in words, and what takes a module's own function and each call's arguments.
 
-    Attributes
-    ----------
-    name : in words.
-    do : takes a module's own function and the arguments of each call, gives (index, result) as they are done.
+    That gives (index, result) as they are done.
     """
 
     name: str

@@ -191,17 +191,14 @@ class Unit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FleetStudy:
-    """A study of a fleet.
+    """A study of a fleet, as its file says.
 
     Attributes
     ----------
-    title, seed : of the study.
     spec : of every unit: class, library, campaign, errors of the bench.
     sensor_class : of every unit; it says how far units can differ.
-    units : of the fleet.
-    part : units that are worked off, and kept, together.
+    part : number of units that are worked off, and kept, together.
     processes : of this machine that share the work where no scheduler does.
-    path, text : of the file.
     """
 
     title: str

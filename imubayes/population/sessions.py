@@ -184,13 +184,7 @@ def arranged(
 def repeatability(estimates: Iterable[SessionEstimate]) -> tuple[Repeatability, ...]:
     """Compare the sessions of every parameter that a session excited.
 
-    Parameters
-    ----------
-    estimates : of all units, sessions, components and terms.
-
-    Returns
-    -------
-    in the order of the estimates: each term for all axes of a triad together, then for each of them. Terms
+    In the order of the estimates: each term for all axes of a triad together, then for each of them. Terms
     of which the data say too little are there, with ``told`` false.
 
     Raises

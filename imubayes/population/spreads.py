@@ -75,7 +75,6 @@ class PopulationTerm:
 
     Attributes
     ----------
-    name : of the term.
     needed : share of the units in which it is needed.
     open : share of the units whose test cannot tell, or leaves it undecided.
     mean, spread : of the population: a hierarchical posterior over units.
@@ -252,10 +251,7 @@ def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
     if sum(one.told for one in told) < FEWEST:
         return Spreads(*_errors(blocks))
     centres = [float(np.nanmean(one.value)) for one in told]
-    centred = [
-        Likelihoods(one.value - centre, one.noise, one.alias)
-        for one, centre in zip(told, centres, strict=True)
-    ]
+    centred = [replace(one, value=one.value - c) for one, c in zip(told, centres, strict=True)]
     grid = _explored(centred, scale)
     found = _of_sizes(grid, scatter_p(told), _errors(told))
     return found if len(blocks) > 1 else _with_mean(found, grid, told[0], centres[0])
@@ -263,20 +259,17 @@ def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
 
 def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
     """Median sd of a session's error by noise and by other coefficients; NaN where no session tells."""
-    known = [np.isfinite(one.value) for one in blocks]
-    noise = np.concatenate([one.noise[k] for one, k in zip(blocks, known, strict=True)])
-    alias = np.concatenate(
-        [np.linalg.norm(one.alias, axis=-1)[k] for one, k in zip(blocks, known, strict=True)]
-    )
+    known = [(one, np.isfinite(one.value)) for one in blocks]
+    noise = np.concatenate([one.noise[k] for one, k in known])
+    alias = np.concatenate([np.linalg.norm(one.alias, axis=-1)[k] for one, k in known])
     return (float(np.median(noise)), float(np.median(alias))) if len(noise) else (math.nan, math.nan)
 
 
 def _there(blocks: Sequence[Likelihoods]) -> tuple[bool, bool, bool]:
     """Whether the sessions tell of what a unit does by itself, of the units, and of what all do together."""
     known = [np.isfinite(one.value) for one in blocks]
-    own = any(bool(np.any(k.sum(axis=1) > 1)) for k in known)
-    common = any(int(np.sum(k.sum(axis=0) > 1)) > 1 for k in known)
-    return own, True, own and common
+    own = any(np.any(k.sum(axis=1) > 1) for k in known)
+    return own, True, own and any(np.sum(k.sum(axis=0) > 1) > 1 for k in known)
 
 
 def _explored(blocks: Sequence[Likelihoods], scale: float) -> _Grid:

@@ -46,9 +46,8 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.population.fleet import FleetResult
-    from imubayes.population.lots import LotResult
+    from imubayes.population.lots import LotResult, MissionFound, MissionTerm
     from imubayes.population.needs import ClassFound
-    from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.population.spreads import PopulationTerm
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Library

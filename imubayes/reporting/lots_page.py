@@ -82,9 +82,8 @@ from imubayes.sensors.catalogue import prior_sd
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.population.lots import Coverage, LotResult
+    from imubayes.population.lots import Coverage, LotResult, MissionFound, MissionTerm
     from imubayes.population.needs import ClassFound
-    from imubayes.population.scenes import MissionFound, MissionTerm
     from imubayes.reporting.lots_words import Said
     from imubayes.sensors.terms import Kind
 

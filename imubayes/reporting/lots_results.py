@@ -36,9 +36,8 @@ from imubayes.sensors.equations.standards import symbols
 
 if TYPE_CHECKING:
     from imubayes.population import fleet
-    from imubayes.population.lots import LotResult
+    from imubayes.population.lots import LotResult, MissionFound
     from imubayes.population.needs import ClassFound
-    from imubayes.population.scenes import MissionFound
 
 
 def lots_json(result: LotResult) -> str:

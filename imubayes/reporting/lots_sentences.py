@@ -37,9 +37,8 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots import Coverage, LotResult
+    from imubayes.population.lots import Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound
-    from imubayes.population.scenes import MissionFound
 
 MOST_TERMS = 8
 """Terms that a sentence names."""

@@ -34,10 +34,9 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import Mission
     from imubayes.inference.intervals import Share
     from imubayes.population.fleet import FleetResult, Pull
-    from imubayes.population.lots import LotResult
+    from imubayes.population.lots import LotResult, MissionTerm
     from imubayes.population.needs import ClassFound
     from imubayes.population.records import Broken
-    from imubayes.population.scenes import MissionTerm
     from imubayes.population.spreads import PopulationTerm
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind, Library

@@ -5,8 +5,8 @@ import pytest
 from lot_studies import shaken, small
 
 from imubayes.campaign.study import Mission
+from imubayes.population.lots import basic_left, exposures, missions
 from imubayes.population.records import Record
-from imubayes.population.scenes import basic_left, exposures, missions
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
 from imubayes.sensors.terms import columns

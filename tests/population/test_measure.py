@@ -5,8 +5,7 @@ import pytest
 from lot_studies import small
 
 from imubayes.inference.intervals import Share
-from imubayes.population.lots import check, lot_of, measure, unit_of
-from imubayes.population.scenes import exposures, missions
+from imubayes.population.lots import check, exposures, lot_of, measure, missions, unit_of
 from imubayes.population.spreads import population
 
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import beta
 
 from imubayes.inference.intervals import Share, frequency
+from imubayes.population.lots import MissionTerm
 from imubayes.population.needs import (
     CANNOT_TELL,
     NEEDED,
@@ -20,7 +21,6 @@ from imubayes.population.needs import (
     of_class,
     unit_answer,
 )
-from imubayes.population.scenes import MissionTerm
 from imubayes.population.spreads import PopulationTerm
 
 NOTHING = Share(0.0, 0.0, 0.0)

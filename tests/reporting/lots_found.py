@@ -8,10 +8,9 @@ import numpy as np
 
 from imubayes.campaign.study import Mission
 from imubayes.inference.intervals import Share
-from imubayes.population.lots import Check, Coverage, LotResult, LotStudy
+from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound, MissionTerm
 from imubayes.population.needs import ClassFound
 from imubayes.population.records import Record
-from imubayes.population.scenes import MissionFound, MissionTerm
 from imubayes.population.spreads import PopulationTerm
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
