@@ -22,7 +22,7 @@ from trades_found import traded
 from imubayes.campaign.study import StudyResult
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
-from imubayes.reporting.comparison.kinds import side_by_side
+from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.document import report_html
 from imubayes.reporting.fleet_page import fleet_page, terminal_fleet
 from imubayes.reporting.html import page_html

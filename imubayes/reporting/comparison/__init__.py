@@ -1,1 +1,47 @@
-"""Results side by side: what differs beyond uncertainty."""
+"""Results of any studies side by side: which comparison their kinds allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from imubayes.reporting.blocks import Page
+from imubayes.reporting.comparison.lots import lots_compared, lots_page, lots_record
+from imubayes.reporting.comparison.sensors import sensors_compared, sensors_page, sensors_record
+from imubayes.reporting.comparison.units import units_compared, units_page, units_record
+from imubayes.reporting.result.entries import SensorsResult
+from imubayes.reporting.result.file import no_result, read, written
+from imubayes.reporting.result.many import LotsResult
+
+KINDS = {
+    frozenset({SensorsResult}): (sensors_compared, sensors_page, sensors_record),
+    frozenset({LotsResult}): (lots_compared, lots_page, lots_record),
+}
+"""Comparison of results of one kind, its page, and its values; of others units are held against classes."""
+
+
+def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
+    """Compare results of studies: as a page, and as the values of its ``result.json``.
+
+    Parameters
+    ----------
+    paths : of files ``result.json``, or of their folders: of sensors, of classes, or of sensors and one of
+        their class.
+
+    Raises
+    ------
+    InputError : if they cannot be read, or their kinds cannot be compared.
+    """
+    files = [written(path) for path in paths]
+    for one in files:
+        if not {"lots", "sensors"} & one.raw.keys():
+            raise no_result(one.path, "it holds no sensors or classes")
+    results = [
+        read(one, LotsResult, "classes") if "lots" in one.raw else read(one, SensorsResult, "sensors")
+        for one in files
+    ]
+    kinds = frozenset(map(type, results))
+    compared, page, record = KINDS.get(kinds, (units_compared, units_page, units_record))
+    found = compared(files, results)
+    return page(found), record(found)

@@ -87,10 +87,9 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
         raise InputError(f"the results have no class in common ({classes}): there is nothing to compare")
     alone = [
         (label, name)
-        for name, members in aligned(tables).items()
+        for label, table in zip(labels, tables, strict=True)
+        for name in table
         if name not in shared
-        for label, one in zip(labels, members, strict=True)
-        if one
     ]
     return comparison(files, results, [_class(results, *one, labels) for one in shared.items()], alone)
 
@@ -99,12 +98,9 @@ def _class(
     results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...], labels: Sequence[str]
 ) -> Group:
     kind = results[0].lots.kind
-    scenes = aligned(
-        (
-            {scene.name: scene for scene in result.scenes if one and scene.sensor == name}
-            for result, one in zip(results, members, strict=True)
-        ),
-        least=2,
+    scenes = (
+        {scene.name: scene for scene in result.scenes if one and scene.sensor == name}
+        for result, one in zip(results, members, strict=True)
     )
     counts = [len(one.units) if one else 0 for one in members]
     return Group(
@@ -113,7 +109,9 @@ def _class(
         labels,
         members,
         {term: _term(term, values, members, labels) for term, values in terms_of(members).items()},
-        scenes=tuple(_scene(scene, found, counts, labels, kind) for scene, found in scenes.items()),
+        scenes=tuple(
+            _scene(scene, found, counts, labels, kind) for scene, found in aligned(scenes, least=2).items()
+        ),
     )
 
 

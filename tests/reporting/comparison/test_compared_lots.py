@@ -13,8 +13,8 @@ from published_found import FILE, a_result, a_sensor, a_term
 
 from imubayes.errors import InputError
 from imubayes.inference.intervals import Share
+from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.comparison.differences import LEVEL, QUANTILE, fisher
-from imubayes.reporting.comparison.kinds import side_by_side
 from imubayes.reporting.comparison.lots import lots_compared, lots_record, unit_of_term
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
 from imubayes.reporting.lots_results import lots_json, published_lots
