@@ -21,7 +21,6 @@ from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import CHUNK, Linear, block_edges, whole_parts
 from imubayes.inference.pieces import Pieces, stacked
-from imubayes.inference.stream_whitening import Carry, begin, padded, whiten_on
 from imubayes.inference.whiten import Processes, mattering, whiten, whitener
 from imubayes.rig.inputs import Part, Stream
 from imubayes.sensors.noise import Noise
@@ -159,6 +158,9 @@ def _whitened(
     stream: Stream, noise: Noise, parts: Processes, purpose: str
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
     """Whitened rows a tile at a time: number of the first, logs of their variances, and the table."""
+    # what is compiled is imported where a long file is read: a study is read without it
+    from imubayes.inference.stream_whitening import Carry, begin, whiten_on
+
     carry: Carry | None = None
     for first, t, duration, table in _tiles(stream, purpose):
         if carry is None:
@@ -184,6 +186,8 @@ def _tiles(stream: Stream, purpose: str) -> Iterator[tuple[int, FloatArray, Floa
 
     The table is used again for the next tile.
     """
+    from imubayes.inference.stream_whitening import padded
+
     p = len(stream.library.names)
     whole = np.zeros((TILE, padded(p + 1)))
     for part in stream.parts(purpose):

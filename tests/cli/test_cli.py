@@ -48,8 +48,12 @@ def study(tmp_path) -> Path:
     return path
 
 
-def test_help_imports_nothing_heavy():
-    script = f"import sys, imubayes.cli; print(*({HEAVY!r} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [("imubayes.cli", HEAVY), ("imubayes.study.schema", {"arviz", "emcee", "matplotlib", "numba"})],
+)
+def test_help_and_a_study_that_is_read_import_nothing_heavy(module, heavy):
+    script = f"import sys, {module}; print(*({heavy!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
 
