@@ -32,7 +32,7 @@ from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.scene_words import published_scene
-from imubayes.reporting.standard_views import published_standards
+from imubayes.reporting.standard_views import standards
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -123,7 +123,7 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         runs=tuple(map(_run, sensor.runs)),
         digits=selection.digits,
         pooled_inclusion=sensor.pooled,
-        standards=published_standards(study, sensor),
+        standards=standards(study, sensor),
     )
 
 

@@ -49,7 +49,7 @@ from imubayes.reporting.rows import (
     term_rows,
 )
 from imubayes.reporting.scene_words import scene_section, scene_sentences
-from imubayes.reporting.standard_views import standard_section, standard_views
+from imubayes.reporting.standard_views import standard_section, standards
 from imubayes.reporting.words import answer as sensor_words
 from imubayes.reporting.words import averaged_text, sensor_groups, weighed_text
 from imubayes.units import counted
@@ -226,7 +226,8 @@ def _terms(one: Shown) -> Iterator[Block]:
     if sensor.calibration:
         yield _compensation(sensor)
     if one.figures:
-        yield from (standard_section(view, sensor.id) for view in standard_views(one.result.study, sensor))
+        found = standards(one.result.study, sensor)
+        yield from (standard_section(name, told, sensor) for name, told in found.items())
 
 
 def _term_cells(row: TermRow, digits: tuple[int, int]) -> tuple[Text, ...]:

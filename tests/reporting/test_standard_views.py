@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from block_readings import rows
 
 from imubayes.algebra.factor import factor_of
 from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
-from imubayes.reporting.standard_views import published_standards, standard_views
+from imubayes.reporting.standard_views import standard_section, standards
 from imubayes.rig.rotations import centrifuge
 from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import sensor
@@ -43,7 +44,7 @@ def study_of(make_study, make_sensor):
 
 
 def _values(result):
-    return published_standards(result.study, result.sensors[0])
+    return standards(result.study, result.sensors[0])
 
 
 @pytest.mark.parametrize(
@@ -83,9 +84,9 @@ def test_sd_carries_the_correlations_as_draws_do(study_of):
     p = standard("ieee1293", kind="accelerometer").from_general(
         dict(zip([t.name for t in terms], draws.T, strict=True))
     )
-    view = standard_views(result.study, one)[0]
+    found = standards(result.study, one)["ieee1293"]
     fields = {row.symbol: row.field for row in standard("ieee1293", kind="accelerometer").symbols}
-    tested = {row.found.symbol: row.found.sd for row in view.rows}
+    tested = {row["symbol"]: row["sd"] for row in found["values"]}
     for symbol in ("K0", "K2", "d_p"):
         # what the linearisation leaves out is of the order of the gain's variance, 1e-4
         assert tested[symbol] == pytest.approx(float(np.std(getattr(p, fields[symbol]))), rel=0.015)
@@ -93,9 +94,12 @@ def test_sd_carries_the_correlations_as_draws_do(study_of):
 
 def test_printed_value_is_in_the_unit_that_people_use(study_of):
     result = study_of("gyroscope", "fog_tactical")
-    (row,) = [r for r in standard_views(result.study, result.sensors[0])[0].rows if r.found.symbol == "D_F"]
-    assert row.size.unit == "deg/h"
-    assert float(row.size.sd) == pytest.approx(row.found.sd / factor("deg/h", like="rad/s"), rel=0.05)
+    (row,) = [r for r in _values(result)["ieee952"]["values"] if r["symbol"] == "D_F"]
+    section = [standard_section("ieee952", _values(result)["ieee952"], result.sensors[0])]
+    (printed,) = [cells for cells in rows(section) if cells[0] == "D_F"]
+    assert printed[2] == "°/h"
+    sd = float(printed[1].partition("± ")[2])
+    assert sd == pytest.approx(row["sd"] / factor("deg/h", like="rad/s"), rel=0.05)
 
 
 def test_terms_without_a_symbol_and_those_not_tested_are_said(study_of):
@@ -118,7 +122,7 @@ def test_every_symbol_of_the_standard_is_somewhere(study_of):
     one = replace(
         one, selection=replace(one.selection, terms=terms), correlation=one.correlation[np.ix_(kept, kept)]
     )
-    found = published_standards(replace(result.study, sensors=(spec,)), one)["ieee1293"]
+    found = standards(replace(result.study, sensors=(spec,)), one)["ieee1293"]
     assert "d_p" in found["absent"]
     told = [row["symbol"] for row in found["values"]] + [*found["untested"], *found["absent"]]
     symbols = [row.symbol for row in standard("ieee1293", kind="accelerometer").symbols if row.term]
@@ -130,7 +134,7 @@ def test_gain_that_is_not_positive_is_said_in_place_of_values(study_of):
     one = result.sensors[0]
     terms = tuple(replace(t, full_mean=-2.0) if t.name == "b1" else t for t in one.selection.terms)
     one = replace(one, selection=replace(one.selection, terms=terms))
-    found = published_standards(result.study, one)["ieee1293"]
+    found = standards(result.study, one)["ieee1293"]
     assert found["values"] == () and "gain" in found["trouble"]
     assert "gain" in report_html(replace(result, sensors=(one,)))
 
@@ -142,7 +146,7 @@ def test_values_take_over_what_dropped_terms_do_in_the_test_as_least_squares_on_
     plans = tumble(angles=8, dwell=2.0, rate=1.0), centrifuge([1, 5, 20], dwell=3.0, rate=1.0)
     X = np.vstack([columns(lib, plan.inputs.channels, len(plan.inputs)) for plan in plans])
     one = replace(one, drive=factor_of(X, np.zeros(len(X)), lib.names))
-    view = {view.id: view for view in standard_views(result.study, one)}[name]
+    view = standards(result.study, one)[name]
 
     mean = np.array([{t.name: t.full_mean for t in one.selection.terms}[n] for n in lib.names])
     inside = [n in {row.term for row in standard(name, kind="accelerometer").symbols} for n in lib.names]
@@ -152,15 +156,13 @@ def test_values_take_over_what_dropped_terms_do_in_the_test_as_least_squares_on_
     theta = dict(zip(np.array(lib.names)[inside].tolist(), mean[inside] + added, strict=True))
     expected = standard(name, kind="accelerometer").from_general(theta)
     fields = {row.symbol: row.field for row in standard(name, kind="accelerometer").symbols}
-    for row in view.rows:
-        assert row.found.value == pytest.approx(
-            getattr(expected, fields[row.found.symbol]), rel=1e-7, abs=1e-15
-        )
+    for row in view["values"]:
+        assert row["value"] == pytest.approx(getattr(expected, fields[row["symbol"]]), rel=1e-7, abs=1e-15)
     left = lost - X[:, inside] @ added
-    assert view.absorbed is not None
-    assert view.absorbed.rms == pytest.approx(np.sqrt(np.mean(lost**2)), rel=1e-9)
-    assert view.absorbed.left == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
-    assert f"{len(X):,} samples" in view.absorbed.inputs
+    assert view["absorbed"] is not None
+    assert view["absorbed"]["rms"] == pytest.approx(np.sqrt(np.mean(lost**2)), rel=1e-9)
+    assert view["absorbed"]["left"] == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
+    assert f"{len(X):,} samples" in view["absorbed"]["inputs"]
 
 
 def test_leaving_terms_out_costs_more_than_letting_the_triad_take_them_over(study_of):
@@ -169,10 +171,10 @@ def test_leaving_terms_out_costs_more_than_letting_the_triad_take_them_over(stud
     inputs = centrifuge([1, 5, 20], dwell=3.0, rate=1.0).inputs
     X = columns(lib, inputs.channels, len(inputs))
     one = replace(one, drive=factor_of(X, np.zeros(len(X)), lib.names))
-    basic = {view.id: view for view in standard_views(result.study, one)}["basic"]
-    assert basic.absorbed is not None
+    basic = standards(result.study, one)["basic"]
+    assert basic["absorbed"] is not None
     # 42 ug/g^2 over +-20 g
-    assert basic.absorbed.left < 0.9 * basic.absorbed.rms
+    assert basic["absorbed"]["left"] < 0.9 * basic["absorbed"]["rms"]
     assert "are left" in report_html(replace(result, sensors=(one,)))
 
 
