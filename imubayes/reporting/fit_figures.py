@@ -30,7 +30,7 @@ from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
     in_unit,
-    measured,
+    on_output,
     per_unit,
     pretty,
     probability,
@@ -172,9 +172,9 @@ def dependence_words(one: Dependence) -> str:
 
 def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
-    unit = OUTPUT_UNIT[kind]
-    size = in_unit(measured(one.size / per_unit(unit, OUTPUT_SI[kind]), 0.0, unit))
-    found = f"{size} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
+    found = (
+        f"{in_unit(on_output(one.size, kind))} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
+    )
     where = dependence_words(one)
     return draw(
         lambda axes: _paint_dependence(axes, one, kind),

@@ -10,15 +10,7 @@ from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting import fit_figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
 from imubayes.reporting.fit_figures import channel_of, dependence_words
-from imubayes.reporting.rounding import (
-    OUTPUT_SI,
-    OUTPUT_UNIT,
-    in_unit,
-    measured,
-    per_unit,
-    pretty,
-    probability,
-)
+from imubayes.reporting.rounding import in_unit, on_output, pretty, probability
 from imubayes.reporting.rows import fit_scale
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -269,21 +261,18 @@ def temperature_sentence(sensor: SensorResult) -> str:
 
 
 def _output(size: float, kind: Kind) -> str:
-    unit = OUTPUT_UNIT[kind]
-    return pretty(str(measured(size / per_unit(unit, OUTPUT_SI[kind]), 0.0, unit)))
+    return pretty(str(on_output(size, kind)))
 
 
 def dwell_sections(sensor: SensorResult) -> Iterator[Section]:
     """Dwells that are not trusted, in printed units."""
-    unit = OUTPUT_UNIT[sensor.kind]
-    size = per_unit(unit, OUTPUT_SI[sensor.kind])
     rows = [
         (
             dwell.run,
             f"{dwell.start:.6g}",
             f"{dwell.stop:.6g}",
             "> 99.9 %" if dwell.probability > 0.999 else f"{100.0 * dwell.probability:.1f} %",
-            in_unit(measured(dwell.offset / size, dwell.sd / size, unit)),
+            in_unit(on_output(dwell.offset, sensor.kind, dwell.sd)),
         )
         for dwell in sensor.distrusted[:MOST_DWELLS]
     ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, in_unit, measured, minus, per_unit
+from imubayes.reporting.rounding import in_unit, minus, on_output
 from imubayes.reporting.rows import own_names, sentence
 from imubayes.reporting.words import models_text
 from imubayes.selection.verdicts import listed
@@ -244,10 +244,7 @@ def unasked_sentences(unasked: Sequence[Unasked]) -> tuple[str, ...]:
 
 def reduced_sentence(reduced: Reduced, kind: Kind) -> str:
     """Say how small a model predicts the test as well as the whole posterior does."""
-    unit, si = OUTPUT_UNIT[kind], OUTPUT_SI[kind]
-    lost, budget = (
-        in_unit(measured(size / per_unit(unit, si), 0.0, unit)) for size in (reduced.lost, reduced.budget)
-    )
+    lost, budget = (in_unit(on_output(size, kind)) for size in (reduced.lost, reduced.budget))
     if not reduced.terms:
         return (
             f"No term is worth keeping for predictions: without any, {lost} rms is lost of {budget} allowed."

@@ -36,12 +36,14 @@ from imubayes.reporting.rounding import (
     pretty,
     signed,
 )
+from imubayes.reporting.rows import ENDS, noise_cells, noise_origin
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.noise_processes import NAMES
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.allan_fit import AllanFit
+    from imubayes.inference.summary import RunSummary
     from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
     from imubayes.selection.noise_found import NoiseFound
     from imubayes.sensors.terms import Kind
@@ -73,6 +75,13 @@ GLANCE = (
     " B bias instability, K random walk, Q quantization, R ramp, G Gauss-Markov process."
 )
 
+NOISE = (
+    "N is two-sided: a data sheet's one-sided noise density is √2 N. Ranges hold 90 % of the prior,"
+    " centred on the class's typical value; a data sheet's bias instability is often the lowest Allan"
+    " deviation, 0.664 B. A process that the data do not show has the limit that it stays below with 95"
+    " %."
+)
+
 SYMBOLS = ("N", "B", "K", "Q", "R", "G")
 
 
@@ -86,6 +95,37 @@ def process_units(kind: Kind) -> dict[str, tuple[str, str]]:
     """
     usual = dict(zip("NBK", zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True), strict=True))
     return usual | _FURTHER[kind] | {"G": (OUTPUT_UNIT[kind], OUTPUT_SI[kind]), "tau": ("s", "s")}
+
+
+def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
+    """N, B and K of each run; a run whose processes are told has its sizes there."""
+    weighed = {found.choice.run for found in sensor.processes}
+    runs = [run for run in sensor.runs if run.name not in weighed]
+    if runs:
+        rows = [_noise_cells(run, sensor) for run in runs]
+        units = zip("NBK", map(pretty, NOISE_UNITS[sensor.kind]), strict=True)
+        head = [text for letter, unit in units for text in (f"{letter}, {unit}", "class")]
+        yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
+    if drawn:
+        yield Prose(NOISE, "note")
+    yield from process_blocks(sensor, key, drawn=drawn)
+
+
+def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
+    """N, B and K of a run, each with the class's range that holds 90 % where there is a class."""
+    known = [""] * 3
+    if run.noise_prior:
+        units = zip(NOISE_UNITS[sensor.kind], NOISE_SI[sensor.kind], strict=True)
+        known = [
+            " to ".join(
+                str(measured(median * math.exp(z * sd) / per_unit(*unit), 0.0)) for z in (-ENDS, ENDS)
+            )
+            for (median, sd), unit in zip(run.noise_prior, units, strict=True)
+        ]
+    cells = noise_cells(run, sensor.kind, sensor.chains)
+    sizes = [f"{'below ' if limit else ''}{signed(cell)}" for cell, limit in cells]
+    both = zip(sizes, map(quiet, known), strict=True)
+    return (run.name, noise_origin(run, sensor.chains), *(text for pair in both for text in pair))
 
 
 def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:

@@ -8,8 +8,7 @@ import numpy as np
 
 import imubayes
 from imubayes.reporting.case_views import published_cases
-from imubayes.reporting.chain_views import published_choice
-from imubayes.reporting.evidence import exact_evidence
+from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.entries import (

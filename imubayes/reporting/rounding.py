@@ -145,13 +145,7 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
 
 
 def _as_fine(value: float, sd: str) -> str:
-    """Digits of a value down to the second one of `sd`.
-
-    Examples
-    --------
-    >>> _as_fine(24155.0, "2300"), _as_fine(-1.234, "0.21")
-    ('24200', '-1.23')
-    """
+    """Digits of a value down to the second one of `sd`."""
     return _fixed(value, len(sd.partition(".")[2]) or min(2 - len(sd), 0))
 
 
@@ -318,13 +312,7 @@ def minus(text: str) -> str:
 
 
 def superscript(exponent: int) -> str:
-    """Power of ten in raised digits.
-
-    Examples
-    --------
-    >>> superscript(-8)
-    '⁻⁸'
-    """
+    """Power of ten in raised digits."""
     return str(exponent).translate(_SUPERSCRIPT)
 
 
@@ -363,6 +351,13 @@ NOISE_SI: dict[Kind, tuple[str, str, str]] = {
     "accelerometer": ("m/s^2/sqrt(Hz)", "m/s^2", "m/s^2/sqrt(s)"),
     "gyroscope": ("rad/s/sqrt(Hz)", "rad/s", "rad/s/sqrt(s)"),
 }
+
+
+def on_output(size: float, kind: Kind, sd: float = 0.0) -> Measured:
+    """Size on the output, SI, with its sd if it has one, in ug or deg/h."""
+    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    return measured(size / unit, sd / unit, OUTPUT_UNIT[kind])
+
 
 CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "degC/min"}
 """Unit in which the range of an input channel is printed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,11 +14,10 @@ from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
     NOISE_SI,
     NOISE_UNITS,
-    OUTPUT_SI,
-    OUTPUT_UNIT,
     Measured,
     below,
     measured,
+    on_output,
     per_unit,
 )
 from imubayes.sensors.noise import allan_variance
@@ -95,16 +95,12 @@ def _term_row(term: TermVerdict, kind: Kind, labels: dict[str, str]) -> TermRow:
         size = measured(term.mean / unit, term.sd / unit, term.printed)
     elif shows == "limit":
         size = below(term.limit95 / unit, term.printed)
-    effect = _effect(term.effect, kind) if shows == "value" else None
+    effect = on_output(abs(term.effect), kind) if shows == "value" else None
     partners = dict.fromkeys(labels.get(name, name) for name in term.confounded_with)
     return TermRow(term, size, shows, effect, tuple(partners))
 
 
 _SHOWS = {"not needed": "limit", "inseparable": "shared", "unresolved": "none", "untested": "none"}
-
-
-def _effect(effect: float, kind: Kind) -> Measured:
-    return measured(abs(effect) / per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind]), 0.0, OUTPUT_UNIT[kind])
 
 
 def own_names(selection: Selection) -> dict[str, str]:
@@ -173,51 +169,26 @@ def sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
-@dataclass(frozen=True, slots=True)
-class NoiseRow:
-    """Noise of one run in data-sheet units.
+def noise_cells(
+    run: RunSummary, kind: Kind, chains: Chains | None = None
+) -> tuple[tuple[Measured, bool], ...]:
+    """N, B and K of a run in data-sheet units: by its chains where it was sampled.
 
-    Attributes
-    ----------
-    run, origin : name of the run, and how its noise is known.
-    cells : N, B, K; a value with its sd, or a limit.
-    is_limit : whether each cell is an upper limit (the data do not show this process).
-    expected : range of the class that holds 90 %, as (low, high) text; empty without a class.
+    Each with whether it is an upper limit, for the data do not show the process.
     """
-
-    run: str
-    origin: str
-    cells: tuple[Measured, Measured, Measured]
-    is_limit: tuple[bool, bool, bool]
-    expected: tuple[tuple[str, str], ...]
-
-    def texts(self) -> tuple[str, ...]:
-        """Cells in ASCII: ``N 59.0 +- 1.2 ug/sqrt(Hz)``, ``K below 0.5 ug/sqrt(s)``."""
-        pairs = zip("NBK", self.cells, self.is_limit, strict=True)
-        return tuple(f"{name} below {cell}" if limit else f"{name} {cell}" for name, cell, limit in pairs)
-
-
-def noise_row(run: RunSummary, kind: Kind, chains: Chains | None = None) -> NoiseRow:
-    """Noise of a run as its row in the noise table: by its chains where it was sampled."""
     units = NOISE_UNITS[kind]
     scales = [per_unit(unit, si) for unit, si in zip(units, NOISE_SI[kind], strict=True)]
     draws = noise_draws(run, chains)
-    if draws is None:
-        values = zip((run.noise.N, run.noise.B, run.noise.K), scales, run.noise_sd, units, strict=True)
-        told = [_noise_cell(value / scale, sd, unit) for value, scale, sd, unit in values]
-    else:
+    if draws is not None:
         parts = zip(draws.T, scales, units, strict=True)
-        told = [_sampled_cell(part / scale, unit) for part, scale, unit in parts]
-    (N, no_N), (B, no_B), (K, no_K) = told
-    origin = run.noise_origin if draws is None else "chains"
-    expected = tuple(
-        (
-            str(measured(median / scale * math.exp(-ENDS * sd), 0.0)),
-            str(measured(median / scale * math.exp(ENDS * sd), 0.0)),
-        )
-        for (median, sd), scale in zip(run.noise_prior, scales, strict=False)
-    )
-    return NoiseRow(run.name, origin, (N, B, K), (no_N, no_B, no_K), expected)
+        return tuple(_sampled_cell(part / scale, unit) for part, scale, unit in parts)
+    values = zip((run.noise.N, run.noise.B, run.noise.K), scales, run.noise_sd, units, strict=True)
+    return tuple(_noise_cell(value / scale, sd, unit) for value, scale, sd, unit in values)
+
+
+def noise_origin(run: RunSummary, chains: Chains | None) -> str:
+    """How the noise of a run is known."""
+    return run.noise_origin if noise_draws(run, chains) is None else "chains"
 
 
 def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:
@@ -245,10 +216,7 @@ def _sampled_cell(draws: FloatArray, unit: str) -> tuple[Measured, bool]:
 
 def noise_floor(sensor: SensorResult) -> Measured:
     """Lowest Allan deviation that the noise of any run allows within its duration, in ug or deg/h."""
-    lowest = min(_floor_of(run) for run in sensor.runs)
-    return measured(
-        lowest / per_unit(OUTPUT_UNIT[sensor.kind], OUTPUT_SI[sensor.kind]), 0.0, OUTPUT_UNIT[sensor.kind]
-    )
+    return on_output(min(map(_floor_of, sensor.runs)), sensor.kind)
 
 
 def _floor_of(run: RunSummary) -> float:
@@ -256,17 +224,13 @@ def _floor_of(run: RunSummary) -> float:
     return float(np.sqrt(allan_variance(run.noise, tau).min()))
 
 
-def range_texts(run: RunSummary, kind: Kind) -> tuple[tuple[str, str, str, str], ...]:
+def range_texts(run: RunSummary, kind: Kind) -> Iterator[tuple[str, str, str, str]]:
     """Ranges of a run as (channel, smallest, largest, unit) in units that people use."""
-    return tuple(_range_text(channel, ends, kind) for channel, ends in run.ranges.items())
-
-
-def _range_text(channel: str, ends: tuple[float, float], kind: Kind) -> tuple[str, str, str, str]:
-    unit, si = channel_unit(channel, kind)
-    scale, zero = factor(unit, like=si), offset(unit, si)
-    low, high = ((end - zero) / scale for end in ends)
-    half = max(abs(low), abs(high), 1e-12) / 2.0
-    return channel, measured(low, half).value, measured(high, half).value, unit
+    for channel, ends in run.ranges.items():
+        unit, si = channel_unit(channel, kind)
+        low, high = ((end - offset(unit, si)) / factor(unit, like=si) for end in ends)
+        half = max(abs(low), abs(high), 1e-12) / 2.0
+        yield channel, measured(low, half).value, measured(high, half).value, unit
 
 
 def channel_unit(channel: str, kind: Kind) -> tuple[str, str]:

@@ -21,6 +21,7 @@ from imubayes.reporting.rounding import (
     in_unit,
     measured,
     minus,
+    on_output,
     per_unit,
     pretty,
     share,
@@ -217,13 +218,13 @@ def _note(found: Relevance) -> str:
 
 
 def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
-    output, (unit, size) = OUTPUT_UNIT[found.kind], printed_unit(found)
+    unit, size = printed_unit(found)
     low, half, high = (share(value) for value in term.share)
     return (
         term.name,
         "" if symbol == "-" else minus(symbol),
         f"{term.inclusion:.3f}",
-        in_unit(measured(term.rms / per_unit(output, OUTPUT_SI[found.kind]), 0.0, output)),
+        in_unit(on_output(term.rms, found.kind)),
         in_unit(measured(term.effect / size, 0.0, unit)),
         half,
         quiet(low if low == high else f"{low} to {high}"),

@@ -18,6 +18,7 @@ from imubayes.reporting.rounding import (
     in_unit,
     measured,
     minus,
+    on_output,
     per_unit,
     pretty,
     signed,
@@ -83,9 +84,8 @@ def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:
         of_these = f"; of these {', '.join(needed)} {'is' if len(needed) == 1 else 'are'} needed"
         yield f"Without a symbol there: {', '.join(others)}{of_these if needed else ''}."
     if absorbed := found["absorbed"]:
-        unit, terms = absorbed["printed_unit"], absorbed["terms"]
-        scale = per_unit(unit, OUTPUT_SI[sensor.kind])
-        size, left = (in_unit(measured(absorbed[key] / scale, 0.0, unit)) for key in ("rms", "left"))
+        terms = absorbed["terms"]
+        size, left = (in_unit(on_output(absorbed[key], sensor.kind)) for key in ("rms", "left"))
         yield (
             f"What {', '.join(terms)} {'does' if len(terms) == 1 else 'do'} in this test,"
             f" {size} rms, the values above take over as well as they can, by least squares over"

@@ -21,7 +21,16 @@ from imubayes.reporting.fit_views import fit_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_words import class_sentences
-from imubayes.reporting.rows import MARKS, TermRow, bench_label, noise_row, own_groups, shortened, term_rows
+from imubayes.reporting.rows import (
+    MARKS,
+    TermRow,
+    bench_label,
+    noise_cells,
+    noise_origin,
+    own_groups,
+    shortened,
+    term_rows,
+)
 from imubayes.reporting.scene_words import scene_sentences
 from imubayes.reporting.session_views import session_sentence
 from imubayes.reporting.terminal import indented, printable
@@ -109,8 +118,9 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         yield from map(indented, unasked_sentences(sensor.panel.unasked))
     yield from map(indented, saturated({run.name: run.source for run in sensor.runs}))
     for run in sensor.runs[:MOST_RUNS]:
-        row = noise_row(run, sensor.kind, sensor.chains)
-        yield indented(f"noise, {row.run}: {', '.join(row.texts())} ({row.origin})")
+        cells = zip("NBK", noise_cells(run, sensor.kind, sensor.chains), strict=True)
+        told = ", ".join(f"{name} {'below ' if limit else ''}{cell}" for name, (cell, limit) in cells)
+        yield indented(f"noise, {run.name}: {told} ({noise_origin(run, sensor.chains)})")
     if len(sensor.runs) > MOST_RUNS:
         yield indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
     for found in sensor.processes[:MOST_RUNS]:

@@ -35,15 +35,18 @@ from imubayes.reporting.chain_views import (
 )
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import group_sentences, methods_sections
-from imubayes.reporting.noise_views import process_blocks
+from imubayes.reporting.noise_views import noise_blocks
 from imubayes.reporting.posterior import written_draws
-from imubayes.reporting.rounding import NOISE_UNITS, in_unit, minus, pretty, signed, superscript
+from imubayes.reporting.rounding import (
+    in_unit,
+    minus,
+    pretty,
+    superscript,
+)
 from imubayes.reporting.rows import (
-    NoiseRow,
     TermRow,
     fit_scale,
     noise_floor,
-    noise_row,
     own_groups,
     shortened,
     term_rows,
@@ -89,13 +92,6 @@ CHOICE = (
 POSTERIOR = (
     "Blue: mean and ± 2 sd of the posterior, in sds of the prior; grey: ± 2 sd of the prior. The nearer a"
     " term's line is to a dot, the more the test tells of it."
-)
-
-NOISE = (
-    "N is two-sided: a data sheet's one-sided noise density is √2 N. Ranges hold 90 % of the prior,"
-    " centred on the class's typical value; a data sheet's bias instability is often the lowest Allan"
-    " deviation, 0.664 B. A process that the data do not show has the limit that it stays below with 95"
-    " %."
 )
 
 
@@ -169,7 +165,7 @@ def sensor_section(one: Shown, *, answered: bool, listed: bool) -> Section:
         ("Is the calibration good?", "fit", "fit", _fit(one)),
         ("How sure is the choice?", "choice", "choice", _choice(one)),
         ("Posterior", "posterior", "posterior", _posterior(one)),
-        ("Noise", "noise", "noise", _noise(one)),
+        ("Noise", "noise", "noise", noise_blocks(sensor, one.anchor, drawn=bool(one.figures))),
     ]
     required = [found for owner, found in one.result.scenes if owner == sensor.id]
     if required:
@@ -342,28 +338,6 @@ def _posterior(one: Shown) -> Iterator[Block]:
     else:
         said = f"{draws:,} independent draws from the exact posterior are in posterior.nc."
     yield Prose(said, "note")
-
-
-def _noise(one: Shown) -> Iterator[Block]:
-    """N, B and K of each run; a run whose processes are told has its sizes there."""
-    sensor = one.sensor
-    weighed = {found.choice.run for found in sensor.processes}
-    runs = [run for run in sensor.runs if run.name not in weighed]
-    if runs:
-        rows = [_noise_cells(noise_row(run, sensor.kind, sensor.chains)) for run in runs]
-        units = zip("NBK", map(pretty, NOISE_UNITS[sensor.kind]), strict=True)
-        head = [text for letter, unit in units for text in (f"{letter}, {unit}", "class")]
-        yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
-    if one.figures:
-        yield Prose(NOISE, "note")
-    yield from process_blocks(sensor, one.anchor, drawn=bool(one.figures))
-
-
-def _noise_cells(row: NoiseRow) -> tuple[str, ...]:
-    known = [" to ".join(ends) for ends in row.expected] or [""] * len(row.cells)
-    below = ["below " if limit else "" for limit in row.is_limit]
-    sizes = zip(below, map(signed, row.cells), known, strict=True)
-    return (row.run, row.origin, *(text for word, size, ends in sizes for text in (word + size, quiet(ends))))
 
 
 def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
-from imubayes.reporting.evidence import exact_evidence
+from imubayes.reporting.chain_views import exact_evidence
 
 
 def test_exact_evidence_is_the_density_of_the_data_with_coefficients_and_noise_integrated(make_sampled):
