@@ -209,15 +209,6 @@ def test_static_log_that_the_others_lean_on_is_estimated(tmp_path):
     assert [run.noise.like for run in sensor.runs] == ["log", None]
 
 
-def test_run_may_not_lean_on_a_run_that_leans_on_another(tmp_path):
-    runs = [RUN.replace("tumble.csv", f"{a}.csv").replace('"tumble"', f'"{a}"', 1) for a in "abc"]
-    noise = ('noise = { run = "b" }\n', 'noise = { run = "c" }\n', "")
-    with pytest.raises(
-        StudyError, match=r"sensor\[0\].run\[0\].noise: run 'b' takes its noise from a run too"
-    ):
-        _read(tmp_path, HEAD + "".join(run + rule for run, rule in zip(runs, noise, strict=True)))
-
-
 def test_gravity_by_place_is_normal_gravity(tmp_path):
     free = RUN.replace('procedure = "tumble"', 'procedure = "free-tumble"')
     place = _sensor(tmp_path, HEAD + free + 'gravity = { latitude = "45.4 deg", height = "12 m" }\n')

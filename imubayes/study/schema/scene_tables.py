@@ -19,9 +19,22 @@ from imubayes.scenes.record import BODY, Scene, read_scene
 from imubayes.scenes.trajectories import MANNERS, generated
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import columns_of, located
-from imubayes.study.schema.shapes import Holds, Place, Table, Text, Texts, hint, key, quantity, shape, shaped
+from imubayes.study.schema.shapes import (
+    Holds,
+    Place,
+    Table,
+    Text,
+    Texts,
+    arguments,
+    hint,
+    key,
+    quantity,
+    shape,
+    shaped,
+    table_of,
+)
 from imubayes.study.schema.tables import Columns
-from imubayes.units import Seconds, quantities
+from imubayes.units import Key, Seconds, quantities
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T")
 """Channels of a log."""
@@ -36,6 +49,19 @@ _BUDGETS = {
     "minProperties": 1,
     "maxProperties": 1,
 }
+
+
+APPENDIX = table_of(
+    Appendix,
+    "AppendixTable",
+    "[[appendix]]",
+    needed="file",
+    more={
+        "file": Annotated[
+            Text, Key("CSV, UTF-8, commas: a line of headings and at most 200 rows", "speed.csv")
+        ]
+    },
+)
 
 
 @shape
@@ -178,16 +204,6 @@ def _is_free(table: SceneTable) -> bool:
     return table.file is None and manner is not None and manner.rest == 0.0
 
 
-@shape
-class AppendixTable:
-    """``[[appendix]]``."""
-
-    title: Text = key("heading", "Effective samples a second")
-    file: Text = key("CSV, UTF-8, commas: a line of headings and at most 200 rows", "speed.csv")
-    note: str = key("what it shows, in words", "Two cores.", "")
-    command: str = key("that made it", "pytest -m benchmark", "")
-
-
 def appendix(raw: object, folder: Path, place: Place) -> Appendix:
     """Check one table from elsewhere and read its file.
 
@@ -195,23 +211,22 @@ def appendix(raw: object, folder: Path, place: Place) -> Appendix:
     ------
     StudyError : naming the key or the file's line.
     """
-    table = shaped(AppendixTable, raw, place)
-    here = place.at("file")
-    lines = _lines(located(table.file, folder), table.file, here)
+    given, here = arguments(APPENDIX, raw, place), place.at("file")
+    file = given.pop("file")
+    lines = _lines(located(file, folder), file, here)
     if len(lines) < 2:
-        raise here.error(f"{table.file}: expected a line of headings and at least one row")
+        raise here.error(f"{file}: expected a line of headings and at least one row")
     if len(lines) - 1 > LONGEST:
         raise here.error(
-            f"{table.file}: has {len(lines) - 1} rows: expected at most {LONGEST}; give a summary of it"
+            f"{file}: has {len(lines) - 1} rows: expected at most {LONGEST}; give a summary of it"
         )
     (_, header), *rows = lines
     for number, row in rows:
         if len(row) != len(header):
             raise here.error(
-                f"{table.file}, line {number}: expected {len(header)} fields, as many as headings, "
-                f"came {len(row)}"
+                f"{file}, line {number}: expected {len(header)} fields, as many as headings, came {len(row)}"
             )
-    return Appendix(table.title, table.note, table.command, header, tuple(row for _, row in rows))
+    return Appendix(**given, header=header, rows=tuple(row for _, row in rows))
 
 
 def _lines(path: Path, shown: str, place: Place) -> list[tuple[int, tuple[str, ...]]]:
