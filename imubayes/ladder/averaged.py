@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import ndtri
 
 from imubayes.algebra.arrays import FloatArray
@@ -20,6 +21,7 @@ from imubayes.campaign.preparation import Prepared
 from imubayes.inference.at_noise import at_found_noise, at_noise
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
+from imubayes.inference.mcmc.moves import Student, log_student
 from imubayes.inference.mcmc.split import log_likelihood, splits_of
 from imubayes.ladder.problem import Answer, Ground, answer_of, at_noises, once, prepared
 
@@ -138,20 +140,11 @@ def _drawn(ready: Prepared, peak: Peak, rng: np.random.Generator) -> Weighted:
     draws = tuple(at_noise(ready.summary, ready.rows, noise, ready.prior.sd) for noise in noises)
     center, width = peak.prior.T
     log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
-    logs = np.array([draw.log_marginal for draw in draws]) + log_p - _log_student(z, peak.L)
+    logs = np.array([draw.log_marginal for draw in draws]) + log_p
+    logs -= log_student(Student(peak.center, peak.L), x, FREEDOM)
     weight = np.exp(logs - logs.max())
     evidence = float(logs.max()) + math.log(float(weight.mean())) - 0.5 * d * math.log(2.0 * math.pi)
     return Weighted(noises, draws, weight / weight.sum(), evidence)
-
-
-def _log_student(z: FloatArray, L: FloatArray) -> FloatArray:
-    """Log density (m,) of Student draws z (m, d) that L (d, d) stretches."""
-    d = z.shape[1]
-    norm = (
-        math.lgamma(0.5 * (FREEDOM + d)) - math.lgamma(0.5 * FREEDOM) - 0.5 * d * math.log(FREEDOM * math.pi)
-    )
-    tail = np.log1p(np.sum(z**2, axis=1) / FREEDOM)
-    return norm - 0.5 * (FREEDOM + d) * tail - float(np.sum(np.log(np.diag(L))))
 
 
 def _both(a: Weighted, b: Weighted) -> Weighted:
@@ -169,15 +162,10 @@ def peak_of(ready: Prepared) -> Peak:
     c = coordinates(ready.summary.factor, ready.prior.sd)
     groups = groups_of(ready)
     each = [_peak(ready, name, c) for name, _ in groups]
-    d = sum(len(center) for center, _, _ in each)
-    L, first = np.zeros((d, d)), 0
-    for center, root, _ in each:
-        L[first : first + len(center), first : first + len(center)] = root
-        first += len(center)
     return Peak(
         groups=groups,
         center=np.concatenate([np.zeros(0), *(center for center, _, _ in each)]),
-        L=L,
+        L=np.asarray(block_diag(np.zeros((0, 0)), *(root for _, root, _ in each)), dtype=float),
         prior=np.concatenate([np.zeros((0, 2)), *(prior for _, _, prior in each)]),
     )
 

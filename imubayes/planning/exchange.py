@@ -23,7 +23,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
-from imubayes.planning.candidates import (
+from imubayes.planning.menu import (
     Aim,
     Menu,
     Problem,
@@ -111,7 +111,7 @@ def best_plan(problem: Problem, starts: Sequence[Steps] = ()) -> Found:
     --------
     The line with the surest slope is measured at its ends.
 
-    >>> from imubayes.planning.candidates import Handling, Menu
+    >>> from imubayes.planning.menu import Handling, Menu
     >>> from imubayes.sensors.noise import Noise
     >>> x = np.linspace(-1.0, 1.0, 5)
     >>> X = np.column_stack((np.ones(5), x))

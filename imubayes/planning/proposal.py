@@ -17,21 +17,25 @@ from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Rows
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.whiten import whiten, whitener
-from imubayes.planning.candidates import (
+from imubayes.planning.exchange import best_plan, even_plan, following
+from imubayes.planning.menu import (
     Aim,
+    Bench,
     Menu,
+    PlanStudy,
     Problem,
     Step,
     Steps,
+    bench_columns,
     duration,
+    own_input,
     root,
     runs_of,
+    start_of,
     starts,
     whitened,
     worth,
 )
-from imubayes.planning.exchange import best_plan, even_plan, following
-from imubayes.planning.menu import Bench, PlanStudy, bench_columns, own_input, start_of
 from imubayes.rig.inputs import facts_of
 from imubayes.rig.settings import Setting, settings_of
 from imubayes.rig.simulate import synthesise
@@ -128,7 +132,9 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
     progress("candidates")
     bench = bench_columns(study)
     needed = _needed(study, bench)
-    effects = _effects(study)
+    mission, effects = study.mission, None
+    if mission is not None:
+        effects = budget_effects(mission.scene, study.spec.library, mission.budget, mission.axis)
     need = _need(study, effects)
     problem = _problem(study, bench, needed, need, effects)
     progress("the best plan")
@@ -189,13 +195,6 @@ def _carriers(study: PlanStudy) -> list[int]:
     """Place (p,) of the column that carries each term's coefficient."""
     lib = study.spec.library
     return [lib.names.index(name) for name in lib.carriers]
-
-
-def _effects(study: PlanStudy) -> SceneEffects | None:
-    mission = study.mission
-    if mission is None:
-        return None
-    return budget_effects(mission.scene, study.spec.library, mission.budget, mission.axis)
 
 
 def _need(study: PlanStudy, effects: SceneEffects | None) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.planning.candidates import starts
+from imubayes.planning.menu import starts
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,

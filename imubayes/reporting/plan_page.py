@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 import imubayes
-from imubayes.planning.candidates import starts
+from imubayes.planning.menu import starts
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat
 from imubayes.reporting.html import write_page
 from imubayes.reporting.plan_figures import CALLED, course_panel, outcomes, predicted_panel
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from imubayes.inference.observability import Confounded
-    from imubayes.planning.candidates import Step
+    from imubayes.planning.menu import Step
     from imubayes.planning.proposal import Outcome, Proposal
 
 AIMS = {

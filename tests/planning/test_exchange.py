@@ -10,7 +10,6 @@ import pytest
 
 from imubayes.algebra.factor import invert_triangular
 from imubayes.errors import InputError
-from imubayes.planning.candidates import Aim, Handling, Menu, Problem, Step, duration, root, runs_of, worth
 from imubayes.planning.exchange import (
     _promised,
     _promised_without,
@@ -20,6 +19,7 @@ from imubayes.planning.exchange import (
     following,
     with_step,
 )
+from imubayes.planning.menu import Aim, Handling, Menu, Problem, Step, duration, root, runs_of, worth
 from imubayes.sensors.noise import Noise
 
 WHITE = Noise(1.0, 0.0, 0.0)

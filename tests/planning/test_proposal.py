@@ -11,7 +11,7 @@ import pytest
 from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.errors import InputError, StudyError
 from imubayes.planning.proposal import propose
-from imubayes.reporting.plan_page import inseparable, plan_answer, term_rows, write_plan
+from imubayes.reporting.plan_page import inseparable, plan_answer, term_rows
 from imubayes.study.schema.reading import read_plan, read_study
 from imubayes.study.schema.recorded import write_planned
 
@@ -135,15 +135,6 @@ def test_plan_for_a_scene_leaves_less_open_there_than_others(tmp_path):
     found = propose(read_plan(_written(tmp_path, text)))
     other = propose(read_plan(_written(tmp_path, text.replace('aim = "scene"', 'aim = "D"'))))
     assert found.best.share <= min(other.best.share, found.even.share)
-
-
-def test_report_of_a_plan_is_complete_and_the_same_each_time(planned, tmp_path):
-    files = write_plan(planned, tmp_path)
-    first = [file.read_bytes() for file in files]
-    page = first[0].decode()
-    assert page.count("<svg") == 2
-    assert "outward" in page
-    assert [file.read_bytes() for file in write_plan(planned, tmp_path)] == first
 
 
 def test_range_of_simulated_over_predicted_is_that_of_the_table(planned):

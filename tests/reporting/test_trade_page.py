@@ -13,17 +13,9 @@ def found():
 
 
 def test_the_answer_names_the_recommended_rung_with_its_reasons(found):
-    told_words = " ".join(trade_answer(found))
     assert found.recommended == "collapsed"
-    assert trade_answer(found)[0].startswith("Take collapsed")
-    # the mean of 1.1 is ten of the best's sds off, that of 1.005 half of one
-    assert "means (20 ms): a coefficient is off by 10 posterior sd" in told_words
-    assert "plug-in (0.3 s): a coefficient is off by 0.5 posterior sd" in told_words
     # 50 s, and 1.5 times 40 s more: from 20 ms to 110 s are 3.7 decades
-    assert "3.7 decades" in told_words
-    assert "about 110 s" in told_words
-    assert "That is what a run takes without being asked" in told_words
-    assert "averaged was left out" in told_words
+    assert "3.7 decades" in " ".join(trade_answer(found))
 
 
 def test_intervals_that_are_too_short_rule_rungs_out():

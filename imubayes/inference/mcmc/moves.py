@@ -56,13 +56,13 @@ class Student:
     L: FloatArray
 
 
-def log_student(q: Student, x: FloatArray) -> FloatArray:
-    """Log density (m,) at x (m, d)."""
+def log_student(q: Student, x: FloatArray, freedom: float = TAIL) -> FloatArray:
+    """Log density (m,) at x (m, d), with so many degrees of freedom."""
     d = len(q.center)
     z = np.linalg.solve(q.L, (x - q.center).T)
-    norm = math.lgamma(0.5 * (TAIL + d)) - math.lgamma(0.5 * TAIL) - 0.5 * d * math.log(math.pi * TAIL)
-    norm -= float(np.sum(np.log(np.diag(q.L))))
-    return norm - 0.5 * (TAIL + d) * np.log1p(np.sum(z**2, axis=0) / TAIL)
+    norm = math.lgamma(0.5 * (freedom + d)) - math.lgamma(0.5 * freedom)
+    norm -= 0.5 * d * math.log(math.pi * freedom) + float(np.sum(np.log(np.diag(q.L))))
+    return norm - 0.5 * (freedom + d) * np.log1p(np.sum(z**2, axis=0) / freedom)
 
 
 def draw_student(q: Student, size: int, random: Any) -> FloatArray:

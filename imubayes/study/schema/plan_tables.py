@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.planning.candidates import Handling
-from imubayes.planning.menu import Offer, PlanStudy
+from imubayes.planning.menu import Handling, Offer, PlanStudy
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
 from imubayes.study.schema.shapes import Holds, Names, Place, Several, Table, Text, hint, key, shape, shaped

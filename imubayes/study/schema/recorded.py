@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
-from imubayes.planning.candidates import pauses, runs_of
+from imubayes.planning.menu import pauses, runs_of
 from imubayes.rig.inputs import KnownRun, Run
 from imubayes.rig.recordings import write_imu_run, write_run
 from imubayes.study.schema.run_tables import located
 
 if TYPE_CHECKING:
-    from imubayes.planning.candidates import Step
+    from imubayes.planning.menu import Step
     from imubayes.planning.proposal import Proposal
 
 PLANNED = "plan.toml"
