@@ -152,7 +152,8 @@ def _likelihoods(rows: Sequence[SessionEstimate], sessions: Sequence[str]) -> Li
     for row in rows:
         leaning = [row.pulls.get(column, 0.0) for column in columns]
         pull[units.index(row.unit), sessions.index(row.session)] = leaning
-    return likelihoods(*table, pull)
+    mean, sd, prior_sd = table
+    return likelihoods(mean, sd, prior_sd, pull)
 
 
 def pooled_inclusion(selections: Sequence[Selection]) -> Mapping[str, float]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -190,7 +191,7 @@ def _missing(
 
 def _one_by_one(study: FleetStudy, units: Sequence[Unit], engine: Engine) -> list[Record | Broken]:
     jobs = [(study, [unit]) for unit in units]
-    found = dict(engine.do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
+    found: dict[int, Any] = dict(engine.do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
     return [
         Broken(unit.number, unit.name, ENDED) if isinstance(found[k], Lost) else found[k][0]
         for k, unit in enumerate(units)

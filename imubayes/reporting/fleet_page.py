@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from imubayes.population.fleet import FleetResult
 
 
-WORST_HEAD = ("unit", "term", "value", "pull, sd", "stands out")
-
 KEY = Markup(
     "Left, from the left: {}units in which the term is needed, {}undecided, {}units whose test cannot"
     " tell (inseparable, unresolved, untested), {}not needed. Right: dot and line, the mean of the"
@@ -51,9 +49,11 @@ def fleet_page(result: FleetResult) -> Page:
     study, found = result.study, result.answer
     how = "simulated" if study.simulated else "recorded"
     kind = f"{class_name(study.sensor_class)} {study.spec.kind}s"
-    counts = Table(
-        "Units with each verdict", ("term", *VERDICTS), _count_rows(result), "tn", "Number of units."
-    )
+    rows = [
+        (name, *(f"{count:,}" if count else "" for count in own))
+        for name, own in zip(study.spec.library.names, found.counts.T.tolist(), strict=True)
+    ]
+    counts = Table("Units with each verdict", ("term", *VERDICTS), rows, "tn", "Number of units.")
     noise = [
         (name, noise_range(one, study.spec.kind, k))
         for k, (name, one) in enumerate(zip("NBK", found.noise, strict=True))
@@ -106,7 +106,7 @@ def _worst(result: FleetResult) -> Table:
         rows.append((one.unit, one.term, pull_value(one, lib), pull, "yes" if one.outlier else ""))
     return Table(
         "Units farthest from the population",
-        WORST_HEAD,
+        ("unit", "term", "value", "pull, sd", "stands out"),
         rows,
         "ttn",
         "The units that are farthest from the population, each in the term in which it is farthest:"
@@ -126,13 +126,6 @@ def _broken(result: FleetResult) -> Iterator[Section]:
             " reads them and leaves the others as they are."
         )
         yield Section(title, [Table(title, (), rows, "tw", note)], "broken")
-
-
-def _count_rows(result: FleetResult) -> list[tuple[str, ...]]:
-    return [
-        (name, *(f"{count:,}" if count else "" for count in result.answer.counts[:, j].tolist()))
-        for j, name in enumerate(result.study.spec.library.names)
-    ]
 
 
 def _done(result: FleetResult) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -86,20 +85,10 @@ HALF_BAR = 0.36
 """Half height of a bar, in rows."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """A cell of a matrix.
+Cell = tuple[str, str, str]
+"""SVG about the middle of a column by `ROW` px, what it shows in words, and the anchor of its numbers.
 
-    Attributes
-    ----------
-    drawing : SVG within a box of `wide` by `ROW` px whose middle is the origin.
-    title : what it shows, in words; empty where the drawing says all there is.
-    anchor : of its numbers.
-    """
-
-    drawing: str
-    title: str
-    anchor: str
+The words are empty where the drawing says all there is."""
 
 
 def needed_matrix(result: LotResult, key: str) -> Panel:
@@ -134,7 +123,7 @@ def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
     title = (
         f"{term.name}, {name}: needed in {percents(term.needed)} of the units, open in {percent(term.open)}"
     )
-    return Cell(drawing, title, slug("class", found.sensor_class.id, term.name))
+    return drawing, title, slug("class", found.sensor_class.id, term.name)
 
 
 def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
@@ -169,7 +158,7 @@ def _share_matrix(
     wide = _column(len(columns))
     cells = [
         [
-            Cell(
+            (
                 _share_drawing(one.terms[j], in_scene(owner.terms[j], one.terms[j]), min(wide, ROW) - 4.0),
                 _share_title(one.terms[j], column, in_scene(owner.terms[j], one.terms[j])),
                 slug("class", owner.sensor_class.id, one.mission),
@@ -239,7 +228,7 @@ def _matrix(
     wide, head = _column(len(columns)), 12 + LETTER * max(len(name) for name in columns)
     width, height = max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6)
     middle = [f"{LABEL + wide * (c + 0.5):.4g}" for c in range(len(columns))]
-    ends = [{row[c].anchor for row in cells} for c in range(len(columns))]
+    ends = [{row[c][2] for row in cells} for c in range(len(columns))]
     parts = [
         _linked(_heading(name, float(x) + 4.0, head - 6.0), *(end if len(end) == 1 else ()))
         for x, name, end in zip(middle, columns, ends, strict=True)
@@ -250,8 +239,8 @@ def _matrix(
         parts.append(f'<g transform="translate(0 {y:.1f})">')
         parts.extend(
             _linked(
-                f'<g transform="translate({x})">{_titled(cell)}</g>',
-                *(() if len(end) == 1 else (cell.anchor,)),
+                f'<g transform="translate({x})">{_titled(*cell[:2])}</g>',
+                *(() if len(end) == 1 else (cell[2],)),
             )
             for x, cell, end in zip(middle, row, ends, strict=True)
         )
@@ -260,8 +249,8 @@ def _matrix(
     return f'<svg id="{key}" {size} role="img" aria-label="{escape(alt)}">{"".join(parts)}</svg>'
 
 
-def _titled(cell: Cell) -> str:
-    return f"<title>{escape(cell.title)}</title>{cell.drawing}" if cell.title else cell.drawing
+def _titled(drawing: str, title: str) -> str:
+    return f"<title>{escape(title)}</title>{drawing}" if title else drawing
 
 
 def _heading(name: str, x: float, y: float) -> str:

@@ -82,10 +82,9 @@ from imubayes.sensors.catalogue import prior_sd
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.population.lots import Coverage, LotResult, MissionFound, MissionTerm
+    from imubayes.population.lots import Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound
     from imubayes.reporting.lots_words import Said
-    from imubayes.sensors.terms import Kind
 
 
 NEEDED_KEY = Markup(
@@ -150,7 +149,7 @@ def lots_page(result: LotResult) -> Page:
         f"{study.units} simulated {study.kind}s of each of {len(result.classes)} classes, each through a test"
         " campaign with coloured noise and an imperfect bench.",
         first=[
-            Prose(joined(strong(answers[0].text), _numbers(answers[0])), "answer"),
+            Prose(joined(strong(answers[0][0]), link("numbers", answers[0][1])), "answer"),
             Prose(status(result)),
             Prose(simulated(result), "note"),
         ],
@@ -165,14 +164,10 @@ def lots_page(result: LotResult) -> Page:
     )
 
 
-def _numbers(said: Said) -> Markup:
-    return link("numbers", said.anchor)
-
-
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     """Verdicts of each class, and the sizes of its models."""
     yield Figure((needed_matrix(result, "needed-matrix"), order_panel(result, "order-panel")), NEEDED_KEY)
-    yield Prose(joined(*(text for one in answers for text in (one.text, _numbers(one)))))
+    yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
     table = Table("Size of the models by class and scene", ("terms", *_names(result)), rows, "tn", ORDER_NOTE)
@@ -227,16 +222,16 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
     """Answers against the simulated truth in numbers: what, how many are counted, and the share."""
     check = result.check
     cells, true = check.cells
+
+    def held(found: Coverage) -> str:
+        return f"{found.held:,} of {found.of:,} held"
+
     return [
         ("precision", f"{cells:,} cells", percents(check.precision)),
         ("recall", f"{true:,} required", percents(check.recall)),
-        ("population mean", _counted(check.population_mean), percents(check.population_mean.share)),
-        ("population spread", _counted(check.population_spread), percents(check.population_spread.share)),
+        ("population mean", held(check.population_mean), percents(check.population_mean.share)),
+        ("population spread", held(check.population_spread), percents(check.population_spread.share)),
     ]
-
-
-def _counted(found: Coverage) -> str:
-    return f"{found.held:,} of {found.of:,} held"
 
 
 def _class(result: LotResult, k: int) -> Section:
@@ -278,8 +273,16 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
 def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
     """One scene on the page of a class."""
     mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
+    size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     rows = [
-        _scene_row(term, answer, mission.name, kind)
+        (
+            link(term.name, slug("scene", mission.name)),
+            plain(term.rms / size),
+            share_range(term.share),
+            share(term.true_share),
+            percent(term.required),
+            answer,
+        )
         for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
         if counts(term) or answer == WOULD_MATTER
     ]
@@ -300,18 +303,6 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
     )
 
 
-def _scene_row(term: MissionTerm, answer: str, scene: str, kind: Kind) -> tuple[str, ...]:
-    size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
-    return (
-        link(term.name, slug("scene", scene)),
-        plain(term.rms / size),
-        share_range(term.share),
-        share(term.true_share),
-        percent(term.required),
-        answer,
-    )
-
-
 def terminal_lots(result: LotResult) -> Group:
     """Lines for a terminal: the answer, how many terms each class needs, and how well truths are met."""
     rows = []
@@ -322,8 +313,8 @@ def terminal_lots(result: LotResult) -> Group:
     head = ("class", "needed", "not needed", "cannot tell", "scenes with a need")
     return terminal(
         [
-            Prose([headline(result).text, status(result), simulated(result)]),
-            Prose([one.text for one in lots_answer(result)[2:]]),
+            Prose([headline(result)[0], status(result), simulated(result)]),
+            Prose([text for text, _ in lots_answer(result)[2:]]),
             Table("", head, rows),
             Prose("against the simulated truth"),
             Table("", (), _checked(result)),

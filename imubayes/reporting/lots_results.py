@@ -52,7 +52,7 @@ def published_lots(result: LotResult) -> LotsResult:
         imubayes=imubayes.__version__,
         study=study.title,
         seed=study.seed,
-        answer=tuple(one.text for one in lots_answer(result)),
+        answer=tuple(text for text, _ in lots_answer(result)),
         status=status(result),
         simulated=simulated(result),
         scenes=tuple(_scene(one, scene) for one in result.classes for scene in one.missions),

@@ -96,15 +96,15 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
         for one in result.classes
     )
     counts = f"Of {counted(len(result.study.library.terms), 'term')}: {each}."
-    said = [headline(result), Said(counts, "needed-terms")]
+    said = [headline(result), (counts, "needed-terms")]
     divided = _divided(result)
     # that a bias or a scale counts surprises nobody
     telling = [one for one in divided if not set(one.terms) & set(TERMS)] or divided
     sharpest = max(telling, key=lambda one: one.least / max(one.most, 1e-3), default=None)
     if sharpest:
         where = f"In the scene {scene_name(sharpest.mission)}"
-        said.append(Said(f"{where} {contrast_sentence(sharpest)}", slug("scene", sharpest.mission)))
-    checked = (Said(check_sentences(result)[0], "check"),) if result.study.missions else ()
+        said.append((f"{where} {contrast_sentence(sharpest)}", slug("scene", sharpest.mission)))
+    checked = ((check_sentences(result)[0], "check"),) if result.study.missions else ()
     return (*said, *basic_answer(result), *checked)
 
 
@@ -265,7 +265,7 @@ def basic_answer(result: LotResult) -> tuple[Said, ...]:
         f" class and scene, a model of the generalized terms in {general}; the triad's worst is"
         f" {class_name(worst.sensor_class)} in {scene_name(where.mission)}, {of_budget(where.basic_share)}."
     )
-    return (Said(text, "basic"),)
+    return ((text, "basic"),)
 
 
 def basic_sentences(result: LotResult) -> tuple[str, ...]:

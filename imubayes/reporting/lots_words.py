@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from imubayes.population.lots import Against
@@ -59,6 +58,10 @@ FEW_WORDS = 15
 
 MOST_NAMES = 3
 """Classes, or scenes, that a sentence names."""
+
+
+Said = tuple[str, str]
+"""A sentence, and the anchor of the numbers behind it."""
 
 
 def class_name(entry: SensorClass) -> str:
@@ -127,24 +130,16 @@ def counts(term: MissionTerm) -> bool:
     return term.required > 0.0 or max(term.share.high, term.true_share) >= 0.1 * MATTERS
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
-    """A sentence, and the anchor of the numbers behind it."""
-
-    text: str
-    anchor: str
-
-
 def headline(result: LotResult) -> Said:
     """Answer what the study asks (`LotStudy.asks`) by naming terms, in at most `MOST_WORDS` words."""
     asks = result.study.asks
     if isinstance(asks, Against):
-        return Said(_short(_against(result, asks)), "needed-terms")
+        return _short(_against(result, asks)), "needed-terms"
     if asks == "scenes":
-        return Said(_short(_of_scenes(result)), "scenes")
+        return _short(_of_scenes(result)), "scenes"
     if asks == "triad":
-        return Said(_short(_of_triad(result)), "basic")
-    return Said(_short(_of_classes(result), _rest(result.classes)), "needed-terms")
+        return _short(_of_triad(result)), "basic"
+    return _short(_of_classes(result), _rest(result.classes)), "needed-terms"
 
 
 def _short(sentences: Iterable[str], last: str = "") -> str:
