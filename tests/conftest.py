@@ -37,11 +37,20 @@ HASH = re.compile(r"\b[0-9a-f]{64}\b")
 SHARED = Path(__file__).parents[2] / "shared"
 
 
+LONG = {"cli", "ladder", "mcmc", "population", "studies", "study", "tests"}
+"""Folders with files of few tests that take long."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """With workers, each file is one worker's: what its tests share is made once."""
     if getattr(config.option, "numprocesses", None) and config.option.dist == "no":
-        config.option.dist = "loadfile"
+        config.option.dist, config.option.loadscopereorder = "loadfile", False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that take long come first: no worker is left with one of them when the others have finished."""
+    items.sort(key=lambda item: item.path.parent.name not in LONG)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -18,9 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from full_data import FreeNoise, GivenNoise, OnFactor, free_noise, given_noise, in_prior_scale, on_factor
 from numpy.typing import NDArray
-from peers import Sampled, nuts, nuts_ess, stretch, stretch_ess
 
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.mcmc.chains import Chains
@@ -33,6 +31,16 @@ from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study.schema import read_runs, read_study
+from studies.sampler_speed.full_data import (
+    FreeNoise,
+    GivenNoise,
+    OnFactor,
+    free_noise,
+    given_noise,
+    in_prior_scale,
+    on_factor,
+)
+from studies.sampler_speed.peers import Sampled, nuts, nuts_ess, stretch, stretch_ess
 
 pytestmark = pytest.mark.benchmark
 

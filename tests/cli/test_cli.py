@@ -26,7 +26,8 @@ STUDY = """
 title = "small tumble"
 seed = 1
 method = "exact"
-
+[decision]
+compare = false
 [[sensor]]
 id = "ACC-1"
 kind = "accelerometer"

@@ -61,9 +61,8 @@ class Page(HTMLParser):
         return " ".join((*sheets, *self.all("style")))
 
 
-def whole(html: str) -> Page:
-    """Elements of a page that are closed in their order, and whose links lead to one place each."""
-    page = Page(html)
+def whole(page: Page) -> Page:
+    """A page whose elements are closed in their order, and whose links lead to one place each."""
     assert (page.wrong, page.unclosed) == ([], [])
     ids, links = page.all("id"), {link[1:] for link in page.all("href") if link.startswith("#")}
     assert len(ids) == len(set(ids))

@@ -8,6 +8,7 @@ import pkgutil
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -158,7 +159,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "noise": (_noise, lambda found: (fit_figures.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
     "population": (lambda: term_found("b0"), lambda one: (population_views.units_panel(one, (one,), "u"),)),
-    "quality": (made_quality, _of_quality),
+    "quality": (cache(made_quality), _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
     "sessions": (repeatability, _of_sessions),
@@ -212,37 +213,41 @@ FINITE = ("by_size",)
 """Names of numbers that are finite and above zero, from 0 to 1, or finite, whatever is measured."""
 
 
-def changed(value: Any, number: Callable[[float], float], name: str = "") -> Any:
+Numbers = Callable[[np.ndarray], np.ndarray]
+
+
+def changed(value: Any, numbers: Numbers, name: str = "") -> Any:
     """The same result with other numbers; counts, names and shapes stay."""
     if isinstance(value, float):
-        return possible(name, number(value))
+        return possible(name, numbers(np.array(value))).item()
     if isinstance(value, np.ndarray) and value.dtype.kind == "f":
-        return np.array([possible(name, number(x)) for x in value.ravel().tolist()]).reshape(value.shape)
+        return possible(name, numbers(value))
     if isinstance(value, tuple) and type(value) is tuple:
-        return tuple(changed(one, number, name) for one in value)
+        return tuple(changed(one, numbers, name) for one in value)
     if isinstance(value, dict):
-        return {key: changed(one, number, name) for key, one in value.items()}
+        return {key: changed(one, numbers, name) for key, one in value.items()}
     if isinstance(value, SimpleNamespace):
-        return SimpleNamespace(**{key: changed(one, number, key) for key, one in vars(value).items()})
+        return SimpleNamespace(**{key: changed(one, numbers, key) for key, one in vars(value).items()})
     if is_dataclass(value) and not isinstance(value, type):
         found = [f.name for f in fields(value) if f.name not in ASKED]
-        return replace(value, **{name: changed(getattr(value, name), number, name) for name in found})
+        return replace(value, **{name: changed(getattr(value, name), numbers, name) for name in found})
     return value
 
 
-def possible(name: str, value: float) -> float:
-    """What can stand under a name instead of a number."""
+def possible(name: str, values: np.ndarray) -> np.ndarray:
+    """What can stand under a name instead of some numbers."""
     if name in POSITIVE:
-        return abs(value) if 0.0 < abs(value) < math.inf else 1.0
-    if name in SHARES and not math.isnan(value):
-        return min(max(value, 0.0), 1.0)
-    return 0.0 if name in FINITE and not math.isfinite(value) else value
+        size = np.abs(values)
+        return np.where((size > 0.0) & (size < math.inf), size, 1.0)
+    if name in SHARES:
+        return np.clip(values, 0.0, 1.0)
+    return np.where(np.isfinite(values), values, 0.0) if name in FINITE else values
 
 
-def drawn(name: str, number: Callable[[float], float]) -> None:
+def drawn(name: str, numbers: Numbers) -> None:
     make, paint = FIGURES[name]
     with np.errstate(all="ignore"):
-        shown(paint(changed(make(), number)))
+        shown(paint(changed(make(), numbers)))
 
 
 def shown(panels: Panels) -> None:
@@ -255,7 +260,7 @@ def shown(panels: Panels) -> None:
 @pytest.mark.parametrize("number", NUMBERS)
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_are_drawn_where_all_numbers_are_the_same(name, number):
-    drawn(name, lambda _: number)
+    drawn(name, lambda old: np.full(old.shape, number))
 
 
 @settings(max_examples=3)
@@ -263,7 +268,7 @@ def test_figures_are_drawn_where_all_numbers_are_the_same(name, number):
 @pytest.mark.parametrize("name", FIGURES)
 def test_figures_are_drawn_from_any_mixture_of_numbers(name, seed, share):
     rng = np.random.default_rng(seed)
-    drawn(name, lambda old: float(rng.choice(NUMBERS)) if rng.random() < share else old)
+    drawn(name, lambda old: np.where(rng.random(old.shape) < share, rng.choice(NUMBERS, old.shape), old))
 
 
 def cut(value: Any, count: int) -> Any:

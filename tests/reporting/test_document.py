@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from page_reading import whole
+from page_reading import Page, whole
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
@@ -36,7 +36,7 @@ def test_report_of_eight_components_with_long_libraries_and_many_runs_stays_belo
     study = make_study(*(make_sensor(f"IMU.{k}", lib=lib, runs=runs, misfit="mount 3") for k in range(8)))
     html = report_html(study)
     assert len(html.encode()) < 2_000_000
-    whole(html)
+    whole(Page(html))
 
 
 def test_calibration_of_a_reference_free_triad_is_shown_with_its_convention(make_sensor, make_study) -> None:
@@ -163,7 +163,7 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sen
     sensors = [replace(t, id=f"{t.id[:-2]}{axis}") for t in triads for axis in ("ax", "ay", "az")]
     html = report_html(make_study(*sensors))
     assert len(html.encode()) < 2_000_000
-    whole(html)
+    whole(Page(html))
     assert html.count("Autocorrelation of the whitened") == 3
     drawn = html[html.index("Figures are drawn of 3 of the 72 components") :]
     assert "imu3-session1.ax" in drawn[: drawn.index("</p>")]
@@ -183,4 +183,4 @@ def test_report_says_what_scenes_require_in_words_where_components_are_many(make
     assert all(f"{sensor.id} in quadrotor" in html for sensor in many.sensors)
     # tables and figures only of the components that are drawn
     assert html.count(' in quadrotor"') == MOST_DRAWN
-    whole(html)
+    whole(Page(html))

@@ -44,23 +44,27 @@ browsed = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(params=[*KINDS, *COMMITTED])
-def html(request) -> str:
-    if request.param in KINDS:
-        return made(request.param).html
-    return (REPORTS / request.param / "report.html").read_text(encoding="utf-8")
+def _html(name: str) -> str:
+    if name in KINDS:
+        return made(name).html
+    return (REPORTS / name / "report.html").read_text(encoding="utf-8")
 
 
-def test_page_is_whole_and_each_link_leads_to_one_place(html):
-    whole(html)
+@pytest.fixture(scope="module", params=[*KINDS, *COMMITTED])
+def page(request) -> Page:
+    """Each page in turn, read once for all laws."""
+    return Page(_html(request.param))
 
 
-def test_no_markup_is_shown_as_words(html):
-    assert re.findall(r"</?(?:code|strong|em|a|i|b|span|sub|sup)\b[^>]*>", said(html)) == []
+def test_page_is_whole_and_each_link_leads_to_one_place(page):
+    whole(page)
 
 
-def test_page_opens_offline_and_needs_no_script(html):
-    page = Page(html)
+def test_no_markup_is_shown_as_words(page):
+    assert re.findall(r"</?(?:code|strong|em|a|i|b|span|sub|sup)\b[^>]*>", said(page.html)) == []
+
+
+def test_page_opens_offline_and_needs_no_script(page):
     assert not page.tagged("script", "iframe", "object", "embed", "base", "image")
     loaded = [*page.all("src"), *page.all("srcset"), *page.all("xlink:href")]
     loaded += [attributes.get("href", "") for _, attributes in page.tagged("link")]
@@ -70,21 +74,20 @@ def test_page_opens_offline_and_needs_no_script(html):
     assert not [name for _, attributes in page.elements for name in attributes if name.startswith("on")]
 
 
-def test_page_has_a_title_one_first_heading_and_no_level_left_out(html):
-    page = Page(html)
+def test_page_has_a_title_one_first_heading_and_no_level_left_out(page):
     levels = [int(tag[1]) for tag, _ in page.tagged("h1", "h2", "h3", "h4", "h5", "h6")]
     assert levels[0] == 1 and levels.count(1) == 1
     assert all(below <= above + 1 for above, below in pairwise(levels))
-    assert re.search(r"<title>[^<]+</title>", html)
+    assert re.search(r"<title>[^<]+</title>", page.html)
     assert [attributes.get("lang") for _, attributes in page.tagged("html")] == ["en"]
     assert any(attributes.get("name") == "viewport" for _, attributes in page.tagged("meta"))
 
 
-def test_figures_are_told_to_those_who_cannot_see_them_and_pages_are_small(html):
-    figures = [attributes for tag, attributes in Page(html).tagged("svg") if "aria-hidden" not in attributes]
-    assert figures or "<table" in html
+def test_figures_are_told_to_those_who_cannot_see_them_and_pages_are_small(page):
+    figures = [attributes for tag, attributes in page.tagged("svg") if "aria-hidden" not in attributes]
+    assert figures or "<table" in page.html
     assert all(one.get("role") == "img" and one.get("aria-label") for one in figures)
-    assert len(html.encode()) < MOST
+    assert len(page.html.encode()) < MOST
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -92,7 +95,7 @@ def test_names_that_come_from_files_are_escaped(kind):
     page = made(kind, ATTACK)
     assert "<script" not in page.html and 'alert("' not in page.html
     assert "&lt;script&gt;" in page.html
-    whole(page.html)
+    whole(Page(page.html))
     shown = "".join(printed(page.terminal).split())
     assert "\x1b" not in shown and shown.count("[red]") == shown.count("</script>&")
     assert ATTACK in json.dumps(json.loads(page.values), ensure_ascii=False).encode().decode("unicode_escape")
@@ -127,9 +130,9 @@ def test_every_number_of_a_page_is_one_of_its_result(kind, wrong):
 
 
 @browsed
-@pytest.mark.parametrize("html", SEEN, indirect=True)
-def test_page_fits_every_screen_no_label_covers_another_and_the_console_is_silent(html, tmp_path):
-    seen, console = shown(html, tmp_path)
+@pytest.mark.parametrize("name", SEEN)
+def test_page_fits_every_screen_no_label_covers_another_and_the_console_is_silent(name, tmp_path):
+    seen, console = shown(_html(name), tmp_path)
     assert console == []
     for width in WIDTHS:
         assert {key: seen[f"w{width}"][key] for key in ("scrolls", "wide", "over")} == {

@@ -90,8 +90,7 @@ def assert_tumble_alone_claims_only_what_it_sees(class_id, which, seed, options)
     assert terms["b0"].sd > 0.3 * hidden
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("which", EVEN)
+@pytest.mark.parametrize(("seed", "which"), [*enumerate(EVEN)])
 @pytest.mark.parametrize("class_id", CLASSES)
 def test_tumble_alone_leaves_even_terms_inseparable_whichever_is_true(class_id, which, seed):
     assert_tumble_alone_claims_only_what_it_sees(class_id, which, seed, LEAN)

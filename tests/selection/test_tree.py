@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 
 import numpy as np
 import pytest
@@ -102,46 +101,31 @@ def test_residuals_never_grow_when_a_column_joins(seed, p):
         assert np.all(rss[without | 1 << j] <= rss[without] * (1.0 + 1e-12) + 1e-13 * (y @ y))
 
 
-def _leaps(references, name: str) -> tuple[list[dict[str, str]], int, np.ndarray, np.ndarray]:
-    """R's table of subsets; n; rss and size by mask, from the tree behind the constant."""
+def _leaps(references, name: str) -> tuple[list[dict[str, str]], np.ndarray, np.ndarray]:
+    """R's table of subsets; rss and size by mask, from the tree behind the constant."""
     with (references / f"leaps/leaps_{name}.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
     rows = np.loadtxt(references / f"bms/{name}.csv", delimiter=",", skiprows=1)
     X = np.column_stack((np.ones(len(rows)), rows[:, 1:]))
     R = factor_of(X, rows[:, 0], ["1", *(f"X{j}" for j in range(1, X.shape[1]))]).R
     rss, _ = walk(np.ascontiguousarray(R[1:, 1:]))
-    return table, len(rows), rss, sizes(X.shape[1] - 1)
+    return table, rss, sizes(X.shape[1] - 1)
 
 
 @pytest.mark.parametrize("name", ["attitude", "hald"])
-def test_tree_has_the_subsets_of_leaps_with_their_criteria(references, name):
-    """Residual sum of squares, R2, Cp, AIC and BIC of R 4.2.2, leaps, for every subset it lists."""
-    table, n, rss, size = _leaps(references, name)
-    p = len(table[0]["gamma"])
-    spread = rss[-1] / (n - 1 - p)
-    assert {int(row["size"]) for row in table} == set(range(1, p + 1))
+def test_tree_has_the_subsets_of_leaps(references, name):
+    """Residual sum of squares of R 4.2.2, leaps, for every subset it lists."""
+    table, rss, size = _leaps(references, name)
+    assert {int(row["size"]) for row in table} == set(range(1, len(table[0]["gamma"]) + 1))
     for row in table:
         mask = sum(1 << j for j, bit in enumerate(row["gamma"]) if bit == "1")
-        k, left = int(row["size"]), rss[mask]
-        assert size[mask] == k
-        log_likelihood = -0.5 * n * (math.log(2.0 * math.pi * left / n) + 1.0)
-        expected = {
-            "rss": left,
-            "rsq": 1.0 - left / rss[0],
-            "adjr2": 1.0 - left / (n - 1 - k) / (rss[0] / (n - 1)),
-            "cp": left / spread - n + 2 * (k + 1),
-            "bic_leaps": n * math.log(left / rss[0]) + (k + 1) * math.log(n),
-            "AIC_R": 2 * (k + 2) - 2.0 * log_likelihood,
-            "BIC_R": (k + 2) * math.log(n) - 2.0 * log_likelihood,
-            "logLik": log_likelihood,
-        }
-        for what, value in expected.items():
-            assert value == pytest.approx(float(row[what]), rel=1e-10, abs=1e-10 * n), (row["gamma"], what)
+        assert size[mask] == int(row["size"])
+        assert rss[mask] == pytest.approx(float(row["rss"]), rel=1e-10), row["gamma"]
 
 
 @pytest.mark.parametrize("name", ["attitude", "hald"])
 def test_best_subset_of_every_size_is_that_of_leaps(references, name):
-    table, _, rss, size = _leaps(references, name)
+    table, rss, size = _leaps(references, name)
     for k in range(1, len(table[0]["gamma"]) + 1):
         best = min((row for row in table if int(row["size"]) == k), key=lambda row: float(row["rss"]))
         ours = int(np.flatnonzero(size == k)[np.argmin(rss[size == k])])

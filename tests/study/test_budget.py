@@ -66,6 +66,7 @@ def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(comman
 
 def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, study):
     """Plug-in against the noise's posterior: three times what was foreseen, and their Monte Carlo errors."""
+    study.write_text(f"{STUDY}[decision]\ncompare = false\n")
     cheap = _run(command, study, "--accuracy", "1e9")[0]["sensors"][0]
     best = _run(command, study, "--method", "collapsed")[0]["sensors"][0]
     climbed = [step["rung"] for step in cheap["choice"]["climbed"]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,12 +18,15 @@ SENSOR = ib.sensor("mems_tactical", kind="accelerometer")
 LIBRARY = ib.library("accelerometer", powers=2, asymmetry=-1)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Campaign:
     summary: Summary
     rows: tuple[Linear, ...]
     sd: np.ndarray
-    density: Density
+
+    @cached_property
+    def density(self) -> Density:
+        return density_of(self.summary, self.rows, self.sd, np.random.default_rng(1))
 
 
 def campaign_of(rules: dict[str, ib.NoiseRule] | None = None, rate: float = 2.0) -> Campaign:
@@ -34,7 +38,7 @@ def campaign_of(rules: dict[str, ib.NoiseRule] | None = None, rate: float = 2.0)
     runs = ib.simulate(SENSOR, plans, seed=3, truth=truth)
     summary = ib.summarize(runs, LIBRARY, sensor=SENSOR, rules=rules)
     rows, sd = tuple(linear_of(run, LIBRARY) for run in runs), ib.prior(SENSOR, LIBRARY).sd
-    return Campaign(summary, rows, sd, density_of(summary, rows, sd, np.random.default_rng(1)))
+    return Campaign(summary, rows, sd)
 
 
 def near(campaign: Campaign, size: int, seed: int = 2) -> np.ndarray:

@@ -131,15 +131,15 @@ file = Path(sys.argv[2])
 target = target_of()
 slow = lambda x: (time.sleep(0.004), target.log_prob(x))[1]
 ensembles.EVERY = 0.2
-limits = Limits(seed=5, ess=100_000.0, checkpoint=file, resume=file.exists())
+limits = Limits(seed=5, ess=float(sys.argv[3]), checkpoint=file, resume=file.exists())
 run_ensembles(replace(target, log_prob=slow), limits)
 """
 
 
 @pytest.mark.parametrize("wanted", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_killed_again_and_again_the_chain_is_the_one_that_was_not(tmp_path, wanted):
-    file, rng = tmp_path / "a.h5", np.random.default_rng(8)
-    command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(file)]
+    file, rng, ess = tmp_path / "a.h5", np.random.default_rng(8), 10_000.0 * wanted
+    command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(file), str(ess)]
     kills = 0
     while kills < wanted:
         process = subprocess.Popen(command)
@@ -160,7 +160,7 @@ def test_killed_again_and_again_the_chain_is_the_one_that_was_not(tmp_path, want
             assert {len(group["chain"]) for group in readable.values()} == {len(readable["ensemble_0/chain"])}
     subprocess.run(command, check=True, timeout=120)
     assert kills == wanted
-    whole = run_ensembles(target_of(), Limits(seed=5, ess=100_000.0))
+    whole = run_ensembles(target_of(), Limits(seed=5, ess=ess))
     with h5py.File(file) as readable:
         steps = len(whole.chains[0])
         for k in range(4):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from campaigns import LIBRARY, SENSOR, campaign_of
+from campaigns import LIBRARY, SENSOR
 
 import imubayes as ib
 from imubayes.errors import InputError
@@ -103,8 +103,8 @@ def test_interpolated_density_is_right_where_bias_instability_and_walk_are_stron
     assert sampled(runs).chains.interpolation_error < 0.5
 
 
-def test_campaign_helper_is_not_misspecified():
+def test_campaign_helper_is_not_misspecified(campaign):
     """Its residual over noise is one: what the samplers are held against is their own model."""
-    c = campaign_of()
-    scale = abs(c.summary.factor.R[-1, -1]) / math.sqrt(c.summary.factor.n)
+    factor = campaign.summary.factor
+    scale = abs(factor.R[-1, -1]) / math.sqrt(factor.n)
     assert scale == pytest.approx(1.0, abs=0.1)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from celerite2 import driver
+from celerite2 import driver  # pyright: ignore[reportAttributeAccessIssue]: a compiled module without stubs
 from numba import njit
 
 from imubayes.algebra.arrays import FloatArray
@@ -281,7 +281,7 @@ def _white(rows: Linear, noise: Noise) -> FloatArray:
 
 @njit(nogil=True, cache=True)
 def _reverse(decay, U, z, d, W):
-    """Derivatives of the log likelihood by r (n,), the diagonal (n,) and V (n, m): celerite2's recursions
+    """Derivatives of the log likelihood by r (n,), the diagonal (n,) and V (n, m): celerite2's recursions.
 
     ``S' = decay (S + d W W') decay``, ``d = a - U S U'``, ``W = (V - U S) / d``,
     ``F' = decay (F + W z)`` and ``z = r - U F``, backwards.

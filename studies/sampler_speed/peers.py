@@ -13,12 +13,13 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from full_data import FullData, OnFactor
 
 from imubayes.algebra.arrays import FloatArray
+from studies.sampler_speed.full_data import FullData, OnFactor
 
 CORES = 2
 WALKERS_A_PARAMETER = 4
@@ -87,7 +88,7 @@ def _stretch(problem: FullData | OnFactor, seconds: float, seed: int) -> tuple[F
     ensemble.random_state = np.random.MT19937(seed).state
     first = np.random.default_rng(seed).normal(size=(walkers, d))
     chain, start = [], time.perf_counter()
-    for state in ensemble.sample(first, iterations=None, store=False):
+    for state in ensemble.sample(first, iterations=2**62, store=False):
         chain.append(state.coords.copy())
         if (taken := time.perf_counter() - start) >= seconds:
             break
@@ -95,10 +96,11 @@ def _stretch(problem: FullData | OnFactor, seconds: float, seed: int) -> tuple[F
 
 
 def _nuts(problem: FullData, tune: int, draws: int, low_rank: bool, seed: int) -> tuple[FloatArray, float]:
-    import nutpie
+    import nutpie  # pyright: ignore[reportMissingImports]
+    from nutpie import compiled_pyfunc  # pyright: ignore[reportMissingImports]
 
     d = len(problem.coordinates)
-    model = nutpie.compiled_pyfunc.from_pyfunc(
+    model = compiled_pyfunc.from_pyfunc(
         ndim=d,
         make_logp_fn=lambda: problem.gradient,
         make_expand_fn=lambda *_: lambda x: {"x": x},
@@ -108,7 +110,7 @@ def _nuts(problem: FullData, tune: int, draws: int, low_rank: bool, seed: int) -
         make_initial_point_fn=lambda seed: np.random.default_rng(seed).normal(size=d),
     )
     start = time.perf_counter()
-    trace = nutpie.sample(
+    trace: Any = nutpie.sample(
         model,
         draws=draws,
         tune=tune,
