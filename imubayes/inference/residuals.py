@@ -9,7 +9,6 @@ are right no more than that share gives an alarm at all.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,7 +62,6 @@ class ResidualCheck:
         the fitted noise, in SI.
     t, shown : (q,) time in s and whitened residual, averaged over blocks to at most a few hundred points
         and scaled so that each has unit variance if the noise is white.
-    inputs : (q,) block means of each excited channel, by channel name.
     outliers : (start in s, stop in s, size in sd) of blocks beyond what chance allows, worst first.
     fits : verdict on the run: white and of the right size.
     level : probability of a false alarm of each of its tests, by which it fits or does not.
@@ -82,7 +80,6 @@ class ResidualCheck:
     expected: FloatArray
     t: FloatArray
     shown: FloatArray
-    inputs: dict[str, FloatArray]
     outliers: tuple[tuple[float, float, float], ...]
     fits: bool
     level: float = SUSPECT
@@ -119,7 +116,7 @@ def check_residuals(
     """
     fitted = int(np.count_nonzero(summary.factor.column_norms))
     own = summary if rows.stream is None else replace(summary, interval=rows.interval)
-    check = judge(residuals(rows, theta), rows.rows, own, run.inputs.channels, fitted=fitted, level=level)
+    check = judge(residuals(rows, theta), rows.rows, own, fitted=fitted, level=level)
     return check if rows.stream is None else _with_samples(check, rows, rows.stream, theta, summary)
 
 
@@ -128,7 +125,7 @@ def _with_samples(
 ) -> ResidualCheck:
     """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
     held = linear_of(stream.stretch, stream.library)
-    fine = judge(residuals(held, theta), held.rows, summary, {})
+    fine = judge(residuals(held, theta), held.rows, summary)
     return replace(
         check,
         sample_scale=fine.sample_scale,
@@ -143,7 +140,6 @@ def judge(
     raw: FloatArray,
     rows: Rows,
     summary: RunSummary,
-    channels: Mapping[str, FloatArray],
     *,
     fitted: int = 0,
     level: float = SUSPECT,
@@ -155,7 +151,6 @@ def judge(
     raw : residuals, SI.
     rows : when they were taken.
     summary : of the run.
-    channels : what the inputs were, for the figures.
     fitted : coefficients that the rows themselves have determined; they take as many degrees of freedom.
     level : probability of a false alarm of each test.
     """
@@ -188,7 +183,6 @@ def judge(
         expected=np.sqrt(allan_variance(summary.noise, tau)),
         t=t,
         shown=shown,
-        inputs={name: np.add.reduceat(values, edges) / counts for name, values in channels.items()},
         outliers=outliers,
         fits=whiteness >= level and abs(scale - 1.0) < tolerated and not outliers,
         level=level,

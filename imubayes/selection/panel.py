@@ -257,5 +257,5 @@ def coloured(
     white = [(r, run) for r, run in asked if run.noise_origin == "white"]
     theta, _ = loose_fit(summary, prior)
     return tuple(
-        run.name for r, run in white if judge(residuals(r, theta), r.rows, run, {}).whiteness_p < SUSPECT
+        run.name for r, run in white if judge(residuals(r, theta), r.rows, run).whiteness_p < SUSPECT
     )

@@ -269,10 +269,8 @@ def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
     checks = [
-        judge(left, rows.rows, run, inputs, level=level_of(job.share, len(case.rows)))
-        for left, rows, run, inputs in zip(
-            case.residuals, case.rows, case.summary.runs, case.inputs, strict=True
-        )
+        judge(left, rows.rows, run, level=level_of(job.share, len(case.rows)))
+        for left, rows, run in zip(case.residuals, case.rows, case.summary.runs, strict=True)
     ]
     told: list[_Told] = []
     for one in case.components:

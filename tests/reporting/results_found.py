@@ -144,7 +144,6 @@ def _check(run: RunSummary, fits: bool, rng: np.random.Generator) -> ResidualChe
         autocorrelation=rng.standard_normal(len(lags)) / math.sqrt(q), tau=tau,
         deviation=expected * np.exp(0.1 * rng.standard_normal(12)), expected=expected,
         t=np.linspace(0.0, run.duration, q), shown=shown,
-        inputs={"f_i": f_i, "T": np.linspace(293.0, 299.0, q)},
         outliers=() if fits else ((1200.0, 1230.0, 7.4),), fits=fits,
     )  # fmt: skip
 

@@ -90,15 +90,6 @@ def test_chains_of_a_rung_cannot_be_resumed_and_nobody_is_told_to(make_sampled, 
     assert "--resume" in answer(replace(sensor, choice=None))[0]
 
 
-def test_answer_states_the_method_and_why_in_its_second_sentence(make_sampled) -> None:
-    _, second, *_ = answer(make_sampled())
-    assert second == "Posterior: collapsed chains, because the noise is estimated from the runs themselves."
-
-
-def test_exact_posterior_without_a_reason_says_nothing_of_methods(make_sensor) -> None:
-    assert not any("Posterior" in sentence for sentence in answer(make_sensor()))
-
-
 def test_dwells_that_are_not_trusted_are_counted_by_run(make_sampled) -> None:
     sensor = make_sampled()
     assert distrust_sentence(sensor).startswith("2 dwells are not trusted (1 in tumble, 1 in centrifuge)")
@@ -196,13 +187,6 @@ def test_of_many_errors_those_that_the_test_narrows_most_are_listed_in_their_ord
     found = list(bench_sections(replace(sensor, extras=many)))
     assert [row[0] for row in rows(found)] == [f"mount {k}" for k in range(0, 2 * MOST_BENCH, 2)]
     assert f"{MOST_BENCH} more, of which the test says less" in said(found)
-
-
-def test_partners_on_the_test_bench_are_named_by_kind_once(make_sampled) -> None:
-    sensor = make_sampled()
-    partners = ("m_j", "fixture_j.tumble.1", "fixture_j.tumble.2")
-    extras = (replace(sensor.extras[0], partners=partners), *sensor.extras[1:])
-    assert rows(bench_sections(replace(sensor, extras=extras)))[0][-1] == "d_o, fixture"
 
 
 def test_exact_component_has_no_chains(make_sensor) -> None:

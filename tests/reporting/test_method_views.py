@@ -176,11 +176,6 @@ def test_many_disagreements_are_counted(make_judged) -> None:
     assert told.count("Reason ") == MOST_DISAGREEMENTS and "3 more are in result.json." in told
 
 
-def test_component_without_other_methods_has_no_section_on_them(make_sensor, make_study) -> None:
-    html = report_html(make_study(make_sensor()))
-    assert "What other methods say" not in html and "Does the library miss something?" not in html
-
-
 @pytest.mark.parametrize("many", [False, True])
 def test_report_holds_what_the_methods_say_in_the_section_on_the_choice(
     make_judged, make_study, many

@@ -13,7 +13,6 @@ from imubayes.reporting.rows import (
     noise_origin,
     own_groups,
     range_texts,
-    shortened,
     term_rows,
 )
 from imubayes.sensors.noise import Noise, allan_variance
@@ -105,11 +104,6 @@ def test_ranges_are_printed_in_units_that_people_use(make_sensor) -> None:
 def test_gyroscope_rows_use_rates(make_sensor) -> None:
     rows = rows_by_name(make_sensor(lib=library("gyroscope", set="extended")))
     assert rows["b0"].text == "11.20 +- 0.31 deg/h" and rows["g_i"].text == "4.10 +- 0.20 deg/h/g"
-
-
-def test_many_names_are_counted() -> None:
-    assert shortened(("a", "b", "c"), 3) == "a, b, c"
-    assert shortened(("a", "b", "c", "d"), 3) == "a, b, c +1"
 
 
 def test_noise_of_the_chains_is_printed_by_their_mean_and_sd(make_sampled) -> None:

@@ -10,14 +10,8 @@ from page_reading import printed
 from imubayes.campaign.study import SensorCheck
 from imubayes.reporting import figures
 from imubayes.reporting.document import report_html
-from imubayes.reporting.rows import MARKS
 from imubayes.reporting.tables import terminal_check, terminal_summary
 from imubayes.sensors.terms import library
-
-
-def test_summary_prints_on_an_ascii_terminal_with_word_and_shape(result) -> None:
-    text = printed(terminal_summary(result), encoding="ascii")
-    assert "* needed" in text and "! inseparable" in text and all(verdict in text for verdict in MARKS)
 
 
 def test_value_columns_line_up_at_their_sd(result) -> None:
@@ -29,12 +23,6 @@ def test_value_columns_line_up_at_their_sd(result) -> None:
     assert len({line.index("+-") for line in lines[1:]}) == 1 and len(lines) == 7
 
 
-def test_names_with_markup_or_control_codes_are_printed_as_they_are(make_sensor, make_study) -> None:
-    sensor = make_sensor("[bold]A[/]\x1b[31m", runs=("[red]run[/]\x07",))
-    text = printed(terminal_summary(make_study(sensor)))
-    assert "[bold]A[/]?[31m" in text and "[red]run[/]?" in text and "\x1b" not in text
-
-
 def test_what_is_one_is_in_the_singular(make_sensor, make_study) -> None:
     lib = replace(library("accelerometer", powers=1), terms=library("accelerometer", powers=1).terms[:1])
     one = make_sensor(lib=lib, runs=("tumble",))
@@ -42,11 +30,6 @@ def test_what_is_one_is_in_the_singular(make_sensor, make_study) -> None:
     told += figures.model_size(one, "k").title + figures.inclusion(one, "k").title
     assert "1 run" in told and "1 term" in told
     assert not re.findall(r"(?<![\d.,^])1 (?:terms|runs|models|samples|blocks|digits|units)\b", told)
-
-
-def test_runs_that_do_not_fit_are_named(make_sensor, make_study) -> None:
-    text = " ".join(printed(terminal_summary(make_study(make_sensor(misfit="centrifuge")))).split())
-    assert "does not explain run centrifuge" in text
 
 
 def test_check_says_for_every_term_whether_it_is_excited_and_names_each_group(make_sensor) -> None:
