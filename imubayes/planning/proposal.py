@@ -138,15 +138,7 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
     need = _need(study, effects)
     problem = _problem(study, bench, needed, need, effects)
     progress("the best plan")
-    even = even_plan(problem, study.even)
-    best = best_plan(problem).steps
-    if worth(problem, even) < worth(problem, best):
-        best = best_plan(problem, [even]).steps
-    one_run = (m if k == study.even else replace(m, dwells=()) for k, m in enumerate(problem.menus))
-    alone = replace(problem, menus=tuple(one_run))
-    same = best_plan(alone, [even]).steps if len(problem.menus) > 1 else best
-    if worth(problem, same) < worth(problem, best):
-        best = same
+    even, same, best = _plans(problem, study.even)
     progress(f"{study.units} simulated units")
     told = partial(_outcome, study=study, bench=bench, problem=problem, effects=effects)
     return Proposal(
@@ -166,6 +158,19 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
         following=following(problem, (), NEXT),
         seconds=time.perf_counter() - start,
     )
+
+
+def _plans(problem: Problem, offer: int) -> tuple[Steps, Steps, Steps]:
+    """Going evenly through an offer, the best plan with it alone, and the best plan, which beats both."""
+    even = even_plan(problem, offer)
+    best = best_plan(problem).steps
+    if worth(problem, even) < worth(problem, best):
+        best = best_plan(problem, [even]).steps
+    if len(problem.menus) == 1:
+        return even, best, best
+    alone = (menu if k == offer else replace(menu, dwells=()) for k, menu in enumerate(problem.menus))
+    same = best_plan(replace(problem, menus=tuple(alone)), [even]).steps
+    return even, same, min(best, same, key=lambda steps: worth(problem, steps))
 
 
 def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:

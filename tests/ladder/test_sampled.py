@@ -2,9 +2,19 @@ import numpy as np
 from ladders import ground, problem
 
 from imubayes.inference.mcmc.density import condition, density_of, log_joint, theta_of
+from imubayes.inference.mcmc.engine import Target
+from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import prepared
-from imubayes.ladder.sampled import log_density
+from imubayes.ladder.sampled import log_density, run_slowly
 from imubayes.sensors.noise import Noise, NoiseRule
+
+NORMAL = Target(
+    names=("x", "y"),
+    log_prob=lambda c: -0.5 * np.sum(c**2, axis=1),
+    moves=(("stretch", None, 1.0),),
+    start=lambda rng, size: rng.standard_normal((size, 2)),
+    readable=lambda c: c,
+)
 
 
 def _given(noise: Noise):
@@ -48,3 +58,16 @@ def test_log_density_of_all_rows_is_interpolated_to_what_the_chains_say():
     )
     # polynomials that are right to a hundredth of a nat, each way
     assert np.max(np.abs(apart - np.median(apart))) < 0.1
+
+
+def test_chains_that_are_cut_short_say_that_their_steps_are_too_few():
+    done = run_slowly(NORMAL, Limits(ess=10.0, time_limit=0.0, seed=1), lambda message: None)
+    assert not done.converged
+    assert "steps are fewer than 50 autocorrelation times" in done.text
+
+
+def test_chains_that_are_long_enough_say_so():
+    done = run_slowly(NORMAL, Limits(ess=400.0, time_limit=60.0, seed=1), lambda message: None)
+    assert done.converged
+    assert done.text == "every parameter has mixed"
+    assert len(done.chains[0]) >= 50.0 * done.tau.max()
