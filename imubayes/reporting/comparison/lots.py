@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import cache
-from typing import Any
+from typing import Any, TypedDict
 
 from imubayes.errors import InputError, TermError
 from imubayes.inference.intervals import Share
@@ -48,7 +48,7 @@ from imubayes.reporting.comparison.page import (
 from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.result.entries import Interval
 from imubayes.reporting.result.file import Written
-from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, ClassTermInScene, LotsResult
+from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, share_range
 from imubayes.rig.simulate import library_of
 from imubayes.selection.verdicts import listed
@@ -65,6 +65,24 @@ HOW = (
 ORDER_HEAD = ("terms of", RESULT, "median (90 % of the units)")
 HEAD = ("term", RESULT, "needed", "mean", "spread", DIFFERENCE)
 SCENE_HEAD = ("term", RESULT, "required", "share of the budget", DIFFERENCE)
+
+
+class Population(TypedDict):
+    """A term over the units of a class.
+
+    Attributes
+    ----------
+    needed : count of the units that need it, and of all.
+    share : the same as a share.
+    mean, spread : of the population, SI.
+    tested : whether the test of any unit excites it; otherwise the population is the prior's.
+    """
+
+    needed: tuple[int, int]
+    share: Interval
+    mean: Interval
+    spread: Interval
+    tested: bool
 
 
 def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Comparison:
@@ -115,34 +133,31 @@ def _class(
     )
 
 
-def excites(one: Class, name: str) -> bool:
-    """Whether the test of any unit excites a term: otherwise its population is the prior's."""
-    k = [term.name for term in one.terms].index(name)
-    return any(unit.verdicts[k] != "untested" for unit in one.units)
+def population_of(term: ClassTerm, of: Class) -> Population:
+    """Publish a term over the units of a class."""
+    k, n = [one.name for one in of.terms].index(term.name), len(of.units)
+    return {
+        "needed": (round(term.needed["value"] * n), n),
+        "share": term.needed,
+        "mean": term.mean,
+        "spread": term.spread,
+        "tested": any(unit.verdicts[k] != "untested" for unit in of.units),
+    }
 
 
 def _term(
     name: str, values: Sequence[ClassTerm | None], members: Sequence[Class | None], labels: Sequence[str]
 ) -> Entry:
-    tested = [
-        (label, one, of)
-        for label, one, of in zip(labels, values, members, strict=True)
-        if one and of and excites(of, name)
-    ]
-    there = [label for label, _, _ in tested]
-    means = [(one.mean["value"], normal_of(one.mean["low"], one.mean["high"])) for _, one, _ in tested]
+    found = [one and of and population_of(one, of) for one, of in zip(values, members, strict=True)]
+    there = [(label, one) for label, one in zip(labels, found, strict=True) if one and one["tested"]]
+    tested, means = [label for label, _ in there], [one["mean"] for _, one in there]
     pulls = {
-        "needed": largest(there, [_needed(one, of) for _, one, of in tested], fisher),
-        "mean": largest(there, means),
-        "spread": largest(there, [log_spread(one.spread) for _, one, _ in tested]),
+        "needed": largest(tested, [one["needed"] for _, one in there], fisher),
+        "mean": largest(tested, [(one["value"], normal_of(one["low"], one["high"])) for one in means]),
+        "spread": largest(tested, [log_spread(one["spread"]) for _, one in there]),
     }
     tests = math.comb(len(there), 2) * sum(pull is not None for pull in pulls.values())
-    return Entry(name, tuple(values), pulls, tests)
-
-
-def _needed(term: ClassTerm, of: Class) -> tuple[int, int]:
-    """Count of the units in which a term is needed, and of all."""
-    return round(term.needed["value"] * len(of.units)), len(of.units)
+    return Entry(name, tuple(found), pulls, tests)
 
 
 def _scene(
@@ -154,21 +169,16 @@ def _scene(
 ) -> Group:
     terms = {}
     for term, values in terms_of(members).items():
-        required = _required(values, counts)
+        required = [
+            (round(one.required * count), count) if one else None
+            for one, count in zip(values, counts, strict=True)
+        ]
+        shares = [Share(one.share_of_budget, *one.share_range) if one else None for one in values]
         divided = (count >= HALF * of for count, of in filter(None, required))
         label = f"{term} (required in {scene_name(name)})"
-        terms[term] = entry(labels, label, values, required, fisher, divided)
+        found = [one and share and (one, share) for one, share in zip(required, shares, strict=True)]
+        terms[term] = entry(labels, label, found, required, fisher, divided)
     return Group(name, kind, labels, members, terms)
-
-
-def _required(
-    values: Sequence[ClassTermInScene | None], counts: Sequence[int]
-) -> list[tuple[int, int] | None]:
-    """Count of the units whose model has a term, and of all."""
-    return [
-        (round(one.required * count), count) if one else None
-        for one, count in zip(values, counts, strict=True)
-    ]
 
 
 def lots_page(found: Comparison) -> Page:
@@ -225,23 +235,23 @@ def _order_rows(one: Group) -> Iterator[Row]:
 
 def _rows(one: Group, whole: bool) -> Iterator[Row]:
     for name, term in one.terms.items():
-        told = [_cells(value, of, one.kind) for value, of in zip(term.values, one.members, strict=True)]
+        told = [_cells(value, name, one.kind) for value in term.values]
         yield from entry_rows(one.labels, name, term, told, brief=whole)
 
 
-def _cells(value: ClassTerm | None, of: Class | None, kind: Kind) -> tuple[Text, ...]:
-    if value is None or of is None:
+def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
+    if value is None:
         return "not there", "", ""
-    if not excites(of, value.name):
+    if not value["tested"]:
         return "not tested", "", ""
-    share, mean, spread = population_texts(value, kind)
+    share, mean, spread = population_texts(value, name, kind)
     return share, typeset(mean), typeset(spread)
 
 
-def population_texts(value: ClassTerm, kind: Kind) -> tuple[str, str, str]:
+def population_texts(value: Population, name: str, kind: Kind) -> tuple[str, str, str]:
     """Share of the units that need a term, its mean and its spread."""
-    mean, spread = (estimate(one, value.name, kind) for one in (value.mean, value.spread))
-    return percents(Share(**value.needed)), mean, spread
+    mean, spread = (estimate(value[key], name, kind) for key in ("mean", "spread"))
+    return percents(Share(**value["share"])), mean, spread
 
 
 def estimate(found: Interval, name: str, kind: Kind) -> str:
@@ -276,20 +286,17 @@ def _scene_section(scene: Group, of: Group) -> Section:
     rows = [
         row
         for name, term in scene.terms.items()
-        if any(one and (one.required or one.share_of_budget >= LITTLE) for one in term.values)
+        if any(count or share.value >= LITTLE for (count, _), share in filter(None, term.values))
         for row in entry_rows(scene.labels, name, term, map(_scene_cells, term.values), brief=term.divided)
     ]
     return titled(f"Scene {scene_name(scene.name)}", of.name, SCENE_HEAD, rows, "ttttn")
 
 
-def _scene_cells(value: ClassTermInScene | None) -> tuple[Text, ...]:
+def _scene_cells(value: tuple[tuple[int, int], Share] | None) -> tuple[Text, ...]:
     if value is None:
         return "not there", ""
-    return percent(value.required), share_range(_share(value))
-
-
-def _share(value: ClassTermInScene) -> Share:
-    return Share(value.share_of_budget, *value.share_range)
+    (count, of), share = value
+    return percent(count / of), share_range(share)
 
 
 def lots_record(found: Comparison) -> dict[str, Any]:
@@ -304,7 +311,6 @@ def lots_record(found: Comparison) -> dict[str, Any]:
 
 
 def _class_record(one: Group) -> dict[str, Any]:
-    counts = [len(member.units) if member else 0 for member in one.members]
     return {
         "id": one.name,
         "orders": [member and member.order for member in one.members],
@@ -312,10 +318,7 @@ def _class_record(one: Group) -> dict[str, Any]:
         "terms": [
             {
                 "name": name,
-                "values": [
-                    value and of and population_record(value, of)
-                    for value, of in zip(term.values, one.members, strict=True)
-                ],
+                "values": term.values,
                 **{what: pull_record(pull) for what, pull in term.pulls.items()},
             }
             for name, term in one.terms.items()
@@ -327,8 +330,8 @@ def _class_record(one: Group) -> dict[str, Any]:
                 "terms": [
                     {
                         "name": name,
-                        "required": _required(term.values, counts),
-                        "shares": [value and asdict(_share(value)) for value in term.values],
+                        "required": [value and value[0] for value in term.values],
+                        "shares": [value and asdict(value[1]) for value in term.values],
                         **pull_record(term.pull),
                     }
                     for name, term in scene.terms.items()
@@ -336,15 +339,4 @@ def _class_record(one: Group) -> dict[str, Any]:
             }
             for scene in one.scenes
         ],
-    }
-
-
-def population_record(term: ClassTerm, of: Class) -> dict[str, Any]:
-    """A term over the units of a class: its count of units and its population."""
-    return {
-        "needed": _needed(term, of),
-        "share": term.needed,
-        "mean": term.mean,
-        "spread": term.spread,
-        "tested": excites(of, term.name),
     }

@@ -28,12 +28,12 @@ from imubayes.reporting.comparison.differences import (
     normal_of,
     pull_record,
 )
-from imubayes.reporting.comparison.lots import excites, population_record, population_texts, unit_of_term
+from imubayes.reporting.comparison.lots import Population, population_of, population_texts, unit_of_term
 from imubayes.reporting.comparison.page import DIFFERENCE, comparison_page, difference, titled
 from imubayes.reporting.comparison.sensors import noise_of, noise_unit, term_value
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
-from imubayes.reporting.result.many import Class, ClassTerm, LotsResult
+from imubayes.reporting.result.many import Class, LotsResult
 from imubayes.reporting.rounding import measured
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -97,9 +97,9 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
 
 
 def _unit(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Group:
-    population = {term.name: term for term in of.terms}
+    population = {term.name: population_of(term, of) for term in of.terms}
     terms = {
-        one.name: _entry(one.name, (one, known), _size(one, known, of), pair)
+        one.name: _entry(one.name, (one, known), _size(one, known), pair)
         for one in sensor.terms
         if (known := population.get(one.name))
     }
@@ -111,24 +111,25 @@ def _entry(label: str, values: tuple[Any, ...], size: float, pair: tuple[str, st
     return Entry(label, values, {"": Pull(pair, size) if known else None}, int(known))
 
 
-def _size(unit: Term, population: ClassTerm, of: Class) -> float:
+def _size(unit: Term, population: Population) -> float:
     """Distance of a unit from its class in sd; nan where one of them was not tested."""
     sd = predictive_sd(unit.full_sd, population)
-    if unit.verdict == "untested" or not excites(of, unit.name) or not 0.0 < sd < math.inf:
+    if unit.verdict == "untested" or not population["tested"] or not 0.0 < sd < math.inf:
         return math.nan
-    return abs(unit.full_mean - population.mean["value"]) / sd
+    return abs(unit.full_mean - population["mean"]["value"]) / sd
 
 
-def predictive_sd(sd: float, population: ClassTerm) -> float:
+def predictive_sd(sd: float, population: Population) -> float:
     """Standard deviation of a typical unit's estimate about the population's mean.
 
     Parameters
     ----------
     sd : of the unit's own estimate, SI.
     """
-    log_tau, log_sd = log_spread(population.spread)
+    log_tau, log_sd = log_spread(population["spread"])
     mean_square = math.exp(2.0 * (log_tau + log_sd**2))
-    return math.sqrt(sd**2 + normal_of(population.mean["low"], population.mean["high"]) ** 2 + mean_square)
+    mean = population["mean"]
+    return math.sqrt(sd**2 + normal_of(mean["low"], mean["high"]) ** 2 + mean_square)
 
 
 def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[tuple[str, str], Entry]]:
@@ -169,11 +170,12 @@ def _answer(one: Group) -> str:
 
 def _section(k: int, one: Group) -> Section:
     label, lot_label = one.labels
+    terms = (_line(term, one.kind) for term in one.terms.values())
     return Section(
         one.name,
         (
             Prose(" ".join(_sentences(one))),
-            titled("The terms", one.name, HEAD, (_line(term, one) for term in one.terms.values()), "ttfttfn"),
+            titled("The terms", one.name, HEAD, terms, "ttfttfn"),
             titled("Noise", one.name, NOISE_HEAD, _noise_lines(one), "tttn"),
         ),
         f"u{k + 1}",
@@ -201,23 +203,19 @@ def _missing(one: Group) -> list[str]:
     return [term.name for term in one.members[0].terms if term.name not in one.terms]
 
 
-def _line(term: Entry, one: Group) -> Row:
+def _line(term: Entry, kind: Kind) -> Row:
     unit, population = term.values
-    tested = excites(one.members[1], unit.name)
+    tested = population["tested"]
     known: tuple[Text, ...] = ("not tested", "", "")
     if tested:
-        share, mean, spread = population_texts(population, one.kind)
-        known = (Both(typeset(mean).page, _without_sd(population, one.kind)), typeset(spread), share)
+        share, mean, spread = population_texts(population, unit.name, kind)
+        printed, size = unit_of_term(unit.name, kind)
+        both = measured(population["mean"]["value"] / size, population["spread"]["value"] / size, printed)
+        brief = str(both).replace("+-", ",").replace(" ,", ",")  # mean and spread, two digits of the spread
+        known = (Both(typeset(mean).page, brief), typeset(spread), share)
     told = (verdict(unit.verdict), difference(term, 2))
     cells = (unit.name, typeset(term_value(unit)), *known, *told)
     return Row(cells, strong=term.beyond, brief=tested and unit.verdict != "untested")
-
-
-def _without_sd(term: ClassTerm, kind: Kind) -> str:
-    """Mean and spread of the class for a terminal, two digits of the spread."""
-    unit, size = unit_of_term(term.name, kind)
-    found = measured(term.mean["value"] / size, term.spread["value"] / size, unit)
-    return str(found).replace("+-", ",").replace(" ,", ",")
 
 
 def _noise_lines(one: Group) -> Iterator[Row]:
@@ -244,7 +242,7 @@ def _unit_record(one: Group) -> dict[str, Any]:
         "id": one.name,
         "class": one.members[1].id,
         "typical": not differing(one.entries),
-        "terms": [_term_record(term, one.members[1]) for term in one.terms.values()],
+        "terms": [_term_record(term) for term in one.terms.values()],
         "noise": [
             {
                 "name": letter,
@@ -257,10 +255,10 @@ def _unit_record(one: Group) -> dict[str, Any]:
     }
 
 
-def _term_record(term: Entry, of: Class) -> dict[str, Any]:
+def _term_record(term: Entry) -> dict[str, Any]:
     unit, population = term.values
     return {
         **{key: getattr(unit, key) for key in ("name", "unit", "full_mean", "full_sd", "verdict")},
-        "population": population_record(population, of),
+        "population": population,
         **pull_record(term.pull),
     }

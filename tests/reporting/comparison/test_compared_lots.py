@@ -117,15 +117,15 @@ def _interval(value, low, high):
     return {"value": value, "low": low, "high": high}
 
 
-def _lot(noise=((1.0, 1.0, 1.0),), mean=None, spread=None):
-    """Lot of one class, whose terms have this population, surely known; with noise of its units."""
+def _lot(noise=((1.0, 1.0, 1.0),)):
+    """Lot of one class, whose terms have a population that is surely known; with noise of its units."""
     lot = published_lots(lot_result())
     one, sure = lot.lots.classes[0], 1e-6
     term = replace(
         one.terms[0],
         needed=_interval(1.0, 0.5, 1.0),
-        mean=mean or _interval(0.0, -sure, sure),
-        spread=spread or _interval(1.0, math.exp(-sure), math.exp(sure)),
+        mean=_interval(0.0, -sure, sure),
+        spread=_interval(1.0, math.exp(-sure), math.exp(sure)),
     )
     terms = tuple(replace(term, name=f"b{k}") for k in range(TERMS))
     units = tuple(
@@ -147,13 +147,13 @@ def _beside(*results):
 def test_sd_of_a_typical_unit_is_that_of_simulated_ones():
     """Draw mean and spread from their intervals, a unit from these, its estimate: 4 sd of the variance."""
     rng = np.random.default_rng(2)
-    lot = _lot(mean=_interval(3.0, 2.0, 4.0), spread=_interval(1.0, 0.7, 1.0 / 0.7))
+    found = {"mean": _interval(3.0, 2.0, 4.0), "spread": _interval(1.0, 0.7, 1.0 / 0.7)}
     n = 200_000
     mu = rng.normal(3.0, 1.0 / QUANTILE, n)
     tau = np.exp(rng.normal(0.0, -math.log(0.7) / QUANTILE, n))
     t = rng.normal(rng.normal(mu, tau), 0.8)
     squares = (t - 3.0) ** 2
-    assert predictive_sd(0.8, lot.lots.classes[0].terms[0]) ** 2 == pytest.approx(
+    assert predictive_sd(0.8, found) ** 2 == pytest.approx(
         squares.mean(), abs=4.0 * squares.std() / math.sqrt(n)
     )
 
