@@ -223,7 +223,7 @@ def _problem(
         G = np.eye(len(bench.sd))[driven] * bench.sd / need[driven][:, None]
     if study.aim == "scene" and effects is not None and study.mission is not None:
         G = _in_scene(bench, effects, study.mission)
-        kind = "worst" if effects.largest else "rms"
+        kind = "worst" if effects.components else "rms"
     return Problem(bench.menus, start_of(bench), Aim(kind, G), study.time)
 
 

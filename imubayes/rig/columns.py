@@ -34,6 +34,8 @@ _OWN_UNITS = {
     "mount": "",
     **dict.fromkeys(ACCELEROMETERS, "m/s^2"),
     **dict.fromkeys(GYROSCOPES, "rad/s"),
+    **dict.fromkeys(("roll", "pitch", "yaw"), "rad"),
+    "q": "",
 }
 """SI units of the channels that are no input, and no output of a single component; a count needs none."""
 
@@ -211,7 +213,7 @@ def nearly(name: str, channels: Sequence[str]) -> str:
     plain = "".join(letter for letter in name.lower() if letter.isalnum())
     for channel in channels:
         family, _, axis = channel.partition("_")
-        if axis and plain in {f"{called}{axis}" for called in CALLED[family]}:
+        if axis and plain in {f"{called}{axis}" for called in CALLED.get(family, ())}:
             return channel
     families = {channel.partition("_")[0]: channel for channel in reversed(channels) if "_" in channel}
     if plain[:-1] in families and (plain[-1] in AXES or not name.isalpha()):

@@ -1,25 +1,21 @@
-"""What an error of a sensor's output does to attitude, velocity and position.
+"""What an error of a body-fixed sensor does to attitude, velocity and position, while the vehicle turns.
 
-One horizontal channel of an inertial navigator, heading known, driven by the output error of one component:
-the accelerometer along the channel, or the level gyroscope across it::
+A sensor's output error u is fixed in the body, along the case axis e that the sensor lies along. The
+navigator's errors are those of strapdown integration, in a level frame n with its axes north, west and up,
+which does not turn with the vehicle; C takes the body's axes to n, and f = C f_body::
 
-    dphi/dt = e_g - dv / R        tilt: attitude error about the gyroscope's axis, rad
-    dv/dt   = e_a + f(t) dphi     velocity error, m/s
-    dx/dt   = dv                  position error, m
+    dpsi/dt = -W x psi + C e u                          of a gyroscope
+    dv/dt   = psi x f - (g/R) r_h - 2 W x v + C e u     of an accelerometer
+    dr/dt   = v
 
-f is the load: the specific force that a small turn about the gyroscope's axis moves into the channel, which
-is the part of it that lies across that axis, ``|e_i x f|``. Straight and level it is g. A channel of an
-accelerometer is taken as level, with g.
+psi turns the true body axes into those that the navigator computes; r_h is the horizontal part of r. Where
+the navigator keeps a local level, n turns with the Earth at W, gravity points down at the computed position
+(which feeds r back: the Schuler period of 84.4 min), and height is aided, so that v and r stay horizontal.
+The attitude error is that against the local level at the computed position, ``psi - up x r / R``. In free
+flight n is inertial: no W, no feedback, and all three axes count.
 
-All is linear in the error, and so in every coefficient: ``p(T) = J(T) theta``, one integration of the
-columns. Over times that are short beside the Schuler period of 84.4 min it is double integration of an
-accelerometer's error (b t^2/2) and triple integration of f times a gyroscope's (g e t^3/6). Without the term
-dv/R it stays that: the navigator of a vehicle that flies free, to which no local level belongs. Coupling by
-heading, the vertical channel and position-dependent gravity are not in it.
-
-Inputs hold from one row to the next, the load as well as the error. While f holds, all follows from Stumpff's
-functions ``c_k(z) = 1/k! - z/(k+2)! + z^2/(k+4)! - ...`` of ``z = f t^2/R`` (0 without dv/R; negative where f
-is): ``c0 = cos sqrt(z)``, ``c1 = sin sqrt(z)/sqrt(z)``, and so on.
+All is linear in the error, and so in every coefficient. Between two rows the errors and f are taken as linear
+in time. Position-dependent Earth rate and the vertical channel are not in it.
 """
 
 from __future__ import annotations
@@ -34,8 +30,10 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
-from imubayes.rig.inputs import Inputs
-from imubayes.sensors.noise import FLOOR, Noise, flicker
+from imubayes.rig.motion import vectors
+from imubayes.rig.plans import EARTH_RATE
+from imubayes.scenes.record import Scene
+from imubayes.sensors.noise import FLOOR, flicker
 from imubayes.sensors.terms import Kind
 from imubayes.units import STANDARD_GRAVITY
 
@@ -49,17 +47,20 @@ BUDGET_UNITS: dict[Quantity, str] = {"attitude": "rad", "velocity": "m/s", "posi
 OUTPUT_TIME = 1.0
 """s; averaging time at which noise is set beside an error of the output."""
 
-ROUNDED = 1e-12
-"""Share of a record that may be missing by rounding where a time is a whole number of records."""
+LATITUDE = math.pi / 4.0
+"""rad; where a navigator that keeps a local level starts: the Earth's rate turns the level frame there."""
 
 RATIO, SPANS = 4.0, 10.0
 """Ratio of time constants of a bias instability, and the longest one over the mission: as simulated."""
 
 CELLS = 2_000
-"""Steps in which the integrals over noise take a mission."""
+"""Parts of a mission, about, in which a bias instability and a random walk are followed."""
 
-SERIES = 9
-"""Terms of a series in z, up to z = 1: the next one is below 1e-19."""
+COARSE = 40.0
+"""s; longest step of the integration: a twentieth of a radian of Schuler's oscillation."""
+
+ROUNDED = 1e-12
+"""Share of a record that may be missing by rounding where a time is a whole number of records."""
 
 MOST_RECORDS = 10_000
 """Times that a record may be repeated to fill a mission."""
@@ -89,292 +90,210 @@ class Budget:
             raise StudyError(f"a budget of {self.limit:g} leaves nothing out: expected a positive limit")
 
 
-def constant_response(
-    kind: Kind, time: FloatArray, *, schuler: bool = True, load: FloatArray | float = STANDARD_GRAVITY
-) -> FloatArray:
-    """Response to a unit error that stays constant under a load that does, from rest.
-
-    Parameters
-    ----------
-    kind : of the component.
-    time : (...) s since the error began; before it the response is zero.
-    schuler : whether the navigator keeps a local level.
-    load : force that a tilt turns into the channel, m/s^2, of the shape of `time` or a number.
-
-    Returns
-    -------
-    (3, ...) attitude, velocity and position, per m/s^2 or rad/s of error.
-
-    Examples
-    --------
-    >>> constant_response("accelerometer", np.array([10.0]), schuler=False)[:, 0].tolist()
-    [0.0, 10.0, 50.0]
-    """
-    t, back = np.maximum(time, 0.0), _feedback(schuler)
-    _, c1, c2, c3 = _stumpff(back * load * t**2)
-    if kind == "accelerometer":
-        return np.array((0.0 - back * t**2 * c2, t * c1, t**2 * c2))
-    return np.array((t * c1, load * t**2 * c2, load * t**3 * c3))
-
-
-def transition(
-    time: FloatArray | float, *, schuler: bool = True, load: FloatArray | float = STANDARD_GRAVITY
-) -> FloatArray:
-    """Matrices (..., 3, 3) that carry attitude, velocity and position errors on by `time`, with no new error.
-
-    Examples
-    --------
-    >>> transition(2.0, schuler=False).round(4).tolist()
-    [[1.0, 0.0, 0.0], [19.6133, 1.0, 0.0], [19.6133, 2.0, 1.0]]
-    """
-    t, back = np.asarray(time), _feedback(schuler)
-    c0, c1, c2, _ = _stumpff(back * load * t**2)
-    out = np.zeros((*c0.shape, 3, 3))
-    out[..., 0, 0], out[..., 0, 1] = c0, 0.0 - back * t * c1
-    out[..., 1, 0], out[..., 1, 1] = load * t * c1, c0
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = load * t**2 * c2, t * c1, 1.0
-    return out
-
-
-def _feedback(schuler: bool) -> float:
-    """Tilt rate by velocity, 1/m."""
-    return 1.0 / SEMI_MAJOR_AXIS if schuler else 0.0
-
-
-def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """c0, c1, c2 and c3, (...) each; by their series where the closed forms would cancel."""
-    near = np.abs(z) < 1.0
-    little, root = np.where(near, z, 0.0), np.sqrt(np.where(near, 1.0, z).astype(np.complex128))
-    c2, c3 = np.ones_like(little), np.ones_like(little)
-    for k in range(SERIES, 0, -1):
-        c2 = 1.0 - little * c2 / ((2 * k + 1) * (2 * k + 2))
-        c3 = 1.0 - little * c3 / ((2 * k + 2) * (2 * k + 3))
-    sine, half = np.sin(root) / root, np.sin(0.5 * root) / (0.5 * root)
-    c2 = np.where(near, c2 / 2.0, np.real(0.5 * half**2))
-    c3 = np.where(near, c3 / 6.0, np.real((1.0 - sine) / root**2))
-    c0 = np.where(near, 1.0 - z * c2, np.real(np.cos(root)))
-    return c0, np.where(near, 1.0 - z * c3, np.real(sine)), c2, c3
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Propagation:
-    """How errors pass through a record, row by row.
+    """How the errors of one component pass through a record that a mission repeats.
 
     Attributes
     ----------
     kind : of the component.
     schuler : whether the navigator keeps a local level.
-    edges : (n + 1,) starts of the rows, s since the first, and the end of the last.
-    load : (n,) force that a tilt turns into the channel, m/s^2.
-    moved : (n + 1, 3, 3) transitions from the start to each edge.
-    driven : (3, n) errors at the start that are, at the end of each row, what a unit error in it leaves.
+    t : (n + 1,) times of the rows, s since the first, and the end of the last.
+    along : (n + 1, 3) the component's axis in the level frame.
+    force : (n + 1, 3) specific force in the level frame, m/s^2.
     """
 
     kind: Kind
     schuler: bool
-    edges: FloatArray
-    load: FloatArray
-    moved: FloatArray
-    driven: FloatArray
+    t: FloatArray
+    along: FloatArray
+    force: FloatArray
 
-    @property
-    def length(self) -> float:
-        """Length of the record, s."""
-        return float(self.edges[-1])
+    def driven(self, X: FloatArray, at: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Errors that columns leave at given rows, from rest, and the transitions to them from the start.
 
-    def until(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """Transition (3, 3) from the start to a time, and weights (3, n) of the errors in the rows."""
-        row = min(int(np.searchsorted(self.edges, time, "right")), len(self.load)) - 1
-        rest, load = np.array(time - self.edges[row]), float(self.load[row])
-        carry = transition(rest, schuler=self.schuler, load=load) @ self.moved[row]
-        weights = np.zeros_like(self.driven)
-        weights[:, :row] = carry @ self.driven[:, :row]
-        weights[:, row] = constant_response(self.kind, rest, schuler=self.schuler, load=load)
-        return carry, weights
+        Parameters
+        ----------
+        X : (n, p) columns of the output's error.
+        at : k rows in increasing order, up to n.
+
+        Returns
+        -------
+        (k, 9, p) and (k, 9, 9): psi, v and r along the axes of the level frame.
+        """
+        from imubayes.scenes.integration import forward
+
+        p = X.shape[1]
+        drive, start = np.zeros((len(X) + 1, p + 9)), np.zeros((9, p + 9))
+        drive[:-1, :p], drive[-1, :p], start[:, p:] = X, X[-1], np.eye(9)
+        out = forward(*self._equations(), drive, start, np.array(at, dtype=np.int64))
+        return out[..., :p], out[..., p:]
+
+    def weights(self, end: int) -> tuple[FloatArray, FloatArray]:
+        """Errors (9, end) at row `end` by unit errors of the rows before, and the transition (9, 9) to it."""
+        from imubayes.scenes.integration import backward
+
+        return backward(*self._equations(), end)
+
+    def read(self, quantity: Quantity) -> FloatArray:
+        """Rows (d, 9) that read a quantity off psi, v and r: its two or three components."""
+        if quantity == "attitude":
+            return np.hstack((np.eye(3), np.zeros((3, 3)), _UP_CROSS / -SEMI_MAJOR_AXIS * self.schuler))
+        first = 3 * STATES.index(quantity)
+        return np.eye(9)[first : first + (2 if self.schuler else 3)]
+
+    def _equations(self) -> tuple[FloatArray, FloatArray, FloatArray, bool, FloatArray, float]:
+        earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * self.schuler
+        back = STANDARD_GRAVITY / SEMI_MAJOR_AXIS * self.schuler
+        return self.t, self.along, self.force, self.kind == "gyroscope", earth, back
 
 
-def propagation(
-    kind: Kind, inputs: Inputs, *, schuler: bool = True, load: FloatArray | float = STANDARD_GRAVITY
-) -> Propagation:
-    """Work out how errors pass through a record.
+_UP_CROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+"""``_UP_CROSS @ r = up x r``."""
+
+
+def propagation(kind: Kind, scene: Scene, axis: str, *, schuler: bool = True) -> Propagation:
+    """Lay out how errors of a component pass through a scene's record.
 
     Parameters
     ----------
     kind : of the component.
-    inputs : (n,) rows of the record; each holds until the next, the last for the sampling interval.
+    scene : with its attitude. Where nothing says what force acts, it is 1 g upwards.
+    axis : case axis that the component lies along.
     schuler : whether the navigator keeps a local level.
-    load : force that a tilt turns into the channel, m/s^2: (n,), or a number that holds throughout.
+
+    Raises
+    ------
+    InputError : if rows are over 40 s apart.
 
     Examples
     --------
-    >>> boost = propagation("gyroscope", Inputs(np.arange(60.0), {}, 1.0), schuler=False, load=98.1)
-    >>> carry, weights = boost.until(10.0)
-    >>> float(weights[1].sum().round(9))
-    4905.0
+    >>> from imubayes.scenes.record import recorded
+    >>> minute = recorded("level", np.arange(60.0), np.tile([0.0, 0.0, 10.0], (60, 1)), np.zeros((60, 3)))
+    >>> level = propagation("gyroscope", minute, "y", schuler=False)
+    >>> level.driven(np.ones((60, 1)), [60])[0][0, 6, 0].round(6).item()  # 10 t^3/6
+    360000.0
     """
-    start = inputs.t - inputs.t[0]
-    edges = np.append(start, start[-1] + inputs.interval)
-    steps, course = np.diff(edges), np.broadcast_to(load, start.shape)
-    if np.ndim(load):
-        moved = _running(transition(steps, schuler=schuler, load=course))
-    else:
-        moved = transition(edges, schuler=schuler, load=load)
-    done = constant_response(kind, steps, schuler=schuler, load=course)
-    return Propagation(kind, schuler, edges, course, moved, _undone(moved[1:], done))
+    motion = scene.mean_motion
+    t = motion.t - motion.t[0]
+    t = np.append(t, t[-1] + motion.interval)
+    if (longest := float(np.diff(t).max())) > COARSE:
+        raise InputError(
+            f"scene '{scene.name}': rows are up to {longest:.3g} s apart: expected {COARSE:g} s at most, so"
+            " that errors of attitude, velocity and position can be followed"
+        )
+    force = vectors(motion.channels, "f", len(motion))
+    attitude = np.broadcast_to(np.eye(3), (len(force), 3, 3)) if scene.attitude is None else scene.attitude
+    in_level = np.einsum("nij,nj->ni", attitude, force)
+    if not any(name.startswith("f_") for name in motion.channels):
+        in_level[:, 2] = STANDARD_GRAVITY
+    along = attitude[:, :, "xyz".index(axis)]
+    held = (np.ascontiguousarray(np.vstack((v, v[-1:]))) for v in (along, in_level))
+    return Propagation(kind, schuler, t, *held)
 
 
-def _running(steps: FloatArray) -> FloatArray:
-    """Products (n + 1, 3, 3) of the first 0, 1, ..., n of n matrices, the later ones on the left.
-
-    Spans are doubled, so that rounding grows with the logarithm of n.
-    """
-    out, span = np.concatenate((np.eye(3)[None], steps)), 1
-    while span < len(out):
-        out[span:] = out[span:] @ out[:-span]
-        span *= 2
-    return out
-
-
-def _undone(moved: FloatArray, errors: FloatArray) -> FloatArray:
-    """Errors (3, n) taken back through transitions (n, 3, 3), of which the determinant is 1."""
-    attitude = moved[:, 1, 1] * errors[0] - moved[:, 0, 1] * errors[1]
-    velocity = moved[:, 0, 0] * errors[1] - moved[:, 1, 0] * errors[0]
-    return np.array((attitude, velocity, errors[2] - moved[:, 2, 0] * attitude - moved[:, 2, 1] * velocity))
-
-
-def functionals(propagated: Propagation, X: FloatArray, times: Sequence[float]) -> FloatArray:
-    """Attitude, velocity and position errors per unit of each coefficient, at given times.
+def errors_at(
+    passed: Propagation, columns: Callable[[int], FloatArray], times: Sequence[float], *, repeated: bool
+) -> FloatArray:
+    """Errors per unit of each coefficient at given times of a mission.
 
     Parameters
     ----------
-    propagated : of the record that the columns belong to; times beyond the record repeat it.
-    X : (n, p) columns, SI.
+    passed : of the record; times beyond it repeat it.
+    columns : (n, p) columns in repetition 0, 1, ... of the record, SI.
     times : m times, s since the start.
+    repeated : whether the columns are those of repetition 0 in all of them.
 
     Returns
     -------
-    (m, 3, p).
+    (m, 9, p), at the rows nearest to the times.
 
     Raises
     ------
     InputError : if the record would be repeated more than 10,000 times.
-
-    Examples
-    --------
-    >>> minute = propagation("accelerometer", Inputs(np.arange(60.0), {}, 1.0), schuler=False)
-    >>> functionals(minute, np.ones((60, 1)), [60.0, 120.0])[:, 2, 0].tolist()
-    [1800.0, 7200.0]
     """
-    once = propagated.until(propagated.length)[1] @ X
-    return _at_times(propagated, lambda _: X, lambda _: once, times)
-
-
-def running_functionals(
-    propagated: Propagation, columns: Callable[[int], FloatArray], times: Sequence[float]
-) -> FloatArray:
-    """Errors as `functionals` gives them, of columns that differ from one repetition of a record to the next.
-
-    Parameters
-    ----------
-    propagated : of the record.
-    columns : (n, p) columns in repetition 0, 1, ... of the record.
-    times : m times, s since the start.
-    """
-    weights = propagated.until(propagated.length)[1]
-    return _at_times(propagated, columns, lambda record: weights @ columns(record), times)
-
-
-def _at_times(
-    propagated: Propagation,
-    columns: Callable[[int], FloatArray],
-    once: Callable[[int], FloatArray],
-    times: Sequence[float],
-) -> FloatArray:
-    """Errors (m, 3, p), given the columns of each record and what each leaves at its end, from rest."""
-    carry, length = propagated.until(propagated.length)[0], propagated.length
-    whole = [int(time / length * (1.0 + ROUNDED)) for time in times]
-    most = max(whole, default=0)
-    if most > MOST_RECORDS:
+    last, length = len(passed.t) - 1, float(passed.t[-1])
+    records = [int(time / length * (1.0 + ROUNDED)) for time in times]
+    rows = [int(np.abs(passed.t - (t - k * length)).argmin()) for t, k in zip(times, records, strict=True)]
+    if max(records) > MOST_RECORDS:
         raise InputError(
-            f"a mission of {max(times):.4g} s repeats its record of {length:.4g} s {most:,} times:"
+            f"a mission of {max(times):.4g} s repeats its record of {length:.4g} s {max(records):,} times:"
             f" expected {MOST_RECORDS:,} at most; give a longer log, or a shorter duration"
         )
-    carried = [np.zeros((3, columns(0).shape[1]))]
-    for record in range(most):
-        carried.append(carry @ carried[-1] + once(record))
-    out = [carried[records] for records in whole]
-    for row, (time, records) in enumerate(zip(times, whole, strict=True)):
-        rest = time - records * length
-        if rest > 0.0:
-            on, weights = propagated.until(rest)
-            out[row] = on @ carried[records] + weights @ columns(records)
-    return np.array(out)
+    wanted = sorted({*rows, last})
+    place = [wanted.index(row) for row in rows]
+    driven, moved = passed.driven(columns(0), wanted)
+    weights = passed.weights(last)[0] if max(records) and not repeated else None
+    carried, out = np.zeros(driven.shape[1:]), np.empty((len(times), *driven.shape[1:]))
+    for record in range(max(records) + 1):
+        if record and not repeated and record in records:
+            driven, _ = passed.driven(columns(record), wanted)
+        for k in (k for k, at in enumerate(records) if at == record):
+            out[k] = driven[place[k]] + moved[place[k]] @ carried
+        left = driven[-1] if weights is None else weights @ columns(record)
+        carried = left + moved[-1] @ carried
+    return out
 
 
-def noise_growth(
-    kind: Kind,
-    noise: Noise,
-    quantity: Quantity,
-    time: float,
-    *,
-    schuler: bool = True,
-    load: FloatArray | float = STANDARD_GRAVITY,
-) -> tuple[float, float, float]:
-    """Standard deviation that white noise, bias instability and random walk bring about, SI.
+def noise_growth(passed: Propagation, quantity: Quantity, time: float) -> tuple[float, float, float]:
+    """Standard deviation per unit of N, B and K at the end of a mission, SI: of all components together.
 
-    Short of the Schuler period these are N sqrt(t) in velocity and N t^1.5/sqrt(3) in position for an
-    accelerometer, g N t^2.5/sqrt(20) in position for a gyroscope, K t^2.5/sqrt(20) and g K t^3.5/sqrt(252)
-    for the random walks. Of the output it is what an average over a second holds: N, 0.664 B, and the rms of
-    the random walk over the mission.
+    In straight and level flight, short of the Schuler period, these are sqrt(t) in velocity and t^1.5/sqrt(3)
+    in position for the white noise of an accelerometer, g t^2.5/sqrt(20) in position for that of a gyroscope,
+    t^2.5/sqrt(20) and g t^3.5/sqrt(252) for random walks.
 
     Parameters
     ----------
-    kind : of the component.
-    noise : its N, B, K.
-    quantity : that is budgeted.
+    passed : how errors pass through the record that the mission repeats.
+    quantity : that is budgeted, not the output.
     time : s, end of the mission.
-    schuler : whether the navigator keeps a local level.
-    load : force that a tilt turns into the channel, m/s^2: a number, or its means (2000,)
-        over as many parts of the mission (`scene_effects.cell_loads`).
-
-    Examples
-    --------
-    >>> sd = noise_growth("accelerometer", Noise(1e-3, 0.0, 0.0), "velocity", 100.0, schuler=False)
-    >>> round(sd[0], 6)
-    0.01
     """
-    if quantity == "output":
-        return noise.N / math.sqrt(OUTPUT_TIME), FLOOR * noise.B, noise.K * math.sqrt(0.5 * time)
-    step = time / CELLS
-    cells = Inputs(step * np.arange(CELLS, dtype=np.float64), {}, step)
-    propagated = propagation(kind, cells, schuler=schuler, load=load)
-    weights = propagated.until(propagated.length)[1][STATES.index(quantity)]
+    length, last = float(passed.t[-1]), len(passed.t) - 1
+    whole = int(time / length * (1.0 + ROUNDED))
+    rest = int(np.abs(passed.t - (time - whole * length)).argmin())
+    reach, white, told = passed.read(quantity), 0.0, list[tuple[FloatArray, FloatArray]]()
+    span = 0.5 * (np.diff(passed.t, prepend=0.0)[:-1] + np.diff(passed.t))  # that a row stands for
+    size = max(1, math.ceil((whole * last + rest) / CELLS))
+    for end, times in ((rest, 1), (last, whole)):
+        if not end * times:
+            continue
+        weights, moved = passed.weights(end)
+        density = (weights / span[:end]) @ weights.T
+        starts = np.arange(0, end, size)
+        cells = np.add.reduceat(weights, starts, axis=1)
+        lasting = np.add.reduceat(np.diff(passed.t)[:end], starts)
+        for _ in range(times):
+            white += float(np.trace(reach @ density @ reach.T))
+            told.append((reach @ cells, lasting))
+            reach = reach @ moved
+    weights, lasting = (np.concatenate(parts, axis=-1) for parts in zip(*reversed(told), strict=True))
     # response to a unit error that begins with a cell and goes on: the sum of the later cells
-    answer = np.append(0.0, np.cumsum(weights[::-1]))
-    return (
-        noise.N * math.sqrt(float(np.sum(weights**2)) / step),
-        _flicker_growth(noise.B, weights, step, time),
-        noise.K * math.sqrt(_integral(answer**2, step)),
-    )
+    answer = np.append(np.cumsum(weights[:, ::-1], axis=1)[:, ::-1], np.zeros((len(weights), 1)), axis=1)
+    square = np.sum(answer**2, axis=0)
+    walked = float(np.sum(0.5 * lasting * (square[:-1] + square[1:])))
+    return math.sqrt(white), _flicker_growth(weights, time), math.sqrt(walked)
 
 
-def _integral(values: FloatArray, step: float) -> float:
-    return float(step * (np.sum(values) - 0.5 * (values[0] + values[-1])))
-
-
-def _flicker_growth(B: float, weights: FloatArray, step: float, time: float) -> float:
-    """Sd of the weighted sum of the stationary first-order processes of a bias instability."""
+def _flicker_growth(weights: FloatArray, time: float) -> float:
+    """Sd of the weighted sum (d,) of the stationary first-order processes of a unit bias instability."""
     from scipy.signal import lfilter
 
-    if B == 0.0:
-        return 0.0
-    total = 0.0
-    longest = SPANS * time / RATIO
-    for variance, tau in zip(*flicker(B, RATIO * step, longest, RATIO), strict=True):
+    step, total = time / weights.shape[1], 0.0
+    for variance, tau in zip(*flicker(1.0, RATIO * step, SPANS * time / RATIO, RATIO), strict=True):
         a = math.exp(-step / tau)
-        past = np.asarray(lfilter([0.0, a], [1.0, -a], weights))
-        total += variance * float(weights @ (weights + 2.0 * past))
+        past = np.asarray(lfilter([0.0, a], [1.0, -a], weights, axis=1))
+        total += variance * float(np.sum(weights * (weights + 2.0 * past)))
     return math.sqrt(total)
+
+
+def output_noise(time: float) -> tuple[float, float, float]:
+    """Standard deviation per unit of N, B and K of an output's average over a second.
+
+    Parameters
+    ----------
+    time : s, of the mission: for the rms of the random walk.
+    """
+    return 1.0 / math.sqrt(OUTPUT_TIME), FLOOR, math.sqrt(0.5 * time)
 
 
 def budget_unit(kind: Kind, quantity: Quantity) -> str:

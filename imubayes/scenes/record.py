@@ -24,12 +24,21 @@ from imubayes.rig.checks import check_time, check_values
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import Inputs, sampling_interval
+from imubayes.rig.motion import vectors
+from imubayes.scenes.attitude import at_rest, followed, from_angles, from_quaternions, upright
+from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 AXES: Mapping[str, str] = {"x": "xyz", "y": "yzx", "z": "zxy"}
 """Case axes along (i, j, k) of the component whose input axis is the key."""
 
 BODY = "ijk"
 """Letters of the channels that a scene stores along x, y, z."""
+
+FOLLOWED = "attitude is followed from the rate, level by the force of the first seconds, with x to the north"
+
+ANGLES, QUATERNION = ("roll", "pitch", "yaw"), ("q_w", "q_x", "q_y", "q_z")
+"""Columns of a log that say how the case lies; either is enough."""
 
 _LOGGED = tuple(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in BODY)
 
@@ -73,6 +82,8 @@ class Scene:
     band : (lowest, highest) frequency of the vibration, Hz.
     slow : the same rows without vibration; None where `inputs` has none added.
     notes : how the record was made, and what was assumed, in words.
+    attitude : (n, 3, 3) matrices that take vectors along x, y, z to a level frame (north, west, up); None
+        where the case does not turn.
     course : temperature over the mission; None where it is that of the record, held from its end on. Motion
         is repeated and temperature is not.
     """
@@ -84,6 +95,7 @@ class Scene:
     band: tuple[float, float] = (0.0, math.inf)
     slow: Inputs | None = None
     notes: tuple[str, ...] = ()
+    attitude: FloatArray | None = None
     course: Course | None = None
 
     def __post_init__(self) -> None:
@@ -113,6 +125,7 @@ def recorded(
     rate: FloatArray,
     *,
     temperature: FloatArray | None = None,
+    attitude: FloatArray | None = None,
     duration: float | None = None,
 ) -> Scene:
     """Scene from arrays.
@@ -124,6 +137,8 @@ def recorded(
     force : (n, 3) specific force along x, y, z, m/s^2.
     rate : (n, 3) rad/s; dw/dt is its derivative by central differences.
     temperature : (n,) K; absent, temperature terms have no effect.
+    attitude : (n, 3, 3) matrices that take vectors along x, y, z to a level frame (north, west, up); followed
+        from the rate where absent.
     duration : of the mission, s; the record's own where absent.
 
     Raises
@@ -150,7 +165,7 @@ def recorded(
     channels |= {f"w_{axis}": rate[:, c] for c, axis in enumerate(BODY)}
     if temperature is not None:
         channels["T"] = temperature
-    return _of_channels(name, t, channels, duration, ())
+    return _of_channels(name, t, channels, duration, (), attitude)
 
 
 def read_scene(
@@ -167,8 +182,8 @@ def read_scene(
     ----------
     path : of any format that runs come in.
     name : of the scene; the file's own name where empty.
-    columns : where the file's names or units differ from ``t f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T``,
-        by channel; (i, j, k) are the case axes x, y, z.
+    columns : where the file's names or units differ from ``t f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T roll
+        pitch yaw q_w q_x q_y q_z``, by channel; (i, j, k) are the case axes x, y, z.
     duration : of the mission, s; the record's own where absent.
     ignore : columns of the file that are no channel, though their names are nearly those of one.
 
@@ -177,7 +192,7 @@ def read_scene(
     DataError : if the file cannot be used, or has neither force nor rate; names the file and the place.
     """
     table = read_table(path)
-    optional = (*_LOGGED, "T")
+    optional = (*_LOGGED, "T", *ANGLES, *QUATERNION)
     found = resolve(table, columns or {}, required=("t",), optional=optional, output_unit="", ignore=ignore)
     t = _clock(table, found.pop("t"))
     for one in found.values():
@@ -187,13 +202,19 @@ def read_scene(
         raise DataError(f"{path}: columns of unequal length: expected {len(t)} rows in each, as in the time")
     if not any(channel[0] in "fw" for channel in channels):
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
-    return _of_channels(name or path.stem, t, channels, duration, (f"record of {path.name}",))
+    attitude = _logged_attitude(path, channels)
+    return _of_channels(name or path.stem, t, channels, duration, (f"record of {path.name}",), attitude)
 
 
 def _of_channels(
-    name: str, t: FloatArray, channels: dict[str, FloatArray], duration: float | None, notes: tuple[str, ...]
+    name: str,
+    t: FloatArray,
+    channels: dict[str, FloatArray],
+    duration: float | None,
+    notes: tuple[str, ...],
+    attitude: FloatArray | None,
 ) -> Scene:
-    """Scene of a record; derivatives that it lacks are taken by central differences."""
+    """Scene of a record; derivatives that it lacks are taken by central differences, attitude is followed."""
     whole = dict(channels)
     for source, slope in (*((f"w_{a}", f"dw_{a}") for a in BODY), ("T", "dT")):
         if source in whole and slope not in whole:
@@ -201,7 +222,34 @@ def _of_channels(
             notes = (*notes, f"{slope} is the derivative of {source}")
     interval = sampling_interval(t)
     lasting = float(t[-1] - t[0]) + interval if duration is None else duration
-    return Scene(name, Inputs(t, whole, interval), lasting, notes=notes)
+    force, rate = vectors(whole, "f", len(t)), vectors(whole, "w", len(t))
+    if attitude is None:
+        attitude, notes = followed(t, rate, force), (*notes, FOLLOWED)
+    notes = (*notes, *_agreement(at_rest(attitude, force, rate)))
+    return Scene(name, Inputs(t, whole, interval), lasting, notes=notes, attitude=attitude)
+
+
+def _logged_attitude(path: Path, channels: dict[str, FloatArray]) -> FloatArray | None:
+    """Take the attitude out of the channels of a log, if it has one."""
+    given = {name: channels.pop(name) for name in (*ANGLES, *QUATERNION) if name in channels}
+    for names, attitude_of in ((ANGLES, from_angles), (QUATERNION, from_quaternions)):
+        if all(name in given for name in names):
+            attitude = attitude_of(*(given[name] for name in names))
+            return upright(attitude, vectors(channels, "f", len(attitude)))
+    if given:
+        raise DataError(
+            f"{path}: column {listed(tuple(given))} alone is no attitude: expected {listed(ANGLES)}, or"
+            f" {listed(QUATERNION)}, or none of them"
+        )
+    return None
+
+
+def _agreement(angle: FloatArray) -> tuple[str, ...]:
+    """Say how well force and attitude agree where the case is at rest."""
+    if not len(angle):
+        return ("the case is never at rest: nothing shows how well force and attitude agree",)
+    rows = counted(len(angle), "row")
+    return (f"at rest ({rows}) the force lies within {np.degrees(angle.max()):.2g} deg of the vertical",)
 
 
 def _clock(table: Table, found: Column) -> FloatArray:

@@ -1,7 +1,7 @@
 """Which terms a scene requires: what each costs there, and the smallest model that stays within a budget.
 
 Everything is linear in the coefficients. With ``A`` the rows of what is budgeted (the scene's factor over
-``sqrt(n)`` for an error of the output, `kernels.functionals` at times over the mission for attitude, velocity
+``sqrt(n)`` for an error of the output, `propagation.errors_at` times over the mission for attitude, velocity
 and position), a sensor whose coefficients are theta and that is compensated with the posterior mean m of the
 terms of a model S is left with ``A (theta - m_S)``: the terms that are left out in full, and what the
 calibration does not know of those that are kept. Its size is the rms for the output and the largest value
@@ -16,20 +16,12 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import InputError
-from imubayes.rig.gravity import SEMI_MAJOR_AXIS
-from imubayes.scenes.effects import (
-    SceneEffects,
-    budget_effects,
-    cell_loads,
-    output_effects,
-    turned_force,
-)
-from imubayes.scenes.propagation import Budget, noise_growth
-from imubayes.scenes.record import Scene, in_case
+from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
+from imubayes.scenes.propagation import Budget, noise_growth, output_noise, propagation
+from imubayes.scenes.record import Scene
 from imubayes.selection.decision import Selection
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
-from imubayes.units import STANDARD_GRAVITY
 
 SURE = 0.95
 """Share of the posterior draws that must stay within the budget."""
@@ -42,15 +34,6 @@ MATTERS = 0.1
 
 THERE = 0.5
 """Inclusion from which a term is there: the median probability model."""
-
-LOAD = 0.2
-"""How far the mean force across an axis may be from 1 g, relatively, over a long mission."""
-
-LONG = 0.5 * np.pi * np.sqrt(SEMI_MAJOR_AXIS / STANDARD_GRAVITY)
-"""s; a quarter of the Schuler period: a mission as long must be carried by 1 g on the average."""
-
-FIXED = 0.5 * np.pi
-"""rad; turn of the case beyond which an error along its axes does not keep its direction."""
 
 QUADRANTS = ("there and matters", "there, does not matter", "not shown, could matter", "neither")
 """What inclusion and relevance say of a term together."""
@@ -161,8 +144,7 @@ class Exposure:
     scene, lib, budget, axis : of which scene, component and budget, along which case axis.
     output : effect on the output.
     budgeted : effect on what is budgeted.
-    load : force that an error of attitude turns into velocity, m/s^2: a number, or the course of it over the
-        mission (see `scene_effects.cell_loads`).
+    noise : sd that a unit of N, B and K brings about in what is budgeted.
     """
 
     scene: Scene
@@ -171,16 +153,18 @@ class Exposure:
     axis: str
     output: SceneEffects
     budgeted: SceneEffects
-    load: FloatArray | float
+    noise: tuple[float, float, float]
 
 
 def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> Exposure:
     """Work out the effects of a library's terms in a scene, once for all units that are weighed with it."""
     output = output_effects(scene, lib, axis)
-    budgeted = output if budget.quantity == "output" else budget_effects(scene, lib, budget, axis)
-    motion = in_case(scene.mean_motion, axis)
-    load = cell_loads(turned_force(lib.kind, motion), motion, scene.duration)
-    return Exposure(scene, lib, budget, axis, output, budgeted, load)
+    if budget.quantity == "output":
+        return Exposure(scene, lib, budget, axis, output, output, output_noise(scene.duration))
+    passed = propagation(lib.kind, scene, axis, schuler=budget.schuler)
+    budgeted = budget_effects(scene, lib, budget, axis, passed)
+    noise = noise_growth(passed, budget.quantity, scene.duration)
+    return Exposure(scene, lib, budget, axis, output, budgeted, noise)
 
 
 def relevance(
@@ -220,11 +204,8 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
     output, effects = exposed.output, exposed.budgeted
     keep, path = smallest_model(effects, knowledge, budget.limit)
     theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
-    growth = (0.0, 0.0, 0.0)
-    if noise is not None:
-        growth = noise_growth(
-            lib.kind, noise, budget.quantity, scene.duration, schuler=budget.schuler, load=exposed.load
-        )
+    white, flicker, walk = exposed.noise
+    N, B, K = (0.0, 0.0, 0.0) if noise is None else (noise.N, noise.B, noise.K)
     left = _half_and_most(effects.size(theta - mean * keep))
     return Relevance(
         scene=scene.name,
@@ -241,25 +222,17 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
         calibrated=_half_and_most(effects.size(theta - mean)),
         uncompensated=_half_and_most(effects.size(theta)),
         path=path,
-        noise=growth,
-        notes=(*scene.notes, *_turned(scene, budget), *_loaded(exposed), *_reheated(scene, lib)),
+        noise=(white * N, flicker * B, walk * K),
+        notes=(*scene.notes, *_forceless(exposed), *_reheated(scene, lib)),
     )
 
 
-def _loaded(exposed: Exposure) -> tuple[str, ...]:
-    """Say where the force that an error of attitude turns into velocity is not what the scene knows."""
-    budget, known = exposed.budget, any(name[0] == "f" for name in exposed.scene.inputs.channels)
-    if exposed.lib.kind != "gyroscope" or budget.quantity not in ("velocity", "position"):
+def _forceless(exposed: Exposure) -> tuple[str, ...]:
+    """Say where an error of attitude meets a force that the scene does not know."""
+    known = any(name.startswith("f_") for name in exposed.scene.inputs.channels)
+    if known or exposed.lib.kind != "gyroscope" or exposed.budget.quantity not in ("velocity", "position"):
         return ()
-    if not known:
-        return ("it has no force: an error of attitude is taken to turn 1 g into velocity",)
-    load = float(np.mean(exposed.load)) / STANDARD_GRAVITY
-    if not budget.schuler or exposed.scene.duration < LONG or abs(load - 1.0) < LOAD:
-        return ()
-    return (
-        f"{load:.3g} g act across the axis on the average, and all of it is taken as upwards; over a time"
-        " this long 1 g carries a level vehicle: read velocity and position as an order of magnitude",
-    )
+    return ("it has no force: 1 g is taken to act upwards",)
 
 
 def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
@@ -271,27 +244,13 @@ def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
     return ("motion repeats the record, and from its end on temperature stays as it is there",)
 
 
-def _turned(scene: Scene, budget: Budget) -> tuple[str, ...]:
-    """Say where the case turns too far for errors along fixed axes."""
-    motion = scene.mean_motion
-    rates = (motion.channels.get(f"w_{axis}", np.zeros(1)) for axis in "ijk")
-    angle = max(float(np.abs(np.cumsum(rate)).max()) for rate in rates) * motion.interval
-    if budget.quantity == "output" or angle < FIXED:
-        return ()
-    return (
-        f"the case turns by up to {np.degrees(angle):.3g} deg about one of its axes, and the error is"
-        " integrated along its axes as if they stayed: read what it comes to as an order of magnitude",
-    )
-
-
 def smallest_model(
     effects: SceneEffects, knowledge: Knowledge, limit: float
 ) -> tuple[BoolArray, tuple[tuple[int, str, float], ...]]:
     """Drop the term that costs least, one after the other, until the budget would be exceeded.
 
     The error of a model is bounded by what the calibration leaves of all terms, with 95 %, and what the means
-    of the terms left out add up to. None of these is let off because another one happens to cancel it: a
-    somewhat different flight would tell them apart.
+    of the terms left out add up to, as vectors.
 
     Parameters
     ----------
@@ -305,7 +264,7 @@ def smallest_model(
 
     Examples
     --------
-    >>> e = SceneEffects(("a", "b", "c"), np.eye(3), largest=True)
+    >>> e = SceneEffects(("a", "b", "c"), np.eye(3), components=1)
     >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
     >>> smallest_model(e, k, 1.0)[0].tolist()
     [True, False, True]
@@ -317,7 +276,7 @@ def smallest_model(
     chosen, path = keep.copy(), [(len(mean), "", least)]
     while keep.any():
         without = {j: keep & (np.arange(len(mean)) != j) for j in np.flatnonzero(keep).tolist()}
-        costs = {j: effects.added(np.where(kept, 0.0, mean)) for j, kept in without.items()}
+        costs = {j: float(effects.size(np.where(kept, 0.0, mean))) for j, kept in without.items()}
         # of equal costs the term that is less likely there goes first
         dropped = min(costs, key=lambda j: (costs[j], knowledge.inclusion[j]))
         keep = without[dropped]

@@ -28,12 +28,16 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.rig.inputs import Inputs
+from imubayes.scenes.attitude import from_angles
 from imubayes.scenes.ranges import Ranges
 from imubayes.scenes.record import BODY, Course, Scene
 from imubayes.units import STANDARD_GRAVITY
 
 FEWEST, MOST = 2_000, 30_000
 """Rows of a record."""
+
+LONGEST = 20.0
+"""s; most between two rows: Schuler's oscillation is followed."""
 
 PER_TURN = 12.0
 """Rows in a period of the fastest motion."""
@@ -130,7 +134,7 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     channels |= _heat(ranges, t * lasting / (t[-1] + t[1]))
     force = _force(ranges, manner, motion.up, (pace * t, t / (t[-1] + t[1])), waves)
     scene = _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
-    return replace(scene, course=_course(ranges, lasting))
+    return replace(scene, attitude=motion.attitude, course=_course(ranges, lasting))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,11 +163,16 @@ def _waves(rng: np.random.Generator) -> _Waves:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Turning:
-    """Rate and its derivative (3, n) along x, y, z per unit of tau, and the vertical (3, n) in the case."""
+    """Rate and its derivative (3, n) along x, y, z per unit of tau, and the attitude (n, 3, 3)."""
 
     w: FloatArray
     dw: FloatArray
-    up: FloatArray
+    attitude: FloatArray
+
+    @property
+    def up(self) -> FloatArray:
+        """Vertical (3, n) in the case."""
+        return self.attitude[:, 2].T
 
 
 def _turning(tau: FloatArray, manner: Manner, waves: _Waves) -> _Turning:
@@ -176,14 +185,15 @@ def _turning(tau: FloatArray, manner: Manner, waves: _Waves) -> _Turning:
         slope[row] = manner.swing[row] * second
     (c_r, c_p, _), (s_r, s_p, _) = np.cos(angle), np.sin(angle)
     (roll, pitch, yaw), (ddr, ddp, ddy) = rate, slope
-    up = np.array([-s_p, s_r * c_p, c_r * c_p])
+    attitude = from_angles(*angle)
+    up = attitude[:, 2].T
     d_up = np.array(
         [-c_p * pitch, c_r * c_p * roll - s_r * s_p * pitch, -s_r * c_p * roll - c_r * s_p * pitch]
     )
     w = yaw * up + np.array([roll, pitch * c_r, -pitch * s_r])
     dw = ddy * up + yaw * d_up
     dw += np.array([ddr, ddp * c_r - pitch * roll * s_r, -ddp * s_r - pitch * roll * c_r])
-    return _Turning(w, dw, up)
+    return _Turning(w, dw, attitude)
 
 
 def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tuple[float, FloatArray]:
@@ -196,7 +206,7 @@ def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tu
         pace = min(WITHIN * pace, math.sqrt(WITHIN * ranges.slope[1] / dw))
     fastest = max(w, 2.0 * manner.pace * manner.sharp)
     resolved = 2.0 * math.pi / (PER_TURN * fastest * pace)
-    step = min(resolved, lasting / FEWEST)
+    step = min(resolved, lasting / FEWEST, LONGEST)
     times = np.arange(min(round(lasting / step), MOST), dtype=np.float64)
     return pace, step * times
 

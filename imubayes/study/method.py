@@ -77,8 +77,11 @@ def run(
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
-    `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
-    characterised.
+    Parameters
+    ----------
+    study : as `config.read_study` gives it.
+    progress : is told what goes on.
+    quicker : is told of each sensor what would take less time, before it is characterised.
 
     Raises
     ------

@@ -11,7 +11,7 @@ import pytest
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
-from imubayes.scenes.propagation import Budget, noise_growth
+from imubayes.scenes.propagation import Budget, noise_growth, propagation
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.record import Scene, recorded
 from imubayes.scenes.relevance import (
@@ -31,7 +31,7 @@ P = len(LIB.names)
 
 def desk(n=50, a=20.0):
     force = np.tile([a, 0.0, 9.80665], (n, 1))
-    return recorded("desk", np.arange(float(n)), force, np.zeros((n, 3)))
+    return Scene("desk", recorded("desk", np.arange(float(n)), force, np.zeros((n, 3))).inputs, float(n))
 
 
 def certain(theta):
@@ -72,36 +72,25 @@ def test_term_by_itself_costs_what_the_formula_says() -> None:
     assert by_name["b2"].rms == pytest.approx(4e-3)
 
 
-def test_errors_of_the_terms_left_out_add_and_do_not_cancel() -> None:
-    """Two like terms of 0.75 of the budget: one has to stay. Two that share nothing add in squares."""
-    alike, apart = np.ones((1, 2)), np.eye(2)
-    for rows, theta, kept in (
-        (alike, [0.75, 0.75], 1),
-        (alike, [0.75, -0.75], 1),
-        (alike, [0.45, -0.45], 0),
-        (apart, [0.75, 0.75], 1),
-        (apart, [0.75, -0.6], 0),
+def test_errors_of_the_terms_left_out_add_as_vectors() -> None:
+    """Two like terms of 0.75 of the budget: one has to stay. Two across each other add in squares."""
+    alike, across = np.ones((1, 2)), np.eye(2)
+    for rows, components, theta, kept in (
+        (alike, 1, [0.75, 0.75], 1),
+        (alike, 1, [0.75, -0.75], 0),
+        (across, 2, [0.75, 0.75], 1),
+        (across, 2, [0.75, -0.6], 0),
+        (across, 1, [0.75, 0.9], 0),
     ):
-        keep, _ = smallest_model(SceneEffects(("a", "b"), rows, largest=False), certain(np.array(theta)), 1.0)
-        assert keep.sum() == kept
-
-
-def test_bound_of_a_model_holds_for_every_sign_of_the_terms_left_out(flown) -> None:
-    _, scene, knowledge, budget, _ = flown
-    rng = np.random.default_rng(1)
-    for effects in (budget_effects(scene, LIB, budget), output_effects(scene, LIB)):
-        theta = knowledge.draws[0]
-        sizes = effects.size(theta * rng.choice([-1.0, 1.0], (500, P)))
-        assert effects.size(theta) <= sizes.max() <= effects.added(theta) * (1.0 + 1e-12)
-        alone = np.where(np.arange(P) == 2, theta, 0.0)
-        assert effects.added(alone) == pytest.approx(float(effects.size(alone)), rel=1e-12)
+        effects = SceneEffects(("a", "b"), rows, components)
+        assert smallest_model(effects, certain(np.array(theta)), 1.0)[0].sum() == kept
 
 
 def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_interact() -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
         theta, limit = rng.exponential(size=7), 1.2
-        effects = SceneEffects(tuple("abcdefg"), np.diag(rng.uniform(0.5, 2.0, 7)), largest=False)
+        effects = SceneEffects(tuple("abcdefg"), np.diag(rng.uniform(0.5, 2.0, 7)))
         keep, _ = smallest_model(effects, certain(theta), limit)
         sizes = [
             k
@@ -117,7 +106,8 @@ def test_what_is_left_is_what_draws_leave_after_compensation_with_the_means(flow
     effects = budget_effects(scene, LIB, budget)
     keep = np.isin(LIB.names, found.model)
     mean = knowledge.draws.mean(axis=0)
-    sizes = np.array([np.abs(effects.rows @ (draw - mean * keep)).max() for draw in knowledge.draws])
+    left = np.array([effects.rows @ (draw - mean * keep) for draw in knowledge.draws])
+    sizes = np.linalg.norm(left.reshape(len(left), -1, 2), axis=-1).max(axis=1)
     assert found.left == pytest.approx(tuple(np.quantile(sizes, (0.5, 0.95))), rel=1e-10)
     assert found.met and sizes[sizes <= budget.limit].size >= 0.95 * len(sizes)
     output = output_effects(scene, LIB)
@@ -145,7 +135,7 @@ def test_calibrated_error_is_the_propagated_covariance() -> None:
     knowledge = known_normal(rng.normal(size=P) * 1e-3, covariance, np.ones(P), rng, size=20_000)
     scene, budget = desk(), Budget("position", 1e9, schuler=False)
     found = relevance(scene, LIB, knowledge, budget)
-    J = budget_effects(scene, LIB, budget).rows[-1]
+    J = budget_effects(scene, LIB, budget).rows[-3]  # an axis that neither turns nor leaves north
     sd = np.sqrt(J @ covariance @ J)
     assert found.calibrated[0] == pytest.approx(0.6745 * sd, rel=0.03)
     assert found.calibrated[1] == pytest.approx(1.96 * sd, rel=0.03)
@@ -200,16 +190,9 @@ def test_relevance_does_not_depend_on_the_order_of_the_terms(flown) -> None:
 
 def test_noise_stands_beside_in_the_unit_of_the_budget(flown) -> None:
     found, scene, _, budget, noise = flown
-    assert found.noise == noise_growth("accelerometer", noise, "position", scene.duration)
+    by_unit = noise_growth(propagation("accelerometer", scene, "x"), "position", scene.duration)
+    assert found.noise == pytest.approx(np.array(by_unit) * (noise.N, noise.B, noise.K), rel=1e-12)
     assert relevance(desk(), LIB, certain(np.zeros(P)), budget).noise == (0.0, 0.0, 0.0)
-
-
-def test_case_that_spins_is_said_to_break_the_assumption_of_fixed_axes() -> None:
-    scene = generated(scene_named("reentry_spin"), np.random.default_rng(1))
-    notes = relevance(scene, LIB, certain(np.zeros(P)), Budget("position", 1.0)).notes
-    assert any("order of magnitude" in note for note in notes)
-    output = relevance(scene, LIB, certain(np.zeros(P)), Budget("output", 1.0)).notes
-    assert not any("order of magnitude" in note for note in output)
 
 
 GYRO = library("gyroscope", temperature=1)
@@ -227,28 +210,12 @@ def test_noise_of_a_gyroscope_in_a_boost_grows_with_the_load_of_the_boost() -> N
     budget = Budget("position", 1.0, schuler=False)
     for axis, across in (("y", np.hypot(f, 20.0)), ("x", 20.0), ("z", f)):
         found = relevance(boost, GYRO, IDLE, budget, axis=axis, noise=noise).noise[0]
-        assert found == pytest.approx(across * noise.N * t**2.5 / 20.0**0.5, rel=1e-6)
-
-
-def test_load_is_remarked_on_only_where_no_vehicle_carries_it_that_long() -> None:
-    """Three g for an hour in a level channel; not for a minute, in free flight, or in an attitude."""
-    force = np.tile([0.0, 0.0, 3.0 * 9.80665], (60, 1))
-
-    def flight(duration):
-        return recorded("flight", np.arange(60.0), force, 0.0 * force, duration=duration)
-
-    assert "3 g act across the axis on the average" in notes_of(flight(3600.0), Budget("position", 1.0))
-    for scene, budget in (
-        (flight(60.0), Budget("position", 1.0)),
-        (flight(3600.0), Budget("velocity", 1.0, schuler=False)),
-        (flight(3600.0), Budget("attitude", 1.0)),
-    ):
-        assert "across the axis" not in notes_of(scene, budget)
+        assert found == pytest.approx(across * noise.N * t**2.5 / 20.0**0.5, rel=0.03)
 
 
 def test_scene_without_a_force_is_said_to_have_been_given_one_g() -> None:
     log = Scene("rates", Inputs(np.arange(60.0), {"w_i": np.ones(60)}, 1.0), 60.0)
-    assert "turn 1 g into velocity" in notes_of(log, Budget("velocity", 1.0))
+    assert "1 g is taken to act upwards" in notes_of(log, Budget("velocity", 1.0))
 
 
 def test_log_that_is_shorter_than_its_mission_is_said_to_hold_its_temperature() -> None:

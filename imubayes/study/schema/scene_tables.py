@@ -15,7 +15,7 @@ from imubayes.errors import StudyError
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.scenes.propagation import BUDGET_UNITS, Budget, Quantity
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import BODY, Scene, read_scene
+from imubayes.scenes.record import ANGLES, BODY, QUATERNION, Scene, read_scene
 from imubayes.scenes.trajectories import MANNERS, generated
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import columns_of, located
@@ -36,7 +36,7 @@ from imubayes.study.schema.shapes import (
 from imubayes.study.schema.tables import Columns
 from imubayes.units import Key, Seconds, quantities
 
-CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T")
+CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T", *ANGLES, *QUATERNION)
 """Channels of a log."""
 
 LONGEST = 200
@@ -84,7 +84,8 @@ class SceneTable:
     )
     file: Text | None = key(
         "log of `t` and any of `f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T`, along the case axes x, y, z, in"
-        " any format of a run. Forces are specific forces: at rest +g upwards",
+        " any format of a run. Forces are specific forces: at rest +g upwards. Attitude comes from `roll"
+        " pitch yaw` or `q_w q_x q_y q_z`; without them it is followed from the rate",
         "flight.csv",
         None,
     )
