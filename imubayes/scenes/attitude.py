@@ -75,13 +75,14 @@ def followed(t: FloatArray, rate: FloatArray, force: FloatArray) -> FloatArray:
     >>> followed(t, np.tile([0.0, 0.0, np.pi], (101, 1)), up)[-1].diagonal().round(9).tolist()
     [-1.0, -1.0, 1.0]
     """
-    out = np.concatenate((levelled(force[t - t[0] <= LEVELLING])[None], rotation(rotation_vectors(t, rate))))
+    out = np.concatenate((np.eye(3)[None], rotation(rotation_vectors(t, rate))))
     span = 1
     while span < len(out):
         # out[k] covers `span` steps up to k: joined to those before them it covers twice as many
         out[span:] = out[:-span] @ out[span:]
         span *= 2
-    return out
+    first = t - t[0] <= LEVELLING
+    return levelled(np.einsum("nij,nj->ni", out[first], force[first])) @ out
 
 
 def levelled(force: FloatArray) -> FloatArray:

@@ -2,10 +2,12 @@
 
 Construction, the same for every scene:
 
-- roll, pitch and yaw are sums of two sinusoids with random phases, and steady turns where the vehicle spins
-  or circles. Rate and angular acceleration follow from them by the kinematics of Euler angles, so that dw is
-  the derivative of w and the vertical turns in the case as w says. One factor on time makes the larger of
-  rate and angular acceleration, relative to its range, reach it;
+- roll, pitch and yaw are sums of two sinusoids with random phases, and a steady roll where the vehicle spins.
+  What travels keeps its heading for a leg, and turns between two legs: twice to the left, twice to the right,
+  so that no turn goes on for ever; on a leg all swings are a twentieth of what they are in a turn. Rate and
+  angular acceleration follow from them by the kinematics of Euler angles, so that dw is the derivative of w
+  and the vertical turns in the case as w says. One factor on time makes the larger of rate and angular
+  acceleration, relative to its range, reach it;
 - the load is a specific force within its range: along the vertical where the ground or water carries the
   case (gravity, and what is on top of it), along the case's own axis where lift, thrust or drag does. It
   swings about one g (none in free flight), grows while propellant burns, or rises and decays with drag;
@@ -57,6 +59,50 @@ KNOTS, MOST_KNOTS = 1_000, 200_000
 
 
 @dataclass(frozen=True, slots=True)
+class Legs:
+    """Straight legs of so many seconds, and turns by an angle, rad, at a rate that grows to a peak, rad/s."""
+
+    straight: float
+    turn: float
+    peak: float
+
+    def heading(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Yaw (n,), rad, its rate and its acceleration at times t (n,), s.
+
+        Examples
+        --------
+        >>> box = Legs(10.0, np.pi / 2.0, np.pi / 20.0)
+        >>> np.degrees(box.heading(np.array([5.0, 20.0, 35.0, 65.0, 95.0]))[0]).round(6).tolist()
+        [0.0, 45.0, 90.0, 180.0, 90.0]
+        """
+        lasting, leg, u = self._turned(t)
+        number = leg.astype(int) % 4
+        before, side = np.array([0.0, 1.0, 2.0, 1.0])[number], np.array([1.0, 1.0, -1.0, -1.0])[number]
+        sine, cosine = np.sin(2.0 * math.pi * u), np.cos(2.0 * math.pi * u)
+        return (
+            self.turn * (before + side * (u - sine / (2.0 * math.pi))),
+            side * 0.5 * self.peak * (1.0 - cosine),
+            side * self.peak * math.pi / lasting * sine,
+        )
+
+    def swings(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Share (n,) of the swings at times t (n,), s, from `CALM` to 1, and its two derivatives by time."""
+        lasting, _, u = self._turned(t)
+        sine, cosine, k = np.sin(math.pi * u), np.cos(math.pi * u), 2 * SUDDEN
+        here = (u > 0.0) & (u < 1.0)
+        part, pulsation = 1.0 - CALM, math.pi / lasting
+        slope = part * pulsation * k * cosine ** (k - 1) * sine
+        bend = part * pulsation**2 * k * (cosine**k - (k - 1) * cosine ** (k - 2) * sine**2)
+        return 1.0 - part * np.where(here, cosine**k, 1.0), slope * here, bend * here
+
+    def _turned(self, t: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """How long a turn lasts, s, number of the leg (n,), and the share of its turn that is done (n,)."""
+        lasting = 2.0 * self.turn / self.peak
+        leg, into = np.divmod(t, self.straight + lasting)
+        return lasting, leg, np.clip((into - self.straight) / lasting, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
 class Manner:
     """How a scene moves.
 
@@ -69,6 +115,7 @@ class Manner:
     load : swings, burns or drags.
     rest : load about which it swings, in g.
     sharp : power that makes the swings of the load pulses.
+    legs : of what travels.
     """
 
     swing: tuple[float, float, float]
@@ -78,18 +125,28 @@ class Manner:
     load: str = "swings"
     rest: float = 1.0
     sharp: float = 2.0
+    legs: Legs | None = None
 
+
+CALM = 0.05
+"""Share of the swings of a turn that is left on a leg."""
+
+SUDDEN = 8
+"""Power of the cosine by which swings begin and end with a turn: they are whole for most of it."""
+
+STANDARD_RATE = math.radians(3.0)
+"""rad/s; of an aircraft's turn under instrument flight rules."""
 
 MANNERS: Mapping[str, Manner] = {
     "bench_static": Manner((0.0, 0.0, 0.0), turn=(0.0, 0.0, 1.0)),
     "pedestrian": Manner((0.3, 0.4, 0.6), sharp=4.0),
-    "automotive": Manner((0.05, 0.05, 0.5)),
+    "automotive": Manner((0.05, 0.05, 0.1), legs=Legs(30.0, 0.5 * math.pi, math.radians(30.0))),
     "quadrotor": Manner((0.5, 0.5, 0.5), axis="z"),
-    "fixed_wing": Manner((0.8, 0.25, 0.2), turn=(0.0, 0.0, 0.1), axis="z"),
-    "fighter": Manner((2.0, 0.5, 0.3), turn=(0.0, 0.0, 0.1), axis="z"),
-    "helicopter": Manner((0.3, 0.25, 0.4), turn=(0.0, 0.0, 0.05), axis="z"),
-    "marine": Manner((0.4, 0.12, 0.1)),
-    "planing_craft": Manner((0.2, 0.25, 0.1), sharp=8.0),
+    "fixed_wing": Manner((0.8, 0.25, 0.2), axis="z", legs=Legs(300.0, 0.5 * math.pi, STANDARD_RATE)),
+    "fighter": Manner((2.0, 0.5, 0.3), axis="z", legs=Legs(60.0, math.pi, math.radians(20.0))),
+    "helicopter": Manner((0.3, 0.25, 0.4), axis="z", legs=Legs(60.0, 0.5 * math.pi, STANDARD_RATE)),
+    "marine": Manner((0.4, 0.12, 0.1), legs=Legs(1800.0, 0.5 * math.pi, math.radians(1.5))),
+    "planing_craft": Manner((0.2, 0.25, 0.1), sharp=8.0, legs=Legs(120.0, 0.5 * math.pi, math.radians(5.0))),
     "missile_boost": Manner((1.0, 0.15, 0.15), axis="x", load="burns"),
     "launch_vehicle": Manner((0.05, 0.1, 0.05), axis="x", load="burns"),
     "gun_projectile": Manner((2.0, 0.03, 0.03), turn=(1.0, 0.0, 0.0), pace=0.05, axis="x", rest=0.0),
@@ -97,7 +154,13 @@ MANNERS: Mapping[str, Manner] = {
     "well_drilling": Manner((15.0, 0.02, 0.02), turn=(1.0, 0.0, 0.0), pace=0.05, sharp=4.0),
     "spacecraft": Manner((0.3, 0.3, 0.5), axis="x", rest=0.0, sharp=8.0),
 }  # fmt: skip
-"""Manner of each scene: amplitudes are orders of magnitude, the ranges come from the catalogue."""
+"""Manner of each scene: amplitudes are orders of magnitude, the ranges come from the catalogue.
+
+Legs are orders of magnitude too. Aircraft turn at the standard rate of 3 deg/s (FAA-H-8083-15B, chapter 5),
+a helicopter after the minute of a leg in a holding pattern (chapter 10). A ship of 200 m at 15 kn that turns
+within four and a half lengths (IMO MSC.137(76), 5.3.1) takes two minutes for a quarter: 1.5 deg/s at its
+peak. A car takes six seconds for a corner, a fighter twenty for half a circle.
+"""
 
 
 def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | None = None) -> Scene:
@@ -128,11 +191,12 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
         raise InputError(f"scene '{ranges.id}' lasts {lasting:g} s: expected a positive, finite duration")
     waves = _waves(rng)
     pace, t = _timing(ranges, manner, waves, lasting)
-    motion = _turning(pace * t, manner, waves)
+    motion = _turning(pace * t, manner, waves, pace)
     channels = {f"w_{a}": pace * motion.w[c] for c, a in enumerate(BODY)}
     channels |= {f"dw_{a}": pace**2 * motion.dw[c] for c, a in enumerate(BODY)}
     channels |= _heat(ranges, t * lasting / (t[-1] + t[1]))
-    force = _force(ranges, manner, motion.up, (pace * t, t / (t[-1] + t[1])), waves)
+    lively = _travelling(pace * t, manner, pace)[1][0]
+    force = _force(ranges, manner, motion.up, (pace * t, t / (t[-1] + t[1]), lively), waves)
     scene = _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
     return replace(scene, attitude=motion.attitude, course=_course(ranges, lasting))
 
@@ -175,14 +239,18 @@ class _Turning:
         return self.attitude[:, 2].T
 
 
-def _turning(tau: FloatArray, manner: Manner, waves: _Waves) -> _Turning:
-    """Kinematics of yaw, pitch and roll, in this order, about z, y and x."""
+def _turning(tau: FloatArray, manner: Manner, waves: _Waves, pace: float = math.inf) -> _Turning:
+    """Kinematics of yaw, pitch and roll, in this order, about z, y and x; legs take their time in seconds."""
     angle, rate, slope = np.zeros((3, 3, len(tau)))
+    heading, (part, grows, bends) = _travelling(tau, manner, pace)
     for row in range(3):
         value, first, second = waves.at(row, tau, manner.pace)
-        angle[row] = manner.turn[row] * tau + manner.swing[row] * value
-        rate[row] = manner.turn[row] + manner.swing[row] * first
-        slope[row] = manner.swing[row] * second
+        angle[row] = manner.turn[row] * tau + manner.swing[row] * part * value
+        rate[row] = manner.turn[row] + manner.swing[row] * (part * first + grows * value)
+        slope[row] = manner.swing[row] * (part * second + 2.0 * grows * first + bends * value)
+    angle[2], rate[2], slope[2] = (
+        mine + legs for mine, legs in zip((angle[2], rate[2], slope[2]), heading, strict=True)
+    )
     (c_r, c_p, _), (s_r, s_p, _) = np.cos(angle), np.sin(angle)
     (roll, pitch, yaw), (ddr, ddp, ddy) = rate, slope
     attitude = from_angles(*angle)
@@ -196,12 +264,20 @@ def _turning(tau: FloatArray, manner: Manner, waves: _Waves) -> _Turning:
     return _Turning(w, dw, attitude)
 
 
+def _travelling(tau: FloatArray, manner: Manner, pace: float) -> tuple[FloatArray, FloatArray]:
+    """Heading by the legs (3, n), and the share of the swings (3, n): each with two derivatives by tau."""
+    if manner.legs is None or math.isinf(pace):
+        return np.zeros((3, 1)), np.array([[1.0], [0.0], [0.0]])
+    t, scale = tau / pace, pace ** -np.arange(3.0)[:, None]
+    return scale * np.array(manner.legs.heading(t)), scale * np.array(manner.legs.swings(t))
+
+
 def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tuple[float, FloatArray]:
     """Pace in rad/s, at which rate and angular acceleration stay within their ranges, and times (n,)."""
     tau = np.linspace(0.0, SEARCHED / manner.pace, 60_001)
     motion = _turning(tau, manner, waves)
     w, dw = (float(np.linalg.norm(v, axis=0).max()) for v in (motion.w, motion.dw))
-    pace = ranges.rate[1] / w
+    pace = (ranges.rate[1] - (manner.legs.peak if manner.legs else 0.0)) / w
     if dw > 0.0:
         pace = min(WITHIN * pace, math.sqrt(WITHIN * ranges.slope[1] / dw))
     fastest = max(w, 2.0 * manner.pace * manner.sharp)
@@ -212,20 +288,26 @@ def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tu
 
 
 def _force(
-    ranges: Ranges, manner: Manner, up: FloatArray, clock: tuple[FloatArray, FloatArray], waves: _Waves
+    ranges: Ranges,
+    manner: Manner,
+    up: FloatArray,
+    clock: tuple[FloatArray, FloatArray, FloatArray],
+    waves: _Waves,
 ) -> FloatArray:
-    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed)."""
-    tau, passed = clock
-    load = _load(ranges, manner, waves.at(3, tau, manner.pace)[0], passed)
+    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed, share of the swings)."""
+    tau, passed, lively = clock
+    load = _load(ranges, manner, waves.at(3, tau, manner.pace)[0], passed, lively)
     main = 2 if manner.axis == "up" else "xyz".index(manner.axis)
     force = load * (up if manner.axis == "up" else np.eye(3)[main][:, None])
     half = 0.5 * (ranges.load[1] - ranges.load[0])
     for number, axis in enumerate(a for a in range(3) if a != main):
-        force[axis] += ACROSS * half * waves.at(4 + number, tau, manner.pace)[0]
+        force[axis] += ACROSS * half * lively * waves.at(4 + number, tau, manner.pace)[0]
     return force
 
 
-def _load(ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray) -> FloatArray:
+def _load(
+    ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray, lively: FloatArray
+) -> FloatArray:
     low, high = ranges.load
     if manner.load == "burns":
         return low + (high - low) * passed**2
@@ -233,7 +315,7 @@ def _load(ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray) 
     if manner.load == "drags":
         return rest + (low - rest) * np.sin(math.pi * passed) ** 2
     pulses = (0.5 + 0.5 * wave) ** manner.sharp, (0.5 - 0.5 * wave) ** manner.sharp
-    return rest + (high - rest) * pulses[0] - (rest - low) * pulses[1]
+    return rest + lively * ((high - rest) * pulses[0] - (rest - low) * pulses[1])
 
 
 def _heat(ranges: Ranges, t: FloatArray) -> dict[str, FloatArray]:
