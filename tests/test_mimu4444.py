@@ -13,7 +13,8 @@ from scipy.optimize import least_squares
 
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.study import SensorSpec
-from imubayes.inference.norm_only import FreeTumble, solve_free_tumble
+from imubayes.inference.case import Asked, Case
+from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import COMPONENTS, triad_of
 from imubayes.population.sessions import SessionEstimate, repeatability
@@ -43,7 +44,7 @@ class Session:
 
     spec: SensorSpec
     record: TriadRun
-    found: FreeTumble
+    found: Case
     mean: dict[str, float]
     sd: dict[str, float]
     prior_sd: dict[str, float]
@@ -52,10 +53,10 @@ class Session:
 def solved(spec):
     (record,) = (one for one in read_runs(STUDY, spec.id) if isinstance(one, TriadRun))
     prior = np.concatenate([class_sd(spec.sensor_class, lib) for lib in triad_of(spec.library).libraries])
-    found = solve_free_tumble([record], spec.library, ScalePrior(prior), sensor=spec.sensor_class)
+    found = solve_free_tumble([record], Asked(spec.library, ScalePrior(prior), spec.sensor_class))
     columns = (*posterior(found.summary.factor, prior), prior)
     return Session(
-        spec, record, found, *(dict(zip(found.triad.names, c.tolist(), strict=True)) for c in columns)
+        spec, record, found, *(dict(zip(found.triads[0].names, c.tolist(), strict=True)) for c in columns)
     )
 
 
@@ -78,7 +79,7 @@ def first_two(study):
 def compared(sessions):
     terms = [
         (component, term)
-        for component, lib in zip(COMPONENTS, sessions[0].found.triad.libraries, strict=True)
+        for component, lib in zip(COMPONENTS, sessions[0].found.triads[0].libraries, strict=True)
         for term in lib.terms
     ]
     estimates = (

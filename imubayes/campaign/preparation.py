@@ -9,12 +9,11 @@ import numpy as np
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import StudyError
-from imubayes.inference.case import Asked, Case, tumble_case
+from imubayes.inference.case import Asked, Case
 from imubayes.inference.ferraris import solve_ferraris
-from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
-from imubayes.inference.norm_only import solve_free_tumble
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
@@ -216,12 +215,8 @@ def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = Fal
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
     else:
         free = [run for run in runs if isinstance(run, TriadRun)]
-        rules = _rules(spec, runs)
-        case = tumble_case(
-            solve_free_tumble(
-                free, spec.library, prior, sensor=spec.sensor_class, rules=rules, gravity=_gravity(spec)
-            )
-        )
+        asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
+        case = solve_free_tumble(free, asked, gravity=_gravity(spec))
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Linear
-from imubayes.inference.stills import Stills
+from imubayes.inference.stills import Stills, means_of, rows_of
 from imubayes.inference.strapdown import cross_matrix, onward
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import GAP, ImuRun, durations
@@ -44,16 +44,19 @@ FEWEST_TURNS = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Directions:
-    """What the accelerometers say of each still.
+    """What the accelerometers say of each still of a run.
 
     Attributes
     ----------
+    run, stills : of the IMU.
     f : (k, 3) compensated specific force, m/s^2.
     force : (n, 3) the same of every sample, moving or not.
     change : (k, 3, p) derivative of the unit vector along f by the accelerometers' coefficients.
     triad : of the accelerometers, where it is linearised.
     """
 
+    run: ImuRun
+    stills: Stills
     f: FloatArray
     force: FloatArray
     change: FloatArray
@@ -67,11 +70,11 @@ class Directions:
 
 def directions(triad: Triad, run: ImuRun, stills: Stills) -> Directions:
     """Directions of the specific force in the stills, by calibrated accelerometers."""
-    f = triad.compensate(np.array([run.force[a:b].mean(axis=0) for a, b in stills]))
+    f = triad.compensate(means_of(run.force, stills))
     length = np.linalg.norm(f, axis=1)[:, None]
     u = f / length
     across = (np.eye(3) - u[:, :, None] * u[:, None, :]) / length[:, :, None]
-    return Directions(f, triad.compensate(run.force), -across @ _response(triad, f), triad)
+    return Directions(run, stills, f, triad.compensate(run.force), -across @ _response(triad, f), triad)
 
 
 def _response(triad: Triad, own: FloatArray, other: FloatArray | None = None) -> FloatArray:
@@ -81,10 +84,9 @@ def _response(triad: Triad, own: FloatArray, other: FloatArray | None = None) ->
     return np.concatenate([inverse[None, :, [c]] * part[:, None, :] for c, part in enumerate(parts)], axis=2)
 
 
-def rest_rows(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) -> tuple[Linear, ...]:
+def rest_rows(seen: Directions, gyroscopes: Triad) -> tuple[Linear, ...]:
     """Rows of the gyroscopes at rest: one `Linear` for each component, over the triad's columns."""
-    index = np.concatenate([np.arange(a, b) for a, b in stills])
-    still = np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
+    run, (index, still) = seen.run, rows_of(seen.stills)
     regressors = gyroscopes.regressors(np.zeros_like(seen.f), seen.f)
     t = run.t[index]
     of_sample = durations(t, run.interval)
@@ -105,27 +107,18 @@ def rest_rows(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) 
     )
 
 
-def rest_forces(stills: Stills, seen: Directions) -> FloatArray:
-    """Specific force (n, 3) of the still that each row at rest belongs to."""
-    return np.repeat(seen.f, [b - a for a, b in stills], axis=0)
-
-
-def turning(
-    run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad
-) -> tuple[FloatArray, FloatArray]:
+def turning(seen: Directions, gyroscopes: Triad) -> tuple[FloatArray, FloatArray]:
     """Compensated rate and specific force, (n, 3) each, of all samples within the turns."""
-    turns = [np.arange(turn.start, turn.stop) for turn in _unbroken(run, stills)]
+    turns = [np.arange(turn.start, turn.stop) for _, turn in _unbroken(seen)]
     index = np.concatenate([np.zeros(0, dtype=np.int64), *turns])
-    return gyroscopes.compensate(run.rate[index], seen.force[index]), seen.force[index]
+    return gyroscopes.compensate(seen.run.rate[index], seen.force[index]), seen.force[index]
 
 
-def turn_rates(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) -> FloatArray:
+def turn_rates(seen: Directions, gyroscopes: Triad) -> FloatArray:
     """Mean rate (2 m, 3), rad/s, of the turn of each row of `turn_rows`."""
     means = [
-        gyroscopes.compensate(run.rate[turn.start : turn.stop], seen.force[turn.start : turn.stop]).mean(
-            axis=0
-        )
-        for turn in _unbroken(run, stills)
+        gyroscopes.compensate(seen.run.rate[turn], seen.force[turn]).mean(axis=0)
+        for _, turn in _unbroken(seen)
     ]
     return np.repeat(np.array(means, dtype=np.float64), 2, axis=0)
 
@@ -134,30 +127,12 @@ def _taken(X: FloatArray, still: NDArray[np.int64]) -> Callable[[int, int], Floa
     return lambda start, stop: X[still[start:stop]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Turn:
-    """One turn: samples [start, stop) from the last of one still to the first of the next."""
-
-    still: int
-    start: int
-    stop: int
-
-
-def turn_rows(
-    run: ImuRun,
-    stills: Stills,
-    seen: Directions,
-    gyroscopes: Triad,
-    *,
-    noises: tuple[Noise, Noise],
-) -> Linear:
+def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise]) -> Linear:
     """Rows of the turns, linearised: two for each.
 
     Parameters
     ----------
-    run : of the IMU.
-    stills : of the run.
-    seen : directions in them.
+    seen : directions in the stills of a run.
     gyroscopes : at the coefficients to linearise at.
     noises : of an accelerometer and of a gyroscope: the directions' own noise shortens the time over which a
         row averages that of the gyroscopes. Neighbouring turns share a direction; that they err together is
@@ -171,19 +146,19 @@ def turn_rows(
     ------
     UnobservableError : if fewer than 6 turns have no gap in them.
     """
-    turns = _unbroken(run, stills)
+    run, turns = seen.run, _unbroken(seen)
     if len(turns) < FEWEST_TURNS:
         raise UnobservableError(
-            f"run '{run.name}' has {len(turns)} turns without a gap between its {len(stills)} stills:"
+            f"run '{run.name}' has {len(turns)} turns without a gap between its {len(seen.stills)} stills:"
             f" expected {FEWEST_TURNS} or more, about different axes"
         )
-    made = [_turned(run, turn, seen, gyroscopes) for turn in turns]
-    X, y = np.concatenate([m[0] for m in made]), np.concatenate([m[1] for m in made])
-    whole = lasting(run, stills)
-    extra = np.array([_direction_variance(run, stills, turn, noises[0]) for turn in turns])
+    made = [_turned(seen, still, turn, gyroscopes) for still, turn in turns]
+    X, y, axes = (np.concatenate(parts) for parts in zip(*made, strict=True))
+    whole = lasting(seen)
+    extra = np.array([_direction_variance(seen, still, noises[0]) for still, _ in turns])
     # the directions' variance, as if the gyroscopes had been averaged over less time
     counting = noises[1].N ** 2 / (noises[1].N ** 2 / whole + extra / whole**2)
-    middle = np.array([0.5 * (run.t[turn.start] + run.t[turn.stop - 1]) for turn in turns])
+    middle = np.array([0.5 * (run.t[turn.start] + run.t[turn.stop - 1]) for _, turn in turns])
     return Linear(
         name=f"{run.name} ({TURNS})",
         procedure=run.procedure,
@@ -193,36 +168,33 @@ def turn_rows(
         interval=float(np.median(counting)),
         y=y,
         columns=lambda start, stop: X[start:stop],
-        axes=np.concatenate([m[2] for m in made]),
+        axes=axes,
     )
 
 
-def _unbroken(run: ImuRun, stills: Stills) -> tuple[_Turn, ...]:
-    """Turns in which no sample is missing."""
-    found = (_Turn(k, first[1] - 1, second[0] + 1) for k, (first, second) in enumerate(pairwise(stills)))
-    return tuple(turn for turn in found if np.diff(run.t[turn.start : turn.stop]).max() <= GAP * run.interval)
+def _unbroken(seen: Directions) -> list[tuple[int, slice]]:
+    """Turns in which no sample is missing: the still before, and samples from its last to the first after."""
+    run = seen.run
+    found = [(k, slice(a[1] - 1, b[0] + 1)) for k, (a, b) in enumerate(pairwise(seen.stills))]
+    return [(k, turn) for k, turn in found if np.diff(run.t[turn]).max() <= GAP * run.interval]
 
 
-def _direction_variance(run: ImuRun, stills: Stills, turn: _Turn, noise: Noise) -> float:
+def _direction_variance(seen: Directions, still: int, noise: Noise) -> float:
     """Variance (rad^2) of the directions at both ends of a turn, from the accelerometers' noise."""
-    held = [(b - a) * run.interval for a, b in stills[turn.still : turn.still + 2]]
-    return sum(noise.N**2 / T + noise.B**2 for T in held) / run.gravity**2
+    held = [(b - a) * seen.run.interval for a, b in seen.stills[still : still + 2]]
+    return sum(noise.N**2 / T + noise.B**2 for T in held) / seen.run.gravity**2
 
 
-def closures(run: ImuRun, stills: Stills, seen: Directions, gyroscopes: Triad) -> FloatArray:
-    """Sines (m, 2) of the angles by which up, carried through each unbroken turn, misses the next still's up.
-
-    Parameters
-    ----------
-    run, stills, seen, gyroscopes : as in `turn_rows`.
-    """
-    turns = (_carried(run, turn, seen, gyroscopes) for turn in _unbroken(run, stills))
+def closures(seen: Directions, gyroscopes: Triad) -> FloatArray:
+    """Sines (m, 2) of the angles by which up, carried through each unbroken turn, misses up after it."""
+    turns = (_carried(seen, still, turn, gyroscopes) for still, turn in _unbroken(seen))
     return np.array([turn.missed for turn in turns], dtype=np.float64).reshape(-1, 2)
 
 
-def lasting(run: ImuRun, stills: Stills) -> FloatArray:
+def lasting(seen: Directions) -> FloatArray:
     """Duration (m,), s, of each unbroken turn."""
-    return np.array([run.t[turn.stop - 1] - run.t[turn.start] for turn in _unbroken(run, stills)])
+    t = seen.run.t
+    return np.array([t[turn.stop - 1] - t[turn.start] for _, turn in _unbroken(seen)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -247,24 +219,23 @@ class _Carried:
     missed: FloatArray
 
 
-def _carried(run: ImuRun, turn: _Turn, seen: Directions, gyroscopes: Triad) -> _Carried:
-    inside = slice(turn.start, turn.stop)
-    t, f = run.t[inside], seen.force[inside]
-    w = gyroscopes.compensate(run.rate[inside], f)
-    C, here = onward(t, w), seen.up[turn.still + 1]
+def _carried(seen: Directions, still: int, turn: slice, gyroscopes: Triad) -> _Carried:
+    t, f = seen.run.t[turn], seen.force[turn]
+    w = gyroscopes.compensate(seen.run.rate[turn], f)
+    C, here = onward(t, w), seen.up[still + 1]
     across = _across(here)
-    return _Carried(t, w, f, C, here, across, across @ (here - C[0] @ seen.up[turn.still]))
+    return _Carried(t, w, f, C, here, across, across @ (here - C[0] @ seen.up[still]))
 
 
 def _turned(
-    run: ImuRun, turn: _Turn, seen: Directions, gyroscopes: Triad
+    seen: Directions, still: int, turn: slice, gyroscopes: Triad
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Two rows of one turn: columns (2, p), response (2,), and how the three gyroscopes weigh (2, 3)."""
-    up = _carried(run, turn, seen, gyroscopes)
+    up = _carried(seen, still, turn, gyroscopes)
     axes = up.across @ cross_matrix(up.here)
     steps = np.convolve(np.diff(up.t), (0.5, 0.5))
     of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, up.C, _response(gyroscopes, up.w, up.f))
-    of_directions = up.across @ (up.C[0] @ seen.change[turn.still] - seen.change[turn.still + 1])
+    of_directions = up.across @ (up.C[0] @ seen.change[still] - seen.change[still + 1])
     X = np.hstack((of_directions, of_gyroscopes))
     y = up.missed + X @ np.concatenate((seen.triad.theta, gyroscopes.theta))
     duration = up.t[-1] - up.t[0]

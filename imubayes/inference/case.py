@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+
+import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import Linear, narrowed
-from imubayes.inference.norm_only import FreeTumble
+from imubayes.algebra.factor import Factor, add, noise_scale, posterior, reorder, with_prior_rows
+from imubayes.inference.linear import Extra, Linear, narrowed, residuals
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.summary import Rules, Summary
+from imubayes.inference.summary import Rules, RunSummary, Summary, joined
 from imubayes.inference.triad import Triad
 from imubayes.inference.triad_angles import Angle
 from imubayes.rig.inputs import Facts
 from imubayes.sensors.catalogue import SensorClass
+from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
 
 
@@ -35,6 +39,10 @@ class Asked:
     sensor: SensorClass | None = None
     rules: Rules | None = None
     reference: Mapping[str, float] = field(default_factory=dict)
+
+    def rule(self, run: str) -> NoiseRule:
+        """How the noise of a run is known."""
+        return (self.rules or {}).get(run, NoiseRule())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,17 +87,46 @@ class Case:
     angles: tuple[Angle, ...] = ()
 
 
-def tumble_case(found: FreeTumble) -> Case:
-    """Three accelerometers, of a free tumble."""
-    every = tuple(range(len(found.summary.runs)))
-    parts = dict.fromkeys(found.triad.components, every)
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What a run, or a part of it, says: its summary, rows, and channels (n,) that moved (see `Case`)."""
+
+    run: RunSummary
+    rows: Linear
+    inputs: dict[str, FloatArray]
+
+
+def case_of(
+    told: Sequence[Told],
+    triads: Sequence[Triad],
+    components: Sequence[Component],
+    extras: tuple[Extra, ...],
+    *,
+    sd: FloatArray,
+    theta: FloatArray | None = None,
+) -> Case:
+    """Case of rows over the columns of all components and the extras.
+
+    Parameters
+    ----------
+    told : of each part of each run.
+    triads : of the components.
+    components : in the order of the columns.
+    extras : columns that are no terms.
+    sd : prior sds of all columns, SI.
+    theta : coefficients of all columns, SI; by default the posterior mean of these rows.
+    """
+    first = components[0]
+    summary = joined([one.run for one in told], first.library, first.facts, extras)
+    theta = posterior(summary.factor, sd)[0] if theta is None else theta
+    ends = np.cumsum([len(triad.theta) for triad in triads])
     return Case(
-        summary=found.summary,
-        rows=found.rows,
-        components=components_of(found.triad, found.summary.facts, parts),
-        triads=(found.triad,),
-        residuals=tuple(left for left, _, _ in found.residuals),
-        inputs=tuple(along("f", force) for _, _, force in found.residuals),
+        summary=summary,
+        rows=tuple(one.rows for one in told),
+        components=tuple(components),
+        triads=tuple(replace(t, theta=part) for t, part in zip(triads, np.split(theta, ends), strict=False)),
+        residuals=tuple(residuals(one.rows, theta) for one in told),
+        inputs=tuple(one.inputs for one in told),
     )
 
 
@@ -106,7 +143,89 @@ def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
     return {f"{quantity}_{axis}": values[:, k] for k, axis in enumerate("ijk")}
 
 
-def components_of(triad: Triad, facts: Facts, parts: dict[str, tuple[int, ...]]) -> tuple[Component, ...]:
+def components_of(triad: Triad, facts: Facts, parts: Mapping[str, Sequence[int]]) -> tuple[Component, ...]:
     """Components of a triad, with the runs that each takes part in."""
     named = zip(triad.components, triad.libraries, strict=True)
-    return tuple(Component(name, lib, facts, parts[name]) for name, lib in named)
+    return tuple(Component(name, lib, facts, tuple(parts[name])) for name, lib in named)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Apart:
+    """A component by itself, over the w columns that its own runs or its own terms move.
+
+    Attributes
+    ----------
+    summary : its own runs; the factor is of their rows and of `known`.
+    sd : (w,) prior sds, SI.
+    rows : of its own runs.
+    known : what the other runs say of these columns; None where there are no others.
+    """
+
+    summary: Summary
+    sd: FloatArray
+    rows: tuple[Linear, ...]
+    known: Factor | None
+
+
+def apart(
+    summary: Summary,
+    sd: FloatArray,
+    rows: Sequence[Linear],
+    parts: Sequence[int],
+    columns: Sequence[str],
+) -> Apart:
+    """Set a component apart: its own runs, and what all other runs say, as one factor.
+
+    Columns that the component's own runs do not move are integrated out of the others' factor under their
+    priors, so that the posterior of all that is left is what it is in the whole problem.
+
+    Parameters
+    ----------
+    summary, rows : of the joint problem.
+    sd : prior sd of all of its columns, SI.
+    parts : indices of the runs that the component takes part in.
+    columns : that are kept in any case: its candidates.
+    """
+    own = [summary.runs[k] for k in parts]
+    moved = np.max([run.reach for run in own], axis=0) > 0.0
+    kept = tuple(name for name, there in zip(summary.names, moved, strict=True) if there or name in columns)
+    known = _elsewhere(summary, sd, [k for k in range(len(summary.runs)) if k not in parts], kept)
+    factors = [reorder(run.factor, kept) for run in own]
+    runs = tuple(_among(run, f, summary.names) for run, f in zip(own, factors, strict=True))
+    whole = reduce(add, factors if known is None else [*factors, known])
+    return Apart(
+        summary=replace(
+            summary,
+            factor=whole,
+            runs=runs,
+            reach={name: summary.reach[name] for name in kept if name in summary.reach},
+            extras=tuple(extra for extra in summary.extras if extra.name in kept),
+        ),
+        sd=sd[[summary.names.index(name) for name in kept]],
+        rows=tuple(narrowed(rows[k], [rows[k].names.index(name) for name in kept]) for k in parts),
+        known=known,
+    )
+
+
+def _elsewhere(
+    summary: Summary, sd: FloatArray, others: Sequence[int], kept: tuple[str, ...]
+) -> Factor | None:
+    """What the other runs say of the columns `kept`, the rest integrated out under their priors.
+
+    As many rows as say something of them: how well the other runs are fitted is no matter of the component.
+    """
+    if not others:
+        return None
+    gone = tuple(name for name in summary.names if name not in kept)
+    width = dict(zip(summary.names, sd.tolist(), strict=True))
+    scale = noise_scale(summary.factor, sd)
+    f = reorder(reduce(add, (summary.runs[k].factor for k in others)), (*gone, *kept))
+    prior = np.array([scale / width[name] for name in gone] + [0.0] * len(kept))
+    R = with_prior_rows(f.R, prior)[len(gone) :, len(gone) :].copy()
+    R[-1, -1] = 0.0
+    return Factor(kept, R, int(np.count_nonzero(np.diag(R))))
+
+
+def _among(run: RunSummary, f: Factor, names: Sequence[str]) -> RunSummary:
+    reach = run.reach[[list(names).index(name) for name in f.names]]
+    return replace(run, factor=f, reach=reach)

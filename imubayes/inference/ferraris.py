@@ -15,24 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import add, posterior
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.case import Asked, Case, Component, along, components_of
-from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, residuals, widened
-from imubayes.inference.reml import NoiseEstimate, estimate
-from imubayes.inference.summary import RunSummary, Summary
+from imubayes.inference.case import Asked, Case, Component, Told, along, case_of, components_of
+from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, widened
+from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, ImuRun, Section, durations
 from imubayes.rig.reference import KINDS
-from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.noise import NoiseRule
-from imubayes.sensors.terms import Library
 from imubayes.units import STANDARD_GRAVITY
 
 
@@ -81,72 +74,48 @@ def solve_ferraris(
     _check(runs)
     extras = (*_tilts(runs, fixture), *(() if gravity is None else (gravity,)))
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
-    force, rate = (triad_of(asked.library, referenced=True) for asked in (accelerometer, gyroscope))
-    pieces = tuple(
-        _heard(run, triad, k, extras, asked)
-        for triad, asked in ((force, accelerometer), (rate, gyroscope))
+    triads = [triad_of(asked.library, referenced=True) for asked in (accelerometer, gyroscope)]
+    names = (*triads[0].names, *triads[1].names, *(extra.name for extra in extras))
+    heard = [
+        (run, triad, k, asked)
+        for triad, asked in zip(triads, (accelerometer, gyroscope), strict=True)
         for k in range(len(triad.components))
         for run in runs
+    ]
+    told = [_told(run, triad, k, asked, (extras, names)) for run, triad, k, asked in heard]
+    case = case_of(told, triads, tuple(_components(triads, len(runs))), extras, sd=sd)
+    ranges = [_ranges(run, triad.components[k], case.triads) for run, triad, k, _ in heard]
+    summarized = [replace(one, ranges=ends) for one, ends in zip(case.summary.runs, ranges, strict=True)]
+    return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
+
+
+def _told(
+    run: ImuRun, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Extra], Sequence[str]]
+) -> Told:
+    """What a run says of one component, `among` the extras and all columns."""
+    rows = _component_rows(run, triad, k, among[0])
+    found = noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
+    taken = widened(averaged(rows), among[1])
+    still = [s for s in run.sections if not s.angle]
+    summary = run_summary(
+        taken,
+        found,
+        run.source,
+        {},
+        samples=len(rows),
+        stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in still),
+        sampling=run.interval,
     )
-    names = (*force.names, *rate.names, *(extra.name for extra in extras))
-    rows = tuple(widened(averaged(piece.rows), names) for piece in pieces)
-    summary = _summary(pieces, rows, extras, accelerometer.library)
-    theta, _ = posterior(summary.factor, sd)
-    split = np.split(theta, np.cumsum([len(force.theta), len(rate.theta)]))
-    triads = (replace(force, theta=split[0]), replace(rate, theta=split[1]))
-    moved = [_ranges(piece, triads) for piece in pieces]
-    told = [replace(run, ranges=ends) for run, ends in zip(summary.runs, moved, strict=True)]
-    return Case(
-        summary=replace(summary, runs=tuple(told)),
-        rows=rows,
-        components=tuple(_components((force, rate), len(runs), summary.facts)),
-        triads=triads,
-        residuals=tuple(residuals(part, theta) for part in rows),
-        inputs=tuple(_inputs(piece.run, piece.rows) for piece in pieces),
-    )
+    return Told(summary, taken, _inputs(run, rows))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Heard:
-    """All that a run says of one component, with its noise, and where that comes from."""
-
-    run: ImuRun
-    component: str
-    rows: Linear
-    found: NoiseEstimate
-    origin: str
-
-
-def _heard(run: ImuRun, triad: Triad, k: int, extras: Sequence[Extra], asked: Asked) -> _Heard:
-    rows = _component_rows(run, triad, k, extras)
-    return _Heard(run, triad.components[k], rows, *_noise(rows, asked, run.name))
-
-
-def _summary(
-    pieces: Sequence[_Heard], rows: Sequence[Linear], extras: tuple[Extra, ...], lib: Library
-) -> Summary:
-    """Summary of all rows of all components."""
-    runs = tuple(_run_summary(piece, part) for piece, part in zip(pieces, rows, strict=True))
-    reach = np.max([run.reach for run in runs], axis=0)
-    return Summary(
-        factor=reduce(add, (run.factor for run in runs)),
-        runs=runs,
-        library=lib,
-        facts=Facts(lib.kind, one_sided=False, force=STANDARD_GRAVITY),
-        reach=dict(zip(rows[0].names, reach.tolist(), strict=True)),
-        extras=extras,
-    )
-
-
-def _components(triads: Sequence[Triad], runs: int, facts: Facts) -> Iterator[Component]:
+def _components(triads: Sequence[Triad], runs: int) -> Iterator[Component]:
     """Components in the order of the rows, of which each has as many parts as there are runs."""
-    start = 0
-    for triad in triads:
-        parts = {}
-        for name in triad.components:
-            parts[name] = tuple(range(start, start + runs))
-            start += runs
-        yield from components_of(triad, replace(facts, kind=triad.libraries[0].kind), parts)
+    for first, triad in enumerate(triads):
+        facts = Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY)
+        starts = range(3 * first * runs, 3 * (first + 1) * runs, runs)
+        parts = {name: range(k, k + runs) for name, k in zip(triad.components, starts, strict=True)}
+        yield from components_of(triad, facts, parts)
 
 
 def _check(runs: Sequence[ImuRun]) -> None:
@@ -261,17 +230,6 @@ def _extra_columns(run: ImuRun, piece: _Piece, k: int, extras: Sequence[Extra], 
     return np.array(moved)
 
 
-def _noise(part: Linear, asked: Asked, run: str) -> tuple[NoiseEstimate, str]:
-    """Noise of a component's rows by the rule of their run, and where it comes from."""
-    rule = (asked.rules or {}).get(run, NoiseRule())
-    if rule.value is not None:
-        return NoiseEstimate(rule.value, (0.0, 0.0, 0.0), ()), "given"
-    found = estimate(blocks_of(part), noise_prior(asked.sensor) if asked.sensor else None)
-    if rule.rule == "white":
-        return replace(found, noise=replace(found.noise, B=0.0, K=0.0), sd=(0.0, 0.0, 0.0)), "white"
-    return found, "REML"
-
-
 def _inputs(run: ImuRun, part: Linear) -> dict[str, FloatArray]:
     """Specific force of each block, for the figures."""
     index = np.searchsorted(run.t, part.t[block_edges(part.t, part.interval)])
@@ -281,37 +239,12 @@ def _inputs(run: ImuRun, part: Linear) -> dict[str, FloatArray]:
     return along("f", f)
 
 
-def _run_summary(piece: _Heard, part: Linear) -> RunSummary:
-    """Summary of one component's rows, `part`, averaged and among the columns of all components."""
-    run, found = piece.run, piece.found
-    made, reach = whitened_factor(part, found.noise)
-    return RunSummary(
-        name=part.name,
-        procedure=run.procedure,
-        samples=len(piece.rows),
-        duration=float(part.t[-1] - part.t[0]),
-        interval=part.interval,
-        noise=found.noise,
-        noise_sd=found.sd,
-        noise_prior=found.prior,
-        noise_origin=piece.origin,
-        noise_run=part.name,
-        steering=found.steering,
-        ranges={},
-        source=run.source,
-        factor=made,
-        reach=reach,
-        stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in run.sections if not s.angle),
-        sampling=run.interval,
-    )
-
-
-def _ranges(piece: _Heard, triads: tuple[Triad, Triad]) -> dict[str, tuple[float, float]]:
+def _ranges(run: ImuRun, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:
     """Inputs of the sections that say something of a component: compensated, sample by sample.
 
     Where the coefficients are too far off for that (a column's scale or offset is wrong), as they are known.
     """
-    run, of_rate = piece.run, piece.component.startswith("g")
+    of_rate = component.startswith("g")
     sections = [s for s in run.sections if of_rate or not s.angle]
     inside = np.concatenate([np.arange(s.start, s.stop) for s in sections])
     try:

@@ -13,22 +13,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import add, posterior
-from imubayes.inference.case import Asked, Case, Component
-from imubayes.inference.linear import Extra, Linear, residuals, widened, widened_factor
-from imubayes.inference.nuisances import Linearised, Taken, held, settled_rows, tilt_of
+from imubayes.algebra.factor import noise_scale
+from imubayes.inference.case import Asked, Case, Component, Told, case_of
+from imubayes.inference.linear import Extra, Linear, widened, widened_factor
+from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tilt_of
+from imubayes.inference.reml import NoiseEstimate
+from imubayes.inference.settle import At, Round
 from imubayes.inference.shared_columns import shared_rows
-from imubayes.inference.summary import RunSummary, Summary, summarize
+from imubayes.inference.summary import RunSummary, joined, summarize
 from imubayes.inference.tangent import tangent
-from imubayes.inference.triad import Triad, triad_of
+from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
-from imubayes.rig.inputs import KnownRun, Run, facts_of
+from imubayes.rig.inputs import Facts, KnownRun, Run, facts_of
 from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
@@ -56,14 +57,8 @@ def solve_known_case(
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
     if blind or not problem.extras:
-        summary, rows = problem.linearised(_all_rows)(np.zeros(len(problem.sd)), None, ())
-    else:
-        summary, rows, _ = settled_rows(problem.linearised, problem.sd, problem.parts[0].runs)
-    return _case(problem, summary, rows)
-
-
-def _all_rows(rows: Linear) -> Linear:
-    return rows
+        return _case(problem, problem.linearised(all_rows)(np.zeros(len(problem.sd)), (), None))
+    return _case(problem, settled_rows(problem.linearised, problem.sd, problem.parts[0].runs))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +85,11 @@ class _Part:
         """Candidate terms."""
         return self.asked.library
 
+    @property
+    def facts(self) -> Facts:
+        """What its inputs have in common."""
+        return facts_of([run.extremes for run in self.runs], self.library.kind)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
@@ -108,45 +108,28 @@ class _Problem:
         """Places of a component's columns among all."""
         return np.array([self.names.index(name) for name in part.columns])
 
-    def linearised(self, taken: Taken) -> Linearised:
-        """Give summary and rows of all components at a place, of whose rows `taken` says which are taken."""
-        places = [self.where(part) for part in self.parts]
+    def linearised(self, taken: Taken) -> At:
+        """Linearise the rows of all components, of which `taken` says which are taken."""
+        places, first = [self.where(part) for part in self.parts], self.parts[0]
         whole = None if self.extras else shared_rows(self.runs, {p.name: p.library for p in self.parts})
 
-        def linearised(
-            place: FloatArray, leaning: FloatArray | None, judged: Sequence[RunSummary]
-        ) -> tuple[Summary, tuple[Linear, ...]]:
-            told, every = [], []
+        def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:
+            runs, every, found = [], [], []
             for k, (part, own) in enumerate(zip(self.parts, places, strict=True)):
-                rows = (
-                    whole[part.name]
-                    if whole
-                    else _rows(part, place[own], None if leaning is None else leaning[own])
-                )
+                lean, count = None if leaning is None else leaning[own], len(part.runs)
+                rows = whole[part.name] if whole else _rows(part, place[own], lean)
                 rows = [replace(taken(one), names=part.columns) for one in rows]
-                count = len(part.runs)
-                told.append(_summarized(part, rows, judged[k * count : (k + 1) * count]))
+                asked, known = part.asked, noise[k * count : (k + 1) * count]
+                summary = summarize(
+                    part.runs, part.library, sensor=asked.sensor, rules=asked.rules, rows=rows, known=known
+                )
+                found += [run.found for run in summary.runs]
+                runs += [_of_component(run, part.name, self.names) for run in summary.runs]
                 every += [widened(replace(one, shared=None), self.names) for one in rows]
-            return self._joined(told), tuple(every)
+            summary = joined(runs, first.library, first.facts, self.extras)
+            return Round(place, summary, tuple(every), found, noise_scale(summary.factor, self.sd))
 
-        return linearised
-
-    def _joined(self, told: Sequence[Summary]) -> Summary:
-        """Summary of all components out of one of each."""
-        runs = [
-            _of_component(run, part.name, self.names)
-            for part, summary in zip(self.parts, told, strict=True)
-            for run in summary.runs
-        ]
-        reach = np.max([run.reach for run in runs], axis=0)
-        return Summary(
-            factor=reduce(add, (run.factor for run in runs)),
-            runs=tuple(runs),
-            library=told[0].library,
-            facts=told[0].facts,
-            reach=dict(zip(self.names, reach.tolist(), strict=True)),
-            extras=self.extras,
-        )
+        return at
 
 
 def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Linear]:
@@ -154,15 +137,6 @@ def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Li
     p = len(part.library.terms)
     lean = None if leaning is None else leaning[:p]
     return [tangent(run, part.library, part.errors, place[:p], place[p:], leaning=lean) for run in part.runs]
-
-
-def _summarized(part: _Part, rows: Sequence[Linear], judged: Sequence[RunSummary]) -> Summary:
-    """Summary of one component, whose noise is held where it was judged."""
-    asked, rules = part.asked, part.asked.rules
-    if judged:
-        named = [replace(one, name=run.name) for one, run in zip(judged, part.runs, strict=True)]
-        rules = held(named, rules)
-    return summarize(part.runs, part.library, sensor=asked.sensor, rules=rules, rows=rows)
 
 
 def _of_component(run: RunSummary, component: str, names: Sequence[str]) -> RunSummary:
@@ -237,33 +211,19 @@ def _own(name: str, runs: Sequence[KnownRun], asked: Asked) -> Iterator[tuple[Er
         )
 
 
-def _case(problem: _Problem, summary: Summary, rows: Sequence[Linear]) -> Case:
+def _case(problem: _Problem, found: Round) -> Case:
     """Components after their runs are summarized, at the coefficients of the full library."""
-    theta, _ = posterior(summary.factor, problem.sd)
-    parts = [(part, run) for part in problem.parts for run in part.runs]
-    named = [
-        replace(one, name=title(run.name, part.name)) for one, (part, run) in zip(rows, parts, strict=True)
+    runs = [run for part in problem.parts for run in part.runs]
+    told = [
+        Told(summary, replace(rows, name=summary.name), dict(run.inputs.channels))
+        for summary, rows, run in zip(found.summary.runs, found.rows, runs, strict=True)
     ]
-    return Case(
-        summary=summary,
-        rows=tuple(named),
-        components=tuple(_components(problem)),
-        triads=_triads(problem, theta),
-        residuals=tuple(residuals(one, theta) for one in named),
-        inputs=tuple(dict(run.inputs.channels) for _, run in parts),
-    )
+    triads = [triad_of(problem.parts[k].library, referenced=True) for k in (0, 3)]
+    return case_of(told, triads, tuple(_components(problem)), problem.extras, sd=problem.sd)
 
 
 def _components(problem: _Problem) -> Iterator[Component]:
     """Components in the order of the columns, each with a part of the rows a run."""
     for k, part in enumerate(problem.parts):
         count = len(part.runs)
-        facts = facts_of([run.extremes for run in part.runs], part.library.kind)
-        yield Component(part.name, part.library, facts, tuple(range(k * count, (k + 1) * count)))
-
-
-def _triads(problem: _Problem, theta: FloatArray) -> tuple[Triad, Triad]:
-    """Accelerometers and gyroscopes at coefficients theta."""
-    force, rate = (triad_of(problem.parts[k].library, referenced=True) for k in (0, 3))
-    first, second = len(force.theta), len(force.theta) + len(rate.theta)
-    return replace(force, theta=theta[:first]), replace(rate, theta=theta[first:second])
+        yield Component(part.name, part.library, part.facts, tuple(range(k * count, (k + 1) * count)))

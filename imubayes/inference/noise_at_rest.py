@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.case import Case, own_rows
 from imubayes.inference.linear import Linear
-from imubayes.inference.stills import Stills, find_stills
+from imubayes.inference.stills import Stills, find_stills, means_of, rows_of
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, TriadRun, durations
 
@@ -53,8 +53,7 @@ def _found(run: TriadRun | ImuRun, case: Case) -> tuple[Stills, FloatArray]:
     """Stills of a free tumble, and the specific force (k, 3) by the calibrated accelerometers."""
     triad_run = run.accelerometers if isinstance(run, ImuRun) else run
     stills = find_stills(triad_run)
-    means = np.array([triad_run.output[a:b].mean(axis=0) for a, b in stills])
-    return stills, case.triads[0].compensate(means)
+    return stills, case.triads[0].compensate(means_of(triad_run.output, stills))
 
 
 def _of_run(
@@ -86,8 +85,7 @@ def _rows(
     X: FloatArray,
 ) -> Linear:
     """Rows of a component: its name and output (n,), and its columns (k, p) in each still."""
-    index = np.concatenate([np.arange(a, b) for a, b in stills])
-    still = np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
+    index, still = rows_of(stills)
     name, output = said
     return Linear(
         name=f"{run.name} ({name} at rest)",

@@ -23,7 +23,7 @@ from imubayes.inference.between_stills import TURNS, closures, directions, lasti
 from imubayes.inference.case import Case
 from imubayes.inference.effective import marginal_variance
 from imubayes.inference.linear import Linear, Rows
-from imubayes.inference.stills import Stills, find_stills
+from imubayes.inference.stills import Stills, find_stills, means_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import ImuRun, Section, TriadRun
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
@@ -167,12 +167,14 @@ def _of_tumble(
 ) -> Iterator[Recovered]:
     """Stills of a free tumble, and the turns between them."""
     stills = find_stills(run if isinstance(run, TriadRun) else run.accelerometers)
-    times = [(float(run.t[a]), float(run.t[b - 1])) for a, b in stills]
+    times = times_of(run.t, stills)
     values = [_tumbled(run, stills, those) for those in triads]
     spreads = [_column(judge.spread(run.name, times))]
     if isinstance(run, ImuRun):
         at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
-        turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(run, stills))
+        turned = judge.spread_of_turns(
+            f"{run.name} ({TURNS})", lasting(directions(triads[1][0], run, stills))
+        )
         spreads += [_side_by_side(at_rest), turned]
     return _collected(run.name, ("gravity", "rest", "closure"), values, spreads)
 
@@ -180,12 +182,12 @@ def _of_tumble(
 def _tumbled(run: TriadRun | ImuRun, stills: Stills, triads: Triads) -> list[FloatArray]:
     """Errors of gravity (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
     force = run.output if isinstance(run, TriadRun) else run.force
-    f = triads[0].compensate(np.array([force[a:b].mean(axis=0) for a, b in stills]))
+    f = triads[0].compensate(means_of(force, stills))
     found = [_length(f, run.gravity)]
     if isinstance(run, ImuRun):
-        rate = np.array([run.rate[a:b].mean(axis=0) for a, b in stills])
+        rate = means_of(run.rate, stills)
         seen = directions(triads[0], run, stills)
-        found += [triads[1].compensate(rate, f), closures(run, stills, seen, triads[1])]
+        found += [triads[1].compensate(rate, f), closures(seen, triads[1])]
     return found
 
 

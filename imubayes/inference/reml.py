@@ -36,7 +36,7 @@ STEP = 0.05
 
 @dataclass(frozen=True, slots=True)
 class NoiseEstimate:
-    """Noise at the maximum of the restricted posterior.
+    """Noise of rows: at the maximum of its restricted posterior, or as a rule says.
 
     Attributes
     ----------
@@ -44,12 +44,16 @@ class NoiseEstimate:
     sd : of ln N, ln B, ln K (from the curvature); 0 where the noise was given.
     prior : (median, sd of the logarithm) of the class for each; empty without a class.
     steering : the same of the prior that the estimate was made under, with a class or without.
+    origin : ``REML``, ``white``, ``given`` or ``run <name>``.
+    run : the other run whose noise it is; empty for the run's own.
     """
 
     noise: Noise
-    sd: tuple[float, float, float]
-    prior: tuple[LogNormal, ...]
+    sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    prior: tuple[LogNormal, ...] = ()
     steering: tuple[LogNormal, ...] = ()
+    origin: str = "REML"
+    run: str = ""
 
 
 def estimate(

@@ -68,6 +68,22 @@ def find_stills(run: TriadRun) -> Stills:
     return stills
 
 
+def rows_of(stills: Stills) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Samples (n,) of all stills in their order, and which still each of them belongs to."""
+    index = np.concatenate([np.arange(a, b) for a, b in stills])
+    return index, np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
+
+
+def means_of(values: FloatArray, stills: Stills) -> FloatArray:
+    """Means (k, a) of values (n, a) over each still."""
+    return np.array([values[a:b].mean(axis=0) for a, b in stills])
+
+
+def times_of(t: FloatArray, stills: Stills) -> tuple[tuple[float, float], ...]:
+    """(start, stop) of each still, s."""
+    return tuple((float(t[a]), float(t[b - 1])) for a, b in stills)
+
+
 def _quiet(run: TriadRun, width: int) -> NDArray[np.bool_]:
     """Windows at rest: (n - width + 1,)."""
     variance = _rolling_variance(run.output, width)

@@ -15,6 +15,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, LeastSquares
 from imubayes.errors import InputError, StudyError, UnobservableError
 from imubayes.inference.linear import Extra, Linear, linear_of
+from imubayes.inference.reml import NoiseEstimate, estimate, noise_blocks, span
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
@@ -69,6 +70,14 @@ class RunSummary:
     reach: FloatArray
     stills: tuple[tuple[float, float], ...] = ()
     sampling: float = 0.0
+
+    @property
+    def found(self) -> NoiseEstimate:
+        """The noise, and how it came about."""
+        other = "" if self.noise_run == self.name else self.noise_run
+        return NoiseEstimate(
+            self.noise, self.noise_sd, self.noise_prior, self.steering, self.noise_origin, other
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,6 +176,7 @@ def summarize(
     rules: Rules | None = None,
     rows: Sequence[Linear] = (),
     extras: tuple[Extra, ...] = (),
+    known: Sequence[NoiseEstimate] = (),
 ) -> Summary:
     """Noise, whitening and factor of runs with known inputs.
 
@@ -178,6 +188,7 @@ def summarize(
     rules : how the noise is known, by run; a run that is not named is estimated.
     rows : of each run, where they have further columns than the library's.
     extras : those columns.
+    known : noise of each run where it was judged before; the scale of white noise follows from the residuals.
 
     Raises
     ------
@@ -187,84 +198,119 @@ def summarize(
     _check_rows(runs, lib)
     rules = rules or {}
     linear = {part.name: part for part in rows or [linear_of(run, lib) for run in runs]}
+    judged = dict(zip(linear, known, strict=False))
     done: dict[str, RunSummary] = {}
     for run in sorted(runs, key=lambda run: rules.get(run.name, NoiseRule()).like is not None):
-        found = _noise(linear[run.name], sensor, rules.get(run.name, NoiseRule()), done)
-        done[run.name] = _summarize_run(run, linear[run.name], found, sharp=not extras)
-    summaries = tuple(done[run.name] for run in runs)
-    reach = np.max([s.reach for s in summaries], axis=0)
+        part, rule = linear[run.name], rules.get(run.name, NoiseRule())
+        found = judged.get(run.name) or _noise(part, sensor, rule, done)
+        done[run.name] = _summarize_run(run, part, found, sharp=not extras)
+    facts = facts_of([run.extremes for run in runs], lib.kind)
+    return joined([done[run.name] for run in runs], lib, facts, extras)
+
+
+def joined(runs: Sequence[RunSummary], library: Library, facts: Facts, extras: tuple[Extra, ...]) -> Summary:
+    """All that runs say, whose factors have the same columns."""
+    reach = np.max([run.reach for run in runs], axis=0)
     return Summary(
-        factor=reduce(algebra.add, (s.factor for s in summaries)),
-        runs=summaries,
-        library=lib,
-        facts=facts_of([run.extremes for run in runs], lib.kind),
-        reach=dict(zip(summaries[0].factor.names, reach.tolist(), strict=True)),
+        factor=reduce(algebra.add, (run.factor for run in runs)),
+        runs=tuple(runs),
+        library=library,
+        facts=facts,
+        reach=dict(zip(runs[0].factor.names, reach.tolist(), strict=True)),
         extras=extras,
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Known:
-    """Noise of a run by its rule, and how it came about (see `RunSummary`)."""
+def run_summary(
+    rows: Linear,
+    found: NoiseEstimate,
+    source: Source,
+    ranges: dict[str, tuple[float, float]],
+    *,
+    samples: int | None = None,
+    stills: tuple[tuple[float, float], ...] = (),
+    sampling: float = 0.0,
+    sharp: bool = False,
+) -> RunSummary:
+    """Summary of rows whose noise is known.
 
-    noise: Noise
-    origin: str
-    run: str
-    sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    prior: tuple[tuple[float, float], ...] = ()
-    steering: tuple[tuple[float, float], ...] = ()
-
-
-def _summarize_run(run: Run, rows: Linear, found: _Known, *, sharp: bool) -> RunSummary:
+    Parameters
+    ----------
+    rows, found : of a run, or of a part of it.
+    source, ranges, samples, stills, sampling : as `RunSummary` has them; by default as many samples as rows.
+    sharp : as `whitened_factor` takes it.
+    """
     made, reach = whitened_factor(rows, found.noise, sharp=sharp)
-    noise, steering = found.noise, found.steering
-    if found.origin == "white":
-        made, noise = _to_unit_residuals(made, noise)
-        steering = ((noise.N, VAGUE),)
     return RunSummary(
-        name=run.name,
-        procedure=run.procedure,
-        samples=run.samples,
-        duration=float(run.inputs.t[-1] - run.inputs.t[0]),
-        interval=run.inputs.interval if run.stream is None else run.stream.interval,
-        noise=noise,
+        name=rows.name,
+        procedure=rows.procedure,
+        samples=rows.samples if samples is None else samples,
+        duration=float(rows.t[-1] - rows.t[0]),
+        interval=rows.interval if rows.stream is None else rows.stream.interval,
+        noise=found.noise,
         noise_sd=found.sd,
         noise_prior=found.prior,
         noise_origin=found.origin,
-        noise_run=found.run,
-        steering=steering,
-        ranges={name: (float(v.min()), float(v.max())) for name, v in run.extremes.items()},
-        source=run.source,
+        noise_run=found.run or rows.name,
+        steering=found.steering,
+        ranges=ranges,
+        source=source,
         factor=made,
         reach=reach,
+        stills=stills,
+        sampling=sampling,
     )
+
+
+def _summarize_run(run: Run, rows: Linear, found: NoiseEstimate, *, sharp: bool) -> RunSummary:
+    white = found.origin == "white"
+    unit = replace(found, noise=Noise(1.0, 0.0, 0.0)) if white else found
+    ranges = {name: (float(v.min()), float(v.max())) for name, v in run.extremes.items()}
+    made = run_summary(rows, unit, run.source, ranges, samples=run.samples, sharp=sharp)
+    made = replace(made, duration=float(run.inputs.t[-1] - run.inputs.t[0]))
+    if not white:
+        return made
+    factor, noise = _to_unit_residuals(made.factor, unit.noise)
+    return replace(made, factor=factor, noise=noise, steering=((noise.N, VAGUE),))
+
+
+def noise_by_rule(
+    averages: Linear, rule: NoiseRule, sensor: SensorClass | None, sd: FloatArray | None = None
+) -> NoiseEstimate:
+    """Noise of a run as its rule says: given, or estimated, of which white noise is the part N.
+
+    Parameters
+    ----------
+    averages, sd : as `reml.estimate` takes them.
+    rule : of the run.
+    sensor : class whose noise prior steers the estimate.
+    """
+    prior = noise_prior(sensor) if sensor else None
+    if rule.value is not None:
+        return NoiseEstimate(rule.value, prior=prior or (), origin="given")
+    found = estimate(averages, prior, sd)
+    if rule.rule == "white":
+        return NoiseEstimate(Noise(found.noise.N, 0.0, 0.0), prior=found.prior, origin="white")
+    return found
 
 
 def _noise(
     rows: Linear, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
-) -> _Known:
-    """Noise of a run by its rule."""
-    from imubayes.inference.reml import estimate, noise_blocks
-
+) -> NoiseEstimate:
+    """Noise of a run with known inputs by its rule; white noise is scaled by what the fit leaves."""
     prior = noise_prior(sensor) if sensor else ()
     if rule.rule == "white":
-        return _Known(Noise(1.0, 0.0, 0.0), "white", rows.name, prior=prior)
-    if rule.rule == "fixed" and rule.value is not None:
-        return _Known(rule.value, "given", rows.name, prior=prior)
-    if rule.like is not None:
-        if rule.like not in done:
-            raise StudyError(
-                f"run '{rows.name}' takes its noise from run '{rule.like}', which the sensor does not have"
-            )
-        other = done[rule.like]
-        return _Known(other.noise, f"run {rule.like}", rule.like, other.noise_sd, prior, other.steering)
-    found = estimate(noise_blocks(rows), prior or None)
-    return _Known(found.noise, "REML", rows.name, found.sd, prior, found.steering)
+        return NoiseEstimate(Noise(1.0, 0.0, 0.0), prior=prior, origin="white")
+    if rule.like is None:
+        return noise_by_rule(noise_blocks(rows), rule, sensor)
+    if rule.like not in done:
+        raise StudyError(
+            f"run '{rows.name}' takes its noise from run '{rule.like}', which the sensor does not have"
+        )
+    return replace(done[rule.like].found, prior=prior, origin=f"run {rule.like}", run=rule.like)
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:
-    from imubayes.inference.reml import span
-
     basis, z = span(f.R[:, :-1]), f.R[:, -1]
     dof = f.n - basis.shape[1]
     if dof < 1:

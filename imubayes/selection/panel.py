@@ -12,7 +12,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, add, reorder
-from imubayes.inference.apart import Apart, apart
+from imubayes.inference.case import Apart, apart
 from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.mcmc.chains import Chains

@@ -11,7 +11,7 @@ from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
 from imubayes.inference.between_stills import directions, turn_rows
 from imubayes.inference.case import Asked
-from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import find_stills
@@ -84,7 +84,7 @@ def test_rows_are_the_derivatives_of_the_turned_directions():
     stills = find_stills(run.accelerometers)
 
     def left(triads):
-        rows = turn_rows(run, stills, directions(triads[0], run, stills), triads[1], noises=hands.NOISES)
+        rows = turn_rows(directions(triads[0], run, stills), triads[1], noises=hands.NOISES)
         X = rows.columns(0, len(rows))
         return rows.y - X @ np.concatenate([t.theta for t in triads]), X
 
@@ -155,17 +155,17 @@ def test_too_few_turns_are_refused():
     stills = find_stills(run.accelerometers)
     seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills[:5])
     with pytest.raises(UnobservableError, match="has 4 turns without a gap between its 5 stills"):
-        turn_rows(run, stills[:5], seen, triad_of(OF_RATE), noises=hands.NOISES)
+        turn_rows(seen, triad_of(OF_RATE), noises=hands.NOISES)
 
 
 def test_turn_with_a_gap_is_left_out():
     run = simulated(1)
     stills = find_stills(run.accelerometers)
     seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills)
-    whole = turn_rows(run, stills, seen, triad_of(OF_RATE), noises=hands.NOISES)
+    whole = turn_rows(seen, triad_of(OF_RATE), noises=hands.NOISES)
     late = np.arange(len(run.t)) > stills[3][1] + 20
     broken = replace(run, t=run.t + 1.0 * late)
-    rows = turn_rows(broken, stills, seen, triad_of(OF_RATE), noises=hands.NOISES)
+    rows = turn_rows(replace(seen, run=broken), triad_of(OF_RATE), noises=hands.NOISES)
     assert len(rows) == len(whole) - 2
 
 

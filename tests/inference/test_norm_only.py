@@ -8,8 +8,9 @@ from scipy.linalg import rq
 
 from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
 from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.inference.case import Asked
+from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.linear import Extra
-from imubayes.inference.norm_only import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import COMPONENTS, Triad, calibration, triad_of
 from imubayes.rig.inputs import TriadRun
@@ -38,7 +39,7 @@ def physical_prior(triad):
 
 
 def solve(run, lib=LIBRARY, rules=None):
-    return solve_free_tumble([run], lib, physical_prior(triad_of(lib)), sensor=INDUSTRIAL, rules=rules)
+    return solve_free_tumble([run], Asked(lib, physical_prior(triad_of(lib)), INDUSTRIAL, rules))
 
 
 def errors(found, lib=LIBRARY):
@@ -50,7 +51,7 @@ def errors(found, lib=LIBRARY):
 
 
 def named(found, values):
-    return dict(zip(found.triad.names, values.tolist(), strict=True))
+    return dict(zip(found.triads[0].names, values.tolist(), strict=True))
 
 
 def output_error(gain=GAIN, bias=BIAS, quadratic=0.0):
@@ -72,7 +73,7 @@ TRUTH = {
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_known_triad_is_recovered_within_its_error_bars(hand_tumble, seed):
     found = solve(hand_tumble(output_error(quadratic=K2), stills=36, seed=seed).run)
-    sd, mean = named(found, errors(found)), named(found, found.triad.theta)
+    sd, mean = named(found, errors(found)), named(found, found.triads[0].theta)
     for name in mean:
         assert abs(mean[name] - TRUTH.get(name, 0.0)) < 4.0 * sd[name], name
     assert all(sd[name] < 0.05 * RAW[name.partition(".")[2]] for name in TRUTH if name[3:] in LINEAR)
@@ -83,12 +84,12 @@ def test_nine_parameters_are_recovered_to_the_last_digit_that_the_noise_leaves(h
     run = hand_tumble(output_error(), noise=quiet).run
     given = {"hand": NoiseRule("fixed", quiet)}
     found = solve(run, lib, given)
-    np.testing.assert_allclose(found.triad.gain(), GAIN, rtol=0.0, atol=1e-6)
-    biases = [value for name, value in named(found, found.triad.theta).items() if name.endswith(".b0")]
+    np.testing.assert_allclose(found.triads[0].gain(), GAIN, rtol=0.0, atol=1e-6)
+    biases = [value for name, value in named(found, found.triads[0].theta).items() if name.endswith(".b0")]
     np.testing.assert_allclose(biases, BIAS, rtol=0.0, atol=1e-6)
     f = np.random.default_rng(1).normal(size=(50, 3))
     f *= 9.81 / np.linalg.norm(f, axis=1, keepdims=True)
-    np.testing.assert_allclose(found.triad.compensate(f @ GAIN.T + BIAS), f, rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(found.triads[0].compensate(f @ GAIN.T + BIAS), f, rtol=0.0, atol=1e-5)
 
 
 def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
@@ -100,7 +101,7 @@ def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
     upper = upper * np.sign(np.diag(upper))
     run = hand_tumble(output_error(gain=gain), noise=Noise(1e-7, 0.0, 0.0)).run
     found = solve(run, lib, {"hand": NoiseRule("fixed", Noise(1e-7, 0.0, 0.0))})
-    np.testing.assert_allclose(found.triad.gain(), upper, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found.triads[0].gain(), upper, rtol=0.0, atol=1e-6)
 
 
 def test_relabelling_the_axes_relabels_what_is_found(hand_tumble):
@@ -110,16 +111,16 @@ def test_relabelling_the_axes_relabels_what_is_found(hand_tumble):
     order = [1, 2, 0]
     relabelled = TriadRun(run.name, run.procedure, run.t, run.output[:, order], run.gravity, run.interval)
     plain, other = solve(run, lib), solve(relabelled, lib)
-    square = plain.triad.gain() @ plain.triad.gain().T
+    square = plain.triads[0].gain() @ plain.triads[0].gain().T
     # they differ by what the prior says of another parameterisation: a small share of the error bar
     sd = named(plain, errors(plain, lib))
     np.testing.assert_allclose(
-        other.triad.gain() @ other.triad.gain().T,
+        other.triads[0].gain() @ other.triads[0].gain().T,
         square[np.ix_(order, order)],
         rtol=0.0,
         atol=0.2 * max(v for k, v in sd.items() if not k.endswith("b0")),
     )
-    first, second = named(plain, plain.triad.theta), named(other, other.triad.theta)
+    first, second = named(plain, plain.triads[0].theta), named(other, other.triads[0].theta)
     for new, old in zip(COMPONENTS, order, strict=True):
         name = f"{COMPONENTS[old]}.b0"
         assert second[f"{new}.b0"] == pytest.approx(first[name], abs=0.2 * sd[name])
@@ -134,9 +135,9 @@ def test_mirrored_axis_mirrors_its_terms(hand_tumble):
     plain, other = solve(run), solve(reversed_z)
     along_z = {"ax": "k", "ay": "j", "az": "i"}
     signs = []
-    for name in plain.triad.names:
+    for name in plain.triads[0].names:
         component, term = name.split(".")
-        lib = plain.triad.libraries[COMPONENTS.index(component)]
+        lib = plain.triads[0].libraries[COMPONENTS.index(component)]
         odd = sum(
             f.power + f.signed
             for t in lib.terms
@@ -147,7 +148,7 @@ def test_mirrored_axis_mirrors_its_terms(hand_tumble):
         signs.append((-1.0) ** (odd + (component == "az")))
     # both are linearised until nothing moves by more than 1e-6 of its error bar
     np.testing.assert_array_less(
-        np.abs(other.triad.theta - np.array(signs) * plain.triad.theta), 1e-3 * errors(plain)
+        np.abs(other.triads[0].theta - np.array(signs) * plain.triads[0].theta), 1e-3 * errors(plain)
     )
 
 
@@ -210,7 +211,7 @@ def xsens(recordings):
 
 def test_xsens_recording_has_the_published_calibration(xsens):
     """Figures of imu_tk on its own recording (threshold multiplier 6), in its signs."""
-    rows = calibration(xsens.triad, [(2.42e-3, 32768.0)] * 3)
+    rows = calibration(xsens.triads[0], [(2.42e-3, 32768.0)] * 3)
     np.testing.assert_allclose(
         [row["scale"] for row in rows], [2.41278e-3, 2.42712e-3, 2.41168e-3], rtol=5e-4, atol=0.0
     )
@@ -221,8 +222,8 @@ def test_xsens_recording_has_the_published_calibration(xsens):
 
 
 def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(xsens):
-    prior = physical_prior(xsens.triad)
-    for component, lib in zip(COMPONENTS, xsens.triad.libraries, strict=True):
+    prior = physical_prior(xsens.triads[0])
+    for component, lib in zip(COMPONENTS, xsens.triads[0].libraries, strict=True):
         chosen = select(xsens.summary, prior, lib, component=component)
         assert {t.name for t in chosen.terms if t.verdict == "needed"} == {"b0", "b1", "m_j", "m_k"} & {
             *lib.names
@@ -241,7 +242,7 @@ def test_unknown_gravity_leaves_the_common_scale_to_its_prior(hand_tumble):
     prior = ScalePrior(np.concatenate(sds))
     gravity = Extra("gravity", "gravity", 5e-3, "m/s^2", "ug", "local gravity")
     found = {
-        extra: solve_free_tumble([wrong], lib, prior, sensor=sensor_class, gravity=extra)
+        extra: solve_free_tumble([wrong], Asked(lib, prior, sensor_class), gravity=extra)
         for extra in (None, gravity)
     }
     scales = {}

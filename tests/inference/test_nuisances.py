@@ -1,6 +1,7 @@
 """Errors of the test bench in the fit: simulated benches with errors, and the laws of settling."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ import imubayes as ib
 from imubayes.algebra.factor import noise_scale, posterior
 from imubayes.errors import ConvergenceError, TermError, UnobservableError
 from imubayes.inference import nuisances as module
+from imubayes.inference import settle
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import class_sd
 from imubayes.inference.reml import span
 from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import KINDS
+from imubayes.rig.reference import KINDS, TILT
 from imubayes.sensors.catalogue import draw_unit, noise_prior
 from imubayes.sensors.noise import Noise, NoiseRule
 
@@ -101,7 +103,7 @@ def test_rows_are_linearised_where_their_own_posterior_is(seed):
     held = {run.name: NoiseRule("fixed", run.noise) for run in summary.runs}
     moved = summarize(runs, LIB, sensor=RAW, rules=held, rows=again, extras=summary.extras)
     new, _ = posterior(moved.factor, every, noise_scale(moved.factor, every))
-    assert np.abs((new - mean) / spread).max() <= module.SETTLED
+    assert np.abs((new - mean) / spread).max() <= module.PACE.settled
     assert [part.names for part in rows] == [summary.names] * 2
 
 
@@ -116,7 +118,9 @@ def test_settling_on_block_averages_first_ends_at_the_same_place(monkeypatch):
         monkeypatch.setattr(module, "MANY", many)
         summary, _ = solve(runs, LIB, sd, errors, sensor=SERVO)
         found.append(pulls(summary, sd, {}))
-    np.testing.assert_allclose(found[0], found[1], atol=10.0 * module.SETTLED, rtol=10.0 * module.SETTLED)
+    np.testing.assert_allclose(
+        found[0], found[1], atol=10.0 * module.PACE.settled, rtol=10.0 * module.PACE.settled
+    )
 
 
 def test_the_summary_tells_how_the_noise_was_judged():
@@ -150,13 +154,13 @@ def test_noise_that_is_not_estimated_keeps_its_rule(rule, origin):
 
 def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):
     runs, kinds, sd, _ = raw_campaign(107)
-    monkeypatch.setattr(module, "ROUNDS", 1)
-    monkeypatch.setattr(module, "FEW_ROUNDS", 1)
-    monkeypatch.setattr(module, "SETTLED", 1e-9)
-    monkeypatch.setattr(module, "NEARLY", 1e-9)
+    monkeypatch.setattr(settle, "ROUNDS", 1)
+    monkeypatch.setattr(settle, "FEW_ROUNDS", 1)
+    monkeypatch.setattr(settle, "NEARLY", 1e-9)
+    monkeypatch.setattr(module, "PACE", replace(module.PACE, settled=1e-9))
     with pytest.raises(ConvergenceError, match="did not settle in 1 rounds") as caught:
         solve(runs, LIB, sd, kinds, sensor=RAW)
-    assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + len(module.TILT.parts)
+    assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + len(TILT.parts)
 
 
 def test_columns_for_the_bench_carry_its_names_units_and_sds():

@@ -11,7 +11,7 @@ import pytest
 
 from imubayes.inference.case import Asked
 from imubayes.inference.ferraris import solve_ferraris
-from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.recovered import recover
 from imubayes.inference.triad import triad_of

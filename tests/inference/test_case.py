@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from imubayes.algebra.factor import posterior
-from imubayes.inference.apart import apart
-from imubayes.inference.case import Asked
-from imubayes.inference.joint import solve_imu_tumble
+from imubayes.inference.case import Asked, apart
+from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
 from imubayes.sensors.noise import NoiseRule

@@ -1,0 +1,314 @@
+"""Reference-free tumble: a triad in the hand, or a whole IMU, of which only |f| = g is known while it rests.
+
+At rest the compensated output has the length g, so each still gives one equation. Linearised about the
+current coefficients theta_0 it is a row of an ordinary linear model: with the compensated output f of the
+still, ``F(f) = y``, its direction ``u = f/|f|`` and ``w = u' (I + M)^-1``::
+
+    w . (y_t - y) + |f| - g + x theta_0 = x theta + w . noise_t,      x_(c,k) = w_c phi_k(f)
+
+so that rows, noise, factor and selection are those of every other test. A rotation of the case leaves all
+lengths alone; `triad` says how it is fixed.
+
+Of a whole IMU the accelerometers are solved first; with the directions that they give, the turns between the
+stills are linearised about the gyroscopes' coefficients until these settle (`between_stills`). All rows then
+add up to one factor over the terms of all six components, so that what the accelerometers leave open is open
+for the gyroscopes too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, add, posterior_root
+from imubayes.errors import UnobservableError
+from imubayes.inference.between_stills import (
+    Directions,
+    directions,
+    rest_rows,
+    turn_rates,
+    turn_rows,
+    turning,
+)
+from imubayes.inference.case import Asked, Case, Component, Told, along, case_of, components_of
+from imubayes.inference.linear import (
+    Extra,
+    Linear,
+    averaged,
+    block_edges,
+    blocks_of,
+    widened,
+    widened_factor,
+    with_columns,
+)
+from imubayes.inference.reml import NoiseEstimate, estimate
+from imubayes.inference.settle import Pace, Round, settle
+from imubayes.inference.stills import Stills, find_stills, means_of, rows_of, times_of
+from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary
+from imubayes.inference.triad import Triad, spans, triad_of
+from imubayes.inference.whitened import whitened_factor
+from imubayes.rig.inputs import Facts, ImuRun, TriadRun, durations
+from imubayes.sensors.catalogue import noise_prior
+from imubayes.sensors.noise import Noise
+from imubayes.units import STANDARD_GRAVITY, counted
+
+FEWEST = 9
+"""Stills below which bias, scale factor and non-orthogonality (9 parameters) are not determined."""
+
+STILLS = Pace(judged=range(2, 3), settled=1e-6, rounds=50)
+"""From the third round on the rows are good enough to judge the noise by; three to six rounds are usual."""
+
+TURNS = Pace(judged=range(1, 3), settled=1e-5, rounds=50)
+"""In the first round the noise of the turns is taken to be that at rest; three to six rounds are usual."""
+
+ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}
+"""Origin of the noise, by rule."""
+
+
+def solve_free_tumble(runs: Sequence[TriadRun], asked: Asked, *, gravity: Extra | None = None) -> Case:
+    """Linearise free tumbles of one triad until they settle.
+
+    Parameters
+    ----------
+    runs : of one triad.
+    asked : of its components.
+    gravity : error of the local gravity, if it is allowed for: all lengths are then off by it.
+
+    Raises
+    ------
+    UnobservableError : if there are fewer than 9 stills.
+    ConvergenceError : if the linearisation does not settle; it carries the coefficients so far.
+    """
+    held = [(run, find_stills(run)) for run in runs]
+    _check_stills(sum(len(stills) for _, stills in held))
+    extras = () if gravity is None else (gravity,)
+    sd = np.concatenate((asked.prior.sd, [extra.sd for extra in extras]))
+    triad, first = triad_of(asked.library), [_start(run, stills, asked) for run, stills in held]
+
+    def at(place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
+        there = replace(triad, theta=place[: len(triad.theta)])
+        rows = tuple(norm_rows(there, run, stills, extras) for run, stills in held)
+        blocks = [blocks_of(part) for part in rows]
+        noise = noise or _judged(blocks, first, asked, sd)
+        factors = (whitened_factor(part, one.noise)[0] for part, one in zip(blocks, noise, strict=True))
+        return Round(place, Summary(reduce(add, factors)), rows, noise)
+
+    found = settle(at, sd, STILLS, np.zeros(len(sd)), first)
+    there = replace(triad, theta=found.place[: len(triad.theta)])
+    told = [
+        _told_of(there, run, stills, extras, one)
+        for (run, stills), one in zip(held, found.noise, strict=True)
+    ]
+    facts = Facts("accelerometer", one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
+    components = components_of(triad, facts, dict.fromkeys(triad.components, range(len(runs))))
+    return case_of(told, [triad], components, extras, sd=sd, theta=found.place)
+
+
+def _check_stills(count: int) -> None:
+    if count < FEWEST:
+        raise UnobservableError(
+            f"{counted(count, 'still')} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at"
+            " least, 20 or more are usual"
+        )
+
+
+def _start(run: TriadRun, stills: Stills, asked: Asked) -> NoiseEstimate:
+    """Noise that the study gives, or white noise from the scatter within the stills to start from."""
+    rule = asked.rule(run.name)
+    within = [run.output[a:b] - run.output[a:b].mean(axis=0) for a, b in stills]
+    variance = sum(float(np.sum(part**2)) for part in within) / sum(part.size - 3 for part in within)
+    scatter = Noise(float(np.sqrt(variance * run.interval)), 0.0, 0.0)
+    return NoiseEstimate(rule.value or scatter, origin=ORIGIN[rule.rule])
+
+
+def _judged(
+    blocks: Sequence[Linear], first: Sequence[NoiseEstimate], asked: Asked, sd: FloatArray
+) -> list[NoiseEstimate]:
+    """Noise of each run, estimated where its rule says so, or that of another run.
+
+    The stills are hardly more than the coefficients, which keep their prior instead of being taken out whole.
+    """
+    prior = noise_prior(asked.sensor) if asked.sensor else None
+    rules = {part.name: asked.rule(part.name) for part in blocks}
+    own = {
+        part.name: estimate(part, prior, sd) if rules[part.name].rule == "estimate" else one
+        for part, one in zip(blocks, first, strict=True)
+    }
+    return [
+        replace(own[rule.like], origin=f"run {rule.like}", run=rule.like) if rule.like in own else own[name]
+        for name, rule in rules.items()
+    ]
+
+
+def norm_rows(triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, ...] = ()) -> Linear:
+    """Rows of the stills, linearised at a triad's coefficients."""
+    means, (index, still) = means_of(run.output, stills), rows_of(stills)
+    f = triad.compensate(means)
+    length = np.linalg.norm(f, axis=1)
+    w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
+    X = np.hstack([w[:, [c]] * phi for c, phi in enumerate(triad.regressors(f))])
+    base = length - run.gravity + X @ triad.theta
+    X = np.hstack((X, np.ones((len(X), len(extras)))))  # gravity: every length is off by as much
+    t = run.t[index]
+    return Linear(
+        name=run.name,
+        procedure=run.procedure,
+        names=(*triad.names, *(extra.name for extra in extras)),
+        t=t,
+        duration=durations(t, run.interval),
+        interval=run.interval,
+        y=base[still] + np.einsum("na,na->n", w[still], run.output[index] - means[still]),
+        columns=lambda start, stop: X[still[start:stop]],
+        axes=w[still],
+    )
+
+
+def _told_of(
+    triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, ...], found: NoiseEstimate
+) -> Told:
+    """All samples of the stills, at the settled linearisation."""
+    rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
+    ranges = spans("f", triad.compensate(run.output[index]))
+    summary = run_summary(rows, found, run.source, ranges, stills=times_of(run.t, stills))
+    summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
+    return Told(summary, rows, along("f", triad.compensate(means_of(run.output, stills))[still]))
+
+
+def solve_imu_tumble(
+    runs: Sequence[ImuRun], accelerometer: Asked, gyroscope: Asked, *, gravity: Extra | None = None
+) -> Case:
+    """Characterise the six components of an IMU that was turned by hand between stills.
+
+    Parameters
+    ----------
+    runs : of one IMU.
+    accelerometer, gyroscope : what is asked of the components of each kind.
+    gravity : error of the local gravity, if it is allowed for.
+
+    Raises
+    ------
+    UnobservableError : if there are fewer than 9 stills, or in a run fewer than 6 turns between them.
+    ConvergenceError : if a linearisation does not settle; it carries the coefficients so far.
+    """
+    free = solve_free_tumble([run.accelerometers for run in runs], accelerometer, gravity=gravity)
+    seen = [directions(free.triads[0], run, find_stills(run.accelerometers)) for run in runs]
+    gyroscopes, extras = triad_of(gyroscope.library), free.summary.extras
+    names = (*free.triads[0].names, *gyroscopes.names, *(extra.name for extra in extras))
+    sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
+    # within a still nothing but the noise changes: averages tell of the coefficients what all samples do
+    resting = [
+        (one, averaged(part), noise_by_rule(blocks_of(part), gyroscope.rule(one.run.name), gyroscope.sensor))
+        for one in seen
+        for part in rest_rows(one, gyroscopes)
+    ]
+    known = [free.summary.factor, *(whitened_factor(part, found.noise)[0] for _, part, found in resting)]
+    usual = _usual([found.noise for _, _, found in resting])
+    noises = [(run.noise, usual) for run in free.summary.runs]
+    whole = reduce(add, (widened_factor(f, names) for f in known))
+    turned = _turns(seen, noises, (whole, sd), gyroscopes, gyroscope)
+    first = len(free.triads[0].theta)
+    gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
+    told = (
+        *(_of_force(k, free, one, names) for k, one in enumerate(seen)),
+        *(_at_rest(one, widened(part, names), found) for one, part, found in resting),
+        *map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen)),
+    )
+    triads = (free.triads[0], gyroscopes)
+    return case_of(told, triads, tuple(_components(free, gyroscopes, len(seen))), extras, sd=sd)
+
+
+def _turns(
+    seen: Sequence[Directions],
+    noises: Sequence[tuple[Noise, Noise]],
+    given: tuple[Factor, FloatArray],
+    gyroscopes: Triad,
+    asked: Asked,
+) -> Round:
+    """Turns linearised where that settles, with their noise.
+
+    Parameters
+    ----------
+    seen : of each run.
+    noises : of an accelerometer of each run, and of a gyroscope at rest.
+    given : what all other rows say, and the prior sds.
+    gyroscopes, asked : the triad, and what is asked of it.
+    """
+    known, sd = given
+    # bias and g-sensitivity are known from rest before the first turn is integrated
+    mean, root = posterior_root(known, sd)
+    first = known.names.index(gyroscopes.names[0])
+
+    def at(place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
+        there = replace(gyroscopes, theta=place[first : first + len(gyroscopes.theta)])
+        rows = tuple(
+            widened(turn_rows(one, there, noises=pair), known.names)
+            for one, pair in zip(seen, noises, strict=True)
+        )
+        # given what all other rows say, and anew: a turn adds what the rates do not tell between two samples
+        left = [with_columns(part, part.X @ root, part.y - part.X @ mean) for part in rows]
+        noise = noise or [
+            noise_by_rule(part, asked.rule(one.run.name), asked.sensor, np.ones(root.shape[1]))
+            for part, one in zip(left, seen, strict=True)
+        ]
+        factors = (whitened_factor(part, one.noise)[0] for part, one in zip(rows, noise, strict=True))
+        return Round(place, Summary(reduce(add, factors, known)), rows, noise)
+
+    return settle(at, sd, TURNS, mean, [NoiseEstimate(pair[1]) for pair in noises])
+
+
+def _usual(noises: Iterable[Noise]) -> Noise:
+    """Noise of a component like these: root mean squares."""
+    N, B, K = np.sqrt(np.mean([np.square((n.N, n.B, n.K)) for n in noises], axis=0)).tolist()
+    return Noise(N, B, K)
+
+
+def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Told:
+    """A run of the accelerometers among the columns of all components."""
+    run, rows = free.summary.runs[k], widened(averaged(free.rows[k]), names)
+    made, reach = whitened_factor(rows, run.noise)
+    run = replace(run, factor=made, reach=reach, interval=rows.interval, sampling=run.interval)
+    return Told(run, rows, _still_forces(seen))
+
+
+def _at_rest(seen: Directions, rows: Linear, found: NoiseEstimate) -> Told:
+    """A gyroscope in the stills of a run."""
+    index, _ = rows_of(seen.stills)
+    ranges = spans("f", seen.force[index])
+    return Told(_part(seen, rows, found, ranges, len(index)), rows, _still_forces(seen))
+
+
+def _of_turns(seen: Directions, rows: Linear, found: NoiseEstimate, gyroscopes: Triad) -> Told:
+    """The turns of a run."""
+    w, f = turning(seen, gyroscopes)
+    run = _part(seen, rows, found, spans("w", w) | spans("f", f), len(rows))
+    return Told(run, rows, along("w", turn_rates(seen, gyroscopes)))
+
+
+def _part(
+    seen: Directions,
+    rows: Linear,
+    found: NoiseEstimate,
+    ranges: dict[str, tuple[float, float]],
+    samples: int,
+) -> RunSummary:
+    run = seen.run
+    stills = times_of(run.t, seen.stills)
+    return run_summary(rows, found, run.source, ranges, samples=samples, stills=stills, sampling=run.interval)
+
+
+def _still_forces(seen: Directions) -> dict[str, FloatArray]:
+    """Specific force of each block of the stills."""
+    index, still = rows_of(seen.stills)
+    return along("f", seen.f[still[block_edges(seen.run.t[index], seen.run.interval)]])
+
+
+def _components(free: Case, gyroscopes: Triad, runs: int) -> Iterator[Component]:
+    """Components: accelerometers in all of their runs, each gyroscope at rest and in the turns."""
+    yield from free.components
+    turns = range(4 * runs, 5 * runs)
+    parts = {name: (*range(runs + c, 4 * runs, 3), *turns) for c, name in enumerate(gyroscopes.components)}
+    yield from components_of(gyroscopes, replace(free.summary.facts, kind="gyroscope"), parts)

@@ -1,0 +1,185 @@
+"""Rows of a curved model, linearised where their own posterior is.
+
+With the coefficients (and errors of the bench) theta an output is ``F(theta) + noise``. Linearised at a place
+it is a row of an ordinary linear model, ``F(place) + dF (theta - place)``, whose posterior mean is the next
+place. So rows, noise, factor and selection are those of every other test; a procedure supplies its rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
+from imubayes.errors import ConvergenceError
+from imubayes.inference.linear import Linear
+from imubayes.inference.reml import NoiseEstimate
+from imubayes.inference.summary import Summary
+
+NEARLY = 0.02
+"""Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly."""
+
+FEW_ROUNDS = 12
+"""Relinearisations after which a search begins anew with louder noise; four are usual."""
+
+LOUDER = (1e3, 1e2, 10.0, 1.0)
+"""Factors on the noise in such a search, one after the other."""
+
+STALLED = 1e-15
+"""Relative change of place or misfit that is rounding."""
+
+ROUNDS = 100
+"""Most relinearisations at each of them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pace:
+    """How a procedure settles.
+
+    Attributes
+    ----------
+    judged : rounds that judge the noise; in those before it is as the caller has it, after them it is held.
+    settled : change of a coefficient, in posterior sd, at which the linearisation has settled.
+    rounds : most relinearisations at the solution of the linear problem.
+    downhill : whether trust regions go on from there, where a valley is too curved for that.
+    """
+
+    judged: range
+    settled: float
+    rounds: int
+    downhill: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Round:
+    """Rows of all parts, linearised.
+
+    Attributes
+    ----------
+    place : (w,) where, SI.
+    summary : of the rows; its factor is over the w columns.
+    rows, noise : of each part.
+    scale : of the noise, in units of that which whitened.
+    """
+
+    place: FloatArray
+    summary: Summary
+    rows: tuple[Linear, ...]
+    noise: Sequence[NoiseEstimate]
+    scale: float = 1.0
+
+
+At = Callable[[FloatArray, Sequence[NoiseEstimate], FloatArray | None], Round]
+"""Linearises at a place (w,), with the noise of each part as it is given, or judged anew where none is. What
+is small to second order is taken at a place of its own where one is given, and stays."""
+
+
+def settle(
+    at: At, sd: FloatArray, pace: Pace, start: FloatArray, noise: Sequence[NoiseEstimate] = ()
+) -> Round:
+    """Linearise where that settles.
+
+    Parameters
+    ----------
+    at : linearises.
+    sd : (w,) prior sds of all columns, SI.
+    pace : of the procedure.
+    start : (w,) where to begin.
+    noise : of each part, in the rounds before it is judged.
+
+    Returns
+    -------
+    the last round, but for its place, which is the posterior mean of its rows.
+
+    Raises
+    ------
+    ConvergenceError : if it does not settle; it carries the place so far.
+    """
+    place = start
+    for turn in range(pace.rounds):
+        made = at(place, () if turn in pace.judged else noise, None)
+        noise = made.noise
+        mean, spread = posterior(made.summary.factor, sd, made.scale)
+        if turn >= pace.judged.start and np.all(np.abs(mean - place) <= pace.settled * spread):
+            return replace(made, place=mean)
+        place = mean
+    if not pace.downhill:
+        raise ConvergenceError(f"the linearisation did not settle in {pace.rounds} rounds", place)
+    return _polished(at, sd, pace, replace(made, place=_peak(at, sd, pace, made)))
+
+
+def _polished(at: At, sd: FloatArray, pace: Pace, near: Round) -> Round:
+    """Follow the linear problem from near the peak while its steps shrink."""
+    made, step = at(near.place, near.noise, None), np.inf
+    for _ in range(FEW_ROUNDS):
+        mean, spread = posterior(made.summary.factor, sd, made.scale)
+        before, step = step, float(np.max(np.abs(mean - made.place) / spread))
+        if step <= pace.settled or step >= before:
+            break
+        made = at(mean, made.noise, None)
+    return made
+
+
+def _peak(at: At, sd: FloatArray, pace: Pace, start: Round) -> FloatArray:
+    """Place (w,) of the posterior's peak, the noise held, and what is small to second order as at the start.
+
+    Raises
+    ------
+    ConvergenceError : if it is not found; it carries the place so far.
+    """
+
+    def held(place: FloatArray) -> Round:
+        return at(place, start.noise, start.place)
+
+    place, left = _descended(held, sd, pace, start, (start.scale, FEW_ROUNDS))
+    if left > pace.settled:
+        # the valley is curved and narrow: with louder noise it is wide, and leads to where it is deepest
+        near = start
+        for louder in LOUDER:
+            place, left = _descended(held, sd, pace, near, (louder * start.scale, ROUNDS))
+            near = held(place)
+    if left > NEARLY:
+        raise ConvergenceError(
+            f"the errors of the test bench did not settle in {ROUNDS} rounds: check scale and sign of the"
+            " output, and whether the errors that the study states for the bench are as large as that",
+            place,
+        )
+    return place
+
+
+def _descended(
+    held: Callable[[FloatArray], Round], sd: FloatArray, pace: Pace, start: Round, most: tuple[float, int]
+) -> tuple[FloatArray, float]:
+    """Go downhill by trust regions; give the place, and the step that is left in posterior sd.
+
+    The way is taken in coordinates in which the posterior is a unit ball at the start; `most` is the scale of
+    the noise, and how many rounds.
+    """
+    from scipy.optimize import least_squares
+
+    scale, rounds = most
+    rows = scale / sd
+    metric = scale * invert_triangular(with_prior_rows(start.summary.factor.R, rows)[:-1, :-1])
+
+    @lru_cache(maxsize=1)
+    def there(way: bytes) -> tuple[FloatArray, FloatArray]:
+        place = start.place + metric @ np.frombuffer(way)
+        T = with_prior_rows(held(place).summary.factor.R, rows) / scale
+        return T[:, :-1] @ place - T[:, -1], T[:, :-1] @ metric
+
+    slope: Any = lambda way: there(way.tobytes())[1]  # noqa: E731
+    found = least_squares(
+        lambda way: there(way.tobytes())[0],
+        np.zeros(len(sd)),
+        slope,
+        gtol=pace.settled,
+        xtol=STALLED,
+        ftol=STALLED,
+        max_nfev=rounds,
+    )
+    return start.place + metric @ found.x, float(found.optimality)
