@@ -18,8 +18,7 @@ from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.triad import calibration, triad_of
-from imubayes.inference.triad_angles import angles_of
+from imubayes.inference.triad import angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
 from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, Run, TriadRun

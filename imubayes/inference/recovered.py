@@ -21,10 +21,10 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior_root
 from imubayes.inference.between_stills import TURNS, closures, directions, lasting
 from imubayes.inference.case import Case
-from imubayes.inference.effective import marginal_variance
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import Stills, find_stills, means_of, times_of
 from imubayes.inference.triad import Triad
+from imubayes.inference.whiten import marginal_variance
 from imubayes.rig.inputs import ImuRun, Section, TriadRun
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 

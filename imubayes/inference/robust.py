@@ -27,10 +27,16 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
-from imubayes.inference.contamination import Evidence, Offsets, evidence, log_posterior, sample
+from imubayes.inference.contamination import (
+    Evidence,
+    Offsets,
+    evidence,
+    first_suspects,
+    log_posterior,
+    sample,
+)
 from imubayes.inference.dwells import Dwells, dwells_of, rows_kept, rows_outside, run_kept
 from imubayes.inference.linear import Linear
-from imubayes.inference.suspects import first_suspects
 from imubayes.rig.inputs import Run
 from imubayes.sensors.noise import Noise
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
-from imubayes.rig.inputs import TriadRun
+from imubayes.inference.linear import Linear
+from imubayes.rig.inputs import ImuRun, TriadRun, durations
 
 Stills = tuple[tuple[int, int], ...]
 """(start, stop) sample indices of each still."""
@@ -72,6 +73,37 @@ def rows_of(stills: Stills) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Samples (n,) of all stills in their order, and which still each of them belongs to."""
     index = np.concatenate([np.arange(a, b) for a, b in stills])
     return index, np.repeat(np.arange(len(stills)), [b - a for a, b in stills])
+
+
+def still_rows(
+    run: TriadRun | ImuRun,
+    stills: Stills,
+    component: str,
+    names: tuple[str, ...],
+    said: FloatArray,
+    X: FloatArray,
+) -> Linear:
+    """All samples of the stills of one component as rows of a linear model.
+
+    Parameters
+    ----------
+    run, stills : where it is at rest.
+    component : ``ax`` to ``gz``.
+    names, X : the p columns, and what they are (k, p) in each still.
+    said : (n,) output of the component in the run, SI.
+    """
+    index, still = rows_of(stills)
+    t = run.t[index]
+    return Linear(
+        name=f"{run.name} ({component} at rest)",
+        procedure=run.procedure,
+        names=names,
+        t=t,
+        duration=durations(t, run.interval),
+        interval=run.interval,
+        y=said[index],
+        columns=lambda start, stop: X[still[start:stop]],
+    )
 
 
 def means_of(values: FloatArray, stills: Stills) -> FloatArray:

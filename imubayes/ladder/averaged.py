@@ -20,9 +20,8 @@ from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import Prepared
 from imubayes.inference.at_noise import at_found_noise, at_noise
 from imubayes.inference.mcmc.chains import NoiseDraw
-from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
 from imubayes.inference.mcmc.moves import Student, log_student
-from imubayes.inference.mcmc.split import log_likelihood, splits_of
+from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.ladder.problem import Answer, Ground, answer_of, at_noises, once, prepared
 
 PROPOSED = 24

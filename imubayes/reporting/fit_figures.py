@@ -40,7 +40,7 @@ from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.allan_fit import AllanCurve
+    from imubayes.inference.allan import AllanCurve
     from imubayes.inference.misfit import Dependence
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.selection.noise_found import NoiseFound

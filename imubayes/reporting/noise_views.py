@@ -42,7 +42,7 @@ from imubayes.sensors.noise_processes import NAMES
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.allan_fit import AllanFit
+    from imubayes.inference.allan import AllanFit
     from imubayes.inference.summary import RunSummary
     from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
     from imubayes.selection.noise_found import NoiseFound

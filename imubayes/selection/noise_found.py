@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.allan_fit import AllanCurve, AllanFit, allan_curve, fit_allan
+from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.reml import span
 from imubayes.rig.inputs import between_gaps

@@ -13,13 +13,13 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.case import Apart, apart
-from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.pieces import Pieces, always
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, judge
 from imubayes.inference.summary import Summary
+from imubayes.inference.whiten import effective_samples
 from imubayes.inference.whitened import pieces_of
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit

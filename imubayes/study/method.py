@@ -35,7 +35,7 @@ from imubayes.campaign.study import (
     file_name,
 )
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.case import Case
+from imubayes.inference.case import Case, rows_at_rest
 from imubayes.inference.correlations import correlation, pulls
 from imubayes.inference.linear import drive
 from imubayes.inference.mcmc.chains import Chains, of_columns
@@ -43,7 +43,6 @@ from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.misfit import Misfit, find_misfit
-from imubayes.inference.noise_at_rest import rows_at_rest
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within

@@ -7,9 +7,8 @@ import pytest
 from numpy.linalg import inv, solve
 
 from imubayes.algebra.factor import add, reorder
-from imubayes.inference.effective import effective_samples, marginal_variance, samples_of
 from imubayes.inference.linear import Linear, Rows
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import effective_samples, marginal_variance, samples_of, whiten, whitener
 from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 

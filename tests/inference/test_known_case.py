@@ -12,7 +12,7 @@ from imubayes.inference.case import Asked
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import summarize
-from imubayes.inference.triad_angles import RELATIVE, angles_of
+from imubayes.inference.triad import RELATIVE, angles_of
 from imubayes.rig.imu_runs import Made, simulate_imu
 from imubayes.rig.inputs import Inputs, KnownRun
 from imubayes.rig.recordings import RunSpec

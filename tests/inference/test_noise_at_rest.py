@@ -7,7 +7,7 @@ import hands
 import numpy as np
 import pytest
 
-from imubayes.inference.noise_at_rest import rows_at_rest
+from imubayes.inference.case import rows_at_rest
 from imubayes.inference.noise_limits import detection_limits
 from imubayes.inference.noise_models import likelihood, noise_data
 from imubayes.inference.noise_rows import noise_rows

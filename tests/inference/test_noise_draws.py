@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skewnorm
 
-from imubayes.inference.noise_draws import BATCH, MOST, Hump, drawn_until
+from imubayes.inference.noise_fit import BATCH, MOST, Hump, drawn_until
 
 UNIT = Hump(np.zeros(2), np.eye(2))
 

@@ -13,15 +13,13 @@ from hypothesis import strategies as st
 from pyarrow import parquet as pq
 
 from imubayes.algebra.factor import least_squares, reorder
-from imubayes.inference.effective import effective_samples
 from imubayes.inference.linear import Rows, linear_of
-from imubayes.inference.mcmc.coordinates import coordinates
-from imubayes.inference.mcmc.split import splits_of, values_at
+from imubayes.inference.mcmc.split import coordinates, splits_of, values_at
 from imubayes.inference.pieces import stacked
 from imubayes.inference.residuals import check_residuals
 from imubayes.inference.stream_whitening import begin, padded, whiten_on
 from imubayes.inference.summary import summarize
-from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.inference.whiten import effective_samples, mattering, whiten, whitener
 from imubayes.inference.whitened import pieces_of, whitened_factor, within_blocks
 from imubayes.rig import stream_files, streams
 from imubayes.rig.recordings import RunSpec

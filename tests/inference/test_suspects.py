@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.inference.contamination import WIDE, first_suspects
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
-from imubayes.inference.suspects import WIDE, first_suspects
 
 SERVO = ib.sensor("quartz_flexure_servo", kind="accelerometer")
 LIBRARY = ib.library("accelerometer")

@@ -32,7 +32,7 @@ from trades_found import traded
 
 import imubayes.reporting
 import studies
-from imubayes.inference.allan_fit import AllanCurve
+from imubayes.inference.allan import AllanCurve
 from imubayes.planning.menu import Step
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from block_readings import panels, rows
 
-from imubayes.inference.allan_fit import AllanFit, allan_curve
+from imubayes.inference.allan import AllanFit, allan_curve
 from imubayes.reporting.noise_views import (
     process_blocks,
     process_sentence,

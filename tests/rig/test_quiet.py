@@ -5,8 +5,7 @@ import pytest
 from quiet_logs import quiet_log
 
 from imubayes.errors import InputError
-from imubayes.inference.allan import allan_deviation
-from imubayes.inference.allan_fit import log_covariance
+from imubayes.inference.allan import allan_deviation, log_covariance
 from imubayes.sensors.noise_processes import NoiseProcesses, shares
 
 SAMPLES, INTERVAL, LOGS = 4000, 0.5, 30

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.coordinates import Coordinates, coordinates
+from imubayes.inference.mcmc.split import Coordinates, coordinates
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import RunSummary, Summary
 

@@ -11,8 +11,16 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.mcmc.diagnostics import LONG, effective_size, split_rhat
-from imubayes.inference.mcmc.engine import Shape, Target, load, sampler_of, save
+from imubayes.inference.mcmc.engine import (
+    LONG,
+    Shape,
+    Target,
+    effective_size,
+    load,
+    sampler_of,
+    save,
+    split_rhat,
+)
 
 Progress = Callable[[str], None]
 

@@ -30,8 +30,7 @@ from imubayes.inference.mcmc.density import (
     log_marginal,
     theta_of,
 )
-from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
-from imubayes.inference.mcmc.engine import Target
+from imubayes.inference.mcmc.engine import Target, effective_size, split_rhat
 from imubayes.inference.mcmc.ensembles import (
     History,
     Limits,

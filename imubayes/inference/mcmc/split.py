@@ -2,6 +2,7 @@
 
 The averages are whitened exactly; what they leave is white but for a small rise of its variance by B and K.
 The sum is mended by three exact whitenings of all rows near the maximum of the run's posterior.
+Gram matrices are harmless in the coordinates that are used for the coefficients.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.linear import BLOCKS, Linear, block_edges, blocks_of
-from imubayes.inference.mcmc.coordinates import Coordinates
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten, whitener
 from imubayes.inference.whitened import whitened_factor, within_blocks
@@ -214,3 +215,37 @@ def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
     rows = split.inside + len(split.blocks.y)
     log_det = float(packed[-1]) + 2.0 * rows * log_n
     return -0.5 * log_det - float(np.sum(np.log(diagonal[:-1]))) - 0.5 * float(diagonal[-1] ** 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coordinates:
+    """Coefficients ``theta = origin + inverse phi``: standard normal at the estimated noise.
+
+    Attributes
+    ----------
+    origin : (p,) posterior mean.
+    inverse : (p, p) upper triangular, of the factor of rows and prior.
+    prior : (p + 1, p + 1) Gram matrix of the prior's rows in these coordinates.
+    log_volume : log determinant of `inverse`.
+    """
+
+    origin: FloatArray
+    inverse: FloatArray
+    prior: FloatArray
+    log_volume: float
+
+    def gram(self, R: FloatArray) -> FloatArray:
+        """Gram matrix (p + 1, p + 1) of rows with the factor R, their response taken relative to `origin`."""
+        T = np.column_stack((R[:, :-1] @ self.inverse, R[:, -1] - R[:, :-1] @ self.origin))
+        return T.T @ T
+
+
+def coordinates(f: Factor, sd: FloatArray) -> Coordinates:
+    """Coordinates of the posterior under prior sds (p,) at the noise that whitened the factor."""
+    T = with_prior_rows(f.R, 1.0 / sd)
+    inverse = invert_triangular(T[:-1, :-1])
+    origin = inverse @ T[:-1, -1]
+    volume = float(np.sum(np.log(np.abs(np.diag(inverse)))))
+    bare = Coordinates(origin, inverse, np.zeros((0, 0)), volume)
+    rows = np.column_stack((np.diag(1.0 / sd), np.zeros(len(sd))))
+    return Coordinates(origin, inverse, bare.gram(rows), volume)

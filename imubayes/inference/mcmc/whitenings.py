@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.coordinates import Coordinates
 from imubayes.inference.mcmc.split import (
+    Coordinates,
     Split,
     log_density_of,
     log_likelihood,

@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.study import SensorSpec
-from imubayes.inference.mcmc.diagnostics import LONG
+from imubayes.inference.mcmc.engine import LONG
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.machine import with_peak

@@ -4,8 +4,7 @@ import arviz
 import numpy as np
 import pytest
 
-from imubayes.inference.mcmc.diagnostics import effective_size, split_rhat
-from imubayes.inference.mcmc.engine import LOOKED_AT, autocorrelation_time
+from imubayes.inference.mcmc.engine import LOOKED_AT, autocorrelation_time, effective_size, split_rhat
 
 
 def autoregressive(steps, walkers, correlation, seed, offset=0.0):
