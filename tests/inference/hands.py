@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.inference.between_stills import rotation
+from imubayes.inference.strapdown import rotation
 from imubayes.inference.triad import Triad, triad_of
 from imubayes.rig.inputs import ImuRun
 from imubayes.rig.simulate import synthesise

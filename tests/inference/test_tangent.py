@@ -7,7 +7,7 @@ import pytest
 from benches import QUIET, measured, nominal
 
 import imubayes as ib
-from imubayes.inference import tangent as module
+from imubayes.inference import nuisances as module
 from imubayes.inference.linear import linear_of
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.rig.inputs import Inputs
