@@ -50,14 +50,10 @@ _MOST_SAMPLES = 1e9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """How a table turns on the Earth, about the vertical, in n rows.
+    """How a table turns on the Earth, about the vertical `up` (n, 3) in case axes, in n rows.
 
-    Attributes
-    ----------
-    up : (n, 3) the vertical in case axes.
-    rate : (n,) of the table itself, rad/s, counter-clockwise seen from above.
-    angle : (n,) rad since the first row of a mount, where north is along `north_across` the vertical.
-    latitude : rad, north positive; None leaves the Earth's rate out.
+    `rate` (n,) is that of the table itself, rad/s, counter-clockwise seen from above; `angle` (n,) rad since
+    the first row of a mount, where north is along `north_across` the vertical.
     """
 
     up: FloatArray
@@ -68,15 +64,7 @@ class Turn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A test procedure that is ready to run.
-
-    Attributes
-    ----------
-    name : of the run that it gives.
-    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
-    inputs : what the rig applies, SI.
-    turn : of a table that turns about the vertical; None of another rig.
-    """
+    """A test procedure that is ready to run: the inputs that the rig applies, SI; how its table turns."""
 
     name: str
     procedure: str
@@ -92,14 +80,7 @@ def minus(axis: Direction) -> Direction:
 def earth_rate(up: FloatArray, north: FloatArray, latitude: float) -> FloatArray:
     """Rate (n, 3) of the Earth along the case axes, rad/s: ``W (cos(latitude) north + sin(latitude) up)``.
 
-    Parameters
-    ----------
-    up, north : (n, 3) unit vectors in case axes.
-    latitude : rad, north positive.
-
-    Raises
-    ------
-    InputError : if there is no such latitude.
+    `up` and `north` (n, 3) are unit vectors in case axes; an `InputError` if there is no such latitude (rad).
     """
     if not abs(latitude) <= math.pi / 2.0:
         raise InputError(f"latitude = {latitude} rad is nowhere on Earth: expected -pi/2 to pi/2")

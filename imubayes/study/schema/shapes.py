@@ -34,9 +34,6 @@ from imubayes.errors import MISSING, Place, said, shown
 _Shape = TypeVar("_Shape")
 
 STRICT = ConfigDict(extra="forbid", strict=True)
-WITHIN = ConfigDict(extra="forbid")
-"""Of a table that is read with the one that it stands in."""
-
 Several = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Table = dict[str, Any]
 Text = units.Name
@@ -114,7 +111,7 @@ def table_of(
     heading: str,
     *,
     needed: str = "",
-    config: ConfigDict = STRICT,
+    within: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> type:
     """Shape of a table that gives the annotated arguments of a function, or fields of a dataclass.
@@ -124,7 +121,7 @@ def table_of(
     source : whose arguments have a `Key`; the others are not for a study.
     name, heading : of the shape, and of the table.
     needed : argument that has to be given though it has a default.
-    config : of the check.
+    within : whether it is read with the table that it stands in.
     more : annotated types of keys that are no arguments.
     """
     hints = get_type_hints(source, include_extras=True)
@@ -139,6 +136,7 @@ def table_of(
             kinds[argument] = _read(kind) | None
             values[argument] = key(*described, None, usual=_written(default, kind))
     made = type(name, (), {"__annotations__": kinds, "__doc__": f"``{heading}``.", **values})
+    config = ConfigDict(extra="forbid", strict=not within)
     return dataclass(config=config, frozen=True, kw_only=True)(made)
 
 

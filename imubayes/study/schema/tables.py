@@ -18,7 +18,6 @@ from imubayes.rig.sequences import Dwell
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.sensors.terms import library
 from imubayes.study.schema.shapes import (
-    WITHIN,
     Holds,
     Several,
     Table,
@@ -50,7 +49,7 @@ SAMPLING = table_of(Sampling, "SamplingTable", "[sampling]")
 NOISE = table_of(NoiseQuestion, "NoiseTable", "[noise]")
 LIBRARY = table_of(library, "LibraryTable", "[sensor.library]")
 SITE = table_of(normal_gravity, "SiteTable", "gravity")
-STEP = table_of(Dwell, "StepOptions", "steps", config=WITHIN)
+STEP = table_of(Dwell, "StepOptions", "steps", within=True)
 
 _STEPPED = ("tumble", "positions", "rate-table", "centrifuge")
 """Profiles whose dwells can be given one by one."""
