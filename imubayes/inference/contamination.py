@@ -200,8 +200,6 @@ def _sweep(e: Evidence, on: Mask, rng: np.random.Generator) -> tuple[FloatArray,
         done = d + 1
 
 
-Mask = NDArray[np.bool_]
-
 WIDE = 100.0
 """Prior sd of an offset in robust sds of the dwell means: offsets are gross. Odds depend on its logarithm."""
 

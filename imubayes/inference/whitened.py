@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.dwells import dwells_of
+from imubayes.inference.dwells import Pieces, dwells_of, stacked
 from imubayes.inference.linear import CHUNK, Linear, block_edges, whole_parts
-from imubayes.inference.pieces import Pieces, stacked
 from imubayes.inference.whiten import Processes, mattering, whiten, whitener
 from imubayes.rig.inputs import Part, Stream
 from imubayes.sensors.noise import Noise

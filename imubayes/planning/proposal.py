@@ -37,7 +37,7 @@ from imubayes.planning.menu import (
     worth,
 )
 from imubayes.rig.inputs import facts_of
-from imubayes.rig.settings import Setting, settings_of
+from imubayes.rig.sequences import Setting, settings_of
 from imubayes.rig.simulate import synthesise
 from imubayes.scenes.effects import SceneEffects, budget_effects
 from imubayes.scenes.relevance import MATTERS

@@ -26,7 +26,7 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
 from imubayes.algebra.factor import Factor, noise_scale, with_prior_rows
 from imubayes.errors import TermError
-from imubayes.inference.pieces import Pieces
+from imubayes.inference.dwells import Pieces
 from imubayes.selection.descent import descended
 from imubayes.selection.mixture import Candidates, candidates
 from imubayes.selection.predictive import RELIABLE, Held, by_dwell, by_run, fits, leave_out, psis_loo, waic

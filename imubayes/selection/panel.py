@@ -13,9 +13,9 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.case import Apart, apart
+from imubayes.inference.dwells import Pieces, always
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.mcmc.chains import Chains
-from imubayes.inference.pieces import Pieces, always
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, judge
 from imubayes.inference.summary import Summary

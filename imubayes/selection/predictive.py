@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.inference.pieces import Pieces, few_rows, stacked
+from imubayes.inference.dwells import Pieces, few_rows, stacked
 from imubayes.selection.mixture import Candidates, with_always
 from imubayes.selection.spaces import Every, Space
 

@@ -10,7 +10,7 @@ import numpy as np
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.pieces import Pieces
+from imubayes.inference.dwells import Pieces
 from imubayes.selection.effects import Effects, best_of, effects_of, log_evidence, refitted
 from imubayes.selection.sparse_paths import BY_THRESHOLD, PATHS
 from imubayes.selection.stability import (

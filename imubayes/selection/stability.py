@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.pieces import Pieces, few_rows
+from imubayes.inference.dwells import Pieces, few_rows
 
 Counts = NDArray[np.int64]
 

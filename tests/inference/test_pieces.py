@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import imubayes as ib
+from imubayes.inference.dwells import stacked
 from imubayes.inference.linear import linear_of
-from imubayes.inference.pieces import stacked
 from imubayes.inference.whiten import mattering
 from imubayes.inference.whitened import pieces_of, whitened_factor
 from imubayes.sensors.noise import Noise

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from pyarrow import parquet as pq
 
 from imubayes.algebra.factor import least_squares, reorder
+from imubayes.inference.dwells import stacked
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.split import coordinates, splits_of, values_at
-from imubayes.inference.pieces import stacked
 from imubayes.inference.residuals import check_residuals
 from imubayes.inference.stream_whitening import begin, padded, whiten_on
 from imubayes.inference.summary import summarize

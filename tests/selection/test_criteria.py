@@ -11,7 +11,7 @@ import pytest
 
 from imubayes.algebra.factor import Factor, factor_of, triangular
 from imubayes.errors import TermError
-from imubayes.inference.pieces import Pieces
+from imubayes.inference.dwells import Pieces
 from imubayes.inference.whiten import samples_of
 from imubayes.selection import criteria as module
 from imubayes.selection.criteria import Criterion, criteria, with_sampled_noise

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of, triangular
-from imubayes.inference.pieces import Pieces
+from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import candidates
 from imubayes.selection.predictive import (
     RELIABLE,

@@ -9,7 +9,7 @@ import pytest
 
 import imubayes as ib
 from imubayes.algebra import factor as algebra
-from imubayes.inference.pieces import Pieces, stacked
+from imubayes.inference.dwells import Pieces, stacked
 from imubayes.selection import sindy
 from imubayes.selection.effects import effects_of
 from imubayes.selection.sindy import sparse_regressions

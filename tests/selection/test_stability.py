@@ -9,8 +9,8 @@ import pytest
 
 import imubayes as ib
 from imubayes.algebra import factor as algebra
+from imubayes.inference.dwells import Pieces, stacked
 from imubayes.inference.linear import linear_of
-from imubayes.inference.pieces import Pieces, stacked
 from imubayes.inference.whitened import pieces_of
 from imubayes.selection.stability import dwelled, halves, resampled, with_replacement
 
