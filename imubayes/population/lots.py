@@ -12,18 +12,25 @@ from typing import Annotated, Literal
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import Factor
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.errors import UnobservableError
 from imubayes.inference.intervals import Share, frequency
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
 from imubayes.rig.recordings import RunSpec
-from imubayes.scenes.relevance import MATTERS, SURE, Exposure, Knowledge, Relevance, exposure, weigh
+from imubayes.scenes.relevance import (
+    MATTERS,
+    SURE,
+    Exposure,
+    Knowledge,
+    Relevance,
+    exposure,
+    left_over,
+    weigh,
+)
 from imubayes.sensors.catalogue import coupled
-from imubayes.sensors.equations.basic import TERMS, project
+from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import SensorClass
@@ -269,7 +276,7 @@ def missions(
 def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: bool) -> MissionFound:
     weighed = [weigh(seen, _knowledge(unit), noise=Noise(*unit.noise)) for unit in units]
     limit = mission.budget.limit
-    left = [basic_left(seen, unit.mean, unit.draws) / limit for unit in units] if basic else [math.nan]
+    left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         mission=mission.name,
         terms=_terms(units, weighed, seen),
@@ -303,38 +310,17 @@ def _terms(units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure
     )
 
 
-def basic_left(seen: Exposure, theta: FloatArray, draws: FloatArray) -> float:
+def basic_left(seen: Exposure, draws: FloatArray) -> float:
     """Size that the error of a triad of twelve parameters stays below in a scene with 95 %, SI of the budget.
 
-    Bias, scale and misalignment of the triad are those found, and take up what they can of the other terms'
-    rms over the scene. The error is what they leave, and what the test does not know of any term.
+    Bias, scale and misalignment of the triad take up what they can of the other terms' rms over the scene.
+    The error is what they leave, of terms as uncertain as the test leaves them: what it does not know of
+    bias, scale and misalignment, it does not know under the larger model either.
 
     Parameters
     ----------
     seen : what the scene makes of the terms.
-    theta : (p,) coefficients that were found, SI.
-    draws : (m, p) of their posterior.
+    draws : (m, p) coefficients of the posterior, SI.
     """
-    names = seen.lib.names
-    left = np.array([0.0 if name in TERMS else value for name, value in zip(names, theta, strict=True)])
-    for name, taken in _taken_up(seen, left).items():
-        left[names.index(name)] = -taken
-    return float(np.quantile(seen.budgeted.size(left + draws - theta), SURE))
-
-
-def _taken_up(seen: Exposure, others: FloatArray) -> dict[str, float]:
-    """What bias, scale and misalignment take up of the other terms.
-
-    A scene in which one of them does what others do as well has one less of them.
-    """
-    lib, R = seen.lib, seen.output.rows
-    columns, kept = np.pad(R, ((0, len(lib.terms) + 1 - len(R)), (0, 1))), list(TERMS)
-    while True:
-        alone = columns.copy()
-        for name in set(TERMS) - set(kept):
-            alone[:, lib.names.index(name)] = 0.0
-        try:
-            found = project(lib, others, Factor(lib.names, alone, 1))[1].coefficients
-            return {name: found[name] for name in kept}
-        except UnobservableError as error:
-            kept = [name for name in kept if name not in error.terms]
+    basic = np.isin(seen.lib.names, TERMS)
+    return float(np.quantile(seen.budgeted.size(left_over(seen.output, basic, draws)), SURE))

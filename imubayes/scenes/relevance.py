@@ -3,9 +3,11 @@
 Everything is linear in the coefficients. With ``A`` the rows of what is budgeted (the scene's factor over
 ``sqrt(n)`` for an error of the output, `propagation.errors_at` times over the mission for attitude, velocity
 and position), a sensor whose coefficients are theta and that is compensated with the posterior mean m of the
-terms of a model S is left with ``A (theta - m_S)``: the terms that are left out in full, and what the
-calibration does not know of those that are kept. Its size is the rms for the output and the largest value
-over the mission otherwise. theta is uncertain: all of it is computed over posterior draws.
+terms of a model S is left with ``A (theta - m_S)``. Of the terms that are left out, those that are kept take
+up what they can: a smaller model is calibrated as such, at best over the very scene, so that m_S holds the
+least-squares share of the others on the output. What is left is what nothing that is kept stands for, and
+what the calibration does not know. Its size is the rms for the output and the largest value over the mission
+otherwise. theta is uncertain: all of it is computed over posterior draws.
 """
 
 from __future__ import annotations
@@ -34,6 +36,9 @@ MATTERS = 0.1
 
 THERE = 0.5
 """Inclusion from which a term is there: the median probability model."""
+
+ALIKE = 1e-9
+"""Singular values, over the largest, below which terms that are kept do the same in a scene."""
 
 QUADRANTS = ("there and matters", "there, does not matter", "not shown, could matter", "neither")
 """What inclusion and relevance say of a term together."""
@@ -202,11 +207,11 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
             f"draws of shape {knowledge.draws.shape}: expected (m, {len(lib.terms)}), a column for each term"
         )
     output, effects = exposed.output, exposed.budgeted
-    keep, path = smallest_model(effects, knowledge, budget.limit)
+    keep, path = smallest_model(effects, knowledge, budget.limit, output)
     theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
     white, flicker, walk = exposed.noise
     N, B, K = (0.0, 0.0, 0.0) if noise is None else (noise.N, noise.B, noise.K)
-    left = _half_and_most(effects.size(theta - mean * keep))
+    left_out = left_over(output, keep, theta)
     return Relevance(
         scene=scene.name,
         axis=exposed.axis,
@@ -216,9 +221,9 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
         terms=_terms(output, effects, knowledge, budget.limit, keep),
         model=tuple(name for name, kept in zip(lib.names, keep, strict=True) if kept),
         met=path[0][2] <= budget.limit,
-        left=left,
-        left_out=_half_and_most(effects.size(theta * ~keep)),
-        left_out_rms=_rms(output.size(theta * ~keep)),
+        left=_half_and_most(effects.size(theta - mean + left_over(output, keep, mean))),
+        left_out=_half_and_most(effects.size(left_out)),
+        left_out_rms=_rms(output.size(left_out)),
         calibrated=_half_and_most(effects.size(theta - mean)),
         uncompensated=_half_and_most(effects.size(theta)),
         path=path,
@@ -245,18 +250,19 @@ def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
 
 
 def smallest_model(
-    effects: SceneEffects, knowledge: Knowledge, limit: float
+    effects: SceneEffects, knowledge: Knowledge, limit: float, output: SceneEffects
 ) -> tuple[BoolArray, tuple[tuple[int, str, float], ...]]:
     """Drop the term that costs least, one after the other, until the budget would be exceeded.
 
     The error of a model is bounded by what the calibration leaves of all terms, with 95 %, and what the means
-    of the terms left out add up to, as vectors.
+    of the terms left out add up to, as vectors, less what those kept take up of them.
 
     Parameters
     ----------
     effects : of every term on what is budgeted.
     knowledge : of the coefficients.
     limit : of this error, SI. Where the calibration alone exceeds it, it is the limit of the terms left out.
+    output : effects on the output, over which terms take up others.
 
     Returns
     -------
@@ -266,7 +272,7 @@ def smallest_model(
     --------
     >>> e = SceneEffects(("a", "b", "c"), np.eye(3), components=1)
     >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
-    >>> smallest_model(e, k, 1.0)[0].tolist()
+    >>> smallest_model(e, k, 1.0, e)[0].tolist()
     [True, False, True]
     """
     mean = knowledge.draws.mean(axis=0)
@@ -276,7 +282,7 @@ def smallest_model(
     chosen, path = keep.copy(), [(len(mean), "", least)]
     while keep.any():
         without = {j: keep & (np.arange(len(mean)) != j) for j in np.flatnonzero(keep).tolist()}
-        costs = {j: float(effects.size(np.where(kept, 0.0, mean))) for j, kept in without.items()}
+        costs = {j: float(effects.size(left_over(output, kept, mean))) for j, kept in without.items()}
         # of equal costs the term that is less likely there goes first
         dropped = min(costs, key=lambda j: (costs[j], knowledge.inclusion[j]))
         keep = without[dropped]
@@ -284,6 +290,32 @@ def smallest_model(
         if costs[dropped] <= room:
             chosen = keep
     return chosen, tuple(path)
+
+
+def left_over(output: SceneEffects, keep: BoolArray, theta: FloatArray) -> FloatArray:
+    """Coefficients (..., p) of a model's error: the terms left out, less what those kept take up of them.
+
+    Parameters
+    ----------
+    output : effects on the output, over which the terms kept are fitted to the others by least squares.
+    keep : (p,) terms of the model.
+    theta : (..., p) coefficients.
+
+    Examples
+    --------
+    >>> alike = SceneEffects(("a", "b"), np.array([[1.0, 2.0]]))
+    >>> left_over(alike, np.array([True, False]), np.array([5.0, 3.0])).round(9).tolist()
+    [-6.0, 3.0]
+    """
+    out = np.where(keep, 0.0, theta)
+    if keep.any():
+        kept = output.rows[:, keep]
+        size = np.linalg.norm(kept, axis=0)
+        size[size == 0.0] = 1.0
+        # a scene in which kept terms do the same shares what they take up between them
+        taken = np.linalg.lstsq(kept / size, (out @ output.rows.T).reshape(-1, len(kept)).T, rcond=ALIKE)[0]
+        out[..., keep] = -(taken / size[:, None]).T.reshape(*theta.shape[:-1], len(size))
+    return out
 
 
 def _half_and_most(sizes: FloatArray) -> tuple[float, float]:
