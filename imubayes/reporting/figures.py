@@ -195,11 +195,11 @@ def posterior(sensor: SensorResult, key: str) -> Panel | None:
     if not kept:
         return None
     mean, sd = (np.array([getattr(t, key) / t.prior_sd for t in kept]) for key in ("mean", "sd"))
-    places = zip(kept, mean, sd, strict=True)
+    places, narrow = zip(kept, mean, sd, strict=True), int((sd <= NARROWED).sum())
+    are = "is" if narrow == 1 else "are"
     return draw(
         lambda axes: _paint_posterior(axes, tuple(t.name for t in kept), mean, sd),
-        title=f"{int((sd <= NARROWED).sum())} of {counted(len(kept), 'kept term')} known ten times as well"
-        " as before",
+        title=f"{narrow} of {counted(len(kept), 'kept term')} {are} known ten times as well as before",
         alt="Posterior in prior sd: " + ", ".join(f"{t.name} {m:.3g} ± {s:.2g}" for t, m, s in places),
         key=key,
         height=ROW * len(kept) + 44,

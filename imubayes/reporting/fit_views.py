@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
+from imubayes.inference.misfit import TIME
 from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting import fit_figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
@@ -193,9 +194,8 @@ def nothing_sentence(misfit: Misfit) -> str:
     for one in misfit.dependences:
         channel = channel_of(one)
         tested[channel] = min(one.p, tested.get(channel, math.inf))
-    free = [
-        f"{name} (p {probability(p)})" for name, p in tested.items() if p >= SUSPECT and name not in found
-    ]
+    told = {name: p for name, p in tested.items() if p >= SUSPECT and name not in found}
+    free = [f"{'time' if name == TIME else name} (p {probability(p)})" for name, p in told.items()]
     return f"Nothing is left beyond chance against {listed(free)}." if free else ""
 
 

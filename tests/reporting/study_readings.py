@@ -345,7 +345,7 @@ READINGS = readings(
         r"(Not there|Undecided|Too small for this run to tell): ((?:[BKQRG], )*[BKQRG])\.": _none_of,
         rf"Against (\S+): nothing is left beyond chance \(p {P}\)": _hysteresis,
         rf"(?:chance against|,|and) (\w+) \(p {P}\)": _hysteresis,
-        r"^(\d+) of (\d+) kept terms? known ten times": _narrowed,
+        r"^(\d+) of (\d+) kept terms? (?:is|are) known ten times": _narrowed,
         rf"(?:in prior sd: |, )({TERM}) ({NUM}) ± ({NUM})(?=,|$)": _in_prior_sd,
         rf"with means of bins: nothing is left beyond chance \(p ({NUM})\)": lambda s, m: [None],
         rf"unresolved: (.+)\. posterior sd is ({NUM}) of the prior's":

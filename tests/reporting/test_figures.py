@@ -46,7 +46,7 @@ def test_posterior_counts_the_terms_that_the_test_narrows_tenfold(make_sensor) -
     """b0, b1, b2, m_j and m_k of 1/357 to 1/65 of their priors' sds are kept."""
     sensor = make_sensor()
     panel = figures.posterior(sensor, "k")
-    assert panel is not None and panel.title == "5 of 5 kept terms known ten times as well as before"
+    assert panel is not None and panel.title == "5 of 5 kept terms are known ten times as well as before"
     none = replace(sensor, selection=replace(sensor.selection, model=()))
     assert figures.posterior(none, "k") is None
 
