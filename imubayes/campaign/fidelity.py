@@ -17,14 +17,7 @@ RungName = Literal["means", "sparse", "plug-in", "averaged", "collapsed", "full"
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """A method of the ladder.
-
-    Attributes
-    ----------
-    name : by which it is asked for.
-    title : in words.
-    leaves_out : what it does not do that the next rung does, a sentence; empty for the last.
-    """
+    """A method of the ladder; `leaves_out` is what only the next rung does, empty for the last."""
 
     name: RungName
     title: str
@@ -53,13 +46,8 @@ LADDER: tuple[Rung, ...] = (
 class Size:
     """What the time of a rung depends on.
 
-    Attributes
-    ----------
-    rows : of all runs.
-    columns : terms and errors of the bench.
-    candidates : terms that are excited, of which every subset is a model.
-    runs : with a noise of their own.
-    streamed : of the rows, those that are read a part at a time, again for each whitening.
+    Columns are terms and errors of the bench, candidates terms that are excited, of which every subset is a
+    model; of the rows of all runs some are `streamed`: read a part at a time, again for each whitening.
     """
 
     rows: int
@@ -126,17 +114,7 @@ def rungs_for(size: Size) -> tuple[RungName, ...]:
 
 
 def rung_of(name: str) -> Rung:
-    """Rung of a name.
-
-    Raises
-    ------
-    InputError : if there is none.
-
-    Examples
-    --------
-    >>> rung_of("plug-in").title
-    'whitened factor, every model, noise as estimated'
-    """
+    """Rung of a name; an `InputError` if there is none."""
     for rung in LADDER:
         if rung.name == name:
             return rung

@@ -55,16 +55,10 @@ def runs_of(
 def simulate_sensor(
     spec: SensorSpec, seed: int, index: int
 ) -> tuple[tuple[Run | KnownRun, ...], Mapping[str, float]]:
-    """Simulate the runs of one sensor of a study; give them with what is behind them.
+    """Simulate the runs of one sensor, by its index in a study; give them with what is behind them.
 
     That is the coefficients by name, of a whole IMU by component and term (``ax.b0``), and the errors of the
-    bench where they are drawn, SI.
-
-    Parameters
-    ----------
-    spec : of the sensor.
-    seed : of the study.
-    index : of the sensor in the study, so that sensors are independent draws.
+    bench where they are drawn, SI. Sensors are independent draws.
 
     Raises
     ------
@@ -102,15 +96,7 @@ class Prepared:
 def prepare(
     spec: SensorSpec, runs: Sequence[Run], tell: Callable[[str], None], rng: np.random.Generator
 ) -> Prepared:
-    """Noise, errors of the bench, and distrusted dwells of a component's runs.
-
-    Parameters
-    ----------
-    spec : of the component.
-    runs : its runs.
-    tell : is told what goes on.
-    rng : for the search for distrusted dwells.
-    """
+    """Noise, errors of the bench, and distrusted dwells (which `rng` is for) of a component's runs."""
     prior, source = component_prior(spec, runs)
     found = _summarized(spec, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()
@@ -195,12 +181,8 @@ def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
 def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = False) -> tuple[Case, Prepared]:
     """Linearise runs of several components in one case, and give the linear problem that comes of it.
 
-    Parameters
-    ----------
-    spec : of a triad of accelerometers, or of an IMU.
-    runs : free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
-        inputs.
-    blind : do not look at what the sensor said where inputs are known, so that nothing is fitted.
+    Runs are free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
+    inputs. A `blind` look leaves out what the sensor said where inputs are known, so that nothing is fitted.
 
     Raises
     ------
@@ -332,11 +314,7 @@ def nominal_columns(spec: SensorSpec, component: str) -> tuple[float, float]:
 def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[dict[str, object]]:
     """Compensation of each component of a case, as calibration tools publish it (see `triad.calibration`).
 
-    Parameters
-    ----------
-    spec : of the sensor, whose columns say what the file's numbers are.
-    case : its components.
-    theta : coefficients of all of them, SI.
+    The sensor's columns say what the file's numbers are; `theta` are coefficients of all components, SI.
     """
     parts = np.split(np.asarray(theta, dtype=float), [len(case.triads[0].theta)])
     angles = {"angles": [asdict(angle) for angle in case.angles]} if case.angles else {}

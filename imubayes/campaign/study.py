@@ -38,21 +38,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorSpec:
-    """A sensor of a study, before its runs are read.
+    """A sensor of a study, before its runs are read; the keys of ``[[sensor]]`` in SI.
 
     Attributes
     ----------
-    id : as in the study.
-    kind : accelerometer or gyroscope.
-    sensor_class : of the catalogue; None where the study names none.
-    library : candidate terms.
-    runs : the runs, in the study's order.
-    truth : coefficients in SI by name, for simulated runs; empty draws them from the class.
-    prior : prior sds in SI by name that take the place of the class's.
-    reference : sd in SI of each error of the test bench that is allowed for, by its kind (see
-        `imubayes.rig.reference`).
-    robust : whether dwells may be contaminated by outliers.
-    unit, session : for a unit that was tested in several sessions, which ones are the same unit; empty else.
+    truth : coefficients by name, for simulated runs; empty draws them from the class.
+    prior : prior sds by name that take the place of the class's.
+    reference : sd of each error of the bench that is allowed for, by its kind (`imubayes.rig.reference`).
+    unit, session : of a unit that was tested in several sessions; empty else.
     gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its
         accelerometers. Its truth is by component and term, ``ax.b0``.
     bench_drawn : whether the bench of simulated runs has errors, drawn from `reference`.
@@ -115,14 +108,7 @@ class Sampling:
 
 @dataclass(frozen=True, slots=True)
 class Appendix:
-    """A table measured elsewhere that the report shows beside its own results.
-
-    Attributes
-    ----------
-    title, note : in words.
-    command : that made it.
-    header, rows : of the table, as texts.
-    """
+    """A table measured elsewhere, as texts, that the report shows beside its own results."""
 
     title: Annotated[Name, Key("heading", "Effective samples a second")]
     note: Annotated[str, Key("what it shows, in words", "Two cores.")] = ""
@@ -133,15 +119,9 @@ class Appendix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mission:
-    """A scene, and what is asked of the sensors there.
+    """A scene, and what is asked of the sensors there: of one kind, or with None of all.
 
-    Attributes
-    ----------
-    name : of the scene.
-    scene : what they will see.
-    budget : of their error.
-    axis : case axis along which a sensor has its input; a component of a triad has its own.
-    kind : of the sensors that the budget is for; None for all.
+    A sensor has its input along the case axis `axis`; a component of a triad has its own.
     """
 
     name: str
@@ -153,22 +133,7 @@ class Mission:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """A study, as its file says.
-
-    Attributes
-    ----------
-    title, seed : of the study.
-    sensors : what is tested.
-    path : the study's file.
-    text : the file's content, for the report.
-    sampling : how the posterior is computed.
-    appendices : tables from elsewhere.
-    costs : of wrong choices.
-    hierarchical : whether a term may only be in a model that has what it modifies.
-    compare : whether the other methods are run beside the decision.
-    scenes : that the terms of every sensor are held against.
-    noise : which runs are asked for their noise processes.
-    """
+    """A study, as its file `path` says, of the content `text`."""
 
     title: str
     seed: int
@@ -200,14 +165,7 @@ class SensorCheck:
 
 @dataclass(frozen=True, slots=True)
 class ExtraPosterior:
-    """Posterior of a column that is no term, under the full library.
-
-    Attributes
-    ----------
-    extra : the column and its prior.
-    mean, sd : SI.
-    partners : terms and extras that the test sees only in combination with it.
-    """
+    """Posterior (SI) of a column that is no term, under the full library; partners are confounded with it."""
 
     extra: Extra
     mean: float
@@ -278,16 +236,7 @@ class SensorResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResult:
-    """Results of a study.
-
-    Attributes
-    ----------
-    study : that was run.
-    sensors : one entry per component.
-    sessions : what sessions of one unit have in common.
-    scenes : (id of a component, what a scene requires of it), scene by scene.
-    classes : what the units of each class have in common.
-    """
+    """Results of a study, an entry for each component; of scenes with its id, scene by scene."""
 
     study: Study
     sensors: tuple[SensorResult, ...]

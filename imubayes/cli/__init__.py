@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
-from imubayes.cli.options import duration
 from imubayes.errors import ConvergenceError, InputError, TermError
 
 if TYPE_CHECKING:
@@ -32,34 +31,12 @@ app = typer.Typer(
 )
 
 
-class Method(StrEnum):
-    """How the posterior is computed."""
-
-    auto = "auto"
-    exact = "exact"
-    collapsed = "collapsed"
-    full = "full"
-
-
-class Document(StrEnum):
-    """What a JSON Schema is of."""
-
-    study = "study"
-    result = "result"
-
-
-class ExportFormat(StrEnum):
-    """What a result is exported to."""
-
-    kalibr = "kalibr"
-    c = "c"
-    python = "python"
-    matlab = "matlab"
-    json = "json"
-    filter = "filter"
-
-
+Method = StrEnum("Method", ["auto", "exact", "collapsed", "full"])
+Document = StrEnum("Document", ["study", "result"])
+ExportFormat = StrEnum("ExportFormat", ["kalibr", "c", "python", "matlab", "json", "filter"])
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
+Results = Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")]
+Folder = Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)]
 
 
 def main() -> None:
@@ -86,9 +63,7 @@ def _options(
 @app.command("run")
 def _run(
     study: StudyFile,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
-    ] = None,
+    out: Results = None,
     method: Annotated[
         Method | None, typer.Option(help="How the posterior is computed.", show_default="the study's")
     ] = None,
@@ -117,7 +92,7 @@ def _run(
     from imubayes.cli import kinds
 
     folder = usable(out or Path("reports") / study.stem)
-    named = None if method is None else method.value
+    named = None if method is None else str(method)
     asked = kinds.Asked(folder, named, resume, time_limit, ess, budget, accuracy, scheduler)
     with waiting() as told:
         done = kinds.run(study, asked, told)
@@ -146,7 +121,7 @@ def _check(study: StudyFile) -> None:
 @app.command("simulate")
 def _simulate(
     study: StudyFile,
-    out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
+    out: Folder,
 ) -> None:
     """Write simulated runs, and a study of them, as files."""
     from imubayes.study.schema import read_study, record_study
@@ -178,7 +153,7 @@ def _trade(
     folder = usable(out or Path("reports") / f"{study.stem}-trade")
     asked = [] if rungs is None else rungs.split(",")
     names = [] if only is None else [name.strip() for name in only.split(",")]
-    lasting = duration(limit, "--limit")
+    lasting = kinds.duration(limit, "--limit")
     with waiting() as told:
         done = kinds.trade(study, asked, names, told, repeats=repeats, limit=lasting)
     _report(done, folder)
@@ -187,9 +162,7 @@ def _trade(
 @app.command("plan")
 def _plan(
     study: StudyFile,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")
-    ] = None,
+    out: Results = None,
 ) -> None:
     """Find the best test within a time, before it is run."""
     from imubayes.planning.proposal import propose
@@ -222,9 +195,10 @@ def _catalogue(
     known = classes(kind, catalogue=() if own is None else read_catalogue(own))
     if name is None:
         show(class_list(known))
-    if name is None and kind is None:
-        show(bench_list())
-    for entry in [] if name is None else _named(name, known):
+        if kind is None:
+            show(bench_list())
+        return
+    for entry in _named(name, known):
         show(class_page(entry))
 
 
@@ -245,20 +219,20 @@ def _compare(
 
     folder = None if out is None else usable(out)
     page, values = side_by_side(results)
-    files: tuple[Path, ...] = ()
-    if folder is not None:
-        with complete(folder) as part:
-            files = write_page(page, json_text(values), part)
+    if folder is None:
+        show(terminal_page(page))
+        return
+    with complete(folder) as part:
+        files = write_page(page, json_text(values), part)
     show(terminal_page(page))
-    if folder is not None:
-        written(folder, files)
+    written(folder, files)
 
 
 @app.command("export")
 def _export(
     result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="A result, or its folder.")],
     to: Annotated[ExportFormat, typer.Option(help="What it is for.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)],
+    out: Folder,
     model: Annotated[str, typer.Option(help="needed, full, or a scene of the result.")] = "needed",
     sensor: Annotated[str, typer.Option(help="Id, where the result has several.", show_default=False)] = "",
 ) -> None:
@@ -266,7 +240,7 @@ def _export(
     from imubayes.reporting.export import exported
 
     folder = usable(out)
-    texts = exported(result, to.value, sensor=sensor, model=model)
+    texts = exported(result, str(to), sensor=sensor, model=model)
     with complete(folder) as part:
         for name, text in texts.items():
             (part / name).write_text(text, encoding="utf-8")

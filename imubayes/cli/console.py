@@ -30,19 +30,13 @@ def fail(message: str, code: int) -> NoReturn:
 
 @dataclass(slots=True)
 class Waiting:
-    """What somebody who waits is told: on one line of stderr if it is a terminal.
-
-    Attributes
-    ----------
-    doing : what goes on.
-    instead : what would take less time; empty where nothing is known.
-    """
+    """What somebody who waits is told: what goes on, and what would take less time, if that is known."""
 
     doing: str = ""
     instead: str = ""
 
     def __call__(self, message: str) -> None:
-        """Say what goes on."""
+        """Say what goes on: on one line of stderr if it is a terminal."""
         self.doing = message
         if sys.stderr.isatty():
             width = shutil.get_terminal_size().columns - 1

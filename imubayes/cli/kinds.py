@@ -5,6 +5,7 @@ What a kind needs is imported when it is asked for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.cli.console import Waiting, complete, fail
-from imubayes.cli.options import check_resumable, climbing, overruled
 from imubayes.errors import InputError
 
 Written = tuple[Path, ...]
@@ -42,19 +42,39 @@ class Asked:
         given = (self.method, self.time_limit, self.ess, self.budget, self.accuracy)
         return any(option is not None for option in given)
 
+    def check(self) -> None:
+        """Refuse options that contradict each other, or are no number.
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of study.
+        Raises
+        ------
+        InputError : naming the option.
+        """
+        if self.ess is not None and not 0.0 < self.ess < math.inf:
+            raise InputError(
+                f"--ess {self.ess:g}: expected a number of effective samples above zero, such as 1000"
+            )
+        climbs = [one for one in (self.budget, self.accuracy) if one is not None]
+        if climbs and (self.method is not None or self.resume or len(climbs) == 2):
+            raise InputError(
+                "--budget and --accuracy choose the method: give one of them, without --method and --resume"
+            )
+        if self.accuracy is not None and not 0.0 < self.accuracy < math.inf:
+            raise InputError(
+                f"--accuracy {self.accuracy:g}: expected posterior standard deviations, such as 0.1"
+            )
 
-    Attributes
-    ----------
-    run : characterises or measures what the study asks for.
-    subjects : what `imubayes trade` measures, of the study, names and repeats; None where there is nothing.
-    """
 
-    run: Callable[[Any, Asked, Waiting], Done]
-    subjects: Callable[[Any, Sequence[str], int], Any] | None = None
+def duration(text: str, option: str) -> float:
+    """Seconds of a quantity in time that an option has."""
+    from imubayes.units import quantity
+
+    try:
+        seconds = quantity(text, like="s")
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from None
+    if not seconds > 0.0:
+        raise InputError(f"{option} '{text}': expected more than zero, such as '10 min'")
+    return seconds
 
 
 def run(path: Path, asked: Asked, told: Waiting) -> Done:
@@ -69,44 +89,32 @@ def run(path: Path, asked: Asked, told: Waiting) -> Done:
     kind, study = read(path)
     if asked.scheduler is not None and kind != "fleet":
         raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
-    return KINDS[kind].run(study, asked, told)
+    return KINDS[kind](study, asked, told)
 
 
 def trade(
-    path: Path,
-    rungs: Sequence[str],
-    only: Sequence[str],
-    told: Waiting,
-    *,
-    repeats: int,
-    limit: float,
+    path: Path, rungs: Sequence[str], only: Sequence[str], told: Waiting, *, repeats: int, limit: float
 ) -> Done:
-    """Measure the rungs of the ladder on a study of sensors, or of simulated lots.
+    """Measure the rungs of the ladder on a study of sensors, or of simulated lots, in `limit` s.
 
-    Parameters
-    ----------
-    path : of the study.
-    rungs : by name; none for all.
-    only : sensors or classes; none for all.
-    told : is told what goes on.
-    repeats : simulated sensors.
-    limit : s, of all.
+    Without rungs all are meant, and with `only` these sensors or classes alone.
 
     Raises
     ------
     InputError : if the study cannot be read, or has nothing of what was asked.
     """
-    from imubayes.ladder.trade.subjects import NAMES, rungs_of, with_options
+    from imubayes.ladder.trade.subjects import NAMES, of_lots, of_study, rungs_of, with_options
     from imubayes.ladder.trade.table import measure
     from imubayes.reporting.trade_page import terminal_trade, write_trade
     from imubayes.study.schema import read
 
     asked = rungs_of(rungs) if rungs else NAMES
+    study: Any
     kind, study = read(path)
-    if (subjects := KINDS[kind].subjects) is None:
+    if kind == "fleet":
         raise InputError(f"{path}: [{kind}] has no methods to trade: expected [[sensor]] or [lots]")
-    subject = with_options(subjects(study, only, repeats), rungs=asked, repeats=repeats, limit=limit)
-    found = measure(subject, progress=told)
+    subject = of_lots(study, only, repeats) if kind == "lots" else of_study(study, only)
+    found = measure(with_options(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
     return terminal_trade(found), partial(_together, write_trade, found)
 
 
@@ -121,14 +129,36 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.reporting.tables import terminal_summary
     from imubayes.study.method import run as characterise
 
-    sampling = overruled(study.sampling, asked.method, asked.ess, asked.time_limit)
-    sampling = climbing(sampling, asked.budget, asked.accuracy, method=asked.method, resume=asked.resume)
-    chains = asked.folder / CHAINS
-    if asked.resume:
-        check_resumable(sampling.method, chains)
-    sampling = replace(sampling, checkpoints=chains, resume=asked.resume)
-    found = characterise(replace(study, sampling=sampling), progress=told, quicker=told.quicker)
+    study = replace(study, sampling=_sampling(study.sampling, asked))
+    found = characterise(study, progress=told, quicker=told.quicker)
     return terminal_summary(found), partial(write_results, found)
+
+
+def _sampling(usual: Any, asked: Asked) -> Any:
+    """Sampling of the study, with what the command line says in place of it.
+
+    Raises
+    ------
+    InputError : if an option cannot be followed.
+    """
+    asked.check()
+    given = {
+        "method": asked.method,
+        "ess": asked.ess,
+        "time_limit": None if asked.time_limit is None else duration(asked.time_limit, "--time-limit"),
+        "budget": None if asked.budget is None else duration(asked.budget, "--budget"),
+        "accuracy": asked.accuracy,
+    }
+    sampling = replace(usual, **{name: value for name, value in given.items() if value is not None})
+    chains = asked.folder / CHAINS
+    if asked.resume and sampling.method == "exact":
+        raise InputError("--resume continues chains, and the method 'exact' has none: run without --resume")
+    if asked.resume and not any(chains.glob("*.h5")):
+        raise InputError(
+            f"{chains / '*.h5'}: there is no checkpoint to resume from: run without --resume, "
+            "or name by --out the folder of the run that was interrupted"
+        )
+    return replace(sampling, checkpoints=chains, resume=asked.resume)
 
 
 def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
@@ -154,35 +184,18 @@ def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.population.lots import measure
     from imubayes.reporting.lots_page import terminal_lots, write_lots
 
-    found = measure(_left_alone(study, asked), progress=told)
-    return terminal_lots(found), partial(_together, write_lots, found)
-
-
-def _left_alone(study: Any, asked: Asked) -> Any:
-    """Study that leaves no choice of how a posterior is computed, where none was asked for."""
     if asked.resume or asked.computing:
         raise InputError(
             "--method, --resume, --time-limit, --ess, --budget and --accuracy choose how a sensor's"
             " posterior is computed, which this study leaves no choice of: leave them out"
         )
-    return study
+    found = measure(study, progress=told)
+    return terminal_lots(found), partial(_together, write_lots, found)
 
 
-def _traded_sensors(study: Any, only: Sequence[str], repeats: int) -> Any:
-    from imubayes.ladder.trade.subjects import of_study
-
-    return of_study(study, only)
-
-
-def _traded_lots(study: Any, only: Sequence[str], repeats: int) -> Any:
-    from imubayes.ladder.trade.subjects import of_lots
-
-    return of_lots(study, only, repeats)
-
-
-KINDS: Mapping[str, Kind] = {
-    "sensor": Kind(_sensors, _traded_sensors),
-    "lots": Kind(_lots, _traded_lots),
-    "fleet": Kind(_fleet),
+KINDS: Mapping[str, Callable[[Any, Asked, Waiting], Done]] = {
+    "sensor": _sensors,
+    "lots": _lots,
+    "fleet": _fleet,
 }
-"""Kinds of study by the table that makes them: the keys of `schema.reading.FORMS`, and sensors."""
+"""What runs a kind of study, by the table that makes it: the keys of `schema.reading.FORMS`, and sensors."""

@@ -21,14 +21,7 @@ from imubayes.sensors.terms import Kind
 def of_case(
     spec: SensorSpec, case: Case, ready: Prepared, selections: Sequence[Selection]
 ) -> list[dict[str, Any]]:
-    """Fields of `SensorResult` that the components of a case have for being in one case.
-
-    Parameters
-    ----------
-    spec : of the sensor.
-    case, ready : its components, as `preparation.prepare_case` gives them.
-    selections : the decision on each component.
-    """
+    """Fields of `SensorResult` that the components of a case have for being in one case."""
     terms = [(one, term) for one in selections for term in one.terms]
     rows = compensation(spec, case, [term.mean for _, term in terms])
     kept = [

@@ -76,11 +76,8 @@ def run(
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
-    Parameters
-    ----------
-    study : as `config.read_study` gives it.
-    progress : is told what goes on.
-    quicker : is told of each sensor what would take less time, before it is characterised.
+    `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
+    characterised.
 
     Raises
     ------

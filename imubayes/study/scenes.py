@@ -29,17 +29,9 @@ CANNOT_TELL = ("untested", "unresolved", "inseparable")
 def required(
     missions: Sequence[Mission], results: Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
 ) -> tuple[tuple[str, Relevance], ...]:
-    """Hold every component against every scene.
+    """Hold every component against every scene: its id, and what the scene requires of it, scene by scene.
 
-    Parameters
-    ----------
-    missions : scenes and their budgets.
-    results : sensors as the study says, and what was found of the components of each.
-
-    Returns
-    -------
-    (id of a component, what the scene requires of it), scene by scene; a budget of the output is only for
-    components of its kind.
+    A budget of the output is only for components of its kind.
     """
     found: list[tuple[str, Relevance]] = []
     for mission in missions:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imubayes.cli import main
-from imubayes.errors import DataError, StudyError
+from imubayes.errors import DataError
 from imubayes.study.method import check, run
 from imubayes.study.schema import record_study
 from imubayes.study.schema.reading import read_runs, read_study
@@ -165,27 +165,6 @@ def test_a_simulated_imu_is_characterized_to_its_end(tmp_path):
     assert 0.0 < angle["sd"] < 1e-3
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (IMU, f'{IMU}\ntruth = {{ b0 = "1 mg" }}', "expected a component and its term, such as ax.b0"),
-        (IMU, f'{IMU}\ntruth = {{ ax.b9x = "1 mg" }}', "truth.ax.b9x: 'b9x' is not a term"),
-        (IMU, f'{IMU}\nreference = {{ turn_on = "1 mg" }}', "accelerometers and gyroscopes have other units"),
-        (IMU, f'{IMU}\nbench = "drawn"', "bench: errors are drawn from .sensor.reference."),
-        ('procedure = "tumble"', 'procedure = "free-tumble"\ngravity = "9.81 m/s^2"',
-         "procedure: 'free-tumble' cannot be simulated"),
-        (FACES, 'file = "a.csv"\ncolumns = { f_i = 3 }', "columns.f_i: is along an axis of a component"),
-        (FACES, 'file = "a.csv"\nsections = [{ rows = [0, 5], up = "x" }]',
-         "sections: expected the positions and turns of a run of procedure 'ferraris'"),
-    ],
-)  # fmt: skip
-def test_what_a_known_case_cannot_have_is_refused_by_its_key(tmp_path, old, new, message):
-    text = known()
-    assert old in text
-    with pytest.raises(StudyError, match=message):
-        read_study(written(tmp_path, text.replace(old, new, 1)))
-
-
 def test_a_recorded_imu_without_a_column_ends_with_the_file_and_exit_2(tmp_path, capsys, monkeypatch):
     record(tmp_path / "faces.csv", CHANNELS)
     path = written(tmp_path, known().replace(FACES, 'file = "faces.csv"'))
@@ -207,33 +186,3 @@ def test_six_components_can_be_checked_before_the_test(tmp_path):
     ]
     path = written(tmp_path, HEAD + FERRARIS + f"sections = [{', '.join(parts)}]\n")
     assert [one.id for one in check(read_study(path))] == ["A.ax", "A.ay", "A.az", "A.gx", "A.gy", "A.gz"]
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (
-            "library.gyroscope",
-            "library",
-            r"sensor\[0\].library.powers: unknown key: expected \[sensor.library.acc",
-        ),
-        ("powers = 1", "powrs = 1", r"library.gyroscope.powrs: unknown key: did you mean 'powers'"),
-        (', gyroscope = "mems_consumer" }', " }", "expected one class, or { accelerometer"),
-        ('gyroscope = "mems_consumer"', 'gyroscope = "mems"', "class.gyroscope: class 'mems' is not in"),
-        ("free-tumble", "tumble", r"gravity: only free-tumble and ferraris runs need it"),
-        ("free-tumble", "ferraris", "sections: expected the positions and turns"),
-        ('gravity = "9.81 m/s^2"\n', "", "gravity: the key is missing: a free-tumble run needs"),
-        ('g_i = "300', 'g_x = "300', "prior.gyroscope.g_x: is not a term of the library"),
-        ('id = "A"', 'id = "A"\nrobust = true', "robust: is not known for a whole IMU"),
-        (
-            'id = "A"',
-            'id = "A"\nreference = { fixture = true }',
-            "leans on nothing but gravity: leave it out",
-        ),
-        ('kind = "imu"', 'kind = "accelerometer"', "class: expected the id of a class"),
-    ],
-)
-def test_what_an_imu_cannot_have_is_refused_by_its_key(tmp_path, old, new, message):
-    assert old in HEAD + RUN
-    with pytest.raises(StudyError, match=message):
-        read_study(written(tmp_path, (HEAD + RUN).replace(old, new, 1)))

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.errors import StudyError
 from imubayes.population.lots import Against, measure
 from imubayes.reporting.html import page_html
 from imubayes.reporting.lots_page import lots_page
 from imubayes.reporting.lots_results import lots_json
 from imubayes.scenes.ranges import catalogue_scenes
-from imubayes.study.schema import read, read_study
+from imubayes.study.schema import read
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -75,10 +74,6 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     assert "In the scene helicopter, position it needs" in html
 
 
-def test_study_without_the_table_is_no_class_level_study():
-    assert read(STUDIES / "quickstart.toml")[0] != "lots"
-
-
 @pytest.mark.parametrize(
     ("written", "asks"),
     [
@@ -93,73 +88,6 @@ def test_study_without_the_table_is_no_class_level_study():
 )
 def test_study_asks_what_its_file_says(tmp_path, written, asks):
     assert _read(tmp_path, SMALL.replace("units = 3", f"units = 3\n{written}")).asks == asks
-
-
-def test_study_without_scenes_cannot_ask_what_they_require(tmp_path):
-    text = SMALL.partition("[[scene]]")[0].replace("units = 3", 'asks = "scenes"')
-    with pytest.raises(StudyError, match=r"lots.asks: 'scenes' asks .* at least one \[\[scene\]\]"):
-        _read(tmp_path, text)
-
-
-def test_class_level_study_is_no_other_study(tmp_path):
-    study = _read(tmp_path, SMALL)
-    assert read(study.path)[0] != "fleet"
-    with pytest.raises(StudyError, match=r"lots: a class-level study has no .* 'imubayes run' it"):
-        read_study(study.path)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "key", "said"),
-    [
-        ("units = 3", "units = 1", "lots.units", "greater than or equal to 2"),
-        ("units = 3", "unit = 3", "lots.unit", "did you mean 'units'?"),
-        ('"fog_navigation"]', '"fog_navigatio"]', "lots.classes[1]", "did you mean fog_navigation"),
-        ('"fog_navigation"]', '"mems_tactical"]', "lots.classes[1]", "is there already"),
-        ('["mems_tactical", "fog_navigation"]', "[]", "lots.classes", "at least one class"),
-        ('kind = "gyroscope"', 'kind = "accelerometer"', "lots.classes[1]", "is of kind gyroscope"),
-        ('kind = "gyroscope"', 'kind = "imu"', "lots.kind", "came 'imu'"),
-        ("powers = 2", "powers = 99", "lots.library", "out of range"),
-        ('procedure = "tumble"', 'procedure = "tumbl"', "lots.run[0].procedure", "expected"),
-        ("simulate = {", 'file = "a.csv"\n# {', "lots.run[0]", "are simulated: expected simulate"),
-        ("[study]", "[sampling]\ness = 5\n[study]", "sampling", "leave it out"),
-        ("seed = 4", 'method = "full"', "study.method", "is exact"),
-        ('name = "helicopter"', 'name = "helicoptre"', "scene[0].name", "did you mean helicopter"),
-        ("attitude", "atitude", "scene[0].budget.atitude", "did you mean 'attitude'?"),
-        ("units = 3", 'asks = "triads"', "lots.asks", "expected 'classes', 'scenes', 'triad'"),
-        ("units = 3", 'asks = "triad"', "lots.asks", "expected basic = true"),
-        ("units = 3", 'asks = { needed_by = ["mems_tactical"] }', "lots.asks.not_by", "the key is missing"),
-        (
-            "units = 3",
-            'asks = { needed_by = ["mems_tactical"], not_by = [] }',
-            "lots.asks.not_by",
-            "at least one of the study's classes",
-        ),
-        (
-            "units = 3",
-            'asks = { needed_by = ["mems_tactica"], not_by = ["fog_navigation"] }',
-            "lots.asks.needed_by[0]",
-            "did you mean 'mems_tactical'?",
-        ),
-        (
-            "units = 3",
-            'asks = { needed_by = ["fog_navigation"], not_by = ["fog_navigation"] }',
-            "lots.asks",
-            "is in needed_by and in not_by",
-        ),
-        (
-            "[[scene]]",
-            '[[scene]]\nname = "helicopter"\nbudget = { velocity = "1 m/s" }\n[[scene]]',
-            "scene[1].name",
-            "is the name of scene[0] already",
-        ),
-    ],
-)
-def test_error_names_the_key_and_what_to_do(tmp_path, old, new, key, said):
-    assert old in SMALL
-    with pytest.raises(StudyError) as caught:
-        _read(tmp_path, SMALL.replace(old, new, 1))
-    assert f"lots.toml: {key}: " in str(caught.value)
-    assert said in str(caught.value)
 
 
 NAMES = ["mems_vs_fog", "accelerometer_grades", "basic_vs_generalized", "scenes", "scenes_accelerometers"]

@@ -217,14 +217,6 @@ def test_gravity_by_place_is_normal_gravity(tmp_path):
     assert value.runs[0].gravity == 9.81744
 
 
-def test_free_tumble_stands_alone(tmp_path):
-    free = RUN.replace('procedure = "tumble"', 'procedure = "free-tumble"\ngravity = "1 g"').replace(
-        "tumble", "free", 1
-    )
-    with pytest.raises(StudyError, match=r"sensor\[0\].run\[1\].procedure: 'free-tumble' beside 'tumble'"):
-        _read(tmp_path, HEAD + RUN + free)
-
-
 def test_simulated_profile_has_si_options(tmp_path):
     runs = """
 [[sensor.run]]
@@ -291,9 +283,11 @@ def test_data_folder_is_that_of_the_variable_or_beside_the_project(tmp_path, mon
     assert run.shown == "$IMUBAYES_DATA/a/b.mat"
 
 
-def test_columns_to_ignore_are_a_runs_own_and_a_simulated_run_has_none(tmp_path):
-    sensor = _sensor(tmp_path, HEAD + RUN + 'ignore = ["f_q"]\n')
-    assert sensor.runs[0].ignore == ("f_q",)
-    simulated = RUN.replace('file = "tumble.csv"', 'ignore = ["f_q"]\nsimulate = { dwell = "5 s" }')
-    with pytest.raises(StudyError, match="a simulated run has no file"):
-        _read(tmp_path, HEAD + simulated)
+def test_columns_to_ignore_are_a_runs_own(tmp_path):
+    assert _sensor(tmp_path, HEAD + RUN + 'ignore = ["f_q"]\n').runs[0].ignore == ("f_q",)
+
+
+def test_quiet_logs_are_asked_for_every_process_unless_the_study_says_otherwise(tmp_path):
+    assert _read(tmp_path, HEAD + RUN).noise.identify == "static"
+    asked = _read(tmp_path, '[noise]\nidentify = "all"\ncandidates = ["B", "K"]\n' + HEAD + RUN).noise
+    assert (asked.identify, asked.candidates) == ("all", ("B", "K"))

@@ -96,36 +96,6 @@ def test_free_flight_is_that_of_scenes_without_weight_unless_the_study_says_so(n
     assert said.budget.schuler != found.budget.schuler
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ('[[scene]]\nname = "quadrotor"\n', r"scene\[0\].budget: the key is missing"),
-        ('[[scene]]\nbudget = { position = "1 m" }\n', r"scene\[0\]: expected the name .* or the file"),
-        (SCENE.replace("quadrotor", "quadroter"), r"scene\[0\].name: .*did you mean quadrotor"),
-        (SCENE + 'scene = "quadroter"\n', r"scene\[0\].scene: .*did you mean quadrotor"),
-        (SCENE + 'scene = "marine"\nfile = "f.csv"\n', r"scene\[0\].scene: a log is no scene"),
-        (SCENE.replace("position", "positoin"), r"scene\[0\].budget.positoin: .*did you mean 'position'"),
-        (SCENE.replace("100 m", "100 s"), r"scene\[0\].budget.position: "),
-        (SCENE.replace("100 m", "0 m"), r"budget.position: expected more than zero"),
-        (
-            SCENE.replace(" }", ', velocity = "1 m/s" }'),
-            r"budget: expected one of .* came position, velocity",
-        ),
-        (SCENE + 'duration = "0 s"\n', r"scene\[0\].duration: expected more than zero"),
-        (SCENE + 'axis = "w"\n', r"scene\[0\].axis: "),
-        (SCENE + 'columns = { t = "time" }\n', r"scene\[0\].columns: .*no file"),
-        (SCENE + 'file = "none.csv"\n', r"scene\[0\].file: .*none.csv"),
-        (SCENE + 'file = "flight.csv"\n', r"scene\[0\].file: .*f_i"),
-        (SCENE + 'file = "f.csv"\ncolumns = { output = "a" }\n', r"columns.output: is not a channel"),
-    ],
-)
-def test_error_names_the_file_and_the_key(text, says, tmp_path):
-    (tmp_path / "flight.csv").write_text("t [s],T [degC]\n0,1\n1,1\n")
-    with pytest.raises(StudyError, match=says) as error:
-        _scenes(tmp_path, text)
-    assert str(error.value).startswith(f"{tmp_path / 'bench.toml'}: scene[0]")
-
-
 def test_class_of_the_study_s_own_catalogue_gives_the_priors(tmp_path):
     (tmp_path / "own.toml").write_text(OWN)
     path = tmp_path / "bench.toml"
@@ -133,12 +103,3 @@ def test_class_of_the_study_s_own_catalogue_gives_the_priors(tmp_path):
     (sensor,) = read_study(path).sensors
     assert sensor.sensor_class is not None and sensor.sensor_class.grade == "mine"
     assert sensor.sensor_class.coefficients["K0"] == pytest.approx((G * 1e-6, 2e-6 * G, 3e-6 * G), rel=1e-14)
-
-
-@pytest.mark.parametrize("content", [None, "[accelerometer.mine]\nlike = 'none'\n"])
-def test_catalogue_that_cannot_be_used_is_named_with_its_key(content, tmp_path):
-    if content is not None:
-        (tmp_path / "own.toml").write_text(content)
-    (tmp_path / "bench.toml").write_text('[study]\ncatalogue = "own.toml"\n' + SENSOR)
-    with pytest.raises(StudyError, match=r"bench.toml: study.catalogue: .*own.toml"):
-        read_study(tmp_path / "bench.toml")

@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from imubayes.errors import StudyError
 from imubayes.rig.runs import plan_run
 from imubayes.study.schema import read_study
 
@@ -49,23 +48,3 @@ def test_amplitude_of_an_oscillation_is_an_angle_and_its_frequencies_are_in_hert
     plan = planned(tmp_path, "oscillation", 'frequencies = ["2 Hz"], amplitude = "1 deg", latitude = "0 deg"')
     peak = plan.inputs.channels["w_i"].max()
     assert peak == pytest.approx(math.radians(1.0) * 2.0 * math.pi * 2.0, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("procedure", "simulate", "said"),
-    [
-        ("tumble", "positions = 5", "5 positions are no standard set"),
-        ("tumble", "positions = 6, angles = 4", "simulate.angles: unknown key"),
-        ("other", "", "simulate.levels: the key is missing"),
-        ("other", 'levels = ["1 g"], band = ["20 Hz"]', "simulate.band"),
-        (
-            'free-tumble"\ngravity = "9.8 m/s^2',
-            "",
-            "procedure: 'free-tumble' cannot be simulated: expected one of static, tumble,",
-        ),
-    ],
-)
-def test_profile_that_cannot_be_is_refused_with_the_key(tmp_path, procedure, simulate, said):
-    with pytest.raises(StudyError) as caught:
-        planned(tmp_path, procedure, simulate)
-    assert said in str(caught.value)

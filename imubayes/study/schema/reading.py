@@ -31,14 +31,9 @@ AnyStudy = Study | LotStudy | FleetStudy
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """A kind of study whose file has a table of its own in place of ``[[sensor]]``.
+    """A kind of study whose file has a table of its own in place of ``[[sensor]]``, and why it has none.
 
-    Attributes
-    ----------
-    what : in words.
-    why : why it has no sensors.
-    read : makes a study of the tables, the file and its text.
-    beside : tables that it can have beside its own and ``[study]``.
+    `read` makes a study of the tables, the file and its text; `beside` its own table others may stand.
     """
 
     what: str
@@ -64,15 +59,7 @@ OF_SENSORS = (SENSORS, "sampling", "decision", "noise", "appendix", "scene", "pl
 
 
 def read(path: Path) -> tuple[str, AnyStudy]:
-    """Read and check a study file of any kind.
-
-    Parameters
-    ----------
-    path : of the TOML file; paths in it are relative to it.
-
-    Returns
-    -------
-    (kind, study) : the kind is a key of `FORMS`, or `SENSORS`.
+    """Read and check a study file of any kind, a key of `FORMS`, or `SENSORS`; give both.
 
     Raises
     ------
@@ -102,11 +89,7 @@ def kind_of(tables: StudyFile, place: Place) -> str:
 
 
 def read_study(path: Path) -> Study:
-    """Read and check a study of sensors.
-
-    Parameters
-    ----------
-    path : of the TOML file; paths in it are relative to it.
+    """Read and check a study of sensors from a TOML file; paths in it are relative to it.
 
     Raises
     ------
@@ -157,26 +140,12 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
 
 
 def read_plan(path: Path) -> PlanStudy:
-    """Read and check a study with a plan to make.
-
-    Parameters
-    ----------
-    path : of the TOML file.
-
-    Raises
-    ------
-    StudyError : as `read_study` does.
-    """
+    """Read and check a study with a plan to make; errors are those of `read_study`."""
     return plan_study(*_of_sensors(path))
 
 
 def read_runs(path: Path | str, sensor: str = "") -> tuple[AnyRun, ...]:
-    """Read (or simulate) the runs of one sensor of a study file.
-
-    Parameters
-    ----------
-    path : of the study.
-    sensor : id; by default the study's first sensor.
+    """Read (or simulate) the runs of a sensor of a study file by its id; by default of the first.
 
     Raises
     ------
