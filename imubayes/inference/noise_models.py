@@ -1,7 +1,7 @@
 """The restricted likelihood of a set of noise processes, with what the library explains projected out.
 
 Rows are averages over ``T`` that begin a gap ``g`` after the end of the row before, and ``E(x)`` is
-``(1 - exp(-x)) / x``. Each process is a few states:
+``(1 - exp(-x)) / x``. Each process is a few states of `imubayes.inference.noise_kernel`:
 
 - Gauss-Markov, ``x = T/tau``: variance ``2 sd^2 (x - 1 + exp(-x)) / x^2``, ``U = E exp(-g/tau)``, ``V = E``,
   and ``exp(-(g + T)/tau)`` from one row to the next; bias instability is a row of them;
@@ -10,11 +10,6 @@ Rows are averages over ``T`` that begin a gap ``g`` after the end of the row bef
   ``-Q^2 / (T_i T_j)`` between rows that share a boundary.
 
 A ramp is a column of the mean with a normal prior.
-
-Below the diagonal the covariance is a product of such states: for i after j, ``Cov_ij = sum_m power_m U_im
-F_(i-1)m ... F_(j+1)m V_jm``, and a variance a_i on the diagonal. The factor L D L' has the same form, with W
-in place of V, and costs O(n m^2). Unlike an exponential of time, a state may be forgotten after one row (F =
-0), which is what quantization needs.
 """
 
 from __future__ import annotations
@@ -24,7 +19,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_rows import NoiseRows
@@ -94,6 +88,8 @@ def noise_data(rows: NoiseRows, prior: ProcessPrior) -> NoiseData:
 
 def likelihood(data: NoiseData, noise: NoiseProcesses) -> Likelihood:
     """Restricted likelihood of the processes other than the ramp, without a ramp and with one."""
+    from imubayes.inference.noise_kernel import whitened
+
     parts = [(data.states[name], getattr(noise, name)) for name in "BKQ" if getattr(noise, name) > 0.0]
     if noise.G > 0.0:
         parts.append((gauss_markov(data.rows, np.array([noise.tau])), noise.G))
@@ -155,54 +151,3 @@ def _quantization(rows: NoiseRows) -> States:
     inverse = 1.0 / rows.duration[:, None]
     joined = np.where(rows.joined[:, None], -inverse, 0.0)
     return States(joined, np.zeros_like(inverse), inverse, 2.0 * inverse**2)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def whitened(
-    U: FloatArray, F: FloatArray, V: FloatArray, a: FloatArray, rows: FloatArray, power: FloatArray
-) -> float:
-    """Whiten rows (n, k) in place.
-
-    Parameters
-    ----------
-    U, F, V : (n, m).
-    a : (n,) variances.
-    rows : (n, k).
-    power : (m,) of each state.
-
-    Returns
-    -------
-    log determinant of the covariance; not a number where it is not positive definite.
-    """
-    n, m = U.shape
-    k = rows.shape[1]
-    S, W, SU = np.zeros((m, m)), np.zeros(m), np.zeros(m)
-    f = np.zeros((k, m))
-    log_det = 0.0
-    for i in range(n):
-        d = a[i]
-        for p in range(m):
-            total = 0.0
-            for q in range(m):
-                total += S[p, q] * U[i, q]
-            SU[p] = total
-            d -= U[i, p] * total
-        if not d > 0.0:
-            return np.nan
-        log_det += np.log(d)
-        root = 1.0 / np.sqrt(d)
-        for p in range(m):
-            W[p] = power[p] * V[i, p] - F[i, p] * SU[p]
-        for p in range(m):
-            scaled = W[p] / d
-            for q in range(m):
-                S[p, q] = F[i, p] * F[i, q] * S[p, q] + scaled * W[q]
-        for c in range(k):
-            z = rows[i, c]
-            for p in range(m):
-                z -= U[i, p] * f[c, p]
-            share = z / d
-            for p in range(m):
-                f[c, p] = F[i, p] * f[c, p] + W[p] * share
-            rows[i, c] = z * root
-    return log_det
