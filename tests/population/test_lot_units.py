@@ -1,21 +1,216 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from lot_studies import TUMBLE, small
+from lot_studies import TUMBLE, shaken, small
 
 from imubayes.algebra.factor import noise_scale
 from imubayes.campaign.preparation import prepare
+from imubayes.campaign.study import Mission
 from imubayes.inference.at_noise import at_found_noise
+from imubayes.inference.intervals import Share
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
-from imubayes.population.lots import lot_of, spec_of, unit_of
-from imubayes.population.records import simulate_unit
+from imubayes.population.lots import basic_left, check, exposures, lot_of, measure, missions, spec_of, unit_of
+from imubayes.population.records import Record, simulate_unit
+from imubayes.population.spreads import population
+from imubayes.scenes.propagation import Budget
+from imubayes.scenes.relevance import exposure
 from imubayes.selection.decision import LOOSE, loose_fit, select
-from imubayes.sensors.catalogue import coupled
+from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import columns
+from imubayes.study.schema import read
+
+
+@pytest.fixture(scope="module")
+def found():
+    told: list[str] = []
+    return measure(small(), progress=told.append), told
+
+
+def test_every_class_has_its_units_terms_and_scenes(found):
+    result, told = found
+    study = result.study
+    assert [one.sensor_class.id for one in result.classes] == [entry.id for entry in study.classes]
+    for one in result.classes:
+        assert [unit.number for unit in one.units] == [0, 1]
+        assert [term.name for term in one.terms] == list(study.library.names)
+        assert [scene.mission for scene in one.missions] == ["shaken"]
+    assert told[-2].startswith("4 of 4 units")
+
+
+def test_classes_are_what_their_units_say_one_by_one(found):
+    study, second = found[0].study, found[0].classes[1]
+    lot = lot_of(study, 1)
+    units = [unit_of(study, 1, number, lot) for number in range(2)]
+    assert second.terms == population(units, lot.sensor_class, study.library, lot)
+    assert second.missions[0].terms == _scene(units, study).terms
+    assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
+
+
+def _scene(units, study):
+    exposed = exposures(study.missions, study.library)
+    return missions(units, study.missions, exposed, basic=study.basic)[0]
+
+
+@pytest.mark.slow
+def test_two_processes_find_what_one_does(found):
+    shared = measure(replace(found[0].study, processes=2))
+    assert shared.check == found[0].check
+    assert [one.terms for one in shared.classes] == [one.terms for one in found[0].classes]
+
+
+def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
+    one = found[0].classes[0]
+    scene, term = one.missions[0], one.missions[0].terms[0]
+    said_true = [(0.2, 0.2), (0.2, 0.05), (0.05, 0.2), (0.3, 0.3), (0.01, 0.0), (0.05, 0.099)]
+    terms = tuple(
+        replace(term, share=replace(term.share, value=said), true_share=true) for said, true in said_true
+    )
+    shown = tuple(replace(known, needed=Share(1.0, 0.8, 1.0), open=0.0) for known in one.terms[:6])
+    told = check([replace(one, terms=shown, missions=(replace(scene, terms=terms),))])
+    assert told.cells == (6, 3)
+    assert told.precision.value == pytest.approx(2 / 3)
+    assert told.recall.value == pytest.approx(2 / 3)
+
+
+@pytest.mark.parametrize(("hidden", "untold"), [(0.0, 0), (0.49, 0), (0.5, 1), (1.0, 1)])
+def test_cells_of_terms_that_half_of_the_units_leave_open_are_counted_apart(found, hidden, untold):
+    one = found[0].classes[0]
+    shown = tuple(replace(term, needed=Share(1.0, 0.8, 1.0), open=0.0) for term in one.terms)
+    first = replace(shown[0], needed=Share(1.0 - hidden, 0.0, 1.0), open=hidden)
+    told = check([replace(one, terms=(first, *shown[1:]))])
+    assert (told.cells[0], told.untold) == (len(shown) - untold, untold)
+
+
+def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):
+    one = found[0].classes[0]
+    untested = tuple(
+        replace(unit, verdicts=("untested", *("needed",) * (len(unit.verdicts) - 1))) for unit in one.units
+    )
+    held = [
+        replace(t, true_mean=t.mean.value, true_spread=t.spread.high * (2.0 if k == 1 else 1.0))
+        for k, t in enumerate(one.terms)
+    ]
+    lost = (replace(held[0], true_mean=1e9, true_spread=1e9), *held[1:])
+    told = check([replace(one, units=untested, terms=lost)])
+    n = len(held) - 1
+    means, spreads = told.population_mean, told.population_spread
+    assert (means.held, means.of, means.share.value) == (n, n, 1.0)
+    assert (spreads.held, spreads.of) == (n - 1, n)
+    assert spreads.share.value == pytest.approx((n - 1) / n)
+
 
 STUDY = small()
+LIB = STUDY.library
+
+
+def unit(theta, number=0, scatter=0.0) -> Record:
+    """A unit whose test says the truth, but for a scatter of the draws."""
+    p = len(theta)
+    noise = scatter * np.random.default_rng(number).standard_normal((200, p))
+    draws, ones = theta + noise * np.abs(theta), np.ones(p)
+    return Record(
+        number,
+        "any",
+        theta,
+        ones,
+        theta,
+        ones,
+        ones,
+        ("needed",) * p,
+        (1e-4, 0.0, 0.0),
+        1,
+        np.eye(p + 1),
+        theta,
+        draws,
+    )
+
+
+def weighed(units, study=STUDY):
+    exposed = exposures(study.missions, study.library)
+    return missions(units, study.missions, exposed, basic=study.basic)
+
+
+def outputs(scene) -> np.ndarray:
+    inputs = scene.inputs
+    return columns(LIB, inputs.channels, len(inputs))
+
+
+def test_shares_are_medians_of_the_rms_effect_over_the_budget():
+    thetas = [np.full(len(LIB.terms), size) for size in (1e-5, 4e-5, 2e-5)]
+    (found,) = weighed([unit(theta, k) for k, theta in enumerate(thetas)])
+    rms = 2e-5 * np.sqrt(np.mean(outputs(STUDY.missions[0].scene) ** 2, axis=0))
+    for term, expected in zip(found.terms, rms, strict=True):
+        assert term.rms == pytest.approx(expected, rel=1e-9)
+        assert term.share.value == pytest.approx(expected / 1e-3, rel=1e-9)
+        assert term.true_share == pytest.approx(term.share.value, rel=1e-9)
+
+
+def test_a_term_is_required_in_the_units_where_nothing_else_keeps_the_budget():
+    large, small_one = np.zeros(len(LIB.terms)), np.zeros(len(LIB.terms))
+    large[LIB.names.index("b0")], small_one[LIB.names.index("b0")] = 5e-3, 1e-4
+    (found,) = weighed([unit(large), unit(small_one), unit(large), unit(large)])
+    required = {term.name: term.required for term in found.terms}
+    assert required.pop("b0") == 0.75
+    assert set(required.values()) == {0.0}
+    assert (found.order.value, found.within) == (1.0, 1.0)
+    assert found.noise_share == pytest.approx(1e-4 / 1e-3)
+
+
+def test_a_calibration_that_leaves_too_much_is_not_within_the_budget():
+    theta = np.zeros(len(LIB.terms))
+    theta[0] = 0.1
+    (found,) = weighed([unit(theta, 0, 0.5), unit(theta, 1)])
+    assert found.within == 0.5
+
+
+def test_what_the_basic_triad_leaves_is_the_residual_of_least_squares_over_the_scene():
+    theta = np.random.default_rng(5).standard_normal(len(LIB.terms))
+    scene = shaken()
+    X = outputs(scene)
+    basic = X[:, [LIB.names.index(name) for name in ("b0", "b1", "m_j", "m_k")]]
+    y = X @ theta
+    left = y - basic @ np.linalg.lstsq(basic, y, rcond=None)[0]
+    seen = exposure(scene, LIB, Budget("output", 1.0))
+    assert basic_left(seen, theta[None]) == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
+
+
+def test_the_basic_triad_serves_a_scene_at_rest_entirely():
+    """All that any term does at rest is a bias; scale and misalignment cannot be told from it."""
+    seen = exposure(shaken(still=True), LIB, Budget("output", 1.0), axis="z")
+    ones = np.ones(len(LIB.terms))
+    assert basic_left(seen, ones[None]) < 1e-12
+
+
+def test_what_the_test_does_not_know_of_the_triad_itself_is_not_held_against_it():
+    """A bias known to 0.01 m/s^2 leaves nothing that the larger model would not; a b2 is its own."""
+    seen = exposure(shaken(), LIB, Budget("output", 1.0), axis="z")
+    draws = np.zeros((4_000, len(LIB.terms)))
+    draws[:, LIB.names.index("b0")] = 0.01 * np.random.default_rng(2).standard_normal(4_000)
+    assert basic_left(seen, draws) < 1e-12
+    draws[:, LIB.names.index("b2")] = 1e-6
+    assert basic_left(seen, draws) > 1e-6
+
+
+def test_basic_share_is_not_a_number_where_it_is_not_asked():
+    (found,) = weighed([unit(np.zeros(len(LIB.terms)))], replace(STUDY, basic=False))
+    assert np.isnan(found.basic_share)
+
+
+def test_input_axis_of_a_mission_decides_which_component_is_weighed():
+    up, level = (
+        replace(STUDY, missions=(Mission("rest", shaken(still=True), Budget("output", 1.0), axis=axis),))
+        for axis in ("z", "x")
+    )
+    theta = np.ones(len(LIB.terms))
+    scale = LIB.names.index("b1")
+    assert weighed([unit(theta)], up)[0].terms[scale].rms == pytest.approx(9.8)
+    assert weighed([unit(theta)], level)[0].terms[scale].rms == 0.0
+
+
 LOT = lot_of(STUDY, 0)
 SPEC = replace(spec_of(STUDY, LOT.sensor_class), library=STUDY.library, truth=LOT.truth(0))
 
@@ -88,3 +283,29 @@ def test_units_differ_and_each_is_the_same_whenever_it_is_tested():
     excited = np.array(first.verdicts) != "untested"
     assert not np.any(first.full_mean[excited] == second.full_mean[excited])
     np.testing.assert_array_equal(second.truth, LOT.theta[1])
+
+
+SCENES = read(Path(__file__).parents[2] / "studies" / "scenes.toml")[1]
+ARCSECOND = np.pi / 180.0 / 3600.0
+
+
+@pytest.mark.parametrize(
+    ("class_id", "arcseconds", "number"), [("ifog_strategic", 5, 2), ("hrg_navigation", 20, 4)]
+)
+def test_errors_of_a_bench_settle_where_they_are_thousands_of_times_the_noise(class_id, arcseconds, number):
+    """Plain relinearisation runs astray here; the coefficients must be the truth within their own sds."""
+    study = replace(
+        SCENES,
+        classes=(sensor(class_id, kind="gyroscope"),),
+        reference={**SCENES.reference, "fixture": arcseconds * ARCSECOND},
+    )
+    lot = lot_of(study, 0)
+    spec = replace(spec_of(study, study.classes[0]), truth=lot.truth(number))
+    runs = simulate_unit(spec, lot, number, np.random.default_rng(7))
+    ready = prepare(spec, runs, lambda message: None, np.random.default_rng(8))
+    mean, cov = loose_fit(ready.summary, ready.prior)
+    p = len(study.library.terms)
+    off = (mean[:p] - lot.theta[number]) / np.sqrt(np.diag(cov)[:p])
+    # of 20 standard normals one in 12,000 sets holds one beyond 4.5
+    assert np.abs(off).max() < 4.5
+    assert off @ off / p < 2.5
