@@ -158,7 +158,7 @@ def mean_columns(lib: Library, inputs: Inputs, vibration: float) -> FloatArray:
     >>> mean_columns(library("accelerometer", asymmetry=-1), still, 2.0)[0, :4].tolist()
     [1.0, 0.0, 4.0, 0.0]
     """
-    X = np.empty((len(inputs), len(lib.terms)))
+    X = np.empty((len(inputs), len(lib.terms)), order="F")
     for j, term in enumerate(lib.terms):
         X[:, j] = _mean_column(term, inputs, vibration) if vibration > 0.0 else column(term, inputs.channels)
     return X

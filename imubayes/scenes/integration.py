@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+BLOCK = 256
+"""Rows of columns that are laid side by side at a time."""
+
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def forward(t, along, force, gyro, earth, back, drive, start, at):
-    """Errors (k, 9, p) at rows `at` (k,), increasing, of columns with errors `drive` (n + 1, p).
+    """Errors (k, 9, p) at rows `at` (k,), increasing, of columns with errors `drive` (m, p).
 
     Parameters
     ----------
@@ -16,20 +19,23 @@ def forward(t, along, force, gyro, earth, back, drive, start, at):
     gyro : whether the errors are those of a gyroscope.
     earth : (3,) rate of the level frame, rad/s.
     back : g/R, 1/s^2; 0 in free flight, where the vertical counts too.
-    drive : (n + 1, p) errors of the output.
+    drive : (m, p) errors of the output; the last row holds from there on.
     start : (9, p) errors at the first row.
     at : (k,).
     """
-    x, out, k = start.copy(), np.empty((len(at), 9, start.shape[1])), 0
-    for i in range(len(t)):
-        if i:
-            h = t[i] - t[i - 1]
-            _advance(
-                x, h, along[i - 1 : i + 1], force[i - 1 : i + 1], drive[i - 1], drive[i], gyro, earth, back
-            )
-        if k < len(at) and at[k] == i:
-            out[k] = x
-            k += 1
+    x, out, k, last = start.copy(), np.empty((len(at), 9, start.shape[1])), 0, len(drive) - 1
+    part = np.empty((BLOCK + 1, drive.shape[1]))
+    for first in range(0, at[-1] + 1, BLOCK):
+        for j in range(drive.shape[1]):  # columns are in one piece each, rows are wanted
+            for i in range(BLOCK + 1):
+                part[i, j] = drive[min(max(first + i - 1, 0), last), j]
+        for i in range(first, min(first + BLOCK, at[-1] + 1)):
+            if i:
+                h, both, row = t[i] - t[i - 1], slice(i - 1, i + 1), i - first
+                _advance(x, h, along[both], force[both], part[row], part[row + 1], gyro, earth, back)
+            if k < len(at) and at[k] == i:
+                out[k] = x
+                k += 1
     return out
 
 

@@ -109,25 +109,35 @@ class Propagation:
     along: FloatArray
     force: FloatArray
 
-    def driven(self, X: FloatArray, at: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Errors that columns leave at given rows, from rest, and the transitions to them from the start.
+    def row_at(self, time: float) -> int:
+        """Row nearest to a time of the record, s."""
+        after = min(int(np.searchsorted(self.t, time)), len(self.t) - 1)
+        return after - int(after > 0 and time - self.t[after - 1] < self.t[after] - time)
+
+    def driven(self, X: FloatArray, at: Sequence[int]) -> FloatArray:
+        """Errors that columns leave at given rows, from rest.
 
         Parameters
         ----------
-        X : (n, p) columns of the output's error.
+        X : (n, p) columns of the output's error; the last row holds to its end.
         at : k rows in increasing order, up to n.
 
         Returns
         -------
-        (k, 9, p) and (k, 9, 9): psi, v and r along the axes of the level frame.
+        (k, 9, p): psi, v and r along the axes of the level frame.
         """
         from imubayes.scenes.integration import forward
 
-        p = X.shape[1]
-        drive, start = np.zeros((len(X) + 1, p + 9)), np.zeros((9, p + 9))
-        drive[:-1, :p], drive[-1, :p], start[:, p:] = X, X[-1], np.eye(9)
-        out = forward(*self._equations(), drive, start, np.array(at, dtype=np.int64))
-        return out[..., :p], out[..., p:]
+        X = np.asfortranarray(X)
+        return forward(*self._equations(), X, np.zeros((9, X.shape[1])), np.array(at, dtype=np.int64))
+
+    def moved(self, at: Sequence[int]) -> FloatArray:
+        """Transitions (k, 9, 9) from the start to given rows, in increasing order."""
+        from imubayes.scenes.integration import forward
+
+        return forward(
+            *self._equations(), np.zeros((1, 9), order="F"), np.eye(9), np.array(at, dtype=np.int64)
+        )
 
     def weights(self, end: int) -> tuple[FloatArray, FloatArray]:
         """Errors (9, end) at row `end` by unit errors of the rows before, and the transition (9, 9) to it."""
@@ -171,7 +181,7 @@ def propagation(kind: Kind, scene: Scene, axis: str, *, schuler: bool = True) ->
     >>> from imubayes.scenes.record import recorded
     >>> minute = recorded("level", np.arange(60.0), np.tile([0.0, 0.0, 10.0], (60, 1)), np.zeros((60, 3)))
     >>> level = propagation("gyroscope", minute, "y", schuler=False)
-    >>> level.driven(np.ones((60, 1)), [60])[0][0, 6, 0].round(6).item()  # 10 t^3/6
+    >>> level.driven(np.ones((60, 1)), [60])[0, 6, 0].round(6).item()  # 10 t^3/6
     360000.0
     """
     motion = scene.mean_motion
@@ -213,8 +223,8 @@ def errors_at(
     InputError : if the record would be repeated more than 10,000 times.
     """
     last, length = len(passed.t) - 1, float(passed.t[-1])
-    records = [int(time / length * (1.0 + ROUNDED)) for time in times]
-    rows = [int(np.abs(passed.t - (t - k * length)).argmin()) for t, k in zip(times, records, strict=True)]
+    records = [max(math.ceil(time / length * (1.0 - ROUNDED)) - 1, 0) for time in times]
+    rows = [passed.row_at(time - k * length) for time, k in zip(times, records, strict=True)]
     if max(records) > MOST_RECORDS:
         raise InputError(
             f"a mission of {max(times):.4g} s repeats its record of {length:.4g} s {max(records):,} times:"
@@ -222,12 +232,15 @@ def errors_at(
         )
     wanted = sorted({*rows, last})
     place = [wanted.index(row) for row in rows]
-    driven, moved = passed.driven(columns(0), wanted)
-    weights = passed.weights(last)[0] if max(records) and not repeated else None
+    driven = passed.driven(columns(0), wanted)
+    if not max(records):
+        return driven[place]
+    moved = passed.moved(wanted)
+    weights = None if repeated else passed.weights(last)[0]
     carried, out = np.zeros(driven.shape[1:]), np.empty((len(times), *driven.shape[1:]))
     for record in range(max(records) + 1):
         if record and not repeated and record in records:
-            driven, _ = passed.driven(columns(record), wanted)
+            driven = passed.driven(columns(record), wanted)
         for k in (k for k, at in enumerate(records) if at == record):
             out[k] = driven[place[k]] + moved[place[k]] @ carried
         left = driven[-1] if weights is None else weights @ columns(record)
@@ -250,7 +263,7 @@ def noise_growth(passed: Propagation, quantity: Quantity, time: float) -> tuple[
     """
     length, last = float(passed.t[-1]), len(passed.t) - 1
     whole = int(time / length * (1.0 + ROUNDED))
-    rest = int(np.abs(passed.t - (time - whole * length)).argmin())
+    rest = passed.row_at(time - whole * length)
     reach, white, told = passed.read(quantity), 0.0, list[tuple[FloatArray, FloatArray]]()
     span = 0.5 * (np.diff(passed.t, prepend=0.0)[:-1] + np.diff(passed.t))  # that a row stands for
     size = max(1, math.ceil((whole * last + rest) / CELLS))
