@@ -59,10 +59,10 @@ from imubayes.units import STANDARD_GRAVITY, counted
 FEWEST = 9
 """Stills below which bias, scale factor and non-orthogonality (9 parameters) are not determined."""
 
-STILLS = Pace(judged=range(2, 3), settled=1e-6, rounds=50)
+STILLS = Pace("free tumble", judged=range(2, 3), settled=1e-6, rounds=50)
 """From the third round on the rows are good enough to judge the noise by; three to six rounds are usual."""
 
-TURNS = Pace(judged=range(1, 3), settled=1e-5, rounds=50)
+TURNS = Pace("turns between the stills", judged=range(1, 3), settled=1e-5, rounds=50)
 """In the first round the noise of the turns is taken to be that at rest; three to six rounds are usual."""
 
 ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}

@@ -33,7 +33,7 @@ from imubayes.rig.reference import OFFSET, TILT, Error, errors_of, for_sensor, k
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library, columns
 
-PACE = Pace(judged=range(2), settled=1e-3, rounds=3, downhill=True)
+PACE = Pace("errors of the test bench", judged=range(2), settled=1e-3, rounds=3, downhill=True)
 """The rows of the first round may be off by the sensor's own errors, so that two judge the noise."""
 
 ROOM = 3.0

@@ -43,12 +43,14 @@ class Pace:
 
     Attributes
     ----------
+    what : settles, in words.
     judged : rounds that judge the noise; in those before it is as the caller has it, after them it is held.
     settled : change of a coefficient, in posterior sd, at which the linearisation has settled.
     rounds : most relinearisations at the solution of the linear problem.
     downhill : whether trust regions go on from there, where a valley is too curved for that.
     """
 
+    what: str
     judged: range
     settled: float
     rounds: int
@@ -109,7 +111,7 @@ def settle(
             return replace(made, place=mean)
         place = mean
     if not pace.downhill:
-        raise ConvergenceError(f"the linearisation did not settle in {pace.rounds} rounds", place)
+        raise ConvergenceError(f"the {pace.what} did not settle in {pace.rounds} rounds", place)
     return _polished(at, sd, pace, replace(made, place=_peak(at, sd, pace, made)))
 
 
@@ -145,7 +147,7 @@ def _peak(at: At, sd: FloatArray, pace: Pace, start: Round) -> FloatArray:
             near = held(place)
     if left > NEARLY:
         raise ConvergenceError(
-            f"the errors of the test bench did not settle in {ROUNDS} rounds: check scale and sign of the"
+            f"the {pace.what} did not settle in {ROUNDS} rounds: check scale and sign of the"
             " output, and whether the errors that the study states for the bench are as large as that",
             place,
         )
