@@ -111,7 +111,8 @@ SCENES_KEY = Markup(
 
 TRIAD = (
     "Bias, scale and misalignment take up what the other terms do over a scene as well as they can; the"
-    " table has what is left, as a share of the budget, in the median unit."
+    " table has what is left, as a share of the budget, in the median unit. What the test does not know of"
+    " the triad itself is not in it: the larger model does not know it either."
 )
 
 CLASS_NOTE = (

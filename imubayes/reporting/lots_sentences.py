@@ -258,12 +258,11 @@ def basic_answer(result: LotResult) -> tuple[Said, ...]:
     if not result.study.basic or not pairs:
         return ()
     fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
-    general = sum(scene.within >= HALF for _, scene in pairs)
     worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
     text = (
-        f"The basic triad of 12 parameters leaves less than the budget in {fine} of {len(pairs)} pairs of"
-        f" class and scene, a model of the generalized terms in {general}; the triad's worst is"
-        f" {class_name(worst.sensor_class)} in {scene_name(where.mission)}, {of_budget(where.basic_share)}."
+        f"What the basic triad of 12 parameters lacks stays within the budget in {fine} of {len(pairs)} pairs"
+        f" of class and scene; its worst is {class_name(worst.sensor_class)} in {scene_name(where.mission)},"
+        f" {of_budget(where.basic_share)}."
     )
     return ((text, "basic"),)
 

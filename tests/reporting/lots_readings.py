@@ -174,9 +174,8 @@ def _missed(lots: Lots, match: Match) -> Iterable[Meant]:
 def _basic(lots: Lots, match: Match) -> Iterable[Meant]:
     left = _pairs(lots)
     worst = max(left, key=lambda pair: left[pair])
-    within = sum(one["within"] >= 0.5 for one in lots.scenes.values())
-    told = match[4] == f"{worst[0]} in {worst[1]}"
-    return [_within(lots), len(left), within, None, left[worst] if told else math.nan]
+    told = match[3] == f"{worst[0]} in {worst[1]}"
+    return [_within(lots), len(left), None, left[worst] if told else math.nan]
 
 
 def _truth(lots: Lots, match: Match) -> Iterable[Meant]:
@@ -306,8 +305,8 @@ OF_ALL = readings(
         r"Of (\d+) terms:": lambda r, m: [len(r.terms)],
         r"(?:: |; )([\w ]+?) needs (\d+), cannot tell (\d+)":
             lambda r, m: [None, len(_needed(r, m[1].strip())), len(r.of(m[1].strip(), "cannot tell"))],
-        r"basic triad of 12 parameters leaves less than the budget in (\d+) of (\d+) pairs of class and"
-        rf" scene, a model of the generalized terms in (\d+); the triad's worst is ([\w ,]+), ({SHARE})":
+        r"basic triad of 12 parameters lacks stays within the budget in (\d+) of (\d+) pairs of class and"
+        rf" scene; its worst is ([\w ,]+), ({SHARE})":
             _basic,
         r"over ([\d,]+) cells of class, term and scene that the tests tell, of which ([\d,]+) truly take"
         r" (10) % of the budget or more, precision is (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\)) and"
