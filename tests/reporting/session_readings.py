@@ -101,7 +101,7 @@ CASE_READINGS = readings(
 def is_of_class(block: Block) -> bool:
     """Whether a text is of a class, of its sessions, or of all cases together."""
     of_all = r"[\w ,-]+\. \d+ \w+ of class |[^.]+ \d+ of \d+ lie within 2 sd of what is predicted"
-    top = block.anchor == "nav" and re.match(of_all, block.text)
+    top = block.anchor == "first" and re.match(of_all, block.text)
     return bool(top or re.match(r"class-\d+$|sessions$|cases$", block.anchor))
 
 
