@@ -111,7 +111,9 @@ def rails_of(outputs: Iterable[FloatArray]) -> tuple[float, ...]:
 
 
 def refuse_stuck(file: str, column: Column, output: FloatArray, own: FloatArray) -> None:
-    """Refuse a coarse output that its own input (n,) moves far past: all of the run is beyond the range.
+    """Refuse a coarse output that its own input moves far past: all of the run is beyond the range.
+
+    Of either, (n,) samples, all values and extremes are enough.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, jump_note
 from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps
 from imubayes.rig.recordings import RunSpec, assumed, frozen, source_of
-from imubayes.rig.saturation import Levels, Stretches, check_left, saturation_note
+from imubayes.rig.saturation import Levels, Stretches, check_left, refuse_stuck, saturation_note
 from imubayes.rig.streams import Reader, Tell, first_interval, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
@@ -58,6 +58,9 @@ def read_long_run(spec: RunSpec, path: Path, kind: Kind, lib: Library, *, sha256
     if len(found.levels.distinct) == 1:
         table = next(file.tables())
         check_output(table, file.found(table, "output"))
+    elif lib.own in file.columns:
+        own = found.extremes[:, found.names.index(lib.own) - 2]
+        refuse_stuck(file.shown, file.columns["output"], found.levels.distinct, own)
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
     if rate is not None or abs(usual - interval) > STEADY * interval:

@@ -250,6 +250,17 @@ def test_another_process_reads_the_same_rows(tmp_path):
 
 
 @pytest.mark.parametrize("written", [parquet, text, hdf5])
+@pytest.mark.parametrize("streamed", [True, False])
+def test_run_that_is_beyond_the_range_everywhere_is_refused(written, tmp_path, monkeypatch, streamed):
+    table = recording()
+    table["output [m/s^2]"] = np.where(table["output [m/s^2]"] > 0.0, 0.01, -0.01)
+    if not streamed:
+        monkeypatch.setattr(streams, "STREAMED", 10**9)
+    with pytest.raises(DataError, match=r"only 2 values, within 0\.02 m/s\^2, while its input moves by"):
+        read_run(RunSpec("log", "other", written(table, tmp_path)), "accelerometer", LIB)
+
+
+@pytest.mark.parametrize("written", [parquet, text, hdf5])
 def test_saturated_samples_of_a_long_file_are_those_of_the_whole(written, tmp_path, monkeypatch):
     table = recording()
     table["output [m/s^2]"] = np.minimum(table["output [m/s^2]"], 7.0)
