@@ -40,6 +40,9 @@ THERE = 0.5
 ALIKE = 1e-9
 """Singular values, over the largest, below which terms that are kept do the same in a scene."""
 
+EQUAL = 6
+"""Digits after the point to which costs, as shares of the limit, are told apart."""
+
 QUADRANTS = ("there and matters", "there, does not matter", "not shown, could matter", "neither")
 """What inclusion and relevance say of a term together."""
 
@@ -283,8 +286,8 @@ def smallest_model(
     while keep.any():
         without = {j: keep & (np.arange(len(mean)) != j) for j in np.flatnonzero(keep).tolist()}
         costs = {j: float(effects.size(left_over(output, kept, mean))) for j, kept in without.items()}
-        # of equal costs the term that is less likely there goes first
-        dropped = min(costs, key=lambda j: (costs[j], knowledge.inclusion[j]))
+        # of equal costs the term that is less likely there goes first, then the later one of the library
+        dropped = min(costs, key=lambda j: (round(costs[j] / limit, EQUAL), knowledge.inclusion[j], -j))
         keep = without[dropped]
         path.append((int(keep.sum()), effects.names[dropped], least + costs[dropped]))
         if costs[dropped] <= room:
