@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 from block_readings import panels, rows, said
 
-from imubayes.reporting.fit_figures import dependence_words
+from imubayes.reporting.fit_figures import channel_of, dependence_words
 from imubayes.reporting.fit_views import (
+    MOST_DEPENDENCES,
     dwell_sections,
     fit_sentence,
     found_sentence,
@@ -80,6 +81,23 @@ def test_the_first_paragraph_answers_whether_a_polynomial_in_temperature_is_enou
     blind = replace(sensor, misfit=replace(sensor.misfit, found=(), dependences=()))
     assert temperature_sentence(blind) == ""
     assert temperature_sentence(make_judged()) == ""
+
+
+def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decision(make_judged) -> None:
+    """What is drawn as found is in the sentence on what is missing, and not in that on what is not."""
+    sensor = make_judged()
+    some = sensor.misfit
+    assert some.found
+    none = replace(some, found=(), dependences=[replace(one, p=0.4) for one in some.dependences])
+    for misfit in (some, none):
+        (section,) = misfit_sections(replace(sensor, misfit=misfit), "k", drawn=True)
+        text, nothing, figure = section.blocks
+        titles = [panel.title for panel in figure.panels]
+        assert len(titles) == (min(len(misfit.found), MOST_DEPENDENCES) or 1)
+        for title, one in zip(titles, misfit.found or misfit.dependences[:1], strict=False):
+            where = dependence_words(one)
+            assert title.startswith(f"{where}: ") and (where in str(text.texts)) is bool(misfit.found)
+            assert (f"{channel_of(one)} (p" in str(nothing.texts)) is (not misfit.found)
 
 
 def test_missing_sentence_counts_what_it_does_not_name(make_judged) -> None:
