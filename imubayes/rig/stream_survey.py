@@ -59,8 +59,7 @@ def read_long_run(spec: RunSpec, path: Path, kind: Kind, lib: Library, *, sha256
         table = next(file.tables())
         check_output(table, file.found(table, "output"))
     elif lib.own in file.columns:
-        own = found.extremes[:, found.names.index(lib.own) - 2]
-        refuse_stuck(file.shown, file.columns["output"], found.levels.distinct, own)
+        refuse_stuck(file.shown, file.columns["output"], found.levels.distinct, found.extremes[lib.own])
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
     if rate is not None or abs(usual - interval) > STEADY * interval:
@@ -115,9 +114,10 @@ class _Survey:
         return np.array([row[self.names.index(name)] for row in self.sums]) / np.array(self.counts)
 
     @property
-    def extremes(self) -> FloatArray:
-        """Rows (r, channels + 1) that hold the extremes of each, the output last."""
-        return np.concatenate(self.outermost)
+    def extremes(self) -> dict[str, FloatArray]:
+        """Rows (r,) that hold the extremes of each channel and of the output, by their names."""
+        held = self.names[2 : self.names.index("output") + 1]
+        return dict(zip(held, np.concatenate(self.outermost).T, strict=True))
 
 
 def _surveyed(reader: Reader, lib: Library, lost: list[Stretches] | None = None) -> _Survey:
@@ -252,7 +252,6 @@ def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
     counts, (stretch, stretch_first) = np.array(found.counts), _stretch(spec, found)
     samples = int(counts.sum())
     duration = np.array([row[1] for row in found.sums])
-    extremes = dict(zip((*names, "output"), found.extremes.T, strict=True))
     stream = Stream(
         parts=found.reader,
         samples=samples,
@@ -263,7 +262,7 @@ def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
         X=np.array([row[-len(found.reach) :] for row in found.sums]) / counts[:, None],
         reach=found.reach,
         swing=found.swing,
-        extremes=extremes,
+        extremes=found.extremes,
         stretch=stretch,
         stretch_first=stretch_first,
     )

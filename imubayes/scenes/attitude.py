@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.strapdown import rotation, rotation_vectors
+from imubayes.inference.strapdown import onward
 from imubayes.units import STANDARD_GRAVITY
 
 LEVELLING = 2.0
@@ -75,12 +75,8 @@ def followed(t: FloatArray, rate: FloatArray, force: FloatArray) -> FloatArray:
     >>> followed(t, np.tile([0.0, 0.0, np.pi], (101, 1)), up)[-1].diagonal().round(9).tolist()
     [-1.0, -1.0, 1.0]
     """
-    out = np.concatenate((np.eye(3)[None], rotation(rotation_vectors(t, rate))))
-    span = 1
-    while span < len(out):
-        # out[k] covers `span` steps up to k: joined to those before them it covers twice as many
-        out[span:] = out[:-span] @ out[span:]
-        span *= 2
+    turns = onward(t, rate)
+    out = turns[0].T @ turns  # from the case at each time to the case at the first
     first = t - t[0] <= LEVELLING
     return levelled(np.einsum("nij,nj->ni", out[first], force[first])) @ out
 

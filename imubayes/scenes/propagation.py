@@ -29,6 +29,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError
+from imubayes.inference.strapdown import cross_matrix
 from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE
@@ -158,7 +159,7 @@ class Propagation:
         return self.t, self.along, self.force, self.kind == "gyroscope", earth, back
 
 
-_UP_CROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+_UP_CROSS = cross_matrix(np.array([0.0, 0.0, 1.0]))
 """``_UP_CROSS @ r = up x r``."""
 
 
@@ -232,18 +233,20 @@ def errors_at(
         )
     wanted = sorted({*rows, last})
     place = [wanted.index(row) for row in rows]
-    driven = passed.driven(columns(0), wanted)
+    X = columns(0)
+    driven = passed.driven(X, wanted)
     if not max(records):
         return driven[place]
     moved = passed.moved(wanted)
     weights = None if repeated else passed.weights(last)[0]
     carried, out = np.zeros(driven.shape[1:]), np.empty((len(times), *driven.shape[1:]))
     for record in range(max(records) + 1):
-        if record and not repeated and record in records:
-            driven = passed.driven(columns(record), wanted)
+        if record and not repeated:
+            X = columns(record)
+            driven = passed.driven(X, wanted) if record in records else driven
         for k in (k for k, at in enumerate(records) if at == record):
             out[k] = driven[place[k]] + moved[place[k]] @ carried
-        left = driven[-1] if weights is None else weights @ columns(record)
+        left = driven[-1] if weights is None else weights @ X
         carried = left + moved[-1] @ carried
     return out
 

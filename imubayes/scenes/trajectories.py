@@ -195,8 +195,7 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     channels = {f"w_{a}": pace * motion.w[c] for c, a in enumerate(BODY)}
     channels |= {f"dw_{a}": pace**2 * motion.dw[c] for c, a in enumerate(BODY)}
     channels |= _heat(ranges, t * lasting / (t[-1] + t[1]))
-    lively = _travelling(pace * t, manner, pace)[1][0]
-    force = _force(ranges, manner, motion.up, (pace * t, t / (t[-1] + t[1]), lively), waves)
+    force = _force(ranges, manner, motion, (pace * t, t / (t[-1] + t[1])), waves)
     scene = _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
     return replace(scene, attitude=motion.attitude, course=_course(ranges, lasting))
 
@@ -227,11 +226,12 @@ def _waves(rng: np.random.Generator) -> _Waves:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Turning:
-    """Rate and its derivative (3, n) along x, y, z per unit of tau, and the attitude (n, 3, 3)."""
+    """Rate and its derivative (3, n) along x, y, z per unit of tau, attitude (n, 3, 3), share of swings."""
 
     w: FloatArray
     dw: FloatArray
     attitude: FloatArray
+    lively: FloatArray
 
     @property
     def up(self) -> FloatArray:
@@ -261,7 +261,7 @@ def _turning(tau: FloatArray, manner: Manner, waves: _Waves, pace: float = math.
     w = yaw * up + np.array([roll, pitch * c_r, -pitch * s_r])
     dw = ddy * up + yaw * d_up
     dw += np.array([ddr, ddp * c_r - pitch * roll * s_r, -ddp * s_r - pitch * roll * c_r])
-    return _Turning(w, dw, attitude)
+    return _Turning(w, dw, attitude, part)
 
 
 def _travelling(tau: FloatArray, manner: Manner, pace: float) -> tuple[FloatArray, FloatArray]:
@@ -290,18 +290,18 @@ def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tu
 def _force(
     ranges: Ranges,
     manner: Manner,
-    up: FloatArray,
-    clock: tuple[FloatArray, FloatArray, FloatArray],
+    motion: _Turning,
+    clock: tuple[FloatArray, FloatArray],
     waves: _Waves,
 ) -> FloatArray:
-    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed, share of the swings)."""
-    tau, passed, lively = clock
-    load = _load(ranges, manner, waves.at(3, tau, manner.pace)[0], passed, lively)
+    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed)."""
+    tau, passed = clock
+    load = _load(ranges, manner, waves.at(3, tau, manner.pace)[0], passed, motion.lively)
     main = 2 if manner.axis == "up" else "xyz".index(manner.axis)
-    force = load * (up if manner.axis == "up" else np.eye(3)[main][:, None])
+    force = load * (motion.up if manner.axis == "up" else np.eye(3)[main][:, None])
     half = 0.5 * (ranges.load[1] - ranges.load[0])
     for number, axis in enumerate(a for a in range(3) if a != main):
-        force[axis] += ACROSS * half * lively * waves.at(4 + number, tau, manner.pace)[0]
+        force[axis] += ACROSS * half * motion.lively * waves.at(4 + number, tau, manner.pace)[0]
     return force
 
 
