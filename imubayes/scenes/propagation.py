@@ -175,7 +175,7 @@ def propagation(kind: Kind, scene: Scene, axis: str, *, schuler: bool = True) ->
 
     Raises
     ------
-    InputError : if rows are over 40 s apart.
+    InputError : if rows are over 40 s apart, or the mission ends before the second of them.
 
     Examples
     --------
@@ -192,6 +192,11 @@ def propagation(kind: Kind, scene: Scene, axis: str, *, schuler: bool = True) ->
         raise InputError(
             f"scene '{scene.name}': rows are up to {longest:.3g} s apart: expected {COARSE:g} s at most, so"
             " that errors of attitude, velocity and position can be followed"
+        )
+    if scene.duration < motion.interval:
+        raise InputError(
+            f"scene '{scene.name}': a mission of {scene.duration:.3g} s ends within the first row, of"
+            f" {motion.interval:.3g} s: expected a longer duration, or a log with finer rows"
         )
     force = vectors(motion.channels, "f", len(motion))
     attitude = np.broadcast_to(np.eye(3), (len(force), 3, 3)) if scene.attitude is None else scene.attitude

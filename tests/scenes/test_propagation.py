@@ -179,6 +179,12 @@ def test_record_that_would_be_repeated_too_often_or_has_too_few_rows_is_refused(
         propagation("accelerometer", level(2, 60.0), "x")
 
 
+def test_mission_that_ends_within_the_first_row_is_refused() -> None:
+    short = replace(level(60), duration=0.3)
+    with pytest.raises(InputError, match=r"a mission of 0\.3 s ends within the first row, of 1 s: expected"):
+        propagation("gyroscope", short, "y")
+
+
 def test_noise_grows_as_the_formulas_of_straight_flight_say() -> None:
     t, scene = 600.0, level(2000, 0.3)
 
