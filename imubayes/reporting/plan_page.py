@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,9 @@ from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table
 from imubayes.reporting.html import write_page
 from imubayes.reporting.plan_figures import CALLED, course_panel, outcomes, predicted_panel
 from imubayes.reporting.provenance import provenance
-from imubayes.reporting.result.file import json_text
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.plans import Plan, PlanFound, PlannedStep, PlanResult
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.reporting.terminal import terminal
 from imubayes.selection.verdicts import listed
@@ -183,61 +184,66 @@ def term_rows(found: Proposal) -> list[tuple[str, ...]]:
 def plan_json(found: Proposal) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
     study = found.study
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": study.title,
-        "seed": study.seed,
-        "answer": plan_answer(found),
-        "plan": {
-            "sensor": study.spec.id,
-            "kind": study.spec.kind,
-            "time": study.time,
-            "aim": study.aim,
-            "units": study.units,
-            "needed": found.needed,
-            "terms": [
-                {
-                    "name": term.name,
-                    "unit": term.unit,
-                    "prior_sd": float(found.prior_sd[k]),
-                    "known_sd": float(found.known_sd[k]),
-                    "needed_sd": float(found.need[k]),
-                    **{
-                        o.name: {"sd": float(o.sd[k]), "simulated": float(o.simulated[k])}
-                        for o in outcomes(found)
-                    },
-                }
-                for k, term in enumerate(study.spec.library.terms)
-            ],
-            "plans": [_plan_entry(found, outcome) for outcome in outcomes(found)],
-        },
-        "seconds": found.seconds,
-        "provenance": provenance(study.path, study.text, f"imubayes plan {study.path}"),
-    }
-    return json_text(document)
+    plan = published(
+        Plan,
+        study,
+        sensor=study.spec.id,
+        kind=study.spec.kind,
+        needed=found.needed,
+        terms=[_planned_term(found, k) for k in range(len(found.need))],
+        plans=[_plan_found(found, outcome) for outcome in outcomes(found)],
+    )
+    document = published(
+        PlanResult,
+        found,
+        imubayes=imubayes.__version__,
+        study=study.title,
+        seed=study.seed,
+        answer=plan_answer(found),
+        plan=plan,
+        provenance=provenance(study.path, study.text, f"imubayes plan {study.path}"),
+    )
+    return result_text(document)
 
 
-def _plan_entry(found: Proposal, outcome: Outcome) -> dict[str, Any]:
-    worst, ratio = found.worst(outcome)
+def _planned_term(found: Proposal, k: int) -> dict[str, Any]:
+    """A `PlannedTerm`: with a key for each plan that is told."""
+    term = found.study.spec.library.terms[k]
+    told = {one.name: {"sd": one.sd[k], "simulated": one.simulated[k]} for one in outcomes(found)}
     return {
-        "name": outcome.name,
-        "seconds": outcome.seconds,
-        "size_of_aim": outcome.worth,
-        "worst": worst,
-        "worst_ratio": ratio,
-        "share_of_budget": outcome.share,
-        "confounded": [asdict(group) for group in outcome.seen.groups],
-        "steps": [
-            {
-                "run": found.study.offers[step.menu].spec.name,
-                "start": start,
-                "at": step.setting,
-                "mount": found.settings[step.menu][step.setting].mount,
-                "set_to": found.settings[step.menu][step.setting].at,
-                "dwell": step.dwell,
-            }
-            for step, start in zip(outcome.steps, starts(found.menus, outcome.steps).tolist(), strict=True)
-        ],
+        "name": term.name,
+        "unit": term.unit,
+        "prior_sd": found.prior_sd[k],
+        "known_sd": found.known_sd[k],
+        "needed_sd": found.need[k],
+        **told,
+    }
+
+
+def _plan_found(found: Proposal, outcome: Outcome) -> PlanFound:
+    worst, ratio = found.worst(outcome)
+    begin = starts(found.menus, outcome.steps).tolist()
+    return published(
+        PlanFound,
+        outcome,
+        size_of_aim=outcome.worth,
+        worst=worst,
+        worst_ratio=ratio,
+        share_of_budget=outcome.share,
+        confounded=outcome.seen.groups,
+        steps=[_planned_step(found, *one) for one in zip(outcome.steps, begin, strict=True)],
+    )
+
+
+def _planned_step(found: Proposal, step: Step, start: float) -> PlannedStep:
+    name, setting = found.study.offers[step.menu].spec.name, found.settings[step.menu][step.setting]
+    return {
+        "run": name,
+        "start": start,
+        "at": step.setting,
+        "mount": setting.mount,
+        "set_to": setting.at,
+        "dwell": step.dwell,
     }
 
 

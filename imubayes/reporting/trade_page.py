@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import imubayes
 from imubayes.campaign.fidelity import rung_of
@@ -15,7 +14,9 @@ from imubayes.ladder.trade.subjects import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
 from imubayes.reporting.html import write_page
-from imubayes.reporting.result.file import json_text
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import duration, times
 from imubayes.reporting.terminal import terminal
 from imubayes.reporting.trade_figures import error_text, trade_panels
@@ -207,60 +208,46 @@ def command(found: Traded) -> str:
 def trade_json(found: Traded) -> str:
     """Text of ``result.json``: every number, SI; what is not finite becomes null."""
     trade = found.trade
-    document = {
-        "imubayes": imubayes.__version__,
-        "study": trade.title,
-        "seed": trade.seed,
-        "limit": trade.limit,
-        "repeats": trade.repeats,
-        "answer": trade_answer(found),
-        "recommended": found.recommended,
-        "default": DEFAULT,
-        "best": found.best,
-        "front": found.front,
-        "monte_carlo_floor": dict(zip(("largest", "rms"), found.floor, strict=True)),
-        "good_enough": allowed(found.floor[0]),
-        "rungs": [asdict(place) for place in found.places],
-        "scores": [asdict(one) for one in found.scores],
-        "components": [
-            {
-                "id": one.subject,
-                "best": one.best,
-                "monte_carlo_floor": dict(zip(("largest", "rms"), one.floor, strict=True)),
-                "skipped": dict(one.skipped),
-                "rungs": [_measured_values(measured) for measured in one.measured],
-            }
-            for one in found.standings
-        ],
-        "machine": asdict(found.machine),
-        "seconds": found.seconds,
-        "provenance": {
-            "study_file": str(trade.path),
-            "study_text": trade.text,
-            "command": command(found),
-        },
-    }
-    return json_text(document)
+    document = published(
+        TradeResult,
+        found,
+        imubayes=imubayes.__version__,
+        study=trade.title,
+        seed=trade.seed,
+        limit=trade.limit,
+        repeats=trade.repeats,
+        answer=trade_answer(found),
+        default=DEFAULT,
+        monte_carlo_floor=found.floor,
+        good_enough=allowed(found.floor[0]),
+        rungs=found.places,
+        components=tuple(map(_component, found.standings)),
+        provenance={"study_file": str(trade.path), "study_text": trade.text, "command": command(found)},
+    )
+    return result_text(document)
 
 
-def _measured_values(one: Measured) -> dict[str, Any]:
-    keys = ("name", "mean", "full_mean", "full_sd", "inclusion", "verdict")
-    numbers = (values.tolist() for values in (one.mean, one.full_mean, one.full_sd, one.inclusion))
-    return {
-        "rung": one.rung,
-        "seconds": one.seconds,
-        "seconds_to_what_was_asked": one.whole_seconds,
-        "processor_seconds": one.processor_seconds,
-        "memory": one.memory,
-        "ess": one.ess,
-        "foreseen_change_sd": one.foreseen[0],
-        "foreseen_change_inclusion": one.foreseen[1],
-        "difference": asdict(one.difference),
-        "model": one.model,
-        "terms": [
-            dict(zip(keys, term, strict=True)) for term in zip(one.names, *numbers, one.verdicts, strict=True)
-        ],
-    }
+def _component(standing: Standing) -> Component:
+    return published(
+        Component,
+        standing,
+        id=standing.subject,
+        monte_carlo_floor=standing.floor,
+        skipped=dict(standing.skipped),
+        rungs=tuple(map(_component_rung, standing.measured)),
+    )
+
+
+def _component_rung(one: Measured) -> ComponentRung:
+    columns = (one.names, one.mean, one.full_mean, one.full_sd, one.inclusion, one.verdicts)
+    return published(
+        ComponentRung,
+        one,
+        seconds_to_what_was_asked=one.whole_seconds,
+        foreseen_change_sd=one.foreseen[0],
+        foreseen_change_inclusion=one.foreseen[1],
+        terms=tuple(zip(*columns, strict=True)),
+    )
 
 
 def terminal_trade(found: Traded) -> Group:

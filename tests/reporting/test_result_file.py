@@ -25,7 +25,10 @@ def test_committed_result_is_written_as_it_was_read(report):
     assert result_text(adapter().validate_python(json.loads(text))) == text
 
 
-@pytest.mark.parametrize("report", ["quickstart", "imu_tactical", "fleet", "accelerometer_grades"])
+@pytest.mark.parametrize(
+    "report",
+    ["quickstart", "imu_tactical", "fleet", "accelerometer_grades", "plan_tactical", "trade_mems_vs_fog"],
+)
 def test_committed_result_keeps_to_the_schema(report):
     schema = result_schema()
     jsonschema.Draft202012Validator.check_schema(schema)

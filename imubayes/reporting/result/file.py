@@ -16,13 +16,20 @@ from imubayes import __version__
 from imubayes.errors import DataError, Place, said
 from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.many import FleetResult, LotsResult
+from imubayes.reporting.result.plans import PlanResult, TradeResult
 from imubayes.reporting.result.values import plain
 
 RESULT = "result.json"
 """Name of the file in a folder of results."""
 
-TAGS = {SensorsResult: "sensors", LotsResult: "lots", FleetResult: "fleet"}
-"""Key that only the results of a kind of study have."""
+TAGS = {
+    SensorsResult: "sensors",
+    LotsResult: "lots",
+    FleetResult: "fleet",
+    PlanResult: "plan",
+    TradeResult: "rungs",
+}
+"""Key that only the results of a kind have."""
 
 
 def _tag(value: Any) -> str | None:
@@ -34,7 +41,9 @@ def _tag(value: Any) -> str | None:
 Result = Annotated[
     Annotated[SensorsResult, Tag("sensors")]
     | Annotated[LotsResult, Tag("lots")]
-    | Annotated[FleetResult, Tag("fleet")],
+    | Annotated[FleetResult, Tag("fleet")]
+    | Annotated[PlanResult, Tag("plan")]
+    | Annotated[TradeResult, Tag("rungs")],
     Discriminator(_tag),
 ]
 """Result of a study."""
