@@ -18,7 +18,7 @@ from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import COMPONENTS, triad_of
 from imubayes.population.sessions import SessionEstimate, repeatability
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import Run
 from imubayes.study.method import run
 from imubayes.study.schema import read_runs, read_study
 
@@ -43,7 +43,7 @@ class Session:
     """A session of a unit: its record, and the posterior of every term by name."""
 
     spec: SensorSpec
-    record: TriadRun
+    record: Run
     found: Case
     mean: dict[str, float]
     sd: dict[str, float]
@@ -51,7 +51,7 @@ class Session:
 
 
 def solved(spec):
-    (record,) = (one for one in read_runs(STUDY, spec.id) if isinstance(one, TriadRun))
+    (record,) = read_runs(STUDY, spec.id)
     prior = np.concatenate([class_sd(spec.sensor_class, lib) for lib in triad_of(spec.library).libraries])
     found = solve_free_tumble([record], Asked(spec.library, ScalePrior(prior), spec.sensor_class))
     columns = (*posterior(found.summary.factor, prior), prior)

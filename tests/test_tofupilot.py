@@ -34,7 +34,7 @@ class Chamber:
 def examined(index: int) -> Chamber:
     study = read_study(STUDY)
     spec, rng = study.sensors[index], np.random.default_rng(study.seed)
-    runs = [run for run in runs_of(spec, study.seed, index) if isinstance(run, Run)]
+    runs = runs_of(spec, study.seed, index)
     ready = prepare(spec, runs, lambda message: None, rng)
     channels = [run.inputs.channels for run in runs]
     misfit = find_misfit(ready.rows, channels, ready.summary, ready.prior.sd, rng=rng)

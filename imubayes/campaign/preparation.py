@@ -21,7 +21,7 @@ from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
-from imubayes.rig.inputs import CaseRun, ImuRun, KnownRun, Run, TriadRun
+from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_run, simulate_runs
@@ -31,13 +31,10 @@ from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import factor
 
-AnyRun = Run | CaseRun
-"""What a run of a study is read as."""
-
 
 def runs_of(
     spec: SensorSpec, seed: int, index: int, tell: Callable[[str], None] = lambda message: None
-) -> tuple[AnyRun, ...]:
+) -> tuple[Run, ...]:
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
     Long files are read a part at a time, unless errors of the bench or robust dwells need all rows at once;
@@ -46,15 +43,13 @@ def runs_of(
     lib = None if spec.reference or spec.robust else spec.library
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
-    def read(one: RunSpec) -> AnyRun:
+    def read(one: RunSpec) -> Run:
         return read_imu_run(one) if spec.gyroscope else read_run(one, spec.kind, lib, tell=tell)
 
     return tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
 
 
-def simulate_sensor(
-    spec: SensorSpec, seed: int, index: int
-) -> tuple[tuple[Run | KnownRun, ...], Mapping[str, float]]:
+def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Simulate the runs of one sensor, by its index in a study; give them with what is behind them.
 
     That is the coefficients by name, of a whole IMU by component and term (``ax.b0``), and the errors of the
@@ -85,7 +80,7 @@ def simulate_sensor(
 class Prepared:
     """Runs as a linear Gaussian problem: factor, rows, prior of every column, and where it comes from."""
 
-    runs: Sequence[AnyRun]
+    runs: Sequence[Run]
     summary: Summary
     rows: Sequence[Linear]
     prior: ScalePrior
@@ -178,7 +173,7 @@ def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
     return ScalePrior([*prior.sd, *(extra.sd for extra in extras)])
 
 
-def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = False) -> tuple[Case, Prepared]:
+def prepare_case(spec: SensorSpec, runs: Sequence[Run], *, blind: bool = False) -> tuple[Case, Prepared]:
     """Linearise runs of several components in one case, and give the linear problem that comes of it.
 
     Runs are free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
@@ -195,9 +190,8 @@ def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = Fal
         case = _imu_case(spec, runs, (prior, own), blind=blind)
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
     else:
-        free = [run for run in runs if isinstance(run, TriadRun)]
         asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
-        case = solve_free_tumble(free, asked, gravity=_gravity(spec))
+        case = solve_free_tumble(runs, asked, gravity=_gravity(spec))
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
@@ -205,10 +199,10 @@ def prepare_case(spec: SensorSpec, runs: Sequence[CaseRun], *, blind: bool = Fal
 
 
 def _imu_case(
-    spec: SensorSpec, runs: Sequence[CaseRun], priors: tuple[ScalePrior, ScalePrior], *, blind: bool
+    spec: SensorSpec, runs: Sequence[Run], priors: tuple[ScalePrior, ScalePrior], *, blind: bool
 ) -> Case:
     """Characterise an IMU in one piece, by what its runs know."""
-    known = [run for run in runs if isinstance(run, KnownRun)]
+    known = runs[0].known
     asked = [
         Asked(
             one.library,
@@ -220,11 +214,10 @@ def _imu_case(
         for one, prior in zip((spec, spec.of("gyroscope")), priors, strict=True)
     ]
     if known:
-        return solve_known_case(known, *asked, blind=blind)
-    partly = [run for run in runs if isinstance(run, ImuRun)]
-    if partly[0].procedure == FERRARIS:
-        return solve_ferraris(partly, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
-    return solve_imu_tumble(partly, *asked, gravity=_gravity(spec))
+        return solve_known_case(runs, *asked, blind=blind)
+    if runs[0].procedure == FERRARIS:
+        return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
+    return solve_imu_tumble(runs, *asked, gravity=_gravity(spec))
 
 
 def _referenced(spec: SensorSpec) -> bool:
@@ -248,7 +241,7 @@ def _gravity(spec: SensorSpec) -> Extra | None:
     return Extra(kind.name, kind.name, sd, kind.unit, kind.printed, kind.text)
 
 
-def _rules(spec: SensorSpec, runs: Sequence[AnyRun]) -> dict[str, NoiseRule]:
+def _rules(spec: SensorSpec, runs: Sequence[Run]) -> dict[str, NoiseRule]:
     """Noise rules of the study; a run whose noise was to be that of a run left out has its own."""
     there = {run.name for run in runs}
     return {s.name: s.noise if (s.noise.like or s.name) in there else NoiseRule() for s in spec.runs}

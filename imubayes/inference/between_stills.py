@@ -30,7 +30,7 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.stills import Stills, means_of, still_rows
 from imubayes.inference.strapdown import cross_matrix, onward
 from imubayes.inference.triad import Triad
-from imubayes.rig.inputs import GAP, ImuRun
+from imubayes.rig.inputs import GAP, Run
 from imubayes.sensors.noise import Noise
 
 TURNS = "turns"
@@ -53,7 +53,7 @@ class Directions:
     triad : of the accelerometers, where it is linearised.
     """
 
-    run: ImuRun
+    run: Run
     stills: Stills
     f: FloatArray
     force: FloatArray
@@ -66,7 +66,7 @@ class Directions:
         return self.f / np.linalg.norm(self.f, axis=1, keepdims=True)
 
 
-def directions(triad: Triad, run: ImuRun, stills: Stills) -> Directions:
+def directions(triad: Triad, run: Run, stills: Stills) -> Directions:
     """Directions of the specific force in the stills, by calibrated accelerometers."""
     f = triad.compensate(means_of(run.force, stills))
     length = np.linalg.norm(f, axis=1)[:, None]

@@ -22,7 +22,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import Stills, find_stills, means_of, still_rows
 from imubayes.inference.summary import Rules, RunSummary, Summary, joined
 from imubayes.inference.triad import Angle, Triad
-from imubayes.rig.inputs import CaseRun, Facts, ImuRun, KnownRun, TriadRun
+from imubayes.rig.inputs import Facts, Run
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
@@ -238,7 +238,7 @@ def _among(run: RunSummary, f: Factor, names: Sequence[str]) -> RunSummary:
     return replace(run, factor=f, reach=reach)
 
 
-def rows_at_rest(runs: Sequence[CaseRun], case: Case) -> dict[str, tuple[Linear, ...]]:
+def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...]]:
     """All samples of the stills: of each component, by its name, a `Linear` for each run.
 
     Where inputs are known no still is looked for: all rows of a component, with its own columns.
@@ -248,40 +248,36 @@ def rows_at_rest(runs: Sequence[CaseRun], case: Case) -> dict[str, tuple[Linear,
     runs : of the case.
     case : solved, for the directions of its stills and its libraries.
     """
-    partly = [run for run in runs if not isinstance(run, KnownRun)]
+    partly = [run for run in runs if not run.known]
     if not partly:
         return {one.name: own_rows(case, one) for one in case.components}
     found: dict[str, list[Linear]] = {one.name: [] for one in case.components}
     for run in partly:
-        stills, force = _known(run) if isinstance(run, ImuRun) and run.sections else _found(run, case)
+        stills, force = _known(run) if run.sections else _found(run, case)
         for name, rows in _of_run(run, stills, force, case):
             found[name].append(rows)
     return {name: tuple(rows) for name, rows in found.items()}
 
 
-def _known(run: ImuRun) -> tuple[Stills, FloatArray]:
+def _known(run: Run) -> tuple[Stills, FloatArray]:
     """Positions that the study gives, and the specific force (k, 3) in each."""
     at_rest = sorted((one for one in run.sections if one.angle == 0.0), key=lambda one: one.start)
     force = run.gravity * np.array([one.direction for one in at_rest])
     return tuple((one.start, one.stop) for one in at_rest), force
 
 
-def _found(run: TriadRun | ImuRun, case: Case) -> tuple[Stills, FloatArray]:
+def _found(run: Run, case: Case) -> tuple[Stills, FloatArray]:
     """Stills of a free tumble, and the specific force (k, 3) by the calibrated accelerometers."""
-    triad_run = run.accelerometers if isinstance(run, ImuRun) else run
-    stills = find_stills(triad_run)
-    return stills, case.triads[0].compensate(means_of(triad_run.output, stills))
+    stills = find_stills(run)
+    return stills, case.triads[0].compensate(means_of(run.force, stills))
 
 
-def _of_run(
-    run: TriadRun | ImuRun, stills: Stills, force: FloatArray, case: Case
-) -> Iterator[tuple[str, Linear]]:
+def _of_run(run: Run, stills: Stills, force: FloatArray, case: Case) -> Iterator[tuple[str, Linear]]:
     """Rows of every component of one run."""
     columns = tuple(f"still {k + 1}" for k in range(len(stills)))
-    output = run.force if isinstance(run, ImuRun) else run.output
-    for name, said in zip(case.triads[0].components, output.T, strict=True):
+    for name, said in zip(case.triads[0].components, run.force.T, strict=True):
         yield name, still_rows(run, stills, name, columns, said, np.eye(len(stills)))
-    if isinstance(run, ImuRun):
+    if run.rate.size:
         triad = case.triads[1]
         X = triad.regressors(np.zeros_like(force), force)
         for name, lib, said, own in zip(triad.components, triad.libraries, run.rate.T, X, strict=True):

@@ -24,7 +24,7 @@ from imubayes.inference.case import Asked, Case, Component, Told, along, case_of
 from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, widened
 from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.rig.inputs import Facts, ImuRun, Section, durations
+from imubayes.rig.inputs import Facts, Run, Section, durations
 from imubayes.rig.reference import KINDS
 from imubayes.units import STANDARD_GRAVITY
 
@@ -50,7 +50,7 @@ class _Piece:
 
 
 def solve_ferraris(
-    runs: Sequence[ImuRun],
+    runs: Sequence[Run],
     accelerometer: Asked,
     gyroscope: Asked,
     *,
@@ -89,9 +89,7 @@ def solve_ferraris(
     return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
 
 
-def _told(
-    run: ImuRun, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Extra], Sequence[str]]
-) -> Told:
+def _told(run: Run, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Extra], Sequence[str]]) -> Told:
     """What a run says of one component, `among` the extras and all columns."""
     rows = _component_rows(run, triad, k, among[0])
     found = noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
@@ -118,7 +116,7 @@ def _components(triads: Sequence[Triad], runs: int) -> Iterator[Component]:
         yield from components_of(triad, facts, parts)
 
 
-def _check(runs: Sequence[ImuRun]) -> None:
+def _check(runs: Sequence[Run]) -> None:
     for run in runs:
         if all(section.angle for section in run.sections):
             raise UnobservableError(f"run '{run.name}' has no position at rest: add sections without a turn")
@@ -126,7 +124,7 @@ def _check(runs: Sequence[ImuRun]) -> None:
         raise UnobservableError("no section is a turn: gyroscopes need one about each axis, by a known angle")
 
 
-def _tilts(runs: Sequence[ImuRun], sd: float | None) -> tuple[Extra, ...]:
+def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:
     """Columns for the rotation of the case in each section."""
     if sd is None:
         return ()
@@ -147,7 +145,7 @@ def _tilts(runs: Sequence[ImuRun], sd: float | None) -> tuple[Extra, ...]:
     )
 
 
-def _pieces(run: ImuRun, triad: Triad) -> Iterator[_Piece]:
+def _pieces(run: Run, triad: Triad) -> Iterator[_Piece]:
     """Sections that say something of a triad, in the order of time."""
     gyroscopes = triad.libraries[0].kind == "gyroscope"
     numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
@@ -158,7 +156,7 @@ def _pieces(run: ImuRun, triad: Triad) -> Iterator[_Piece]:
             yield _turned(run, section, n, triad)
 
 
-def _at_rest(run: ImuRun, section: Section, n: int, triad: Triad) -> _Piece:
+def _at_rest(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
     inside = slice(section.start, section.stop)
     force, nothing = run.gravity * section.direction, np.zeros(3)
     gyroscopes = triad.libraries[0].kind == "gyroscope"
@@ -169,7 +167,7 @@ def _at_rest(run: ImuRun, section: Section, n: int, triad: Triad) -> _Piece:
     return _Piece(n, t, durations(t, run.interval), output, own, tuple(part[0] for part in X))
 
 
-def _turned(run: ImuRun, section: Section, n: int, triad: Triad) -> _Piece:
+def _turned(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
     """One row: the mean over the turn."""
     inside = slice(section.start, section.stop)
     count = section.stop - section.start
@@ -187,13 +185,13 @@ def _turned(run: ImuRun, section: Section, n: int, triad: Triad) -> _Piece:
     )
 
 
-def _bias(run: ImuRun) -> FloatArray:
+def _bias(run: Run) -> FloatArray:
     """Mean output (3,) of the gyroscopes in the positions."""
     at_rest = [run.rate[s.start : s.stop].mean(axis=0) for s in run.sections if s.angle == 0.0]
     return np.mean(at_rest, axis=0)
 
 
-def _component_rows(run: ImuRun, triad: Triad, k: int, extras: Sequence[Extra]) -> Linear:
+def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> Linear:
     """Rows of one component of a triad, with the columns of its terms and of the extras."""
     pieces = tuple(_pieces(run, triad))
     lengths = [len(piece.t) for piece in pieces]
@@ -214,7 +212,7 @@ def _component_rows(run: ImuRun, triad: Triad, k: int, extras: Sequence[Extra]) 
     )
 
 
-def _extra_columns(run: ImuRun, piece: _Piece, k: int, extras: Sequence[Extra], kind: str) -> FloatArray:
+def _extra_columns(run: Run, piece: _Piece, k: int, extras: Sequence[Extra], kind: str) -> FloatArray:
     """What each error of the reference moves the output of component k by."""
     moved = []
     for extra in extras:
@@ -230,7 +228,7 @@ def _extra_columns(run: ImuRun, piece: _Piece, k: int, extras: Sequence[Extra], 
     return np.array(moved)
 
 
-def _inputs(run: ImuRun, part: Linear) -> dict[str, FloatArray]:
+def _inputs(run: Run, part: Linear) -> dict[str, FloatArray]:
     """Specific force of each block, for the figures."""
     index = np.searchsorted(run.t, part.t[block_edges(part.t, part.interval)])
     f = np.zeros((len(index), 3))
@@ -239,7 +237,7 @@ def _inputs(run: ImuRun, part: Linear) -> dict[str, FloatArray]:
     return along("f", f)
 
 
-def _ranges(run: ImuRun, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:
+def _ranges(run: Run, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:
     """Inputs of the sections that say something of a component: compensated, sample by sample.
 
     Where the coefficients are too far off for that (a column's scale or offset is wrong), as they are known.

@@ -51,7 +51,7 @@ from imubayes.inference.stills import Stills, find_stills, means_of, rows_of, ti
 from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.inference.whitened import whitened_factor
-from imubayes.rig.inputs import Facts, ImuRun, TriadRun, durations
+from imubayes.rig.inputs import Facts, Run, durations
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise
 from imubayes.units import STANDARD_GRAVITY, counted
@@ -69,7 +69,7 @@ ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}
 """Origin of the noise, by rule."""
 
 
-def solve_free_tumble(runs: Sequence[TriadRun], asked: Asked, *, gravity: Extra | None = None) -> Case:
+def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, gravity: Extra | None = None) -> Case:
     """Linearise free tumbles of one triad until they settle.
 
     Parameters
@@ -116,10 +116,10 @@ def _check_stills(count: int) -> None:
         )
 
 
-def _start(run: TriadRun, stills: Stills, asked: Asked) -> NoiseEstimate:
+def _start(run: Run, stills: Stills, asked: Asked) -> NoiseEstimate:
     """Noise that the study gives, or white noise from the scatter within the stills to start from."""
     rule = asked.rule(run.name)
-    within = [run.output[a:b] - run.output[a:b].mean(axis=0) for a, b in stills]
+    within = [run.force[a:b] - run.force[a:b].mean(axis=0) for a, b in stills]
     variance = sum(float(np.sum(part**2)) for part in within) / sum(part.size - 3 for part in within)
     scatter = Noise(float(np.sqrt(variance * run.interval)), 0.0, 0.0)
     return NoiseEstimate(rule.value or scatter, origin=ORIGIN[rule.rule])
@@ -144,9 +144,9 @@ def _judged(
     ]
 
 
-def norm_rows(triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, ...] = ()) -> Linear:
+def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] = ()) -> Linear:
     """Rows of the stills, linearised at a triad's coefficients."""
-    means, (index, still) = means_of(run.output, stills), rows_of(stills)
+    means, (index, still) = means_of(run.force, stills), rows_of(stills)
     f = triad.compensate(means)
     length = np.linalg.norm(f, axis=1)
     w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
@@ -161,25 +161,23 @@ def norm_rows(triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, 
         t=t,
         duration=durations(t, run.interval),
         interval=run.interval,
-        y=base[still] + np.einsum("na,na->n", w[still], run.output[index] - means[still]),
+        y=base[still] + np.einsum("na,na->n", w[still], run.force[index] - means[still]),
         columns=lambda start, stop: X[still[start:stop]],
         axes=w[still],
     )
 
 
-def _told_of(
-    triad: Triad, run: TriadRun, stills: Stills, extras: tuple[Extra, ...], found: NoiseEstimate
-) -> Told:
+def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], found: NoiseEstimate) -> Told:
     """All samples of the stills, at the settled linearisation."""
     rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
-    ranges = spans("f", triad.compensate(run.output[index]))
+    ranges = spans("f", triad.compensate(run.force[index]))
     summary = run_summary(rows, found, run.source, ranges, stills=times_of(run.t, stills))
     summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
-    return Told(summary, rows, along("f", triad.compensate(means_of(run.output, stills))[still]))
+    return Told(summary, rows, along("f", triad.compensate(means_of(run.force, stills))[still]))
 
 
 def solve_imu_tumble(
-    runs: Sequence[ImuRun], accelerometer: Asked, gyroscope: Asked, *, gravity: Extra | None = None
+    runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked, *, gravity: Extra | None = None
 ) -> Case:
     """Characterise the six components of an IMU that was turned by hand between stills.
 
@@ -194,8 +192,8 @@ def solve_imu_tumble(
     UnobservableError : if there are fewer than 9 stills, or in a run fewer than 6 turns between them.
     ConvergenceError : if a linearisation does not settle; it carries the coefficients so far.
     """
-    free = solve_free_tumble([run.accelerometers for run in runs], accelerometer, gravity=gravity)
-    seen = [directions(free.triads[0], run, find_stills(run.accelerometers)) for run in runs]
+    free = solve_free_tumble(runs, accelerometer, gravity=gravity)
+    seen = [directions(free.triads[0], run, find_stills(run)) for run in runs]
     gyroscopes, extras = triad_of(gyroscope.library), free.summary.extras
     names = (*free.triads[0].names, *gyroscopes.names, *(extra.name for extra in extras))
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))

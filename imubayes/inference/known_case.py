@@ -28,7 +28,7 @@ from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.summary import RunSummary, joined, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
-from imubayes.rig.inputs import Facts, KnownRun, Run, facts_of
+from imubayes.rig.inputs import Facts, Run, facts_of
 from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
@@ -36,7 +36,7 @@ from imubayes.sensors.terms import AXES, Kind, Library
 
 
 def solve_known_case(
-    runs: Sequence[KnownRun], accelerometer: Asked, gyroscope: Asked, *, blind: bool = False
+    runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked, *, blind: bool = False
 ) -> Case:
     """Characterise the six components of an IMU from runs with known inputs.
 
@@ -97,7 +97,7 @@ class _Problem:
     `runs` are those of the case.
     """
 
-    runs: tuple[KnownRun, ...]
+    runs: tuple[Run, ...]
     parts: tuple[_Part, ...]
     extras: tuple[Extra, ...]
     names: tuple[str, ...]
@@ -156,7 +156,7 @@ def title(run: str, component: str) -> str:
     return f"{run} ({component})"
 
 
-def _problem(runs: Sequence[KnownRun], asked: Mapping[Kind, Asked]) -> _Problem:
+def _problem(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> _Problem:
     """Components, errors and columns of an IMU."""
     shared = _shared(runs, asked)
     parts, own_extras = [], []
@@ -175,7 +175,7 @@ def _problem(runs: Sequence[KnownRun], asked: Mapping[Kind, Asked]) -> _Problem:
     return _Problem(tuple(runs), tuple(parts), extras, (*terms, *(extra.name for extra in extras)), sd)
 
 
-def _shared(runs: Sequence[KnownRun], asked: Mapping[Kind, Asked]) -> list[tuple[Error, Extra]]:
+def _shared(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> list[tuple[Error, Extra]]:
     """Errors of the bench that are the same for all components, in case axes, and their columns."""
     sds = {kind: sd for one in asked.values() for kind, sd in one.reference.items()}
     as_case = [run.component("ax") for run in runs]
@@ -195,7 +195,7 @@ def _turned(error: Error, component: str) -> Error:
     return replace(error, part=axes_of(component).index(error.part))
 
 
-def _own(name: str, runs: Sequence[KnownRun], asked: Asked) -> Iterator[tuple[Error, Extra]]:
+def _own(name: str, runs: Sequence[Run], asked: Asked) -> Iterator[tuple[Error, Extra]]:
     """Errors of one component alone: offsets since it was turned on, and the tilt of its axes."""
     lib, p = asked.library, len(asked.library.terms)
     first = COMPONENTS.index(name) % 3 * p

@@ -25,7 +25,7 @@ from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import Stills, find_stills, means_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.inference.whiten import marginal_variance
-from imubayes.rig.inputs import ImuRun, Section, TriadRun
+from imubayes.rig.inputs import Run, Section
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 
 Times = Sequence[tuple[float, float]]
@@ -77,9 +77,7 @@ class Recovered:
         return int(np.sum(np.abs(self.after) <= SURE * self.expected))
 
 
-def recover(
-    case: Case, runs: Sequence[TriadRun | ImuRun], sd: FloatArray, kept: FloatArray
-) -> tuple[Recovered, ...]:
+def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -> tuple[Recovered, ...]:
     """Hold the compensated stills and turns of every run against what is known of them.
 
     Parameters
@@ -102,7 +100,7 @@ def recover(
     for run in runs:
         if run.procedure == "free-tumble":
             found += _of_tumble(run, (ideal, case.triads, used), judge)
-        elif isinstance(run, ImuRun) and run.sections:
+        elif run.sections:
             found += _of_sections(run, (ideal, case.triads, used), judge)
     return tuple(found)
 
@@ -162,15 +160,13 @@ def _mean(rows: Linear, values: FloatArray, inside: Sequence[NDArray[np.intp]]) 
     return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
 
 
-def _of_tumble(
-    run: TriadRun | ImuRun, triads: tuple[Triads, Triads, Triads], judge: _Judge
-) -> Iterator[Recovered]:
+def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
     """Stills of a free tumble, and the turns between them."""
-    stills = find_stills(run if isinstance(run, TriadRun) else run.accelerometers)
+    stills = find_stills(run)
     times = times_of(run.t, stills)
     values = [_tumbled(run, stills, those) for those in triads]
     spreads = [_column(judge.spread(run.name, times))]
-    if isinstance(run, ImuRun):
+    if run.rate.size:
         at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
         turned = judge.spread_of_turns(
             f"{run.name} ({TURNS})", lasting(directions(triads[1][0], run, stills))
@@ -179,19 +175,18 @@ def _of_tumble(
     return _collected(run.name, ("gravity", "rest", "closure"), values, spreads)
 
 
-def _tumbled(run: TriadRun | ImuRun, stills: Stills, triads: Triads) -> list[FloatArray]:
+def _tumbled(run: Run, stills: Stills, triads: Triads) -> list[FloatArray]:
     """Errors of gravity (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
-    force = run.output if isinstance(run, TriadRun) else run.force
-    f = triads[0].compensate(means_of(force, stills))
+    f = triads[0].compensate(means_of(run.force, stills))
     found = [_length(f, run.gravity)]
-    if isinstance(run, ImuRun):
+    if run.rate.size:
         rate = means_of(run.rate, stills)
         seen = directions(triads[0], run, stills)
         found += [triads[1].compensate(rate, f), closures(seen, triads[1])]
     return found
 
 
-def _of_sections(run: ImuRun, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
+def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
     """Positions, and turns by known angles."""
     still = [s for s in run.sections if not s.angle]
     turned = [s for s in run.sections if s.angle]
@@ -206,14 +201,14 @@ def _of_sections(run: ImuRun, triads: tuple[Triads, Triads, Triads], judge: _Jud
     return _collected(run.name, ("gravity", "rest", "turn"), values, spreads)
 
 
-def _held(run: ImuRun, still: Sequence[Section], triads: Triads) -> list[FloatArray]:
+def _held(run: Run, still: Sequence[Section], triads: Triads) -> list[FloatArray]:
     """Errors of gravity (k, 1) and of rest (k, 3)."""
     force, rate = (np.array([x[s.start : s.stop].mean(axis=0) for s in still]) for x in (run.force, run.rate))
     f = triads[0].compensate(force)
     return [_length(f, run.gravity), triads[1].compensate(rate, f)]
 
 
-def _angles(run: ImuRun, turned: Sequence[Section], triads: Triads) -> FloatArray:
+def _angles(run: Run, turned: Sequence[Section], triads: Triads) -> FloatArray:
     """Integrated rate about the axis of each turn minus its angle, (m, 1), rad."""
     found = []
     for s in turned:
@@ -227,7 +222,7 @@ def _length(f: FloatArray, gravity: float) -> FloatArray:
     return np.linalg.norm(f, axis=1, keepdims=True) - gravity
 
 
-def _times(run: ImuRun, sections: Sequence[Section]) -> Times:
+def _times(run: Run, sections: Sequence[Section]) -> Times:
     return [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
 
 

@@ -20,7 +20,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
 from imubayes.inference.whiten import whiten, whitener
-from imubayes.rig.inputs import KnownRun, durations
+from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.imu import case_channel, kind_of
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Factor as Input
@@ -85,7 +85,7 @@ class Together:
         return algebra.triangular(blocks, table.shape[1]), reach, w.log_det
 
 
-def shared_rows(runs: Sequence[KnownRun], libraries: Mapping[str, Library]) -> dict[str, list[Linear]]:
+def shared_rows(runs: Sequence[Run], libraries: Mapping[str, Library]) -> dict[str, list[Linear]]:
     """Rows of each component in each run: output minus own input on the columns of its library.
 
     Parameters
@@ -106,7 +106,7 @@ def shared_rows(runs: Sequence[KnownRun], libraries: Mapping[str, Library]) -> d
 
 
 def _together(
-    run: KnownRun, libraries: Mapping[str, Library], products: Library, which: Mapping[str, NDArray[np.intp]]
+    run: Run, libraries: Mapping[str, Library], products: Library, which: Mapping[str, NDArray[np.intp]]
 ) -> dict[str, Linear]:
     """Rows of the components of one kind in a run."""
     rows: dict[str, Linear] = {}
@@ -116,7 +116,7 @@ def _together(
     return rows
 
 
-def _rows(run: KnownRun, name: str, lib: Library, whole: Together) -> Linear:
+def _rows(run: Run, name: str, lib: Library, whole: Together) -> Linear:
     one = run.component(name)
     return Linear(
         name=run.name,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Linear
-from imubayes.rig.inputs import ImuRun, TriadRun, durations
+from imubayes.rig.inputs import Run, durations
 
 Stills = tuple[tuple[int, int], ...]
 """(start, stop) sample indices of each still."""
@@ -38,7 +38,7 @@ BINS = 256
 """Bins of the histogram that the threshold is taken from."""
 
 
-def find_stills(run: TriadRun) -> Stills:
+def find_stills(run: Run) -> Stills:
     """(start, stop) sample indices of each still.
 
     The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
@@ -56,7 +56,7 @@ def find_stills(run: TriadRun) -> Stills:
             f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
         )
     quiet = _quiet(run, width)
-    if run.rate is not None:
+    if run.rate.size:
         quiet &= _unturned(run.rate, width, quiet)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
     # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
@@ -76,7 +76,7 @@ def rows_of(stills: Stills) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def still_rows(
-    run: TriadRun | ImuRun,
+    run: Run,
     stills: Stills,
     component: str,
     names: tuple[str, ...],
@@ -116,9 +116,9 @@ def times_of(t: FloatArray, stills: Stills) -> tuple[tuple[float, float], ...]:
     return tuple((float(t[a]), float(t[b - 1])) for a, b in stills)
 
 
-def _quiet(run: TriadRun, width: int) -> NDArray[np.bool_]:
+def _quiet(run: Run, width: int) -> NDArray[np.bool_]:
     """Windows at rest: (n - width + 1,)."""
-    variance = _rolling_variance(run.output, width)
+    variance = _rolling_variance(run.force, width)
     least = max(STILLEST * float(variance.max()), np.finfo(float).tiny)
     spread = np.log(np.maximum(variance, least))
     quiet = spread < _threshold(spread)

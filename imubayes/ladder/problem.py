@@ -11,7 +11,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.fidelity import LADDER, RungName, Size
-from imubayes.campaign.preparation import AnyRun, Prepared, component_prior, prepare
+from imubayes.campaign.preparation import Prepared, component_prior, prepare
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.mcmc.chains import Chains, NoiseDraw
@@ -56,7 +56,7 @@ class Problem:
 
 
 def problem_of(
-    spec: SensorSpec, runs: Sequence[AnyRun], *, costs: Costs = EQUAL, hierarchical: bool = False
+    spec: SensorSpec, runs: Sequence[Run], *, costs: Costs = EQUAL, hierarchical: bool = False
 ) -> Problem:
     """Problem of a sensor and its runs.
 
@@ -64,15 +64,14 @@ def problem_of(
     ------
     InputError : if a run is one of several components, such as a free tumble, or there is no run.
     """
-    known = tuple(run for run in runs if isinstance(run, Run))
-    free = [run.name for run in runs if not isinstance(run, Run)]
-    if free or not known:
+    free = [run.name for run in runs if run.of_case]
+    if free or not runs:
         what = f"run '{free[0]}' is one of several components" if free else "there is no run"
         raise InputError(
             f"sensor '{spec.id}': {what}, and the ladder of methods takes runs of one component with known"
             " inputs: use --method in place of --budget or --accuracy"
         )
-    return Problem(spec, known, component_prior(spec, known)[0], costs, hierarchical)
+    return Problem(spec, tuple(runs), component_prior(spec, runs)[0], costs, hierarchical)
 
 
 def size_of(problem: Problem) -> Size:

@@ -335,9 +335,8 @@ def _done(study: PlanStudy) -> tuple[tuple[Run, ...], Prepared | None]:
     """Runs that are done, and what they say."""
     if not study.spec.runs:
         return (), None
-    found = runs_of_sensor(study.spec, study.seed, 0)
-    done = tuple(run for run in found if isinstance(run, Run))
-    if len(done) < len(found):
+    done = runs_of_sensor(study.spec, study.seed, 0)
+    if any(run.of_case for run in done):
         raise StudyError(
             f"sensor '{study.spec.id}': a plan goes on from runs with known inputs, not a free tumble"
         )

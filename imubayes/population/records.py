@@ -272,7 +272,7 @@ def unit_record(study: FleetStudy, unit: Unit) -> Record:
         return tested(unit.number, spec, unit.lot, 0, seed)
     files = [(run, run_file(run, unit)) for run in spec.runs]
     spec = replace(spec, runs=tuple(replace(run, file=file, shown=str(file)) for run, file in files))
-    runs = tuple(run for run in runs_of(spec, study.seed, 0) if isinstance(run, Run))
+    runs = runs_of(spec, study.seed, 0)
     return record_of(unit.number, spec, runs, np.full(len(spec.library.terms), np.nan), [*seed, 1])
 
 

@@ -15,8 +15,7 @@ from imubayes.rig.checks import check_output, earth_left_out
 from imubayes.rig.columns import resolve
 from imubayes.rig.formats import Table, bare, read_table
 from imubayes.rig.inputs import (
-    ImuRun,
-    KnownRun,
+    Inputs,
     Run,
     Section,
     Source,
@@ -55,12 +54,8 @@ SAME_TIME = 0.01
 """Share of the interval by which time stamps of two files of one run may differ."""
 
 
-def read_imu_run(spec: RunSpec) -> ImuRun | KnownRun:
+def read_imu_run(spec: RunSpec) -> Run:
     """Read and check the file of a run of a whole IMU, or the two files.
-
-    Returns
-    -------
-    a `KnownRun` where the procedure has known inputs, else an `ImuRun`.
 
     Raises
     ------
@@ -72,7 +67,7 @@ def read_imu_run(spec: RunSpec) -> ImuRun | KnownRun:
     return _partly_known(spec, spec.file) if spec.procedure in CASES else _known(spec, spec.file)
 
 
-def _partly_known(spec: RunSpec, file: Path) -> ImuRun:
+def _partly_known(spec: RunSpec, file: Path) -> Run:
     if spec.gravity is None:
         raise DataError(f"run '{spec.name}': a {spec.procedure} run needs gravity = \"9.81 m/s^2\"")
     t, force, within, source = outputs_of(spec, file, ACCELEROMETERS)
@@ -86,8 +81,8 @@ def _partly_known(spec: RunSpec, file: Path) -> ImuRun:
             )
     whole, interval = _both(source, other, spec), sampling_interval(t)
     sections = tuple(_among(section, kept, spec.name, whole) for section in spec.sections)
-    within = (taken(t, kept), taken(force, kept), taken(rate, kept))
-    return ImuRun(spec.name, spec.procedure, *within, spec.gravity, interval, whole, sections)
+    inputs, output = Inputs(taken(t, kept), {}, interval), taken(np.hstack((force, rate)), kept)
+    return Run(spec.name, spec.procedure, inputs, output, whole, gravity=spec.gravity, sections=sections)
 
 
 def _among(section: Section, kept: BoolArray, run: str, source: Source) -> Section:
@@ -123,7 +118,7 @@ def _both(source: Source, other: Source, spec: RunSpec) -> Source:
     return Source(files, digests, columns, notes)
 
 
-def _known(spec: RunSpec, file: Path) -> KnownRun:
+def _known(spec: RunSpec, file: Path) -> Run:
     shown = spec.shown or str(file)
     path = existing(file, shown, spec.origin)
     _refuse_long(path, shown)
@@ -153,7 +148,7 @@ def _known(spec: RunSpec, file: Path) -> KnownRun:
         rate, within, other = _rates(spec, spec.gyroscope_file, t, source)
         source, said, kept = _both(source, other, spec), [*said, *rate.T], kept & within
     output = taken(np.column_stack(said), kept)
-    return KnownRun(spec.name, spec.procedure, inputs.kept(kept), output, source)
+    return Run(spec.name, spec.procedure, inputs.kept(kept), output, source)
 
 
 def _refuse_long(path: Path, shown: str) -> None:
@@ -207,7 +202,7 @@ class Made:
 
 def simulate_imu(
     specs: Iterable[RunSpec], made: Made, rng: np.random.Generator
-) -> tuple[tuple[KnownRun, ...], Mapping[str, float]]:
+) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Simulate the runs of a whole IMU: the axes i, j, k of a plan are x, y, z of the case.
 
     All six components see the same motion, errors of the bench included, each along its own axes; their noise
@@ -234,7 +229,7 @@ def simulate_imu(
     said = [_component(name, moved, made, truth, errors, rng) for name in COMPONENTS]
     source = Source(notes=(_note(made),))
     runs = tuple(
-        KnownRun(plan.name, plan.procedure, case_inputs(plan.inputs), np.column_stack(outputs), source)
+        Run(plan.name, plan.procedure, case_inputs(plan.inputs), np.column_stack(outputs), source)
         for plan, outputs in zip(plans, zip(*said, strict=True), strict=True)
     )
     return runs, {**truth, **errors}

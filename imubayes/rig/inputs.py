@@ -75,17 +75,22 @@ class Source:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One recorded or simulated run of one component with known inputs.
+    """One recorded or simulated run: what a component said, or all components of a case on one clock.
 
     Attributes
     ----------
     name : as in the study, unique within the sensor.
-    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
-    inputs : what was applied.
-    output : (n,) what the component said, SI (m/s^2 or rad/s).
+    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static, free-tumble, ferraris or other.
+    inputs : what was applied; along the case axes (``f_x`` ... ``dw_z``, ``T``, ``dT``) where the output is
+        of several components; without channels where the inputs are not known.
+    output : (n,) what the component said, SI (m/s^2 or rad/s); (n, 3) ax, ay, az of a triad along the case
+        axes x, y, z; (n, 6) these and gx, gy, gz of a whole IMU.
     source : where it came from.
     stream : the file's own rows, where they are too many to be held: inputs and output are then averages over
         blocks of them; None where they are the rows.
+    gravity : local gravity, m/s^2, of a run of which only |f| = g is known while it is at rest; 0 where its
+        inputs are known.
+    sections : the parts of such a run whose inputs are known; none for a free tumble.
     """
 
     name: str
@@ -94,6 +99,8 @@ class Run:
     output: FloatArray
     source: Source = field(default_factory=Source)
     stream: Stream | None = None
+    gravity: float = 0.0
+    sections: tuple[Section, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -106,6 +113,41 @@ class Run:
         if self.stream is not None:
             return self.stream.extremes
         return {**self.inputs.channels, "output": self.output}
+
+    @property
+    def of_case(self) -> bool:
+        """Whether it is of several components in one case."""
+        return self.output.ndim == 2
+
+    @property
+    def known(self) -> bool:
+        """Whether its inputs are known."""
+        return self.gravity == 0.0
+
+    @property
+    def t(self) -> FloatArray:
+        """(n,) s."""
+        return self.inputs.t
+
+    @property
+    def interval(self) -> float:
+        """Averaging time of one sample, s."""
+        return self.inputs.interval
+
+    @property
+    def force(self) -> FloatArray:
+        """(n, 3) what the accelerometers of a case said, m/s^2."""
+        return self.output[:, :3]
+
+    @property
+    def rate(self) -> FloatArray:
+        """(n, 3) what the gyroscopes of a case said, rad/s; (n, 0) where there are none."""
+        return self.output[:, 3:]
+
+    def component(self, name: str) -> Run:
+        """Run of one component of a case, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
+        output = self.output[:, COMPONENTS.index(name)]
+        return replace(self, inputs=own_inputs(self.inputs, name), output=output)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,96 +229,6 @@ class Section:
         """Unit vector (3,) that points up, along the case axes."""
         sign = -1.0 if self.up.startswith("-") else 1.0
         return sign * np.eye(3)["xyz".index(self.up[-1])]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TriadRun:
-    """A reference-free run of a triad: only |f| = g is known, while it is at rest.
-
-    Attributes
-    ----------
-    name : as in the study.
-    procedure : ``free-tumble``.
-    t : (n,) s.
-    output : (n, 3) the three components along the case axes x, y, z, m/s^2.
-    gravity : local gravity, m/s^2.
-    interval : averaging time of one sample, s.
-    source : where it came from.
-    rate : (n, 3) of gyroscopes beside them, rad/s, which see slow turns; None where there are none.
-    """
-
-    name: str
-    procedure: str
-    t: FloatArray
-    output: FloatArray
-    gravity: float
-    interval: float
-    source: Source = field(default_factory=Source)
-    rate: FloatArray | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ImuRun:
-    """A run of a whole IMU: accelerometers and gyroscopes of one case on one clock.
-
-    Attributes
-    ----------
-    name : as in the study.
-    procedure : ``free-tumble`` or ``ferraris``.
-    t : (n,) s.
-    force : (n, 3) ax, ay, az along the case axes x, y, z, m/s^2.
-    rate : (n, 3) gx, gy, gz, rad/s.
-    gravity : local gravity, m/s^2.
-    interval : averaging time of one sample, s.
-    source : where it came from.
-    sections : the parts of a run whose inputs are known; none for a free tumble.
-    """
-
-    name: str
-    procedure: str
-    t: FloatArray
-    force: FloatArray
-    rate: FloatArray
-    gravity: float
-    interval: float
-    source: Source = field(default_factory=Source)
-    sections: tuple[Section, ...] = ()
-
-    @property
-    def accelerometers(self) -> TriadRun:
-        """The accelerometers alone."""
-        return TriadRun(
-            self.name, self.procedure, self.t, self.force, self.gravity, self.interval, self.source, self.rate
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KnownRun:
-    """A run of a whole IMU whose inputs are known: six components in one case, on one clock.
-
-    Attributes
-    ----------
-    name : as in the study.
-    procedure : tumble, centrifuge, rate-table, oscillation, thermal, static or other.
-    inputs : what was applied, along the case axes: channels ``f_x`` ... ``dw_z``, ``T``, ``dT``.
-    output : (n, 6) what ax, ay, az (m/s^2), gx, gy, gz (rad/s) said.
-    source : where it came from.
-    """
-
-    name: str
-    procedure: str
-    inputs: Inputs
-    output: FloatArray
-    source: Source = field(default_factory=Source)
-
-    def component(self, name: str) -> Run:
-        """Run of one component, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
-        output = self.output[:, COMPONENTS.index(name)]
-        return Run(self.name, self.procedure, own_inputs(self.inputs, name), output, self.source)
-
-
-CaseRun = TriadRun | ImuRun | KnownRun
-"""A run of several components in one case."""
 
 
 def own_inputs(inputs: Inputs, component: str) -> Inputs:

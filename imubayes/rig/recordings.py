@@ -17,7 +17,7 @@ from imubayes.errors import DataError
 from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump
 from imubayes.rig.columns import Column, ColumnSpec, channel_unit, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import Inputs, KnownRun, Run, Section, Source, sampling_interval
+from imubayes.rig.inputs import Inputs, Run, Section, Source, sampling_interval
 from imubayes.rig.saturation import within_range
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
@@ -266,7 +266,7 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     _write({**_inputs(run.inputs), "output": run.output}, path, output_unit=OUTPUT_UNIT[kind])
 
 
-def write_imu_run(run: KnownRun, path: Path) -> None:
+def write_imu_run(run: Run, path: Path) -> None:
     """Write a run of a whole IMU as `write_run` does, the inputs along the axes of the case.
 
     Raises

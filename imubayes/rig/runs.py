@@ -12,7 +12,7 @@ from imubayes.errors import DataError, InputError, StudyError
 from imubayes.rig.checks import check_output, earth_left_out
 from imubayes.rig.columns import resolve
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import Run, TriadRun, sampling_interval, taken
+from imubayes.rig.inputs import Inputs, Run, sampling_interval, taken
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import (
     FREE_TUMBLE,
@@ -62,7 +62,7 @@ def read_run(
     lib: Library | None = None,
     *,
     tell: Callable[[str], None] = lambda message: None,
-) -> Run | TriadRun:
+) -> Run:
     """Read and check the file of a run.
 
     Parameters
@@ -75,10 +75,9 @@ def read_run(
 
     Returns
     -------
-    a `TriadRun` for the procedure ``free-tumble``, else a `Run`. Where the file has a temperature and no
-    ``dT``, that channel is the rate of the recorded temperature (see `temperature_rate`). Input channels that
-    the file does not have are absent (zero), and the source's notes say so; without a column ``mount`` the
-    whole run is one mounting.
+    the run. Where the file has a temperature and no ``dT``, that channel is the rate of the recorded
+    temperature (see `temperature_rate`). Input channels that the file does not have are absent (zero), and
+    the source's notes say so; without a column ``mount`` the whole run is one mounting.
 
     Raises
     ------
@@ -181,11 +180,11 @@ def _run(spec: RunSpec, kind: Kind, table: Table, sha256: str) -> Run:
     return Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)
 
 
-def _triad_run(spec: RunSpec, file: Path) -> TriadRun:
+def _triad_run(spec: RunSpec, file: Path) -> Run:
     if spec.gravity is None:
         raise DataError(
             f"run '{spec.name}': a free tumble needs gravity, for example gravity = \"9.81 m/s^2\""
         )
     t, output, kept, source = outputs_of(spec, file, TRIAD)
-    within, interval = (taken(t, kept), taken(output, kept)), sampling_interval(t)
-    return TriadRun(spec.name, spec.procedure, *within, spec.gravity, interval, source)
+    inputs = Inputs(taken(t, kept), {}, sampling_interval(t))
+    return Run(spec.name, spec.procedure, inputs, taken(output, kept), source, gravity=spec.gravity)

@@ -13,7 +13,6 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.case import Case
 from imubayes.inference.recovered import recover
 from imubayes.population.classes import pooled_by_kind
-from imubayes.rig.inputs import ImuRun, TriadRun
 from imubayes.selection.decision import Selection
 from imubayes.sensors.terms import Kind
 
@@ -29,7 +28,7 @@ def of_case(
         term.mean if term.name in one.model and term.verdict != "unresolved" else 0.0
         for one, term in terms
     ]
-    runs = [run for run in ready.runs if isinstance(run, TriadRun | ImuRun)]
+    runs = [run for run in ready.runs if not run.known]
     try:
         found = recover(case, runs, ready.prior.sd, np.array(kept))
     except ConvergenceError:  # data and prior disagree, which the report says first of all

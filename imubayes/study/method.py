@@ -18,7 +18,6 @@ import numpy as np
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import (
-    AnyRun,
     Prepared,
     before_fit,
     prepare,
@@ -50,7 +49,7 @@ from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
 from imubayes.ladder.rungs import by_accuracy, by_budget
 from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
-from imubayes.rig.inputs import CaseRun, Run
+from imubayes.rig.inputs import Run
 from imubayes.rig.saturation import saturated
 from imubayes.selection.decision import Selection, loose_fit, select
 from imubayes.selection.draws import posterior_draws, prior_draws
@@ -90,12 +89,11 @@ def run(
         job.tell(f"reading {counted(len(spec.runs), 'run')}")
         runs = runs_of(spec, study.seed, k, job.tell)
         with _named(spec):
-            case = _of_case(runs)
-            quicker(_quicker(job, case, runs))
+            quicker(_quicker(job, runs))
             if study.sampling.climbs:
                 found = [_on_ladder(job, runs)]
             else:
-                found = _case(job, case) if case else [_single(job, _of_component(runs))]
+                found = _case(job, runs) if runs[0].of_case else [_single(job, runs)]
             results.append((spec, found))
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
@@ -104,9 +102,9 @@ def run(
     return StudyResult(study, components, between_sessions(results), scenes, tuple(in_common(results)))
 
 
-def _quicker(job: _Job, case: Sequence[CaseRun], runs: Sequence[AnyRun]) -> str:
+def _quicker(job: _Job, runs: Sequence[Run]) -> str:
     """Say what a budget would give; empty where there is no choice of methods."""
-    if case or job.study.sampling.climbs:
+    if runs[0].of_case or job.study.sampling.climbs:
         return ""
     size, law = size_of(problem_of(job.spec, runs)), known_law()
     rung = within(SHORT, size, law)
@@ -124,8 +122,7 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
     for k, spec in enumerate(study.sensors):
         runs = runs_of(spec, study.seed, k)
         with _named(spec):
-            case = _of_case(runs)
-            checks += _case_check(spec, case) if case else [_check(spec, _of_component(runs))]
+            checks += _case_check(spec, runs) if runs[0].of_case else [_check(spec, runs)]
     return tuple(checks)
 
 
@@ -140,7 +137,7 @@ def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
     )
 
 
-def _case_check(spec: SensorSpec, runs: Sequence[CaseRun]) -> list[SensorCheck]:
+def _case_check(spec: SensorSpec, runs: Sequence[Run]) -> list[SensorCheck]:
     case, ready = prepare_case(spec, runs, blind=True)
     return [
         SensorCheck(
@@ -213,16 +210,15 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     checks = tuple(
         check_residuals(run, rows, theta, summary, level=level_of(job.share, len(ready.runs)))
         for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
-        if isinstance(run, Run)
     )
-    inputs = [run.inputs.channels for run in ready.runs if isinstance(run, Run)]
+    inputs = [run.inputs.channels for run in ready.runs]
     told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
     processes = processes_of(job.study.noise, ready.rows, spec.sensor_class, theta=theta, **_told_to(job))
     result = _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
     return replace(result, processes=processes)
 
 
-def _on_ladder(job: _Job, runs: Sequence[AnyRun]) -> SensorResult:
+def _on_ladder(job: _Job, runs: Sequence[Run]) -> SensorResult:
     """Characterise one component with known inputs by the rung that a budget or an accuracy asks for.
 
     What a budget is short of is left out: other methods, residuals, what the library lacks.
@@ -243,7 +239,7 @@ def _on_ladder(job: _Job, runs: Sequence[AnyRun]) -> SensorResult:
     return replace(result, choice=choice, chains=chains)
 
 
-def _case(job: _Job, runs: Sequence[CaseRun]) -> list[SensorResult]:
+def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
     start, spec = time.perf_counter(), job.spec
     job.tell("stills, noise and linearisation")
@@ -420,12 +416,3 @@ def _named(spec: SensorSpec) -> Iterator[None]:
         yield
     except UnobservableError as error:
         raise UnobservableError(f"sensor '{spec.id}': {error}", error.terms) from None
-
-
-def _of_case(runs: Sequence[AnyRun]) -> list[CaseRun]:
-    """Runs of several components among the runs; a sensor has all of them or none."""
-    return [run for run in runs if isinstance(run, CaseRun)]
-
-
-def _of_component(runs: Sequence[AnyRun]) -> list[Run]:
-    return [run for run in runs if isinstance(run, Run)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 
@@ -20,7 +20,7 @@ QUIET = Noise(6e-4, 1e-4, 0.0)  # m/s^2: 60 ug/sqrt(Hz), 10 ug
 class HandTumble:
     """A record, the sample indices [start, stop) at which the hand was at rest, and the directions there."""
 
-    run: TriadRun
+    run: Run
     held: tuple[tuple[int, int], ...]
     up: np.ndarray
 
@@ -58,7 +58,7 @@ def hand_tumble():
         f, held = specific_force(up, hold, 1.0, rng)
         t = INTERVAL * np.arange(len(f))
         noises = np.column_stack([synthesise(noise, t, INTERVAL, rng) for _ in range(3)])
-        run = TriadRun("hand", "free-tumble", t, f + deviation(f) + noises, GRAVITY, INTERVAL)
+        run = Run("hand", "free-tumble", Inputs(t, {}, INTERVAL), f + deviation(f) + noises, gravity=GRAVITY)
         return HandTumble(run, held, up)
 
     return make

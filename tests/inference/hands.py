@@ -8,7 +8,7 @@ import numpy as np
 
 from imubayes.inference.strapdown import rotation
 from imubayes.inference.triad import Triad, triad_of
-from imubayes.rig.inputs import ImuRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 
@@ -72,11 +72,12 @@ def with_truth(lib, truth, *, referenced: bool = False) -> Triad:
 
 def in_the_hand(
     accelerometers: Triad, gyroscopes: Triad, *, stills: int = 24, noises=NOISES, seed: int = 1
-) -> ImuRun:
+) -> Run:
     """Record of an IMU with given coefficients."""
     rng = np.random.default_rng(seed)
     true = motion(stills, rng)
     noisy = [np.column_stack([synthesise(n, true.t, INTERVAL, rng) for _ in range(3)]) for n in noises]
     force = true.f + accelerometers.deviation(true.f) + noisy[0]
     rate = true.w + gyroscopes.deviation(true.w, true.f) + noisy[1]
-    return ImuRun("hand", "free-tumble", true.t, force, rate, GRAVITY, INTERVAL)
+    inputs = Inputs(true.t, {}, INTERVAL)
+    return Run("hand", "free-tumble", inputs, np.hstack((force, rate)), gravity=GRAVITY)

@@ -16,7 +16,7 @@ from imubayes.inference.between_stills import directions
 from imubayes.inference.stills import find_stills
 from imubayes.inference.triad import Triad, calibration, triad_of
 from imubayes.reporting.rounding import measured
-from imubayes.rig.inputs import ImuRun
+from imubayes.rig.inputs import Run
 from imubayes.study.schema import read_runs, read_study
 
 ROOT = Path(__file__).parents[2]
@@ -106,8 +106,8 @@ def imu_tk_rows() -> Iterator[tuple[str, ...]]:
 
 def _rest_rows(found: Found, force: Triad, rate: Triad, nominal) -> Iterator[tuple[str, ...]]:
     """imu_tk's bias is the output in the first still: bias and g-sensitivity there."""
-    run: ImuRun = found.run
-    stills = find_stills(run.accelerometers)[:1]
+    run: Run = found.run
+    stills = find_stills(run)[:1]
     f = directions(force, run, stills).f
     at_rest = rate.deviation(np.zeros((1, 3)), f)[0]
     for c, name in enumerate(rate.components):

@@ -16,7 +16,7 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import find_stills
 from imubayes.inference.triad import calibration, triad_of
-from imubayes.rig.inputs import ImuRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.noise import NoiseRule
@@ -81,7 +81,7 @@ def test_rows_are_the_derivatives_of_the_turned_directions():
     linear = {name: value for name, value in TRUTH.items() if ".g_" not in name}
     force, rate = hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, linear)
     run = hands.in_the_hand(force, rate)
-    stills = find_stills(run.accelerometers)
+    stills = find_stills(run)
 
     def left(triads):
         rows = turn_rows(directions(triads[0], run, stills), triads[1], noises=hands.NOISES)
@@ -152,7 +152,7 @@ def test_error_of_gravity_is_no_error_of_the_gyroscopes():
 
 def test_too_few_turns_are_refused():
     run = simulated(1)
-    stills = find_stills(run.accelerometers)
+    stills = find_stills(run)
     seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills[:5])
     with pytest.raises(UnobservableError, match="has 4 turns without a gap between its 5 stills"):
         turn_rows(seen, triad_of(OF_RATE), noises=hands.NOISES)
@@ -160,11 +160,11 @@ def test_too_few_turns_are_refused():
 
 def test_turn_with_a_gap_is_left_out():
     run = simulated(1)
-    stills = find_stills(run.accelerometers)
+    stills = find_stills(run)
     seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills)
     whole = turn_rows(seen, triad_of(OF_RATE), noises=hands.NOISES)
     late = np.arange(len(run.t)) > stills[3][1] + 20
-    broken = replace(run, t=run.t + 1.0 * late)
+    broken = replace(run, inputs=replace(run.inputs, t=run.t + 1.0 * late))
     rows = turn_rows(replace(seen, run=broken), triad_of(OF_RATE), noises=hands.NOISES)
     assert len(rows) == len(whole) - 2
 
@@ -181,13 +181,14 @@ def xsens(recordings):
     force, rate = (np.loadtxt(folder / f"xsens_{name}.mat") for name in ("acc", "gyro"))
     t = force[:, 0]
     outputs = ((part[:, 1:] - 32768.0) * scale for part, scale in zip((force, rate), SCALES, strict=True))
-    return ImuRun("hand", "free-tumble", t, *outputs, 9.81744, float(np.median(np.diff(t))))
+    inputs = Inputs(t, {}, float(np.median(np.diff(t))))
+    return Run("hand", "free-tumble", inputs, np.hstack(list(outputs)), gravity=9.81744)
 
 
 def test_xsens_rests_at_the_biases_that_imu_tk_published(xsens):
     """imu_tk's bias is the output in the first still, z up: bias and g-sensitivity, within a count."""
     case = solve_imu_tumble([xsens], asked(OF_FORCE), asked(only(OF_RATE, (*LINEAR, "g_i", "g_j", "g_k"))))
-    first = directions(case.triads[0], xsens, find_stills(xsens.accelerometers)[:1]).f
+    first = directions(case.triads[0], xsens, find_stills(xsens)[:1]).f
     at_rest = case.triads[1].deviation(np.zeros((1, 3)), first)[0] / SCALES[1] + 32768.0
     np.testing.assert_allclose(at_rest, [bias for bias, _ in PUBLISHED], rtol=0.0, atol=1.0)
     # bias alone is 7 counts off: g-sensitivity is needed
@@ -201,7 +202,7 @@ def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
     """
     monkeypatch.setattr("imubayes.inference.between_stills._direction_variance", lambda *_: 1e-3)
     published = (np.array([bias for bias, _ in PUBLISHED]) - 32768.0) * SCALES[1]
-    run = replace(xsens, rate=xsens.rate - published)
+    run = replace(xsens, output=np.hstack((xsens.force, xsens.rate - published)))
     lib = only(OF_RATE, LINEAR)
     rate = asked(lib)
     held = [

@@ -1,6 +1,7 @@
 """Known positions and turns: imucal, which is the same data by another route, and simulated truths."""
 
 import json
+from dataclasses import replace
 
 import hands
 import numpy as np
@@ -13,7 +14,7 @@ from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.observability import observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
-from imubayes.rig.inputs import ImuRun, Section
+from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library, library
@@ -68,7 +69,14 @@ def session(recordings):
     )
     t, rate = table[:, 0] / 102.4, np.deg2rad(table[:, 1:4])
     return (
-        ImuRun("bench", "ferraris", t, table[:, 4:], rate, 9.81, 1.0 / 102.4, sections=sections),
+        Run(
+            "bench",
+            "ferraris",
+            Inputs(t, {}, 1.0 / 102.4),
+            np.hstack((table[:, 4:], rate)),
+            gravity=9.81,
+            sections=sections,
+        ),
         table,
         regions,
     )
@@ -136,7 +144,8 @@ def on_a_table(faces=0.0, seed=1):
     f, w = np.concatenate(force), np.concatenate(rate)
     white = [noise.N / np.sqrt(dt) * rng.normal(size=(n, 3)) for noise in NOISES]
     outputs = (f + triads[0].deviation(f) + white[0], w + triads[1].deviation(w, f) + white[1])
-    return ImuRun("bench", "ferraris", dt * np.arange(n), *outputs, 9.81, dt, sections=tuple(sections))
+    inputs = Inputs(dt * np.arange(n), {}, dt)
+    return Run("bench", "ferraris", inputs, np.hstack(outputs), gravity=9.81, sections=tuple(sections))
 
 
 @pytest.mark.parametrize(("faces", "allowed"), [(0.0, None), (0.02, 0.02)])
@@ -173,6 +182,6 @@ def test_exact_faces_tell_misalignments_and_tilted_ones_do_not():
 
 def test_a_run_without_turns_is_refused():
     run = on_a_table()
-    still = ImuRun("bench", "ferraris", run.t, run.force, run.rate, 9.81, 0.01, sections=run.sections[:6])
+    still = replace(run, sections=run.sections[:6])
     with pytest.raises(UnobservableError, match="gyroscopes need one about each axis"):
         solve_ferraris([still], asked(0), asked(1))

@@ -14,7 +14,7 @@ from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import summarize
 from imubayes.inference.triad import RELATIVE, angles_of
 from imubayes.rig.imu_runs import Made, simulate_imu
-from imubayes.rig.inputs import Inputs, KnownRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import sensor, typical_noise
@@ -92,7 +92,7 @@ def spoken(f, w, truth, noise=None):
     said = forward(imu_of(parts), signals(f, w))
     output = np.column_stack((said.f, said.w))
     channels = {f"{q}_{axis}": v[:, k] for q, v in (("f", f), ("w", w)) for k, axis in enumerate("xyz")}
-    return KnownRun("run", "other", Inputs(np.arange(n) * 1.0, channels, 1.0), output)
+    return Run("run", "other", Inputs(np.arange(n) * 1.0, channels, 1.0), output)
 
 
 def applied(run):
@@ -263,7 +263,7 @@ def test_a_case_turned_in_its_fixture_looks_like_a_triad_turned_in_its_case():
 
 def test_a_check_does_not_look_at_what_the_imu_said():
     runs, _ = simulated(1)
-    silent = [KnownRun(run.name, run.procedure, run.inputs, np.zeros_like(run.output)) for run in runs]
+    silent = [Run(run.name, run.procedure, run.inputs, np.zeros_like(run.output)) for run in runs]
     wanted = asked(rules=given(), reference=BENCH)
     said, unsaid = (solve_known_case(r, *wanted, blind=True).summary.factor.R for r in (runs, silent))
     size = np.linalg.norm(said, axis=0)[:-1]

@@ -12,7 +12,7 @@ from imubayes.inference.noise_limits import detection_limits
 from imubayes.inference.noise_models import likelihood, noise_data
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.inference.stills import find_stills
-from imubayes.rig.inputs import ImuRun, Section
+from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
 from imubayes.sensors.terms import Library, library
@@ -47,7 +47,8 @@ def on_a_table(force=0.0, rate=0.0, seed=1):
         np.repeat(np.broadcast_to(added, (7, 3)), SAMPLES, axis=0) + part
         for added, part in zip((force, rate), said, strict=True)
     ]
-    return ImuRun("bench", "ferraris", DT * np.arange(n), *moved, G, DT, sections=sections)
+    inputs = Inputs(DT * np.arange(n), {}, DT)
+    return Run("bench", "ferraris", inputs, np.hstack(moved), gravity=G, sections=sections)
 
 
 def told(run, name):
@@ -92,7 +93,7 @@ def test_what_drifts_from_still_to_still_is_hidden_in_accelerometers_alone():
 def test_stills_of_a_free_tumble_are_those_of_its_accelerometers():
     run = hands.in_the_hand(*TRIADS, stills=12, seed=4)
     rows = rows_at_rest([run], CASE)
-    stills = find_stills(run.accelerometers)
+    stills = find_stills(run)
     assert len(rows["ax"][0]) == len(rows["gz"][0]) == sum(b - a for a, b in stills)
     assert len(rows["ax"][0].names) == len(stills)
     assert rows["gz"][0].names == LIBRARIES[1].names

@@ -13,7 +13,7 @@ from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import COMPONENTS, Triad, calibration, triad_of
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -109,7 +109,7 @@ def test_relabelling_the_axes_relabels_what_is_found(hand_tumble):
     lib = library("accelerometer", powers=1, asymmetry=-1)
     run = hand_tumble(output_error()).run
     order = [1, 2, 0]
-    relabelled = TriadRun(run.name, run.procedure, run.t, run.output[:, order], run.gravity, run.interval)
+    relabelled = replace(run, output=run.output[:, order])
     plain, other = solve(run, lib), solve(relabelled, lib)
     square = plain.triads[0].gain() @ plain.triads[0].gain().T
     # they differ by what the prior says of another parameterisation: a small share of the error bar
@@ -129,9 +129,7 @@ def test_relabelling_the_axes_relabels_what_is_found(hand_tumble):
 def test_mirrored_axis_mirrors_its_terms(hand_tumble):
     """z and its output reversed: even terms of az and odd ones across it change sign, nothing else."""
     run = hand_tumble(output_error(quadratic=K2)).run
-    reversed_z = TriadRun(
-        run.name, run.procedure, run.t, run.output * np.array([1.0, 1.0, -1.0]), run.gravity, run.interval
-    )
+    reversed_z = replace(run, output=run.output * np.array([1.0, 1.0, -1.0]))
     plain, other = solve(run), solve(reversed_z)
     along_z = {"ax": "k", "ay": "j", "az": "i"}
     signs = []
@@ -206,7 +204,7 @@ def xsens(recordings):
     t, *axes = np.loadtxt(recordings / "imu_tk_xsens" / "xsens_acc.mat").T
     output = (np.column_stack(axes) - 32768.0) * 2.42e-3
     # local gravity as in imu_tk's own test program
-    return solve(TriadRun("hand", "free-tumble", t, output, 9.81744, 0.01))
+    return solve(Run("hand", "free-tumble", Inputs(t, {}, 0.01), output, gravity=9.81744))
 
 
 def test_xsens_recording_has_the_published_calibration(xsens):

@@ -15,7 +15,7 @@ from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.recovered import recover
 from imubayes.inference.triad import triad_of
-from imubayes.rig.inputs import ImuRun, Section
+from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library, library
 
@@ -71,7 +71,15 @@ def positions(truth, seed):
         np.column_stack([hands.synthesise(noise, t, dt, rng) for _ in range(3)]) for noise in hands.NOISES
     ]
     outputs = (f + truth[0].deviation(f) + noisy[0], w + truth[1].deviation(w, f) + noisy[1])
-    return ImuRun("bench", "ferraris", t, *outputs, hands.GRAVITY, dt, sections=tuple(sections))
+    inputs = Inputs(t, {}, dt)
+    return Run(
+        "bench",
+        "ferraris",
+        inputs,
+        np.hstack(outputs),
+        gravity=hands.GRAVITY,
+        sections=tuple(sections),
+    )
 
 
 @cache

@@ -7,7 +7,7 @@ from imubayes.algebra.factor import posterior, with_prior_rows
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.whitened import whitened_factor
-from imubayes.rig.inputs import Inputs, KnownRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise
@@ -31,7 +31,7 @@ def run():
     names = [f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in "xyz"]
     channels = {name: rng.normal(size=n) for name in names} | {"T": 298.15 + rng.normal(size=n)}
     t = np.cumsum(rng.uniform(0.5, 1.5, n))
-    return KnownRun("run", "other", Inputs(t, channels, 1.0), rng.normal(size=(n, 6)))
+    return Run("run", "other", Inputs(t, channels, 1.0), rng.normal(size=(n, 6)))
 
 
 @pytest.mark.parametrize("noise", [Noise(1.0, 0.0, 0.0), Noise(1.0, 0.3, 0.1)])

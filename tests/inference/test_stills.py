@@ -8,7 +8,7 @@ import pytest
 from imubayes.errors import UnobservableError
 from imubayes.inference import stills
 from imubayes.inference.stills import WINDOW, find_stills
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.noise import Noise
 
 QUIET = Noise(6e-4, 1e-4, 0.0)
@@ -56,7 +56,7 @@ def test_a_slow_turn_about_gravity_is_no_rest_where_gyroscopes_see_it(hand_tumbl
     middle = (start + stop) // 2
     rate[middle:stop, 2] += 0.05 * np.sin(2.0 * np.pi * run.t[middle:stop])
     assert_found(tumble)
-    found = find_stills(replace(run, rate=rate))
+    found = find_stills(replace(run, output=np.hstack((run.output, rate))))
     assert len(found) == len(tumble.held)
     # a window that holds a part of the swing is no rest, and half a window is trimmed before it
     assert found[3][1] <= middle + 0.5 * WINDOW / run.interval
@@ -78,20 +78,20 @@ def test_stills_hardly_depend_on_the_window(hand_tumble, monkeypatch, factor):
 def test_coarse_counts_that_do_not_change_at_rest_are_rest(hand_tumble):
     tumble = hand_tumble()
     coarse = 0.05 * np.rint(tumble.run.output / 0.05)  # 8 sd of the noise
-    run = TriadRun("coarse", "free-tumble", tumble.run.t, coarse, 9.81, tumble.run.interval)
+    run = replace(tumble.run, output=coarse)
     assert_found(replace(tumble, run=run))
 
 
 def test_scale_offset_and_rotation_of_the_output_change_no_still(hand_tumble):
     run = hand_tumble().run
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
-    counts = TriadRun(run.name, run.procedure, run.t, 400.0 * run.output @ turn + 32768.0, 9.81, run.interval)
+    counts = replace(run, output=400.0 * run.output @ turn + 32768.0)
     assert find_stills(counts) == find_stills(run)
 
 
 def test_mirrored_time_mirrors_the_stills(hand_tumble):
     run = hand_tumble().run
-    back = TriadRun(run.name, run.procedure, run.t, run.output[::-1], run.gravity, run.interval)
+    back = replace(run, output=run.output[::-1])
     mirrored = tuple((len(run.t) - b, len(run.t) - a) for a, b in reversed(find_stills(back)))
     np.testing.assert_allclose(mirrored, find_stills(run), atol=1)  # an even window has no middle sample
 
@@ -99,14 +99,16 @@ def test_mirrored_time_mirrors_the_stills(hand_tumble):
 def test_recorded_xsens_tumble_has_its_38_stills(recordings):
     t, *axes = np.loadtxt(recordings / "imu_tk_xsens" / "xsens_acc.mat").T
     output = (np.column_stack(axes) - 32768.0) * 2.42e-3
-    run = TriadRun("hand", "free-tumble", t, output, 9.81744, 0.01)
+    run = Run("hand", "free-tumble", Inputs(t, {}, 0.01), output, gravity=9.81744)
     found = find_stills(run)
     assert len(found) == 38
     assert t[found[0][1] - 1] - t[found[0][0]] > 45.0  # the rest of 50 s that it begins with
 
 
 def test_too_short_a_record_is_refused():
-    run = TriadRun("short", "free-tumble", 0.01 * np.arange(250.0), np.ones((250, 3)), 9.81, 0.01)
+    run = Run(
+        "short", "free-tumble", Inputs(0.01 * np.arange(250.0), {}, 0.01), np.ones((250, 3)), gravity=9.81
+    )
     with pytest.raises(UnobservableError, match="too short"):
         find_stills(run)
 
@@ -120,7 +122,7 @@ def test_too_short_a_record_is_refused():
     ],
 )
 def test_a_record_that_lacks_rest_or_motion_is_refused(moving):
-    run = TriadRun("one of them", "free-tumble", 0.01 * np.arange(6000.0), moving, 9.81, 0.01)
+    run = Run("one of them", "free-tumble", Inputs(0.01 * np.arange(6000.0), {}, 0.01), moving, gravity=9.81)
     with pytest.raises(UnobservableError, match="no stills that differ from motion"):
         find_stills(run)
 

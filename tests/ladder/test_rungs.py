@@ -11,7 +11,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, prepared, problem_of, size_of
 from imubayes.ladder.rungs import RUNGS, stand
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import Inputs, Run
 
 NAMES = [rung.name for rung in LADDER]
 SHORT = Limits(ess=200.0, time_limit=2.0)
@@ -114,7 +114,7 @@ def test_free_tumbles_are_told_where_to_go():
     one = problem()
     run = one.runs[0]
     output = np.zeros((len(run.output), 3))
-    free = TriadRun("free", "free-tumble", run.inputs.t, output, 9.8, 1.0, run.source)
+    free = Run("free", "free-tumble", Inputs(run.inputs.t, {}, 1.0), output, run.source, gravity=9.8)
     with pytest.raises(InputError, match=r"'free' is one of several components.*--method"):
         problem_of(one.spec, [free])
 

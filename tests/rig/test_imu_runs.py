@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.errors import DataError
 from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
-from imubayes.rig.inputs import KnownRun, Section
+from imubayes.rig.inputs import Section
 from imubayes.rig.recordings import RunSpec, write_imu_run
 from imubayes.rig.runs import plan_run
 from imubayes.sensors.catalogue import sensor, typical_noise
@@ -38,7 +38,6 @@ def test_a_written_run_is_read_to_the_last_bit(tmp_path):
     (run,), _ = simulate_imu([TABLE], made(), np.random.default_rng(1))
     write_imu_run(run, tmp_path / "run.csv")
     again = read_imu_run(RunSpec("table", "rate-table", tmp_path / "run.csv", "run.csv"))
-    assert isinstance(again, KnownRun)
     np.testing.assert_array_equal(again.output, run.output)
     np.testing.assert_array_equal(again.inputs.t, run.inputs.t)
     np.testing.assert_array_equal(again.inputs.mount, run.inputs.mount)
@@ -50,7 +49,6 @@ def test_a_written_run_is_read_to_the_last_bit(tmp_path):
 def test_inputs_are_along_the_axes_of_the_case(tmp_path):
     spec, table = file_of(tmp_path, f"t [s],f_x [m/s^2],f_y [g],w_z [deg/s],{OUTPUTS}")
     run = read_imu_run(spec)
-    assert isinstance(run, KnownRun)
     np.testing.assert_allclose(run.component("ay").inputs.channels["f_i"], 9.80665 * table[:, 2])
     np.testing.assert_allclose(run.component("ay").inputs.channels["f_k"], table[:, 1])
     np.testing.assert_allclose(run.component("gx").inputs.channels["w_k"], np.deg2rad(table[:, 3]))
@@ -63,7 +61,6 @@ def test_gyroscopes_may_have_a_file_of_their_own(tmp_path):
     spec, table = file_of(tmp_path, f"t [s],f_x [m/s^2],{OUTPUTS[: OUTPUTS.index(',gx')]}")
     other, rates = file_of(tmp_path / "apart", "t [s],gx [rad/s],gy [rad/s],gz [rad/s]")
     run = read_imu_run(RunSpec("run", "tumble", spec.file, "run.csv", gyroscope_file=other.file))
-    assert isinstance(run, KnownRun)
     np.testing.assert_array_equal(run.output, np.column_stack((table[:, 2:], rates[:, 1:])))
 
 

@@ -15,7 +15,7 @@ from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
 from imubayes.reporting.words import answer
-from imubayes.rig.inputs import TriadRun
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -311,7 +311,7 @@ def test_a_free_tumble_without_a_class_is_refused(hand_held):
 
 @pytest.fixture
 def hand_held(monkeypatch):
-    run = TriadRun("hand", "free-tumble", np.arange(5.0), np.ones((5, 3)), 9.81, 1.0)
+    run = Run("hand", "free-tumble", Inputs(np.arange(5.0), {}, 1.0), np.ones((5, 3)), gravity=9.81)
     monkeypatch.setattr(method, "runs_of", lambda *_: (run,))
 
 

@@ -18,7 +18,6 @@ from imubayes.ladder.machine import cores
 from imubayes.ladder.problem import Problem, problem_of
 from imubayes.population.lots import LotStudy, lot_of, spec_of
 from imubayes.population.records import simulate_unit
-from imubayes.rig.inputs import ImuRun, TriadRun
 from imubayes.sensors.lots import Lot
 
 NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
@@ -125,7 +124,7 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         if only and spec.id not in only:
             continue
         runs = runs_of(spec, study.seed, k)
-        if any(isinstance(run, TriadRun | ImuRun) for run in runs):
+        if not all(run.known for run in runs):
             left_out.append((spec.id, FREE))
             continue
         problem = problem_of(spec, runs, costs=study.costs, hierarchical=study.hierarchical)

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign.preparation import AnyRun, runs_of
+from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
 from imubayes.planning.menu import PlanStudy
 from imubayes.population.lots import LotStudy
 from imubayes.population.records import FleetStudy
+from imubayes.rig.inputs import Run
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
@@ -144,7 +145,7 @@ def read_plan(path: Path) -> PlanStudy:
     return plan_study(*_of_sensors(path))
 
 
-def read_runs(path: Path | str, sensor: str = "") -> tuple[AnyRun, ...]:
+def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
     """Read (or simulate) the runs of a sensor of a study file by its id; by default of the first.
 
     Raises

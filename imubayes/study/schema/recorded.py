@@ -13,7 +13,7 @@ from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
 from imubayes.planning.menu import pauses, runs_of
-from imubayes.rig.inputs import KnownRun, Run
+from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import write_imu_run, write_run
 from imubayes.study.schema.run_tables import located
 
@@ -95,8 +95,8 @@ def _run_lines(found: Proposal, table: dict[str, Any], offer: int, steps: list[S
     yield "]"
 
 
-def _write(run: Run | KnownRun, file: Path, sensor: SensorSpec) -> None:
-    if isinstance(run, KnownRun):
+def _write(run: Run, file: Path, sensor: SensorSpec) -> None:
+    if run.of_case:
         write_imu_run(run, file)
     else:
         write_run(run, file, kind=sensor.kind)
