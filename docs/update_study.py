@@ -1,7 +1,8 @@
 """Make the tables of keys in docs/study.md and docs/plan.md, and docs/study.schema.json.
 
 Run it by ``python docs/update_study.py`` where imubayes is installed. It prints nothing. The first table of
-keys under a heading that is a table of a study (``### `[sampling]` ``) is replaced.
+keys under a heading that is a table of a study (``### `[sampling]` ``) is replaced, and so is every table
+whose header names a part of a result (``| `terms[]` | value | meaning |``).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from imubayes.reporting.result.file import result_schema
 from imubayes.study.schema.described import SHAPES, study_schema
 
 DOCS = Path(__file__).resolve().parent
@@ -25,6 +27,40 @@ SORTS = {
     "object": "table",
 }
 MANY = {"text": "texts", "table": "tables", "integer": "integers", "number": "numbers"}
+RESULTS = {
+    "result.json": "SensorsResult",
+    "sensors[]": "Sensor",
+    "terms[]": "Term",
+    "mcmc": "Mcmc",
+    "extras[]": "Extra",
+    "scenes[]": "Scene",
+    "scenes[].terms[]": "TermInScene",
+    "cases[]": "Case",
+    "recovered[]": "RecoveredErrors",
+    "sessions[]": "Sessions",
+    "population[]": "Population",
+    "population[].terms[]": "PopulationTerm",
+    "result.json of lots": "LotsResult",
+    "lots": "Lots",
+    "classes[]": "Class",
+    "classes[].terms[]": "ClassTerm",
+    "units[]": "Unit",
+    "scenes[] of lots": "ClassInScene",
+    "scenes[].terms[] of lots": "ClassTermInScene",
+    "result.json of a fleet": "FleetResult",
+    "fleet": "Fleet",
+    "fleet.terms[]": "FleetTerm",
+    "result.json of a plan": "PlanResult",
+    "plan": "Plan",
+    "plan.terms[]": "PlannedTerm",
+    "plans[]": "PlanFound",
+    "result.json of a trade": "TradeResult",
+    "rungs[]": "Rung",
+    "scores[]": "RungScore",
+    "components[]": "Component",
+    "components[].rungs[]": "ComponentRung",
+}
+"""Parts of a result that have a table of their own, by its header."""
 
 
 def main() -> None:
@@ -37,7 +73,10 @@ def made() -> dict[str, str]:
     """Texts of the files, by their names."""
     schema = study_schema()
     tables = dict(keyed(schema["$defs"]))
-    pages = {name: filled((DOCS / name).read_text(encoding="utf-8"), tables) for name in PAGES}
+    parts = result_schema()["$defs"]
+    pages = {
+        name: published(filled((DOCS / name).read_text(encoding="utf-8"), tables), parts) for name in PAGES
+    }
     return {"study.schema.json": lines_of(schema) + "\n", **pages}
 
 
@@ -73,6 +112,18 @@ def filled(page: str, tables: dict[str, str]) -> str:
     return "".join(parts)
 
 
+def published(page: str, parts: dict[str, Any]) -> str:
+    """Page with its tables of a result's keys made again."""
+    for header, name in RESULTS.items():
+        head = f"| `{header}` | value | meaning |\n|---|---|---|\n"
+        rows = "".join(
+            f"| `{key}` | {sort(one)} | {one['description']} |\n"
+            for key, one in parts[name]["properties"].items()
+        )
+        page = re.sub(rf"{re.escape(head)}(\|.*\n)*", lambda _, made=head + rows: made, page)
+    return page
+
+
 def row(key: str, one: dict[str, Any], shape: dict[str, Any]) -> str:
     """One key: what it takes, what it is without it, what it means."""
     default = "needed" if key in shape.get("required", ()) else usual(one)
@@ -93,12 +144,14 @@ def sort(one: dict[str, Any]) -> str:
     >>> sort({"type": "integer", "minimum": 1}), sort({"type": "array", "items": {"type": "string"}})
     ('integer, 1 or more', 'list of texts')
     """
-    if "anyOf" in one:
-        return " or ".join(dict.fromkeys(sort(way).partition(",")[0] for way in one["anyOf"]))
+    if "anyOf" in one:  # what may be null says so by its meaning
+        ways = [way for way in one["anyOf"] if way != {"type": "null"}]
+        return " or ".join(dict.fromkeys(sort(way).partition(",")[0] for way in ways))
     if one.get("type") == "array":
         items = sort(one["prefixItems"][0] if "prefixItems" in one else one.get("items", {}))
         size = f"{one['minItems']} " if "minItems" in one else ""
-        return f"list of {size}{MANY.get(items) or items.replace('quantity', 'quantities')}"
+        named = MANY.get(items) or items.replace("quantity", "quantities").replace("list of", "lists of", 1)
+        return f"list of {size}{named}"
     if "format" in one:
         return one["format"]
     words = SORTS[one.get("type", "object" if "$ref" in one else "string")]

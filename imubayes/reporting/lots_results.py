@@ -20,14 +20,15 @@ from imubayes.population.needs import (
 from imubayes.reporting.lots_sentences import lots_answer
 from imubayes.reporting.lots_words import fleet_answer, simulated, status
 from imubayes.reporting.provenance import provenance
-from imubayes.reporting.result.entries import Fleet, FleetTerm
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
     Class,
     ClassInScene,
     ClassTerm,
     ClassTermInScene,
+    Fleet,
     FleetResult,
+    FleetTerm,
     Lots,
     LotsResult,
 )

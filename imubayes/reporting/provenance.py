@@ -12,7 +12,7 @@ import imubayes
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from imubayes.reporting.result.entries import Provenance
+    from imubayes.reporting.result.parts import Provenance
 
 
 def provenance(path: Path, text: str, command: str) -> Provenance:

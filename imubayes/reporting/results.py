@@ -12,22 +12,16 @@ from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.entries import (
-    Criterion,
-    Disagreement,
     Extra,
     Mcmc,
-    Population,
-    PopulationTerm,
     Run,
-    Sensitivity,
     Sensor,
     SensorsResult,
-    Sessions,
-    SparseSupport,
     Term,
-    Votes,
 )
 from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.many import Population, PopulationTerm, Sessions
+from imubayes.reporting.result.parts import Criterion, Disagreement, Sensitivity, SparseSupport, Votes
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.scene_words import published_scene
@@ -43,7 +37,7 @@ if TYPE_CHECKING:
     from imubayes.inference.summary import RunSummary
     from imubayes.population.classes import ClassInCommon, TermInClass
     from imubayes.population.sessions import Repeatability
-    from imubayes.reporting.result.entries import Moments
+    from imubayes.reporting.result.parts import Moments
     from imubayes.selection.panel import Panel
 
 NO_PANEL: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""The published result of a study of sensors: what ``result.json`` holds, in SI; small tables on one line."""
+"""The published result of a study of sensors: what ``result.json`` holds, in SI, and what each key means."""
 
 from __future__ import annotations
 
@@ -8,6 +8,37 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
+from imubayes.reporting.result.many import Population, Sessions
+from imubayes.reporting.result.parts import (
+    Appendix,
+    Budget,
+    Column,
+    Confounded,
+    Criterion,
+    Digits,
+    DistrustedDwell,
+    Drop,
+    ErrorSize,
+    Evidence,
+    Misfit,
+    ModelProbability,
+    Noise,
+    NoiseDraws,
+    Observed,
+    Pooled,
+    Processes,
+    Provenance,
+    RecoveredRms,
+    Reduced,
+    Residuals,
+    RungChoice,
+    Sensitivity,
+    SparseSupport,
+    Standard,
+    TermGroup,
+    Unasked,
+    Votes,
+)
 from imubayes.reporting.result.values import (
     PUBLISHED,
     Count,
@@ -18,184 +49,115 @@ from imubayes.reporting.result.values import (
     Names,
     Number,
     Numbers,
+    says,
 )
 
 # fmt: off
-Provenance = TypedDict("Provenance", {
-    "study_file": str, "study_text": str, "command": str, "versions": dict[str, str],
-})
-Noise = TypedDict("Noise", {"N": Number, "B": Number, "K": Number})
-Moments = TypedDict("Moments", {"mean": Number, "sd": Number, "q05": Number, "q95": Number})
-NoiseDraws = TypedDict("NoiseDraws", {"N": Moments, "B": Moments, "K": Moments})
-ProcessSet = TypedDict("ProcessSet", {"processes": Names, "probability": Number})
-Allan = TypedDict("Allan", {
-    "values": dict[str, Number], "log_sd": dict[str, Number], "chi2": Number, "dof": Count,
-})
-Step = TypedDict("Step", {"rung": str, "change_sd": Number, "change_inclusion": Number})
-NextRung = TypedDict("NextRung", {
-    "rung": str, "seconds": Number, "change_sd": Number, "change_inclusion": Number, "foreseen_by": str,
-})
-RungChoice = TypedDict("RungChoice", {
-    "rung": str, "asked": str, "met": Flag, "seconds": Number, "foreseen_seconds": Number,
-    "climbed": tuple[Step, ...], "next": NextRung | None,
-})
-SparseSupport = TypedDict("SparseSupport", {
-    "model": Names, "inclusion": dict[str, Number], "strength": Number, "stable": Names, "cut": Number,
-    "false_bound": Number,
-})
-Sensitivity = TypedDict("Sensitivity", {
-    "widths": Numbers, "inclusion": dict[str, Numbers], "g_prior": dict[str, Number], "left_out": Names,
-    "swing": Names,
-})
-Disagreement = TypedDict("Disagreement", {"term": str, "methods": Names, "cause": str, "text": str})
-Votes = TypedDict("Votes", {
-    "terms": Names, "strength": dict[str, Numbers], "keeps": dict[str, Numbers],
-    "disagreements": tuple[Disagreement, ...],
-})
-Loss = TypedDict("Loss", {"terms": Names, "lost": Number})
-Reduced = TypedDict("Reduced", {
-    "terms": Names, "coefficients": Numbers, "budget": Number, "lost": Number, "path": tuple[Loss, ...],
-})
-Unasked = TypedDict("Unasked", {"method": str, "reason": str})
-Dependence = TypedDict("Dependence", {"run": str, "input": str, "p": Number, "share": Number, "size": Number})
-Misfit = TypedDict("Misfit", {
-    "text": str, "found": tuple[Dependence, ...], "dependences": tuple[Dependence, ...],
-    "predictive_p": dict[str, Number], "level": Number,
-})
-TermGroup = TypedDict("TermGroup", {"terms": Names, "any_inclusion": Number})
-Evidence = TypedDict("Evidence", {"value": Number, "sd": Number, "exact": Number})
 Extra = TypedDict("Extra", {
-    "name": str, "kind": str, "unit": str, "prior_sd": Number, "mean": Number, "sd": Number,
-    "confounded_with": Names, "text": str, "printed_unit": str,
-})
-DistrustedDwell = TypedDict("DistrustedDwell", {
-    "run": str, "start": Number, "stop": Number, "probability": Number, "offset": Number, "sd": Number,
-})
-ModelProbability = TypedDict("ModelProbability", {"terms": Names, "probability": Number})
-Confounded = TypedDict("Confounded", {
-    "terms": Names, "direction": Numbers, "seen": Number, "exact": Flag, "reason": str, "remedy": str,
-})
-Observed = TypedDict("Observed", {"tested": Flag, "ratio": Number, "alone": Number, "vif": Number})
-Outlier = TypedDict("Outlier", {"start": Number, "stop": Number, "size": Number})
-Column = TypedDict("Column", {"column": str, "channel": str, "unit": str})
-Digits = TypedDict("Digits", {"coefficients": Count, "sd": Count, "log_evidence": Count, "inclusion": Count})
-AbsorbedTerms = TypedDict("AbsorbedTerms", {
-    "terms": Names, "inputs": str, "rms": Number, "left": Number, "printed_unit": str,
-})
-Budget = TypedDict("Budget", {"quantity": str, "limit": Number})
-ErrorSize = TypedDict("ErrorSize", {"median": Number, "q95": Number})
-Interval = TypedDict("Interval", {"value": Number, "low": Number, "high": Number})
-Drop = TypedDict("Drop", {"terms": Count, "dropped": str, "error": Number})
-BetweenSessions = TypedDict("BetweenSessions", {"mean": Number, "q05": Number, "q95": Number})
-Spread = TypedDict("Spread", {"median": Number, "q05": Number, "q95": Number})
-PopulationMean = TypedDict("PopulationMean", {"sd": Number, "median": Number, "q05": Number, "q95": Number})
-SessionShift = TypedDict("SessionShift", {"sessions": Names, "mean": Numbers, "sd": Numbers})
-Measurement = TypedDict("Measurement", {"noise": Number, "alias": Number})
-NeededShare = TypedDict("NeededShare", {"share": Number, "q05": Number, "q95": Number})
-RecoveredRms = TypedDict("RecoveredRms", {
-    "before": Number, "after": Number, "flown": Number, "fitted": Number, "fresh": Number,
-})
-Pooled = TypedDict("Pooled", {"inclusion": Number, "verdict": str})
-Appendix = TypedDict("Appendix", {"title": str, "command": str})
-Coverage = TypedDict("Coverage", {"held": Count, "of": Count, "share": Interval})
-Check = TypedDict("Check", {
-    "precision": Interval, "recall": Interval, "cells": tuple[Count, Count], "population_mean": Coverage,
-    "population_spread": Coverage, "untold": Count,
-})
-Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
-Broken = TypedDict("Broken", {"number": Count, "name": str, "error": str})
-NoiseIntervals = TypedDict("NoiseIntervals", {"N": Interval, "B": Interval, "K": Interval})
-Process = TypedDict("Process", {
-    "unit": str, "printed_unit": str, "inclusion": Number, "mean": Number, "sd": Number, "q05": Number,
-    "q50": Number, "q95": Number, "limit95": Number, "detection_limit": Number, "verdict": str,
-    "reason": str, "confounded_with": Names,
-})
-Processes = TypedDict("Processes", {
-    "identified": Names, "prior_source": str, "rows": Count, "processes": dict[str, Process],
-    "sets": tuple[ProcessSet, ...], "allan": Allan | None,
-})
-Criterion = TypedDict("Criterion", {
-    "model": Names, "value": Number, "lead": Number, "inclusion": dict[str, Number], "samples": Number,
-    "compared": Count, "exact": Flag, "pareto_k": Number, "note": str,
+    "name": Annotated[str, says("such as `fixture_j.tumble.2`, about j in mount 2 of run `tumble`")],
+    "kind": Annotated[str, says("key of `[sensor.reference]`")],
+    "unit": Annotated[str, says("SI")],
+    "prior_sd": Annotated[Number, says("sd of the prior")],
+    "mean": Annotated[Number, says("posterior with all candidate terms")],
+    "sd": Annotated[Number, says("the same")],
+    "confounded_with": Annotated[Names, says(
+        "terms and extras that the test sees only in combination with it"
+    )],
+    "text": Annotated[str, says("in words")],
+    "printed_unit": Annotated[str, says("the unit that people use")],
 })
 Mcmc = TypedDict("Mcmc", {
-    "sampler": str, "draws": Count, "ess_min": Number, "rhat_max": Number, "acceptance": Number,
-    "seconds": Number, "converged": Flag, "text": str, "tau_max": Number, "steps": Count, "walkers": Count,
-    "ensembles": Count, "worst": str | None, "interpolation_error": Number, "log_evidence": Evidence | None,
-})
-Residuals = TypedDict("Residuals", {
-    "run": str, "scale": Number, "whiteness_p": Number, "normality_p": Number, "sample_scale": Number,
-    "sample_whiteness_p": Number, "fits": Flag, "level": Number, "outliers": tuple[Outlier, ...],
-})
-Symbol = TypedDict("Symbol", {
-    "symbol": str, "value": Number, "sd": Number, "unit": str, "printed_unit": str, "term": str,
-    "verdict": str, "note": str,
-})
-Standard = TypedDict("Standard", {
-    "title": str, "values": tuple[Symbol, ...], "untested": Names, "absent": Names, "exact": str,
-    "standard_only": Names, "general_only": Names, "absorbed": AbsorbedTerms | None, "trouble": str,
-})
-Sessions = TypedDict("Sessions", {
-    "parameter": str, "unit": str, "printed_unit": str, "units": Names, "sessions": Names, "mean": Matrix,
-    "sd": Matrix, "pulls": tuple[Matrix, ...], "p_value": Number, "level": Number,
-    "between": BetweenSessions, "exceeds": Flag, "shared": Number,
-})
-PopulationTerm = TypedDict("PopulationTerm", {
-    "parameter": str, "term": str, "component": str, "unit": str, "printed_unit": str, "class_size": Number,
-    "mean": PopulationMean, "unit_to_unit": Spread, "turn_on": Spread, "turn_on_own": Spread,
-    "turn_on_common": Spread, "p_value": Number, "level": Number, "common_share": Spread,
-    "next_unit": Spread, "session_shift": SessionShift, "measurement": Measurement, "verdict": str,
-    "reason": str, "answers": dict[str, Count], "needed": NeededShare, "pooled_inclusion": Number,
-})
-Population = TypedDict("Population", {
-    "class": str, "kind": Kind, "units": Names, "sessions": Names, "components": Names,
-    "terms": tuple[PopulationTerm, ...],
+    "sampler": Annotated[str, says("`exact` (the draws are independent), `collapsed` or `full`")],
+    "draws": Annotated[Count, says("kept in `posterior.nc`")],
+    "ess_min": Annotated[Number, says("smallest effective sample size of a parameter")],
+    "rhat_max": Annotated[Number, says("largest split R-hat")],
+    "acceptance": Annotated[Number, says("share of accepted proposals")],
+    "seconds": Annotated[Number, says("of computing, interrupted runs included")],
+    "converged": Annotated[Flag, says(
+        "whether every parameter has the asked effective sample size and a split R-hat below 1.01"
+    )],
+    "text": Annotated[str, says("why the chains ended, in words")],
+    "tau_max": Annotated[Number, says("longest autocorrelation time, in steps")],
+    "steps": Annotated[Count, says("of each walker")],
+    "walkers": Annotated[Count, says("of each ensemble")],
+    "ensembles": Annotated[Count, says("that are independent")],
+    "worst": Annotated[str | None, says("the parameter with the smallest effective sample size")],
+    "interpolation_error": Annotated[Number, says("largest error of the log density, in nats")],
+    "log_evidence": Annotated[Evidence | None, says(
+        "`value` and Monte Carlo `sd` of that of the full library, by bridge sampling: a check of the "
+        "`exact` one; `null` without chains"
+    )],
 })
 RecoveredErrors = TypedDict("RecoveredErrors", {
-    "run": str, "what": str, "unit": str, "count": Count, "rms": RecoveredRms, "within_2_sd": Count,
-    "of": Count, "saturated": Flag, "errors": Matrix, "sd": Matrix,
+    "run": Annotated[str, says("of the quantities")],
+    "what": Annotated[str, says(
+        "`gravity` (length of the force in a still minus local g), `rest` (rates there), `closure` "
+        "(sine of the angle by which up, carried through a turn, misses up in the next still) or "
+        "`turn` (angle of a known turn minus that)"
+    )],
+    "unit": Annotated[str, says("SI")],
+    "count": Annotated[Count, says("of stills or turns")],
+    "rms": Annotated[RecoveredRms, says(
+        "of the raw output (`before`), compensated under the full library (`after`) and by the kept "
+        "terms (`flown`, what `imubayes export` writes); sd that the joint posterior and the noise "
+        "over a still or turn give `after` (`fitted`), and new stills and turns (`fresh`)"
+    )],
+    "within_2_sd": Annotated[Count, says("errors that lie within 2 sd of zero")],
+    "of": Annotated[Count, says("how many")],
+    "saturated": Annotated[Flag, says(
+        "whether the fit has a coefficient for each error; the sd is then that of new ones"
+    )],
+    "errors": Annotated[Matrix, says("each error of `after`")],
+    "sd": Annotated[Matrix, says("of each")],
 })
 Case = TypedDict("Case", {
-    "id": str, "recovered": tuple[RecoveredErrors, ...], "pooled": dict[str, dict[str, Pooled]],
+    "id": Annotated[str, says("of the sensor whose components these are")],
+    "recovered": Annotated[tuple[RecoveredErrors, ...], says(
+        "known quantities of runs in the hand or with sections, raw and compensated"
+    )],
+    "pooled": Annotated[dict[str, dict[str, Pooled]], says(
+        "of each kind and term: `inclusion` in one model for all components, `verdict` (`cannot tell` "
+        "where no component's test can; else by the inclusion, but `undecided` where that is against "
+        "what every component that tells says)"
+    )],
 })
-FleetTerm = TypedDict("FleetTerm", {
-    "name": str, "needed": Interval, "open": Number, "mean": Interval, "spread": Interval,
-    "true_mean": Number, "true_spread": Number, "symbol": str, "unit": str, "verdicts": dict[str, Count],
-})
-Fleet = TypedDict("Fleet", {
-    "kind": Kind, "class": str, "units": Count, "read": Count, "samples": Count,
-    "terms": tuple[FleetTerm, ...], "order": Interval, "noise": NoiseIntervals, "outliers": Count,
-    "limit": Number, "worst": tuple[Worst, ...], "broken": tuple[Broken, ...],
-})
-# fmt: on
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class Term:
     """A term of a component; `printed_unit` is the one that people use."""
 
-    name: str
-    symbol: str
-    unit: str
-    mean: Number
-    sd: Number
-    q05: Number
-    q95: Number
-    full_mean: Number
-    full_sd: Number
-    prior_sd: Number
-    inclusion: Number
-    inclusion_range: Numbers
-    limit95: Number
-    verdict: str
-    reason: str
-    confounded_with: Names
-    group: str
-    printed_unit: str
-    effect: Number
-    plug_in_inclusion: Number
-    mcmc_mean: Number
-    mcmc_sd: Number
+    name: Annotated[str, says("of the term")]
+    symbol: Annotated[str, says(
+        "in the IEEE standard of the class's technology (`-` where it has none, as for a gyroscope "
+        "without a class)"
+    )]
+    unit: Annotated[str, says("SI")]
+    mean: Annotated[Number, says(
+        "averaged over models (for a confounded term, over those that contain its partners); where "
+        "more than 2,000 models count, over so many that are drawn from them: right to about 0.02 `sd`"
+    )]
+    sd: Annotated[Number, says("of the same posterior")]
+    q05: Annotated[Number, says("its 5 % point")]
+    q95: Annotated[Number, says("its 95 % point")]
+    full_mean: Annotated[Number, says("with all candidate terms")]
+    full_sd: Annotated[Number, says("the same")]
+    prior_sd: Annotated[Number, says("sd of the prior")]
+    inclusion: Annotated[Number, says("probability that the term is in the model")]
+    inclusion_range: Annotated[Numbers, says("its range over prior widths x 1/3, 1, 3")]
+    limit95: Annotated[Number, says("the term's size, were it in the model, stays below this with 95 %")]
+    verdict: Annotated[str, says("see [verdicts](#verdicts)")]
+    reason: Annotated[str, says("in words")]
+    confounded_with: Annotated[Names, says("terms that the test sees only in combination with it")]
+    group: Annotated[str, says("part of the model equation")]
+    printed_unit: Annotated[str, says("the unit that people use")]
+    effect: Annotated[Number, says("largest effect over the test at `mean`, m/s^2 or rad/s")]
+    plug_in_inclusion: Annotated[Number, says(
+        "`inclusion` with the noise at its best estimate, where it is averaged over the chains' noise; "
+        "else `null`"
+    )]
+    mcmc_mean: Annotated[Number, says("with all candidate terms, by the chains; else `null`")]
+    mcmc_sd: Annotated[Number, says("the same")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
@@ -222,100 +184,207 @@ class Run:
 class Sensor:
     """What a study says of one component."""
 
-    id: str
-    kind: Kind
-    class_: Annotated[str | None, Field(alias="class")]
-    samples: Count
-    noise: dict[str, Noise]
-    noise_posterior: dict[str, NoiseDraws]
-    noise_processes: dict[str, Processes]
-    method: str
-    method_reason: str
-    choice: RungChoice | None
-    terms: tuple[Term, ...]
-    model: Names
-    log_evidence: Number
-    criteria: dict[str, Criterion]
-    sindy: dict[str, SparseSupport]
-    sensitivity: Sensitivity | None
-    votes: Votes | None
-    reduced: Reduced | None
-    unasked: tuple[Unasked, ...]
-    misfit: Misfit | None
-    groups: tuple[TermGroup, ...]
-    mcmc: Mcmc
-    extras: tuple[Extra, ...]
-    distrusted: tuple[DistrustedDwell, ...]
-    n_models: Count
-    drawn_models: Count
-    missing: Number
-    inclusion_error: Number
-    best_models: tuple[ModelProbability, ...]
-    by_size: Numbers
-    candidates: Names
-    inclusion_by_width: dict[str, Numbers]
-    confounded: tuple[Confounded, ...]
-    observability: dict[str, Observed]
-    residuals: tuple[Residuals, ...]
-    runs: tuple[Run, ...]
-    prior_source: str
-    calibration: Loose | None
-    digits: Digits | None
-    pooled_inclusion: dict[str, Number]
-    standards: dict[str, Standard]
-    seconds: Number
+    id: Annotated[str, says("of the component")]
+    kind: Annotated[Kind, says("accelerometer or gyroscope")]
+    class_: Annotated[str | None, Field(alias="class", description="of the catalogue; null without one")]
+    samples: Annotated[Count, says("that were used")]
+    noise: Annotated[dict[str, Noise], says("N, B, K of each run")]
+    noise_posterior: Annotated[dict[str, NoiseDraws], says(
+        "the same by the chains (mean, sd, 5 % and 95 % points); empty without chains"
+    )]
+    noise_processes: Annotated[dict[str, Processes], says(
+        "of each run that was asked: processes `identified`; of each process inclusion, mean, sd and "
+        "quantiles over the sets that have it, `limit95`, `detection_limit` (size that a run of this "
+        "length finds with 95 %), verdict; the best `sets`; the fit of the Allan variance (`allan`)"
+    )]
+    method: Annotated[str, says("how the posterior was computed")]
+    method_reason: Annotated[str, says("why so")]
+    choice: Annotated[RungChoice | None, says(
+        "where `--budget` or `--accuracy` chose the method, else null: the `rung` taken, what was "
+        "`asked`, whether that was `met`, its `seconds` and what was foreseen (`foreseen_seconds`), "
+        "what each step `climbed` changed (`change_sd`, `change_inclusion`), and the `next` one with "
+        "what it would take and change"
+    )]
+    terms: Annotated[tuple[Term, ...], says("of the library")]
+    model: Annotated[Names, says(
+        "excited terms with inclusion 0.5 or more (median probability model; with `[decision]` costs, "
+        "from their threshold on). No term that is `untested` or `not needed` is in it"
+    )]
+    log_evidence: Annotated[Number, says("of the data, averaged over all models")]
+    criteria: Annotated[dict[str, Criterion], says(
+        "of each information criterion and predictive score: its best subset `model`, `value` "
+        "(deviance scale: smaller is better), `lead` over the next subset, weight of each term "
+        "(`inclusion`), effective `samples` of the coloured noise, subsets that were `compared` and "
+        "whether that is all of them (`exact`), tail of importance sampling (`pareto_k`), `note`; "
+        "empty without `compare`"
+    )]
+    sindy: Annotated[dict[str, SparseSupport], says(
+        "of each sparse regression: the support `model`, the `strength` (threshold in detectable "
+        "effects, or number of terms) that it is chosen at, frequency of each term over resampled "
+        "campaigns (`inclusion`), terms that are `stable` at the frequency `cut`, and how many of "
+        "these are false at most, on average (`false_bound`)"
+    )]
+    sensitivity: Annotated[Sensitivity | None, says(
+        "inclusion of each term over prior `widths`, under a hyper-g prior (`g_prior`; not of terms "
+        "that are `left_out`), and terms whose inclusion crosses a threshold between 1/3 and 3 "
+        "(`swing`); like the next two `null` without `compare`"
+    )]
+    votes: Annotated[Votes | None, says(
+        "for each of the `terms` that the test excites, in their order, how strongly each method is "
+        "for it (`strength`) and whether its model has it (`keeps`: 1 or 0, `null` where it says "
+        "nothing); `disagreements` with the decision: `term`, `methods`, `cause`, `text`"
+    )]
+    reduced: Annotated[Reduced | None, says(
+        "smallest model whose predictions over the test's inputs stay within the `budget` (rms, SI): "
+        "`terms`, `coefficients`, the rms that is `lost`, and the `path` of smaller and larger models"
+    )]
+    unasked: Annotated[tuple[Unasked, ...], says(
+        "opinions that are left out because they could not be had, each with its `method` and the "
+        "`reason`; they have `null` in the votes"
+    )]
+    misfit: Annotated[Misfit | None, says(
+        "what the residuals say (each run against each input and time; rising against falling for T "
+        "and the own input) that the library does not contain: `text`, dependences that chance does "
+        "not explain (`found`) and all of them (`dependences`: `run`, `input`, `p`, `share` of the "
+        "residuals' variance, `size` in SI), posterior predictive p-value of each run "
+        "(`predictive_p`), and how near to 0 or 1 that is odd (`level`); `p` is corrected for all "
+        "residual tests of the study, and something is found below 0.01"
+    )]
+    groups: Annotated[tuple[TermGroup, ...], says(
+        "of each group of terms that the test sees in one combination only: `terms`, and the "
+        "probability that at least one of them is in the model (`any_inclusion`)"
+    )]
+    mcmc: Annotated[Mcmc, says("of the draws in `posterior.nc`")]
+    extras: Annotated[tuple[Extra, ...], says("errors of the test bench")]
+    distrusted: Annotated[tuple[DistrustedDwell, ...], says(
+        "dwells that are left out because they are contaminated, or pull too hard for what is known of "
+        "them: `run`, `start` and `stop` in s, `probability`, `offset` and its `sd`"
+    )]
+    n_models: Annotated[Count, says("number of models")]
+    drawn_models: Annotated[Count, says(
+        "where more models count than `mean` and `sd` can be averaged over: how many are drawn from "
+        "them for that; else 0"
+    )]
+    missing: Annotated[Number, says(
+        "bound on the probability of the models that were not weighed (`null` where there is none); 0 "
+        "up to 26 candidates, and `null` where a cheap method picked the models"
+    )]
+    inclusion_error: Annotated[Number, says(
+        "largest standard error of an inclusion where models were drawn; 0 and `null` like `missing`"
+    )]
+    best_models: Annotated[tuple[ModelProbability, ...], says("the ten most probable: terms, probability")]
+    by_size: Annotated[Numbers, says("log evidence by number of terms")]
+    candidates: Annotated[Names, says("terms that the test excites")]
+    inclusion_by_width: Annotated[dict[str, Numbers], says("their inclusion at prior widths x 1/3, 1, 3")]
+    confounded: Annotated[tuple[Confounded, ...], says(
+        "groups of terms that the test cannot separate, with reason and remedy"
+    )]
+    observability: Annotated[dict[str, Observed], says(
+        "of each term, whether it was tested, posterior over prior sd (`ratio`; `alone`, if it were "
+        "the only one), variance inflation"
+    )]
+    residuals: Annotated[tuple[Residuals, ...], says(
+        "of each run: scale over noise, p values of whiteness and normality, whether it `fits`, blocks "
+        "that stand out, and the `level` that each test is held against: all residual tests of a study "
+        "together give a false alarm with 1 % at most (Bonferroni)"
+    )]
+    runs: Annotated[tuple[Run, ...], says(
+        "of each run: origin and sd of the noise (of its logarithm), averaging time of a row "
+        "(`interval`) and of a sample of the record (`sampling`), ranges of its inputs (of a triad in "
+        "the hand the compensated ones of the stills and turns), file, SHA-256, columns, notes, stills "
+        "of a free tumble"
+    )]
+    prior_source: Annotated[str, says("where the priors come from, in words")]
+    calibration: Annotated[Loose | None, says(
+        "of a free tumble and of an IMU: scale, bias, non-orthogonality, and their convention; "
+        "`angles` where directions were known: rotation and non-orthogonality of each triad, mean and "
+        "sd in rad"
+    )]
+    digits: Annotated[Digits | None, says(
+        "trustworthy decimal digits of `coefficients`, `sd`, `log_evidence` and `inclusion` against "
+        "rounding: no more than are right; null where they were not judged"
+    )]
+    pooled_inclusion: Annotated[dict[str, Number], says(
+        "of components in one case: inclusion of each term in one model that all of their kind share; "
+        "empty for a single component"
+    )]
+    standards: Annotated[dict[str, Standard], says(
+        "of each standard that speaks of the class's technology (`ieee1293`, `ieee952`, ..., and the "
+        "`basic` triad): `title`, `values` (`symbol`, `value` and `sd` in SI, with all candidate terms "
+        "and their correlations; `unit`, `printed_unit`, the `term` it comes from and its `verdict`, "
+        "`note`), symbols whose terms are `untested` or `absent` from the library, where the mapping "
+        "is `exact`, what is `standard_only` and `general_only`, what the values take over of the "
+        "latter (`absorbed`: the `terms` that the test excites, the `inputs` that least squares was "
+        "over, the `rms` of what they do there and of what is `left`, SI; null where there is "
+        "nothing), and why there are no values (`trouble`)"
+    )]
+    seconds: Annotated[Number, says("of computing")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class TermInScene:
     """What a term does in a scene, and its share of the budget."""
 
-    name: str
-    rms: Number
-    effect: Number
-    share_of_budget: Number
-    share_q05: Number
-    share_q95: Number
-    share_at_limit95: Number
-    share_unknown: Number
-    inclusion: Number
-    kept: Flag
-    quadrant: str
+    name: Annotated[str, says("of the term")]
+    rms: Annotated[Number, says("effect on the output")]
+    effect: Annotated[Number, says("on what is budgeted")]
+    share_of_budget: Annotated[Number, says("median")]
+    share_q05: Annotated[Number, says("its 5 % point")]
+    share_q95: Annotated[Number, says("its 95 % point")]
+    share_at_limit95: Annotated[Number, says("share at the term's limit")]
+    share_unknown: Annotated[Number, says("share of its posterior sd")]
+    inclusion: Annotated[Number, says("probability that the term is in the model")]
+    kept: Annotated[Flag, says("whether the scene's model has it")]
+    quadrant: Annotated[str, says("what inclusion and relevance say together")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class Scene:
     """A component in a scene."""
 
-    name: str
-    sensor: str
-    axis: str
-    duration: Number
-    budget: Budget
-    model: Names
-    within_budget: Flag
-    terms: tuple[TermInScene, ...]
-    left_out_rms: Number
-    left_out: ErrorSize
-    left: ErrorSize
-    calibrated: ErrorSize
-    uncompensated: ErrorSize
-    path: tuple[Drop, ...]
-    noise: Noise
-    notes: Names
+    name: Annotated[str, says("of the scene")]
+    sensor: Annotated[str, says("the component")]
+    axis: Annotated[str, says("case axis of its input")]
+    duration: Annotated[Number, says("s")]
+    budget: Annotated[Budget, says("`quantity` and `limit`")]
+    model: Annotated[Names, says("smallest model that stays within the budget with 95 %")]
+    within_budget: Annotated[Flag, says(
+        "whether the calibration lets one; else `model` is the smallest whose left-out terms stay "
+        "within it"
+    )]
+    terms: Annotated[tuple[TermInScene, ...], says("of the library")]
+    left_out_rms: Annotated[Number, says("rms effect on the output of the terms that are left out")]
+    left_out: Annotated[ErrorSize, says("error (`median`, `q95`) of the terms left out")]
+    left: Annotated[ErrorSize, says("error with this model")]
+    calibrated: Annotated[ErrorSize, says("error with every term kept")]
+    uncompensated: Annotated[ErrorSize, says("error with none")]
+    path: Annotated[tuple[Drop, ...], says(
+        "from all `terms` to none: term that was `dropped`, bound of the `error` with 95 %"
+    )]
+    noise: Annotated[Noise, says("sd that N, B and K bring about in what is budgeted")]
+    notes: Annotated[Names, says(
+        "how the scene was made, which run's noise it is, which terms it does not drive"
+    )]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class SensorsResult:
     """Result of a study of sensors."""
 
-    imubayes: str
-    study: str
-    seed: Count
-    sensors: tuple[Sensor, ...]
-    scenes: tuple[Scene, ...]
-    sessions: tuple[Sessions, ...]
-    population: tuple[Population, ...]
-    cases: tuple[Case, ...]
-    appendices: tuple[Appendix, ...]
-    provenance: Provenance
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+    sensors: Annotated[tuple[Sensor, ...], says(
+        "of each component; of a triad `<id>.ax`, `<id>.ay`, `<id>.az`"
+    )]
+    scenes: Annotated[tuple[Scene, ...], says("of each scene and component")]
+    sessions: Annotated[tuple[Sessions, ...], says(
+        "of each parameter of units that were tested in several sessions"
+    )]
+    population: Annotated[tuple[Population, ...], says(
+        "of each class and kind of which the study has four units or more"
+    )]
+    cases: Annotated[tuple[Case, ...], says("of each triad or whole IMU")]
+    appendices: Annotated[tuple[Appendix, ...], says("title and command of the tables from elsewhere")]
+    provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
+# fmt: on

@@ -1,120 +1,276 @@
-"""The published results of many units: of lots of classes, and of a fleet; SI."""
+"""The published results of many units: sessions, what a class has in common, lots and a fleet; SI."""
 
 from __future__ import annotations
 
-from pydantic.dataclasses import dataclass
+from typing import Annotated
 
-from imubayes.reporting.result.entries import Check, Fleet, Interval, Noise, Provenance
-from imubayes.reporting.result.values import PUBLISHED, Count, Kind, Names, Number, Numbers
+from pydantic.dataclasses import dataclass
+from typing_extensions import TypedDict
+
+from imubayes.reporting.result.parts import (
+    BetweenSessions,
+    Broken,
+    Check,
+    Interval,
+    Measurement,
+    NeededShare,
+    Noise,
+    NoiseIntervals,
+    PopulationMean,
+    Provenance,
+    SessionShift,
+    Spread,
+    Worst,
+)
+from imubayes.reporting.result.values import (
+    PUBLISHED,
+    Count,
+    Flag,
+    Kind,
+    Matrix,
+    Names,
+    Number,
+    Numbers,
+    says,
+)
+
+# fmt: off
+PopulationTerm = TypedDict("PopulationTerm", {
+    "parameter": Annotated[str, says("as in `sessions`")],
+    "term": Annotated[str, says("of the library")],
+    "component": Annotated[str, says("empty for all axes together")],
+    "unit": Annotated[str, says("SI")],
+    "printed_unit": Annotated[str, says("the unit that people use")],
+    "class_size": Annotated[Number, says(
+        "size that the class gives the coefficient: the scale of the spreads' priors"
+    )],
+    "mean": Annotated[PopulationMean, says(
+        "of the population, with its `sd`; each axis has its own, so that there is none for all "
+        "together"
+    )],
+    "unit_to_unit": Annotated[Spread, says(
+        "sd from unit to unit; with one session each it holds what a turn-on does, too"
+    )],
+    "turn_on": Annotated[Spread, says("sd between sessions of a unit: all of it")],
+    "turn_on_own": Annotated[Spread, says("what the unit does by itself")],
+    "turn_on_common": Annotated[Spread, says("what all units do together")],
+    "p_value": Annotated[Number, says(
+        "probability of so large a scatter between sessions if they differed by their errors alone"
+    )],
+    "level": Annotated[Number, says("of this test: 1 % over the number of terms tested")],
+    "common_share": Annotated[Spread, says(
+        "share of the variance between sessions that all units have in common"
+    )],
+    "next_unit": Annotated[Spread, says("where a further unit is in a further session")],
+    "session_shift": Annotated[SessionShift, says(
+        "of each session, what all units are off the mean of the sessions, with its sd"
+    )],
+    "measurement": Annotated[Measurement, says(
+        "median sd of one session by its noise, and by what the test books to the term in place of "
+        "others (`alias`), alike in all sessions"
+    )],
+    "verdict": Annotated[str, says(
+        "`needed` where more than half of the units need it and the pooled inclusion is 0.95 or more, "
+        "`not needed` where more than half do not, none does and the pooled inclusion is one half or "
+        "less, `some need it`, `undecided`, or `cannot tell` where most units cannot"
+    )],
+    "reason": Annotated[str, says("in words")],
+    "answers": Annotated[dict[str, Count], says(
+        "units by answer (what a unit's sessions say, `undecided` where they contradict each other)"
+    )],
+    "needed": Annotated[NeededShare, says(
+        "share of the units that answer, with an interval that reaches over those that do not"
+    )],
+    "pooled_inclusion": Annotated[Number, says(
+        "inclusion in one model for all units and sessions, each with coefficients of its own"
+    )],
+})
+Population = TypedDict("Population", {
+    "class": Annotated[str, says("of the catalogue")],
+    "kind": Annotated[Kind, says("accelerometer or gyroscope")],
+    "units": Annotated[Names, says("that are put together; a sensor without `unit` is a unit of its own")],
+    "sessions": Annotated[Names, says("of the units")],
+    "components": Annotated[Names, says("of each unit")],
+    "terms": Annotated[tuple[PopulationTerm, ...], says(
+        "each term, of a triad for all its axes together and for each of them"
+    )],
+})
+Sessions = TypedDict("Sessions", {
+    "parameter": Annotated[str, says("term, of a triad with its component (`ax.b0`) or over all three")],
+    "unit": Annotated[str, says("SI")],
+    "printed_unit": Annotated[str, says("the unit that people use")],
+    "units": Annotated[Names, says("rows of what follows")],
+    "sessions": Annotated[Names, says("columns of what follows")],
+    "mean": Annotated[Matrix, says(
+        "posterior with all candidate terms; `null` where a unit lacks a session"
+    )],
+    "sd": Annotated[Matrix, says("the same")],
+    "pulls": Annotated[tuple[Matrix, ...], says(
+        "of each unit, session against session: difference over its sd"
+    )],
+    "p_value": Annotated[Number, says(
+        "probability of so large a scatter if sessions differed by their posteriors' sds alone"
+    )],
+    "level": Annotated[Number, says("of this test: 1 % over the number of parameters tested")],
+    "between": Annotated[BetweenSessions, says("sd between sessions: `mean`, `q05`, `q95`")],
+    "exceeds": Annotated[Flag, says("whether `p_value` is below `level`")],
+    "shared": Annotated[Number, says(
+        "share of the scatter that all units have in common: one over their number by chance, 1 for a "
+        "cause that moves them alike"
+    )],
+})
+FleetTerm = TypedDict("FleetTerm", {
+    "name": Annotated[str, says("of the term")],
+    "needed": Annotated[Interval, says("share of the units in which it is needed")],
+    "open": Annotated[Number, says("share of the units whose test cannot tell, or leaves it undecided")],
+    "mean": Annotated[Interval, says("of the population: a hierarchical posterior over units")],
+    "spread": Annotated[Interval, says("sd from unit to unit, the same way")],
+    "true_mean": Annotated[Number, says("of the lot that was simulated; null for recorded units")],
+    "true_spread": Annotated[Number, says("the same")],
+    "symbol": Annotated[str, says("in the IEEE standard")],
+    "unit": Annotated[str, says("SI")],
+    "verdicts": Annotated[dict[str, Count], says("units by verdict")],
+})
+Fleet = TypedDict("Fleet", {
+    "kind": Annotated[Kind, says("accelerometer or gyroscope")],
+    "class": Annotated[str, says("of the catalogue")],
+    "units": Annotated[Count, says("of the study")],
+    "read": Annotated[Count, says("units that could be read")],
+    "samples": Annotated[Count, says("rows that were used")],
+    "terms": Annotated[tuple[FleetTerm, ...], says("of the library")],
+    "order": Annotated[Interval, says("number of needed terms of a unit: median and 90 % range over units")],
+    "noise": Annotated[NoiseIntervals, says("N, B, K: median and 90 % range over units")],
+    "outliers": Annotated[Count, says("number of units that are farther from the population than expected")],
+    "limit": Annotated[Number, says("pull from which that is")],
+    "worst": Annotated[tuple[Worst, ...], says(
+        "units farthest from the population: `unit`, `term` (or `N`), `value`, `pull` (distance over "
+        "its expected sd), whether that is an `outlier`"
+    )],
+    "broken": Annotated[tuple[Broken, ...], says("units that could not be read: `number`, `name`, `error`")],
+})
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class ClassTermInScene:
     """What a term does in a scene, over the units of a class."""
 
-    name: str
-    rms: Number
-    share_of_budget: Number
-    share_range: Numbers
-    required: Number
-    true_share_of_budget: Number
-    answer: str
+    name: Annotated[str, says("of the term")]
+    rms: Annotated[Number, says("effect on the output, median over units")]
+    share_of_budget: Annotated[Number, says("median over units")]
+    share_range: Annotated[Numbers, says("5 % and 95 % points over units")]
+    required: Annotated[Number, says(
+        "share of the units whose smallest model for the scene has it, shown by the test or not"
+    )]
+    true_share_of_budget: Annotated[Number, says("of the simulated truth, median over units")]
+    answer: Annotated[str, says("`needed`, `not needed`, `would matter` or `cannot tell`")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class ClassInScene:
     """A class in a scene, with the keys of a component's: `sensor` is the class, `model` what it needs."""
 
-    name: str
-    sensor: str
-    model: Names
-    would_matter: Names
-    cannot_tell: Names
-    terms: tuple[ClassTermInScene, ...]
-    order: Interval
-    within: Number
-    noise_share_of_budget: Number
-    basic_share_of_budget: Number
+    name: Annotated[str, says("of the scene")]
+    sensor: Annotated[str, says("the class")]
+    model: Annotated[Names, says("terms that the class needs there")]
+    would_matter: Annotated[Names, says("terms that only the catalogue says would")]
+    cannot_tell: Annotated[Names, says("terms that the tests of most units leave open")]
+    terms: Annotated[tuple[ClassTermInScene, ...], says("of the library")]
+    order: Annotated[Interval, says(
+        "number of terms that a unit's own smallest model has: median and 90 % range over units"
+    )]
+    within: Annotated[Number, says("share of the units for which a model within the budget was found")]
+    noise_share_of_budget: Annotated[Number, says("noise's, median over units")]
+    basic_share_of_budget: Annotated[Number, says(
+        "that a triad of twelve parameters leaves, median over units; null where not asked"
+    )]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class ClassTerm:
     """A term over the units of a class."""
 
-    name: str
-    needed: Interval
-    open: Number
-    mean: Interval
-    spread: Interval
-    true_mean: Number
-    true_spread: Number
-    answer: str
+    name: Annotated[str, says("of the term")]
+    needed: Annotated[Interval, says("share of the units in which it is needed")]
+    open: Annotated[Number, says("share of the units whose test cannot tell, or leaves it undecided")]
+    mean: Annotated[Interval, says("of the population: a hierarchical posterior over units")]
+    spread: Annotated[Interval, says("sd from unit to unit, the same way")]
+    true_mean: Annotated[Number, says("of the lot that was simulated")]
+    true_spread: Annotated[Number, says("the same")]
+    answer: Annotated[str, says("`needed`, `not needed` or `cannot tell`")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class Unit:
     """A simulated unit: coefficients in the order of the terms."""
 
-    number: Count
-    truth: Numbers
-    mean: Numbers
-    sd: Numbers
-    inclusion: Numbers
-    full_mean: Numbers
-    full_sd: Numbers
-    verdicts: Names
-    noise: Noise
+    number: Annotated[Count, says("in its lot")]
+    truth: Annotated[Numbers, says(
+        "coefficients that were simulated, in the order of the terms like all that follows"
+    )]
+    mean: Annotated[Numbers, says("averaged over models")]
+    sd: Annotated[Numbers, says("the same")]
+    inclusion: Annotated[Numbers, says("probability that the term is in the model")]
+    full_mean: Annotated[Numbers, says("with all candidate terms")]
+    full_sd: Annotated[Numbers, says("the same")]
+    verdicts: Annotated[Names, says("see [verdicts](#verdicts)")]
+    noise: Annotated[Noise, says("N, B, K")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class Class:
     """A class of a lot study; `order` counts the needed terms of a unit."""
 
-    id: str
-    order: Interval
-    needed: Names
-    not_needed: Names
-    cannot_tell: Names
-    terms: tuple[ClassTerm, ...]
-    units: tuple[Unit, ...]
+    id: Annotated[str, says("of the catalogue")]
+    order: Annotated[Interval, says("number of needed terms of a unit: median and 90 % range over units")]
+    needed: Annotated[Names, says("terms that the class needs")]
+    not_needed: Annotated[Names, says("terms that it does not")]
+    cannot_tell: Annotated[Names, says("terms that the tests of most units leave open")]
+    terms: Annotated[tuple[ClassTerm, ...], says("of the library")]
+    units: Annotated[tuple[Unit, ...], says("of the lot")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class Lots:
     """Lots of simulated units, one of each class."""
 
-    kind: Kind
-    units: Count
-    terms: Names
-    classes: tuple[Class, ...]
-    check: Check
+    kind: Annotated[Kind, says("accelerometer or gyroscope")]
+    units: Annotated[Count, says("of each class")]
+    terms: Annotated[Names, says("of the library")]
+    classes: Annotated[tuple[Class, ...], says("of the study")]
+    check: Annotated[Check, says(
+        'of what is said against the simulated truth: `precision` and `recall` of "required in this '
+        'scene by this class", how many `cells` the tests tell and how many of them are truly '
+        "required, cells that are `untold`, and what the 90 % intervals hold of the lots' means and "
+        "spreads (`population_mean`, `population_spread`)"
+    )]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class LotsResult:
     """Result of a class-level study."""
 
-    imubayes: str
-    study: str
-    seed: Count
-    answer: Names
-    status: str
-    simulated: str
-    scenes: tuple[ClassInScene, ...]
-    lots: Lots
-    provenance: Provenance
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+    answer: Annotated[Names, says("to the title's question, in sentences")]
+    status: Annotated[str, says("the answer in a line")]
+    simulated: Annotated[str, says("how many lots of how many units, in words")]
+    scenes: Annotated[tuple[ClassInScene, ...], says("of each class and scene")]
+    lots: Annotated[Lots, says("what the units say of their classes")]
+    provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class FleetResult:
     """Result of a study of a fleet."""
 
-    imubayes: str
-    study: str
-    seed: Count
-    answer: Names
-    fleet: Fleet
-    engine: str
-    resumed: Count
-    seconds: Number
-    provenance: Provenance
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+    answer: Annotated[Names, says("what the units say together, in sentences")]
+    fleet: Annotated[Fleet, says("what they say, in numbers")]
+    engine: Annotated[str, says("what computed the units, in words")]
+    resumed: Annotated[Count, says("units that an earlier run had finished")]
+    seconds: Annotated[Number, says("of computing")]
+    provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
+# fmt: on

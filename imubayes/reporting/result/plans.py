@@ -2,41 +2,112 @@
 
 from __future__ import annotations
 
-from typing import Literal, NotRequired
+from typing import Annotated, Literal, NotRequired
 
 from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result.entries import Confounded, Interval, Provenance
-from imubayes.reporting.result.values import PUBLISHED, Count, Kind, Names, Number
+from imubayes.reporting.result.parts import Confounded, Interval, Provenance
+from imubayes.reporting.result.values import PUBLISHED, Count, Kind, Names, Number, says
 
 # fmt: off
 Predicted = TypedDict("Predicted", {"sd": Number, "simulated": Number})
 PlannedTerm = TypedDict("PlannedTerm", {
-    "name": str, "unit": str, "prior_sd": Number, "known_sd": Number, "needed_sd": Number,
-    "even": Predicted, "same": NotRequired[Predicted], "best": Predicted,
+    "name": Annotated[str, says("of the term")],
+    "unit": Annotated[str, says("SI")],
+    "prior_sd": Annotated[Number, says("by the class")],
+    "known_sd": Annotated[Number, says("with the runs that are done")],
+    "needed_sd": Annotated[Number, says(
+        "at which the term has a tenth of the scene's budget; null without a scene, and where that "
+        "does not drive it"
+    )],
+    "even": Annotated[Predicted, says(
+        "going evenly through one run: predicted `sd`, and rms error over `simulated` units"
+    )],
+    "same": NotRequired[Annotated[Predicted, says(
+        "the same of the best plan with that run alone, where several are offered"
+    )]],
+    "best": Annotated[Predicted, says("the same of the best plan")],
 })
 PlannedStep = TypedDict("PlannedStep", {
     "run": str, "start": Number, "at": Count, "mount": str, "set_to": str, "dwell": Number,
 })
 PlanFound = TypedDict("PlanFound", {
-    "name": str, "seconds": Number, "size_of_aim": Number, "worst": str, "worst_ratio": Number,
-    "share_of_budget": Number, "confounded": tuple[Confounded, ...], "steps": tuple[PlannedStep, ...],
+    "name": Annotated[str, says("of the plan")],
+    "seconds": Annotated[Number, says("that it takes")],
+    "size_of_aim": Annotated[Number, says("smaller is better")],
+    "worst": Annotated[str, says(
+        "needed term with the largest predicted sd over what the scene needs (without a scene: over "
+        "its prior sd)"
+    )],
+    "worst_ratio": Annotated[Number, says("of that term")],
+    "share_of_budget": Annotated[Number, says(
+        "predicted rms effect of what is not known in the scene; null without a scene"
+    )],
+    "confounded": Annotated[tuple[Confounded, ...], says(
+        "groups of terms that the data will not separate, with reason and remedy"
+    )],
+    "steps": Annotated[tuple[PlannedStep, ...], says(
+        "dwells in their order: `run`, `start` and `dwell` in s, number of the setting (`at`), "
+        "`mount`, what it is `set_to`"
+    )],
 })
 Plan = TypedDict("Plan", {
-    "sensor": str, "kind": Kind, "time": Number, "aim": Literal["worst", "D", "scene"], "units": Count,
-    "needed": Names, "terms": tuple[PlannedTerm, ...], "plans": tuple[PlanFound, ...],
+    "sensor": Annotated[str, says("id")],
+    "kind": Annotated[Kind, says("accelerometer or gyroscope")],
+    "time": Annotated[Number, says("that the test may take, s")],
+    "aim": Annotated[Literal["worst", "D", "scene"], says("what is made small, as in `[plan]`")],
+    "units": Annotated[Count, says("that were simulated")],
+    "needed": Annotated[Names, says("terms that the aim is about")],
+    "terms": Annotated[tuple[PlannedTerm, ...], says("of the library")],
+    "plans": Annotated[tuple[PlanFound, ...], says(
+        "`even`, `same` (where several runs are offered) and `best`"
+    )],
 })
 Floor = TypedDict("Floor", {"largest": Number, "rms": Number})
 Rate = TypedDict("Rate", {"events": Count, "of": Count, "share": Interval})
 Rung = TypedDict("Rung", {
-    "rung": str, "seconds": Number, "whole_seconds": Number, "processor_seconds": Number, "memory": Number,
-    "largest": Number, "rms": Number, "inclusion": Number, "verdicts": Count, "scene_share": Number,
-    "scene_terms": Count, "monte_carlo": Number, "foreseen": Number, "components": Count,
+    "rung": Annotated[str, says("by name")],
+    "seconds": Annotated[Number, says("wall time, median over components")],
+    "whole_seconds": Annotated[Number, says(
+        "the same if chains went on until they have reached what was asked of them"
+    )],
+    "processor_seconds": Annotated[Number, says("over all threads")],
+    "memory": Annotated[Number, says("bytes, the largest")],
+    "largest": Annotated[Number, says("difference of a coefficient from the best rung's, in posterior sd")],
+    "rms": Annotated[Number, says("the same over all terms")],
+    "inclusion": Annotated[Number, says("largest difference of one")],
+    "verdicts": Annotated[Count, says("how many differ, over all components")],
+    "scene_share": Annotated[Number, says("largest change of a share of a scene's budget")],
+    "scene_terms": Annotated[Count, says("by how many terms the models that the scenes require differ")],
+    "monte_carlo": Annotated[Number, says("rms Monte Carlo error of its own coefficients, in posterior sd")],
+    "foreseen": Annotated[Number, says("what it foresees that the next one would change, in posterior sd")],
+    "components": Annotated[Count, says("that it was measured on")],
 })
 RungScore = TypedDict("RungScore", {
-    "rung": str, "repeats": Count, "coverage": Rate, "error": Number, "false_needed": Rate,
-    "false_not_needed": Rate, "missed_large": Rate, "cost": Number, "scene_terms": Number,
+    "rung": Annotated[str, says("by name")],
+    "repeats": Annotated[Count, says("that it answered")],
+    "coverage": Annotated[Rate, says(
+        "of its 90 % intervals with all candidate terms: truths that are held (`events`), `of` how "
+        "many, the `share` and its 90 % interval"
+    )],
+    "error": Annotated[Number, says(
+        "rms of the coefficients against the truth, in posterior sd of the best rung that answered the "
+        "same repeat"
+    )],
+    "false_needed": Annotated[Rate, says(
+        "the same counts for terms that are zero, or below one posterior sd, and called needed"
+    )],
+    "false_not_needed": Annotated[Rate, says(
+        "for terms above a tenth of the prior sd that are called not needed"
+    )],
+    "missed_large": Annotated[Rate, says(
+        "for terms above eight posterior sd that are left out of the model"
+    )],
+    "cost": Annotated[Number, says("of false verdicts a sensor, as the study weighs them")],
+    "scene_terms": Annotated[Number, says(
+        "terms a scene by which its model is another than by the truth; null without scenes"
+    )],
 })
 SceneChange = TypedDict("SceneChange", {"scene": str, "terms": Names, "share": Number})
 Difference = TypedDict("Difference", {
@@ -47,54 +118,73 @@ AnsweredTerm = TypedDict("AnsweredTerm", {
     "name": str, "mean": Number, "full_mean": Number, "full_sd": Number, "inclusion": Number, "verdict": str,
 })
 ComponentRung = TypedDict("ComponentRung", {
-    "rung": str, "seconds": Number, "seconds_to_what_was_asked": Number, "processor_seconds": Number,
-    "memory": Number, "ess": Number, "foreseen_change_sd": Number, "foreseen_change_inclusion": Number,
-    "difference": Difference, "model": Names, "terms": tuple[AnsweredTerm, ...],
+    "rung": Annotated[str, says("by name")],
+    "seconds": Annotated[Number, says("wall time, the shortest")],
+    "seconds_to_what_was_asked": Annotated[Number, says(
+        "until the chains have reached what was asked of them"
+    )],
+    "processor_seconds": Annotated[Number, says("over all threads")],
+    "memory": Annotated[Number, says("bytes")],
+    "ess": Annotated[Number, says("least effective sample size of the chains; null without")],
+    "foreseen_change_sd": Annotated[Number, says(
+        "what the rung itself says that the next one would change, in posterior sd"
+    )],
+    "foreseen_change_inclusion": Annotated[Number, says("the same of an inclusion")],
+    "difference": Annotated[Difference, says(
+        "from the best rung: as in `rungs[]`, with the `worst` term, other `verdicts` (term, this "
+        "rung's, the best's), and what `scenes` require otherwise"
+    )],
+    "model": Annotated[Names, says("terms that are kept")],
+    "terms": Annotated[tuple[AnsweredTerm, ...], says("coefficients, inclusions and verdicts")],
 })
 Component = TypedDict("Component", {
-    "id": str, "best": str, "monte_carlo_floor": Floor, "skipped": dict[str, str],
-    "rungs": tuple[ComponentRung, ...],
+    "id": Annotated[str, says("of the component")],
+    "best": Annotated[str, says("the rung that the others are held against")],
+    "monte_carlo_floor": Annotated[Floor, says("as above, of this component")],
+    "skipped": Annotated[dict[str, str], says("rungs that were not measured, with the reason")],
+    "rungs": Annotated[tuple[ComponentRung, ...], says("that were measured, from the cheapest")],
 })
 Machine = TypedDict("Machine", {
     "processor": str, "system": str, "cores": Count, "threads": dict[str, Count], "load": Number,
     "versions": dict[str, str],
 })
-Traded = TypedDict("Traded", {"study_file": str, "study_text": str, "command": str})
-# fmt: on
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class PlanResult:
     """Result of a plan."""
 
-    imubayes: str
-    study: str
-    seed: Count
-    answer: Names
-    plan: Plan
-    seconds: Number
-    provenance: Provenance
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+    answer: Annotated[Names, says("what the plan gains, in sentences")]
+    plan: Annotated[Plan, says("what it will tell, and what to set")]
+    seconds: Annotated[Number, says("of computing")]
+    provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
 class TradeResult:
     """Result of a trade of speed for accuracy."""
 
-    imubayes: str
-    study: str
-    seed: Count
-    limit: Number
-    repeats: Count
-    answer: Names
-    recommended: str
-    default: str
-    best: str
-    front: Names
-    monte_carlo_floor: Floor
-    good_enough: Number
-    rungs: tuple[Rung, ...]
-    scores: tuple[RungScore, ...]
-    components: tuple[Component, ...]
-    machine: Machine
-    seconds: Number
-    provenance: Traded
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+    limit: Annotated[Number, says("time of the trade, s")]
+    repeats: Annotated[Count, says("simulated sensors that were asked for")]
+    answer: Annotated[Names, says("the recommendation and its reasons, in sentences")]
+    recommended: Annotated[str, says("the cheapest rung that is good enough")]
+    default: Annotated[str, says("the rung of a run that is not asked")]
+    best: Annotated[str, says("the rung that the others are held against")]
+    front: Annotated[Names, says("rungs that no other beats in time and error together, from the cheapest")]
+    monte_carlo_floor: Annotated[Floor, says(
+        "largest and rms Monte Carlo error of a difference, in posterior sd"
+    )]
+    good_enough: Annotated[Number, says("error of a coefficient that is allowed, in posterior sd")]
+    rungs: Annotated[tuple[Rung, ...], says("over all components")]
+    scores: Annotated[tuple[RungScore, ...], says("of the rungs on simulated repeats")]
+    components: Annotated[tuple[Component, ...], says("one by one")]
+    machine: Annotated[Machine, says("that the times belong to")]
+    seconds: Annotated[Number, says("of all of it")]
+    provenance: Annotated[Provenance, says("the study file and its text, the command")]
+# fmt: on

@@ -9,7 +9,8 @@ from functools import cache
 from types import SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from pydantic import BeforeValidator, ConfigDict, Strict
+from pydantic import BeforeValidator, ConfigDict, Field, Strict
+from pydantic.fields import FieldInfo
 from pydantic_core import core_schema
 from typing_extensions import is_typeddict
 
@@ -42,6 +43,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def says(meaning: str) -> FieldInfo:
+    """What a key of a result means, and its unit where it isn't SI's: the documentation is made of it."""
+    return Field(description=meaning)
 
 
 Number = Annotated[float, _Real()]
