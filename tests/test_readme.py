@@ -24,7 +24,7 @@ from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RUN_CHANNELS, TRIAD, Procedure
 from imubayes.rig.reference import KINDS
-from imubayes.rig.runs import PROFILES
+from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
 from imubayes.study.schema import (

@@ -20,11 +20,11 @@ from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
-from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
-from imubayes.rig.runs import read_run, simulate_runs
+from imubayes.rig.runs import read_imu_run, read_run
+from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule

@@ -31,8 +31,8 @@ from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.runs import PROFILES
 from imubayes.rig.sequences import menu_of
+from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise
 

@@ -29,8 +29,7 @@ from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
-from imubayes.rig.runs import plan_run
-from imubayes.rig.simulate import simulate
+from imubayes.rig.simulate import plan_run, simulate
 from imubayes.selection.decision import loose_fit, select
 from imubayes.selection.draws import posterior_draws
 from imubayes.sensors.lots import Lot

@@ -64,16 +64,16 @@ def check_time(table: Table, column: Column, t: FloatArray) -> None:
         )
 
 
-def check_output(table: Table, column: Column) -> None:
-    """Refuse an output that never changes.
+def check_output(file: str, column: Column, output: FloatArray) -> None:
+    """Refuse an output (n,) that never changes, SI.
 
     Raises
     ------
     DataError : if all samples are equal.
     """
-    if np.all(column.raw == column.raw[0]):
+    if np.all(output == output[0]):
         raise DataError(
-            f"{table.file}: column '{column.address}' is {float(column.raw[0]):g} in every row: "
+            f"{file}: column '{column.address}' is {column.in_file(float(output[0])):g} in every row: "
             "expected a live output; check the wiring, or name another column in the study"
         )
 

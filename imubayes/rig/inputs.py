@@ -16,6 +16,9 @@ from imubayes.sensors.terms import CHANNELS, Library
 
 Number = TypeVar("Number", bound=np.generic)
 
+MOUNT = "mount"
+"""Column with the number of each row's plane or mount."""
+
 GAP = 1.5
 """A step of more than so many sampling intervals is a gap."""
 

@@ -14,16 +14,12 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import check_output, check_time, check_values, gaps, interval_jump
-from imubayes.rig.columns import Column, ColumnSpec, channel_unit, resolve, unwrapped
-from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import Inputs, Run, Section, Source, sampling_interval
-from imubayes.rig.saturation import within_range
-from imubayes.rig.thermal import temperature_rate
+from imubayes.rig.checks import gaps, interval_jump
+from imubayes.rig.columns import Column, ColumnSpec, channel_unit
+from imubayes.rig.inputs import MOUNT, Inputs, Run, Section, Source
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
-from imubayes.units import counted
 
 Procedure = Literal[
     "tumble",
@@ -55,20 +51,11 @@ CASES = (FREE_TUMBLE, FERRARIS)
 
 INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
 
-MOUNT = "mount"
-"""Column with the number of each row's plane or mount."""
-
 KNOWN_IMU_CHANNELS = (*IMU_CHANNELS, *CASE_CHANNELS, MOUNT)
 """Columns of a run of a whole IMU with known inputs, which are along the axes x, y, z of the case."""
 
 RUN_CHANNELS = ("t", "output", *INPUTS, MOUNT)
 """Columns of a run with known inputs."""
-
-_MOST_MOUNTS = 2**31
-"""A number of a mount beyond this is something else."""
-
-LATE_EPOCH = 1e6
-"""s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,86 +93,6 @@ class RunSpec:
     gyroscope_shown: str = ""
     sections: tuple[Section, ...] = ()
     ignore: tuple[str, ...] = ()
-
-
-def inputs_of(table: Table, columns: Mapping[str, Column], t: FloatArray) -> tuple[Inputs, tuple[str, ...]]:
-    """Known inputs of a run, and what was derived for them.
-
-    Parameters
-    ----------
-    table : the file, for messages.
-    columns : of the inputs by channel, of the time, and of the mount where there is one.
-    t : (n,) time, s.
-    """
-    values = {name: values_of(table, column, len(t)) for name, column in columns.items() if name != "t"}
-    mount, notes = values.pop(MOUNT, None), ()
-    if "T" in values and "dT" not in values:
-        values["dT"] = temperature_rate(t, values["T"])
-        notes = ("dT/dt is the smoothed derivative of the recorded temperature",)
-    whole = None if mount is None else _whole(table, columns[MOUNT], mount)
-    channels = {name: frozen(column) for name, column in values.items()}
-    return Inputs(t, channels, sampling_interval(t), whole), notes
-
-
-def outputs_of(
-    spec: RunSpec, file: Path, components: tuple[str, ...]
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], Source]:
-    """Time (n,), outputs (n, 3), which of them are within range (n,), and source of components in a file."""
-    shown = (spec.shown if file == spec.file else spec.gyroscope_shown) or str(file)
-    table = read_table(existing(file, shown, spec.origin), shown)
-    columns = resolve(table, spec.columns, required=("t", *components), optional=(), output_unit="")
-    t, epoch = time_of(table, columns["t"])
-    outputs = {name: values_of(table, columns[name], len(t)) for name in components}
-    for name in components:
-        check_output(table, columns[name])
-    kept, lost = within_range(table.file, outputs, columns)
-    source = source_of(table.file, sha256_of(file), columns, (*epoch, *notes_of(t), *lost))
-    return t, frozen(np.column_stack([outputs[name] for name in components])), kept, source
-
-
-def time_of(table: Table, column: Column) -> tuple[FloatArray, tuple[str, ...]]:
-    """Time in s; a clock that counts from an epoch is referred to its first reading before it is scaled."""
-    check_values(table, column)
-    running, turns = unwrapped(table, column)
-    t, notes = running.si(), ()
-    if turns:
-        notes = (f"the clock wrapped around {counted(turns, 'time')}",)
-    if abs(t[0]) > LATE_EPOCH:
-        clock = running.raw.astype(np.int64 if running.raw.dtype.kind in "iu" else np.float64)
-        t = (clock - clock[0]).astype(np.float64) * column.scale
-        notes = (*notes, "time is counted from the first sample")
-    check_time(table, column, t)
-    return frozen(t), notes
-
-
-def values_of(table: Table, column: Column, n: int) -> FloatArray:
-    """Values (n,) of a column in SI.
-
-    Raises
-    ------
-    DataError : if there are more or fewer of them, or one is not finite.
-    """
-    if len(column.raw) != n:
-        raise DataError(
-            f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has {n}: "
-            "expected columns of equal length"
-        )
-    check_values(table, column)
-    return column.si()
-
-
-def _whole(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64]:
-    """Numbers of mounts, which are whole."""
-    wrong = (np.rint(values) != values) | (np.abs(values) > _MOST_MOUNTS)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise DataError(
-            f"{table.file}, {table.place(row)}: column '{column.address}' holds {float(values[row]):g}: "
-            "expected a whole number, the same in all rows between which the case stayed in its fixture"
-        )
-    numbers = values.astype(np.int64)
-    numbers.setflags(write=False)
-    return numbers
 
 
 def notes_of(t: FloatArray) -> tuple[str, ...]:

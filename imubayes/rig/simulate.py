@@ -6,19 +6,26 @@ Every noise process is drawn exactly from its own distribution at the given time
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 from scipy.linalg import solve_banded
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.errors import InputError, TermError
+from imubayes.errors import InputError, StudyError, TermError
 from imubayes.rig.bench import true_inputs
-from imubayes.rig.inputs import Inputs, Run, Source
+from imubayes.rig.inputs import Inputs, Run, Source, case_inputs, own_inputs
 from imubayes.rig.plans import Plan
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
+from imubayes.rig.rotations import centrifuge, oscillation, rate_table
+from imubayes.rig.sequences import planned
+from imubayes.rig.shaking import vibration
+from imubayes.rig.thermal import thermal
+from imubayes.rig.tumbles import positions, static, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit
+from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise, flicker
 from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, library
 
@@ -27,6 +34,19 @@ _RATIO = 4.0
 
 _SPANS = 10.0
 """Longest time constant over the run's span, at least."""
+
+
+PROFILES = {
+    "static": static,
+    "tumble": tumble,
+    "positions": positions,
+    "rate-table": rate_table,
+    "oscillation": oscillation,
+    "centrifuge": centrifuge,
+    "vibration": vibration,
+    "thermal": thermal,
+}
+"""Functions that plan what can be simulated, by the profile's name."""
 
 
 def simulate(
@@ -103,6 +123,159 @@ def simulate_on_bench(
     return tuple(
         replace(run, inputs=plan.inputs, output=run.output + errors.get(f"{OFFSET}.{run.name}", 0.0))
         for run, plan in zip(runs, plans, strict=True)
+    )
+
+
+def plan_run(spec: RunSpec) -> Plan:
+    """Plan of a simulated run, under the run's own name.
+
+    Raises
+    ------
+    StudyError : if the run is not simulated, or its options make no run; names the run.
+    """
+    if spec.simulate is None:
+        raise StudyError(f"run '{spec.name}' is recorded: it has no profile to simulate")
+    options = {key: value for key, value in spec.simulate.items() if key != "profile"}
+    try:
+        plan = planned(PROFILES[str(spec.simulate["profile"])], options)
+    except InputError as error:
+        raise StudyError(f"run '{spec.name}': {error}") from None
+    return replace(plan, name=spec.name)
+
+
+def simulate_runs(
+    specs: Iterable[RunSpec],
+    sensor_class: SensorClass,
+    lib: Library,
+    *,
+    truth: Mapping[str, float],
+    rng: np.random.Generator,
+    bench: Mapping[str, float] | None = None,
+) -> tuple[tuple[Run, ...], Mapping[str, float]]:
+    """Simulate the runs of one sensor.
+
+    Parameters
+    ----------
+    specs : runs with ``simulate``.
+    sensor_class : gives the noise, and the coefficients where `truth` is empty.
+    lib : terms of a unit drawn from the class.
+    truth : coefficients in SI by name; empty draws a unit from the class over `lib`.
+    rng : the source of randomness.
+    bench : sd in SI of each kind of error of the bench; one draw is made, and the runs say nothing of it.
+
+    Returns
+    -------
+    (runs, truth) : with the coefficients that were used, and the errors of the bench by name.
+
+    Raises
+    ------
+    StudyError : if the options of a run make no run.
+    """
+    plans = [plan_run(spec) for spec in specs]
+    unit = truth or draw_unit(sensor_class, lib, rng)
+    errors = drawn_errors(plans, bench or {}, rng)
+    return simulate_on_bench(sensor_class, plans, errors, seed=rng, truth=unit), {**unit, **errors}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Made:
+    """What a simulated IMU is made of.
+
+    Attributes
+    ----------
+    classes, libraries : of the components of each kind.
+    truth : coefficients in SI by component and term (``ax.b0``), those not named being zero; empty draws the
+        six units from their classes.
+    bench : sd in SI of each kind of error of the bench, of accelerometers and of gyroscopes (they differ in
+        ``turn_on``), of which one draw is made; empty for a bench without errors.
+    """
+
+    classes: Mapping[Kind, SensorClass]
+    libraries: Mapping[Kind, Library]
+    truth: Mapping[str, float]
+    bench: Mapping[Kind, Mapping[str, float]] = field(default_factory=dict)
+
+
+def simulate_imu(
+    specs: Iterable[RunSpec], made: Made, rng: np.random.Generator
+) -> tuple[tuple[Run, ...], Mapping[str, float]]:
+    """Simulate the runs of a whole IMU: the axes i, j, k of a plan are x, y, z of the case.
+
+    All six components see the same motion, errors of the bench included, each along its own axes; their noise
+    is independent.
+
+    Parameters
+    ----------
+    specs : runs with ``simulate``.
+    made : what the IMU is made of.
+    rng : the source of randomness: units, then the bench, then the noise of each component.
+
+    Returns
+    -------
+    (runs, truth) : with the coefficients by component and term, and the errors of the bench by name, SI.
+
+    Raises
+    ------
+    StudyError : if the options of a run make no run.
+    """
+    plans = [plan_run(spec) for spec in specs]
+    truth = made.truth or _units(made, rng)
+    errors = dict(_bench(plans, made.bench, rng))
+    moved = [replace(plan, inputs=case_inputs(true_inputs(plan, errors))) for plan in plans]
+    said = [_component(name, moved, made, truth, errors, rng) for name in COMPONENTS]
+    source = Source(notes=(_note(made),))
+    runs = tuple(
+        Run(plan.name, plan.procedure, case_inputs(plan.inputs), np.column_stack(outputs), source)
+        for plan, outputs in zip(plans, zip(*said, strict=True), strict=True)
+    )
+    return runs, {**truth, **errors}
+
+
+def _units(made: Made, rng: np.random.Generator) -> dict[str, float]:
+    """Six units, drawn from the classes of their kinds."""
+    drawn = {
+        name: draw_unit(made.classes[kind_of(name)], made.libraries[kind_of(name)], rng)
+        for name in COMPONENTS
+    }
+    return {f"{name}.{term}": value for name, unit in drawn.items() for term, value in unit.items()}
+
+
+def _bench(
+    plans: list[Plan], bench: Mapping[Kind, Mapping[str, float]], rng: np.random.Generator
+) -> Iterator[tuple[str, float]]:
+    """One draw of the errors of the bench, by name; an offset of the output is each component's own."""
+    shared = {name: sd for sds in bench.values() for name, sd in sds.items() if name != OFFSET}
+    yield from drawn_errors(plans, shared, rng).items()
+    for name in COMPONENTS:
+        sd = bench.get(kind_of(name), {}).get(OFFSET, 0.0)
+        yield from ((offset_name(plan.name, name), rng.normal(0.0, sd)) for plan in plans if sd)
+
+
+def offset_name(run: str, component: str) -> str:
+    """Name of the offset of a component's bias in a run."""
+    return f"{OFFSET}.{run}.{component}"
+
+
+def _component(
+    name: str,
+    moved: list[Plan],
+    made: Made,
+    truth: Mapping[str, float],
+    errors: Mapping[str, float],
+    rng: np.random.Generator,
+) -> list[FloatArray]:
+    """What a component says in each run, when the case is moved so."""
+    own = {key.partition(".")[2]: value for key, value in truth.items() if key.partition(".")[0] == name}
+    plans = [replace(plan, inputs=own_inputs(plan.inputs, name)) for plan in moved]
+    runs: tuple[Run, ...] = simulate(made.classes[kind_of(name)], plans, seed=rng, truth=own)
+    return [run.output + errors.get(offset_name(run.name, name), 0.0) for run in runs]
+
+
+def _note(made: Made) -> str:
+    """What was simulated, in words."""
+    a, g = (made.classes[kind].id for kind in ("accelerometer", "gyroscope"))
+    return (
+        f"simulated: IMU of class {a}" if a == g else f"simulated: accelerometers of {a}, gyroscopes of {g}"
     )
 
 

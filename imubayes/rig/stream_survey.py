@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, ju
 from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps
 from imubayes.rig.recordings import RunSpec, assumed, frozen, source_of
 from imubayes.rig.saturation import Levels, Stretches, check_left, refuse_stuck, saturation_note
-from imubayes.rig.streams import Reader, Tell, first_interval, opened
+from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
 
@@ -35,29 +34,26 @@ TILE = 8192
 """Rows whose columns are made at a time: they fit the cache."""
 
 
-def read_long_run(spec: RunSpec, path: Path, kind: Kind, lib: Library, *, sha256: str, tell: Tell) -> Run:
+def read_long_run(spec: RunSpec, file: RunFile, kind: Kind, lib: Library, *, sha256: str) -> Run:
     """Read a run a part at a time, and keep what fits.
 
     Parameters
     ----------
     spec : of the run.
-    path : of its file.
+    file : with its channels.
     kind : of the sensor.
     lib : terms whose columns are averaged over the blocks.
     sha256 : of the file.
-    tell : is told of progress.
 
     Raises
     ------
     DataError : as `imubayes.rig.runs.read_run` does.
     """
-    file = opened(spec, path, kind, tell)
     interval = first_interval(file)
     found = _surveyed(Reader(file, interval), lib)
     usual, rate = float(np.median([seen.interval for seen in found.seen])), None
     if len(found.levels.distinct) == 1:
-        table = next(file.tables())
-        check_output(table, file.found(table, "output"))
+        check_output(file.shown, file.columns["output"], found.levels.distinct)
     elif lib.own in file.columns:
         refuse_stuck(file.shown, file.columns["output"], found.levels.distinct, found.extremes[lib.own])
     if "T" in file.columns and "dT" not in file.columns:
@@ -99,6 +95,7 @@ class _Survey:
     names: tuple[str, ...]
     reader: Reader
     longest: int
+    clock: Clock
     sums: list[FloatArray] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
     outermost: list[FloatArray] = field(default_factory=list)
@@ -123,11 +120,12 @@ class _Survey:
 def _surveyed(reader: Reader, lib: Library, lost: list[Stretches] | None = None) -> _Survey:
     """Pass over a run; `lost` gets the rows that the reader leaves out."""
     found: _Survey | None = None
-    for part in reader("reading", lost):
+    clock = Clock()
+    for part in reader("reading", lost, clock):
         names = ("t", "duration", *part.channels, "output", *lib.names)
         if found is None:
             longest = max(1, math.ceil(reader.file.rows / BLOCKS))
-            found = _Survey(lib, names, reader, longest, reach=np.zeros(len(lib.names)))
+            found = _Survey(lib, names, reader, longest, clock, reach=np.zeros(len(lib.names)))
         if sum(len(one) for one in found.kept) < STRETCH:
             found.kept.append(part)
         _average(found, part)
@@ -222,6 +220,7 @@ def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
     worst = max(seen, key=lambda one: one.longest)
     away = [one for one in seen if abs(one.interval - usual) > JUMP * usual]
     notes = (
+        *found.clock.notes,
         gap_note(sum(one.gaps for one in seen), worst.longest, worst.at),
         jump_note(away[0].interval, away[0].t, usual) if away else "",
         found.saturated,

@@ -13,9 +13,9 @@ from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import summarize
 from imubayes.inference.triad import RELATIVE, angles_of
-from imubayes.rig.imu_runs import Made, simulate_imu
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
+from imubayes.rig.simulate import Made, simulate_imu
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.imu import COMPONENTS, Component, component_channels, forward, imu_of, kind_of, signals

@@ -14,8 +14,8 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.rig import stream_files, streams
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.runs import read_run, simulate_runs
-from imubayes.rig.simulate import synthesise
+from imubayes.rig.runs import read_run
+from imubayes.rig.simulate import simulate_runs, synthesise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library

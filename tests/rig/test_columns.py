@@ -12,9 +12,8 @@ from imubayes.errors import DataError
 from imubayes.rig import stream_files, streams
 from imubayes.rig.columns import ColumnSpec, nearly, resolve, unwrapped
 from imubayes.rig.formats import Table
-from imubayes.rig.imu_runs import read_imu_run
 from imubayes.rig.recordings import INPUTS, RunSpec
-from imubayes.rig.runs import read_run
+from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.scenes.record import read_scene
 from imubayes.sensors.terms import library
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from imubayes.errors import DataError
-from imubayes.rig.imu_runs import Made, read_imu_run, simulate_imu
 from imubayes.rig.inputs import Section
 from imubayes.rig.recordings import RunSpec, write_imu_run
-from imubayes.rig.runs import plan_run
+from imubayes.rig.runs import read_imu_run
+from imubayes.rig.simulate import Made, plan_run, simulate_imu
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.terms import library
 

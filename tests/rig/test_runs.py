@@ -13,9 +13,9 @@ from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.rotations import centrifuge, rate_table
-from imubayes.rig.runs import PROFILES, plan_run, read_run, simulate_runs
+from imubayes.rig.runs import read_run
 from imubayes.rig.saturation import SATURATED
-from imubayes.rig.simulate import simulate
+from imubayes.rig.simulate import PROFILES, plan_run, simulate, simulate_runs
 from imubayes.rig.thermal import temperature_rate
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import sensor

@@ -8,8 +8,8 @@ import pytest
 from imubayes.errors import InputError
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.rotations import centrifuge, rate_table
-from imubayes.rig.runs import plan_run
 from imubayes.rig.sequences import Dwell, in_order, menu_of
+from imubayes.rig.simulate import plan_run
 from imubayes.rig.tumbles import tumble
 
 

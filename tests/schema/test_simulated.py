@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from imubayes.rig.runs import plan_run
+from imubayes.rig.simulate import plan_run
 from imubayes.study.schema import read_study
 
 STUDY = """

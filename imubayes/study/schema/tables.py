@@ -13,8 +13,8 @@ from pydantic import AfterValidator, Field
 from imubayes.campaign.study import Sampling
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.recordings import Procedure
-from imubayes.rig.runs import PROFILES
 from imubayes.rig.sequences import Dwell
+from imubayes.rig.simulate import PROFILES
 from imubayes.selection.noise_found import NoiseQuestion
 from imubayes.sensors.terms import library
 from imubayes.study.schema.shapes import (

@@ -12,7 +12,7 @@ from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.population.lots import Against, LotStudy
 from imubayes.population.records import FleetStudy, Unit, simulated_units
 from imubayes.rig.recordings import FREE_TUMBLE
-from imubayes.rig.runs import plan_run
+from imubayes.rig.simulate import plan_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.study.schema.run_tables import located
