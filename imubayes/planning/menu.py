@@ -284,7 +284,7 @@ def bench_columns(study: PlanStudy) -> Bench:
     """Columns of everything that could be done, and what is known already."""
     spec = study.spec
     plans = tuple(replace(_candidates(offer), name=offer.spec.name) for offer in study.offers)
-    runs = [Run(plan.name, plan.procedure, plan.inputs, own_input(plan, spec)) for plan in plans]
+    runs = [Run(plan.name, plan.procedure, plan.inputs, _own_input(plan, spec)) for plan in plans]
     done, ready = _done(study)
     kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
     extras = extras_for(runs, kinds, sensor=spec.kind) if kinds else ()
@@ -307,7 +307,7 @@ def bench_columns(study: PlanStudy) -> Bench:
     return Bench(names, sd, p, known, menus, plans, done)
 
 
-def own_input(plan: Plan, spec: SensorSpec) -> FloatArray:
+def _own_input(plan: Plan, spec: SensorSpec) -> FloatArray:
     """Input along the input axis, (n,), SI: the output of a sensor without errors."""
     return plan.inputs.channels.get(spec.library.own, np.zeros(len(plan.inputs)))
 

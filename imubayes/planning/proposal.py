@@ -28,7 +28,6 @@ from imubayes.planning.menu import (
     Steps,
     bench_columns,
     duration,
-    own_input,
     root,
     runs_of,
     start_of,
@@ -89,7 +88,6 @@ class Proposal:
     need : (p,) sd that the scene needs, SI; infinite for a term that it does not drive, and without a scene.
     needed : terms that the aim is about.
     menus : columns, noise and handling of each offer.
-    own : own input at each setting of each offer, SI.
     settings : words for each setting of each offer.
     even, same, best : outcomes; `same` is `best` where only one run is offered.
     following : (offer, setting, dwell, time in s, worth) of the best next dwells after what is done.
@@ -102,7 +100,6 @@ class Proposal:
     need: FloatArray
     needed: tuple[str, ...]
     menus: tuple[Menu, ...]
-    own: tuple[FloatArray, ...]
     settings: tuple[tuple[Setting, ...], ...]
     even: Outcome
     same: Outcome
@@ -148,7 +145,6 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
         need=need,
         needed=needed,
         menus=bench.menus,
-        own=tuple(own_input(plan, study.spec) for plan in bench.plans),
         settings=tuple(
             settings_of(m, o.spec.simulate or {}) for m, o in zip(bench.plans, study.offers, strict=True)
         ),

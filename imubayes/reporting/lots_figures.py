@@ -37,7 +37,7 @@ from imubayes.reporting.canvas import (
     draw,
     few_ticks,
 )
-from imubayes.reporting.lots_words import amid, capitalised, class_name, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import capitalised, class_name, of_budget, scene_name, slug
 from imubayes.reporting.rounding import percent, percents
 from imubayes.scenes.relevance import MATTERS
 from imubayes.sensors.catalogue import prior_sd
@@ -259,25 +259,6 @@ def _heading(name: str, x: float, y: float) -> str:
 
 def _linked(drawing: str, anchor: str = "") -> str:
     return f'<a href="#{anchor}">{drawing}</a>' if anchor else drawing
-
-
-def order_panel(result: LotResult, key: str) -> Panel:
-    """Number of needed terms by class, with its range over the units."""
-    names = [class_name(one.sensor_class) for one in result.classes]
-    orders = [one.order for one in result.classes]
-    most, least = max(orders, key=lambda o: o.value), min(orders, key=lambda o: o.value)
-    biggest, smallest = names[orders.index(most)], names[orders.index(least)]
-    title = f"The median unit needs {most.value:.3g} terms of {biggest}, {least.value:.3g} of {smallest}"
-
-    def paint(axes: Axes) -> None:
-        _lines(axes, [(o.low, o.value, o.high) for o in orders])
-        axes.set(xlabel="terms needed", xlim=(0.0, len(result.study.library.terms)))
-        few_ticks(axes, 5, len(names), counts=True)
-
-    alt = "Terms needed, median and 90 % of the units: " + "; ".join(
-        f"{name} {amid(o)}" for name, o in zip(names, orders, strict=True)
-    )
-    return _by_name(paint, title, alt, key, names)
 
 
 def population_panel(terms: Sequence[PopulationTerm], entry: SensorClass, lib: Library, key: str) -> Panel:

@@ -37,7 +37,6 @@ from imubayes.reporting.html import write_page
 from imubayes.reporting.lots_figures import (
     class_matrix,
     needed_matrix,
-    order_panel,
     population_panel,
     scene_matrix,
 )
@@ -91,7 +90,7 @@ NEEDED_KEY = Markup(
     "Each bar is the lot of a class: {}units in which the term is needed, {}units whose test cannot tell"
     " it or leaves it undecided, {}units in which it is not needed. ?: half of the units or more cannot"
     " tell, so that of the class the tests cannot tell; else the class is what most of the others are."
-    " Each bar leads to its numbers. Right: terms needed, median unit and 90 % of the units."
+    " Each bar leads to its numbers."
 ).format(*map(swatch, ("#0072B2", "#E69F00", "#eceef1")))
 
 ORDER_NOTE = (
@@ -167,7 +166,7 @@ def lots_page(result: LotResult) -> Page:
 
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     """Verdicts of each class, and the sizes of its models."""
-    yield Figure((needed_matrix(result, "needed-matrix"), order_panel(result, "order-panel")), NEEDED_KEY)
+    yield Figure([needed_matrix(result, "needed-matrix")], NEEDED_KEY)
     yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]

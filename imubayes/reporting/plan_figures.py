@@ -1,4 +1,4 @@
-"""Figures of a plan: predicted sd by term, for going evenly and for the best plan."""
+"""Figure of a plan: predicted sd by term, for going evenly and for the best plan."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.planning.menu import starts
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -18,16 +17,11 @@ from imubayes.reporting.canvas import (
     Margins,
     Panel,
     draw,
-    few_ticks,
     log_scale,
 )
-from imubayes.reporting.rounding import OUTPUT_SI, per_unit
 
 if TYPE_CHECKING:
     from imubayes.planning.proposal import Outcome, Proposal
-
-OWN = {"accelerometer": "g", "gyroscope": "deg/s"}
-"""Unit of the own input."""
 
 ROW = 19
 """px of a term's row."""
@@ -79,28 +73,3 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
     )
     margins = Margins(left=52, bottom=40)
     return draw(paint, title=title, alt=alt, key=key, height=ROW * (len(shown) + 2) + 46, margins=margins)
-
-
-def course_panel(found: Proposal, key: str) -> Panel:
-    """Own input over the time of the best plan: the order of the dwells."""
-    steps = found.best.steps
-    begin = starts(found.menus, steps) / 60.0
-    end = begin + np.array([step.dwell for step in steps]) / 60.0
-    kind = found.study.spec.kind
-    own = np.array([found.own[step.menu][step.setting] for step in steps])
-    own /= per_unit(OWN[kind], OUTPUT_SI[kind])
-
-    def paint(axes: Axes) -> None:
-        gaps = np.full(len(steps), np.nan)
-        t, values = np.column_stack((begin, end, gaps)).ravel(), np.column_stack((own, own, gaps)).ravel()
-        axes.plot(t, values, color=ACCENT, linewidth=2.0, solid_capstyle="butt")
-        axes.set(xlabel="time, min", ylabel=f"input along the input axis, {OWN[kind]}")
-        few_ticks(axes)
-
-    return draw(
-        paint,
-        title="What acts along the input axis, dwell by dwell",
-        alt=f"Own input over {end[-1]:.0f} min: from {own.min():.3g} to {own.max():.3g} {OWN[kind]}.",
-        key=key,
-        height=240,
-    )

@@ -15,7 +15,7 @@ import imubayes
 from imubayes.planning.menu import starts
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat
 from imubayes.reporting.html import write_page
-from imubayes.reporting.plan_figures import CALLED, course_panel, outcomes, predicted_panel
+from imubayes.reporting.plan_figures import CALLED, outcomes, predicted_panel
 from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Plan, PlanFound, PlannedStep, PlanResult
@@ -83,11 +83,10 @@ def _terms(found: Proposal) -> Iterator[Block]:
     same = f"; squares, the best with the {names[1]}" if len(names) > 2 else ""
     need = "; bars, the sd at which a term has a tenth of the scene's budget" if scene else ""
     yield Figure(
-        (predicted_panel(found, "p0"), course_panel(found, "p1")),
-        "Left: sd that each plan will leave, over the sd of the class's prior, on a scale of decades; further"
+        [predicted_panel(found, "p0")],
+        "Sd that each plan will leave, over the sd of the class's prior, on a scale of decades; further"
         " left is better, and 1 is as if nothing had been measured. Circles,"
-        f" {names[0]}{same}; diamonds, the {names[-1]}{need}. Right: what acts along the input axis in each"
-        " dwell of the best plan.",
+        f" {names[0]}{same}; diamonds, the {names[-1]}{need}.",
     )
     head = ["term", "", "unit", "prior sd", *(["known"] if done else []), *names]
     yield Table(

@@ -19,7 +19,7 @@ from imubayes.reporting.result.plans import Component, ComponentRung, TradeResul
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import duration, times
 from imubayes.reporting.terminal import terminal
-from imubayes.reporting.trade_figures import error_text, trade_panels
+from imubayes.reporting.trade_figures import error_text, trade_panel
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -83,8 +83,8 @@ def trade_page(found: Traded) -> Page:
 def _figure(found: Traded) -> Figure:
     best = found.best
     return Figure(
-        trade_panels(found),
-        f"First figure: the dot is the coefficient that differs most from {best}’s, the stick goes down to"
+        [trade_panel(found)],
+        f"The dot is the coefficient that differs most from {best}’s, the stick goes down to"
         f" the rms of all; {best} itself is hollow and stands at its own Monte Carlo error, below which"
         " (shaded) a difference means nothing. The default has the other colour. The stairs are the"
         " front: no rung beside it is faster and no worse. Dashed: what is good enough.",

@@ -3,8 +3,8 @@ import json
 import pytest
 from trades_found import traded
 
-from imubayes.reporting.html import page_html
-from imubayes.reporting.trade_page import trade_answer, trade_json, trade_page
+from imubayes.ladder.trade.table import faults
+from imubayes.reporting.trade_page import trade_answer, trade_json
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,9 @@ def test_the_answer_names_the_recommended_rung_with_its_reasons(found):
 def test_intervals_that_are_too_short_rule_rungs_out():
     found = traded(held=120)
     assert found.recommended == "raw"  # it answered no repeat, and nothing is known against it
-    assert "too short: means, plug-in, collapsed" in page_html(trade_page(found))
+    rungs = [one.rung for one in found.places if found.score(one.rung)]
+    told = [[*faults(found.place(rung), found.score(rung), found.floor[0])][-1] for rung in rungs]
+    assert len(told) == 3 and all("90 % intervals hold only" in fault for fault in told)
 
 
 def test_numbers_of_the_file_are_those_that_were_measured(found):

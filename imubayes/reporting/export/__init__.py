@@ -6,12 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from imubayes.errors import InputError
-from imubayes.reporting.export.c_code import c_files
 from imubayes.reporting.export.characterized import NEEDED, Characterized, characterized
-from imubayes.reporting.export.filter_states import filter_files
-from imubayes.reporting.export.noise_models import kalibr_files
-from imubayes.reporting.export.simulator import json_files
-from imubayes.reporting.export.source_texts import matlab_files, python_files
+from imubayes.reporting.export.parameters import filter_files, json_files, kalibr_files
+from imubayes.reporting.export.source_texts import c_files, matlab_files, python_files
 
 __all__ = ["FORMATS", "exported"]
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.reporting.export.c_code import c_files
 from imubayes.reporting.export.characterized import Characterized
+from imubayes.reporting.export.source_texts import c_files
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-shared", "-fPIC")
 

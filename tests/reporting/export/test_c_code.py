@@ -15,8 +15,8 @@ from compiling import built, call
 from exported_results import ENDS, rows_inside, write_imu
 
 from imubayes.errors import InputError
-from imubayes.reporting.export.c_code import c_files, single_precision_error
 from imubayes.reporting.export.characterized import Characterized, characterized
+from imubayes.reporting.export.source_texts import c_files, single_precision_error
 from imubayes.sensors.imu import forward, signals
 from imubayes.sensors.imu_compensation import compensate
 

@@ -10,8 +10,7 @@ import pytest
 from exported_results import ENDS, coefficients, entry, library_for, write_draws, write_imu
 
 from imubayes.errors import DataError, InputError
-from imubayes.reporting.export.characterized import UNLIMITED, characterized
-from imubayes.reporting.export.heading import heading, identifier
+from imubayes.reporting.export.characterized import UNLIMITED, characterized, heading, identifier
 from imubayes.sensors.imu import COMPONENTS
 
 REPORTS = Path(__file__).parents[3] / "reports"

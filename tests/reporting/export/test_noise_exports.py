@@ -14,8 +14,7 @@ from scipy.integrate import quad
 from imubayes.errors import InputError
 from imubayes.reporting.export import FORMATS, exported
 from imubayes.reporting.export.characterized import characterized
-from imubayes.reporting.export.filter_states import filter_record
-from imubayes.reporting.export.noise_models import PEAK, PEAK_AT, floor_process
+from imubayes.reporting.export.parameters import PEAK, PEAK_AT, filter_record, floor_process
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.noise import Noise, allan_variance
 

@@ -12,8 +12,7 @@ import pytest
 from compiling import built, call
 from scipy.spatial.transform import Rotation
 
-from imubayes.reporting.export.characterized import characterized
-from imubayes.reporting.export.heading import identifier
+from imubayes.reporting.export.characterized import characterized, identifier
 from imubayes.sensors.noise import flicker
 from imubayes.study.schema import read_runs
 

@@ -1,0 +1,297 @@
+"""An IMU for simulators and filters: noise, Kalibr's file, JSON, gnss-ins-sim's form, error states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from imubayes.errors import InputError
+from imubayes.reporting.export.characterized import Characterized, Part, heading, identifier, provenance
+from imubayes.reporting.export.source_texts import regressor
+from imubayes.reporting.result.file import json_text
+from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
+from imubayes.sensors.noise import FLOOR, Noise
+
+PEAK = 0.61736
+"""Allan deviation of a first-order Gauss-Markov process at its peak, over the process's sd."""
+
+PEAK_AT = 1.8926
+"""Averaging time of that peak, over the process's time constant."""
+
+TYPICAL = 100.0
+"""s; time constant where N or K is zero, so that nothing tells where the floor lies."""
+
+
+def kalibr_files(found: Characterized) -> dict[str, str]:
+    """Text of Kalibr's (and ROS tools') ``imu.yaml`` by its file name.
+
+    Kalibr has one figure for a triad: the largest over the axes. It refuses a random walk of zero: where the
+    result has none, it is that of the process that stands for the bias instability, below its time constant.
+
+    Raises
+    ------
+    InputError : if the result has no accelerometer or no gyroscope, or neither K nor B of one of them.
+    """
+    return {f"{identifier(found)}_imu.yaml": "\n".join(_kalibr(found)) + "\n"}
+
+
+def floor_process(noise: Noise) -> tuple[float, float]:
+    """Sd and time constant, s, of the Gauss-Markov process that has B's floor of the Allan deviation.
+
+    Its peak ``0.617 sd`` is ``sqrt(2 ln 2 / pi) B`` high, and lies where N and K cross, at ``sqrt(3) N/K``.
+
+    Examples
+    --------
+    >>> sd, tau = floor_process(Noise(1e-3, 1e-4, 1e-5))
+    >>> f"{sd:.3e} {tau:.1f}"
+    '1.076e-04 91.5'
+    """
+    crossing = math.sqrt(3.0) * noise.N / noise.K if noise.N > 0.0 and noise.K > 0.0 else PEAK_AT * TYPICAL
+    return FLOOR / PEAK * noise.B, crossing / PEAK_AT
+
+
+def short_walk(noise: Noise) -> float:
+    """Random walk K of the Gauss-Markov process of `floor_process` over times below its time constant.
+
+    ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
+
+    Examples
+    --------
+    >>> f"{short_walk(Noise(1e-3, 1e-4, 0.0)):.3e}"
+    '1.522e-05'
+    """
+    sd, tau = floor_process(noise)
+    return sd * math.sqrt(2.0 / tau)
+
+
+def triads(found: Characterized) -> dict[str, list[Part]]:
+    """Parts by kind.
+
+    Raises
+    ------
+    InputError : if there is none of a kind.
+    """
+    kinds = {
+        kind: [p for p in found.parts.values() if p.sensor.kind == kind]
+        for kind in ("accelerometer", "gyroscope")
+    }
+    for kind, parts in kinds.items():
+        if not parts:
+            raise InputError(
+                f"{found.source.path}: {found.name} has no {kind}: expected both kinds, of one IMU,"
+                " with ids that start alike and end in .ax to .gz; choose another format, or such a result"
+            )
+    return kinds
+
+
+def check_noise(found: Characterized) -> None:
+    """Refuse a result that does not say what the noise of a component is.
+
+    Raises
+    ------
+    InputError : names the components.
+    """
+    silent = [part.sensor.id for part in found.parts.values() if not part.noise.N > 0.0]
+    if silent:
+        raise InputError(
+            f"{found.source.path}: says nothing of the noise of {', '.join(silent)}: expected N of a run of"
+            " each; add a static run to the study, or choose a format that needs no noise"
+        )
+
+
+def _kalibr(found: Characterized) -> Iterator[str]:
+    check_noise(found)
+    kinds = triads(found)
+    yield from (f"# {line}" for line in heading(found))
+    yield "# Continuous-time figures, the largest over the axes and runs. Kalibr has no bias instability:"
+    for kind, parts in kinds.items():
+        yield f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_UNITS[kind]}."
+    for kind, parts in kinds.items():
+        unit = _UNITS[kind]
+        walk, source = _walk(found, kind, parts)
+        yield f"{kind}_noise_density: {max(p.noise.N for p in parts):.9e} # N, {unit}/sqrt(Hz)"
+        yield f"{kind}_random_walk: {walk:.9e} # {source}, {unit}/s/sqrt(Hz) (the same as {unit}/sqrt(s))"
+    yield "rostopic: /imu0 # set to yours"
+    yield f"update_rate: {1.0 / min(part.interval for part in found.parts.values()):.6g} # Hz, of the runs"
+
+
+def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, str]:
+    """Random walk of a triad's bias, and what it is taken from."""
+    walk = max(part.noise.K for part in parts)
+    if walk > 0.0:
+        return walk, "K of the bias"
+    walk = max(short_walk(part.noise) for part in parts)
+    if walk > 0.0:
+        return walk, "no K was found: that of the process that stands for B"
+    raise InputError(
+        f"{found.source.path}: the {kind}s have neither a random walk K nor a bias instability B, and Kalibr"
+        " takes no random walk of zero: let the study estimate the noise of a run, or choose another format"
+    )
+
+
+_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
+
+DEGREES_AN_HOUR = math.degrees(3600.0)
+"""deg/h in a rad/s; a density in rad/s/sqrt(Hz) times a sixtieth of it is in deg/sqrt(h)."""
+
+
+def json_files(found: Characterized) -> dict[str, str]:
+    """Texts by file name: the model as JSON, and a module that defines gnss-ins-sim's ``imu_err``."""
+    name = identifier(found)
+    return {
+        f"{name}_model.json": json_text(model_record(found)),
+        f"{name}_gnss_ins_sim.py": _gnss_ins_sim(found),
+    }
+
+
+def model_record(found: Characterized) -> dict[str, Any]:
+    """Everything that a simulator needs, as plain values, SI."""
+    return {
+        "provenance": provenance(found),
+        "components": {place: _part_record(place, part) for place, part in found.parts.items()},
+    }
+
+
+def _part_record(place: str, part: Part) -> dict[str, Any]:
+    sd = np.sqrt(np.diag(part.covariance))
+    terms = zip(part.component.library.terms, part.symbols, part.component.theta, sd, strict=True)
+    floor, tau = floor_process(part.noise)
+    return {
+        "id": part.sensor.id,
+        "kind": part.sensor.kind,
+        "class": part.sensor.class_,
+        "terms": [
+            {
+                "name": term.name, "symbol": symbol, "unit": term.unit, "value": float(value),
+                "regressor": regressor(place, term), "sd": float(spread),
+            }
+            for term, symbol, value, spread in terms
+        ],
+        "covariance": part.covariance,
+        "covariance_of": "draws of the posterior" if part.joint else "variances alone",
+        "noise": {"N": part.noise.N, "B": part.noise.B, "K": part.noise.K, "runs": part.noise_runs},
+        "gauss_markov": {"sd": floor, "tau": tau, "stands_for": "B"},
+        "interval": part.interval,
+    }  # fmt: skip
+
+
+def _gnss_ins_sim(found: Characterized) -> str:
+    rows = [
+        *(f"# {line}" for line in heading(found)),
+        "# For gnss_ins_sim.sim.imu_model.IMU(accuracy=imu_err, axis=6), which knows bias, white noise and a",
+        "# Gauss-Markov bias of sd b_stability and time constant b_corr; all terms are in the JSON file.",
+        "# Body axes are those of the case; its z often points down: an accelerometer at rest then reads -g.",
+        "import numpy as np",
+        "",
+        "imu_err = {",
+        *(f"    {row}" for row in _rows(found)),
+        "}",
+    ]
+    return "\n".join(rows) + "\n"
+
+
+def _rows(found: Characterized) -> list[str]:
+    angle, rate = DEGREES_AN_HOUR, DEGREES_AN_HOUR / 60.0
+    gyro = (("gyro", "gyro_arw", GYROSCOPES, angle, rate, "deg/h", "deg/sqrt(h)"),)
+    accel = (("accel", "accel_vrw", ACCELEROMETERS, 1.0, 60.0, "m/s^2", "m/s/sqrt(h)"),)
+    rows = []
+    for stem, walk, places, size, density, unit, walk_unit in gyro + accel:
+        noise = [found.parts[p].noise if p in found.parts else Noise(0.0, 0.0, 0.0) for p in places]
+        floors = [floor_process(one) for one in noise]
+        rows += [
+            _array(f"{stem}_b", [size * _bias(found, place) for place in places], unit),
+            _array(walk, [density * one.N for one in noise], walk_unit),
+            _array(f"{stem}_b_stability", [size * sd for sd, _ in floors], unit),
+            _array(f"{stem}_b_corr", [tau for _, tau in floors], "s"),
+        ]
+    return rows
+
+
+def _bias(found: Characterized, place: str) -> float:
+    part = found.parts.get(place)
+    if part is None or "b0" not in part.component.library.names:
+        return 0.0
+    return float(part.component.theta[part.component.library.names.index("b0")])
+
+
+def _array(key: str, values: list[float], unit: str) -> str:
+    return f'"{key}": np.array([{", ".join(f"{value:.9g}" for value in values)}]),  # {unit}'
+
+
+OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
+EQUATIONS = (
+    "error of a compensated component: -sum over its states of state times regressor, plus white noise;"
+    " dx/dt = decay x + w, E[w w'] = diag(q) (continuous time); x(0) ~ N(0, P0)"
+)
+
+
+def filter_files(found: Characterized) -> dict[str, str]:
+    """Text of the list of states by its file name."""
+    return {f"{identifier(found)}_filter.json": json_text(filter_record(found))}
+
+
+def filter_record(found: Characterized) -> dict[str, Any]:
+    """States of all components, one after another, as plain values, SI.
+
+    Each coefficient of the model is a state: what the calibration does not know of it. That of the bias walks
+    with K; another one of each component is the Gauss-Markov process that stands for B. White noise N goes
+    to the mechanization: N^2 of the accelerometer drives velocity, that of the gyroscope attitude.
+
+    Raises
+    ------
+    InputError : if the noise of a component is not known.
+    """
+    check_noise(found)
+    blocks = [_covariance(part) for part in found.parts.values()]
+    return {
+        "provenance": provenance(found),
+        "equations": EQUATIONS,
+        "states": [state for place, part in found.parts.items() for state in _states(place, part)],
+        "P0": np.asarray(block_diag(*blocks)).tolist(),
+        "P0_of": {
+            place: "draws of the posterior" if part.joint else "variances alone"
+            for place, part in found.parts.items()
+        },
+        "white": {
+            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({OUTPUT[part.sensor.kind]})^2/Hz"}
+            for place, part in found.parts.items()
+        },
+    }
+
+
+def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
+    terms = part.component.library.terms
+    for term in terms if part.component.library.names[:1] == ("b0",) else (None, *terms):
+        name = "b0" if term is None else term.name
+        yield {
+            "name": f"{place}.{name}",
+            "unit": OUTPUT[part.sensor.kind] if term is None else term.unit,
+            "regressor": "1" if term is None else regressor(place, term),
+            "process": "random walk" if name == "b0" else "constant",
+            "decay": 0.0,
+            "q": part.noise.K**2 if name == "b0" else 0.0,
+        }
+    sd, tau = floor_process(part.noise)
+    yield {
+        "name": f"{place}.B",
+        "unit": OUTPUT[part.sensor.kind],
+        "regressor": "1",
+        "process": "first-order Gauss-Markov",
+        "sd": sd,
+        "tau": tau,
+        "decay": -1.0 / tau,
+        "q": 2.0 * sd**2 / tau,
+    }
+
+
+def _covariance(part: Part) -> np.ndarray:
+    """Initial covariance in the order of the states; a bias that the model lacks starts from zero."""
+    lacking = [] if part.component.library.names[:1] == ("b0",) else [[[0.0]]]
+    sd, _ = floor_process(part.noise)
+    return np.asarray(block_diag(*lacking, *([part.covariance] if len(part.covariance) else []), [[sd**2]]))
