@@ -1,10 +1,11 @@
-"""What the report shows of units of a class: findings, a table, a figure."""
+"""What units of a class have in common: findings in words (units in ASCII), a table, a figure."""
 
 from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from markupsafe import Markup
@@ -25,22 +26,212 @@ from imubayes.reporting.canvas import (
     no_ticks,
     sticks,
 )
-from imubayes.reporting.population_words import (
-    LIKE,
-    changes,
-    class_answer,
-    class_sentences,
-    parts,
-    short_title,
-    shown,
-    spread_text,
-    whole,
+from imubayes.reporting.rounding import (
+    NARROW,
+    below,
+    measured,
+    per_unit,
+    percent,
+    percents,
+    pretty,
+    ranged,
+    signed,
 )
-from imubayes.reporting.rounding import measured, per_unit, percent, percents, pretty, signed
+from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.inference.intervals import Share
     from imubayes.population.classes import ClassInCommon, TermInClass
+
+RESOLVED = 0.25
+"""Low end of a spread's interval over its median from which the spread is there: where the data only say how
+large it may be, that is 0.1."""
+
+COMMON = 0.5
+"""Share of a turn-on's variance that all units have in common from which it is said."""
+
+STANDS_OUT = 2.0
+"""Standard deviations from the mean of the sessions beyond which a session is named."""
+
+MOST_NAMES = 6
+"""Spreads that a sentence names."""
+
+LIKE = {"some need it": "undecided", "cannot tell": "unresolved"}
+"""Verdicts of a unit whose shape and colour answers on a class have that are none themselves."""
+
+
+def resolved(found: Share) -> bool:
+    """Whether a spread is there, and not only below something."""
+    return found.low > RESOLVED * found.value
+
+
+def changes(term: TermInClass) -> bool:
+    """Whether a term's sessions scatter by more than their errors allow."""
+    return term.spreads.p_value < term.spreads.level
+
+
+def short_title(term: TermInClass) -> str:
+    """Both spreads without their intervals, as a finding."""
+    text = f"{term.name}: sd {spread_text(term, 'unit', interval=False)} from unit to unit"
+    if math.isnan(term.spreads.turn_on.value):
+        return text
+    return f"{text}, {spread_text(term, 'turn_on', interval=False)} between sessions"
+
+
+def spread_text(term: TermInClass, which: Literal["unit", "turn_on"], *, interval: bool = True) -> str:
+    """Sd from unit to unit or between sessions, with its interval; what it is below where it is not there."""
+    found: Share = getattr(term.spreads, which)
+    if math.isnan(found.value):
+        return "unknown"
+    if not (changes(term) if which == "turn_on" else resolved(found)):
+        return f"below {below(found.high / _unit(term), term.printed)}"
+    if not interval:
+        return str(measured(found.value / _unit(term), 0.0, term.printed))
+    return f"{ranged(found, size=_unit(term)).replace('−', '-')} {term.printed}"
+
+
+def whole(found: ClassInCommon) -> tuple[TermInClass, ...]:
+    """Each term once: for all axes of a triad together where there are several."""
+    names = dict.fromkeys(term.term for term in found.terms)
+    return tuple(next(term for term in found.terms if term.term == name) for name in names)
+
+
+def shown(found: ClassInCommon) -> tuple[TermInClass, ...]:
+    """Terms that have a row: those of which the units' tests tell."""
+    told = {term.term for term in found.terms if term.told and term.need.verdict != "cannot tell"}
+    return tuple(term for term in found.terms if term.term in told and term.told)
+
+
+def class_sentences(found: ClassInCommon) -> tuple[str, ...]:
+    """Findings on the units of a class: needs, what cannot be told, spreads, turn-on, what is common."""
+    return (
+        _opening(found),
+        *_needs(found),
+        *_silent(found),
+        *_spreads(found),
+        *_turn_on(found),
+        *_common(found),
+    )
+
+
+def class_answer(found: ClassInCommon) -> str:
+    """What the top of the page says: what the class needs, and what changes between sessions."""
+    return " ".join((_opening(found), *_needs(found), *_turn_on(found)))
+
+
+def _opening(found: ClassInCommon) -> str:
+    units, sessions = len(found.units), [name for name in found.sessions if name]
+    over = f", in {len(sessions)} sessions" if len(sessions) > 1 else ""
+    return f"{units} {found.kind}s of class {found.class_id}{over}."
+
+
+def _needs(found: ClassInCommon) -> Iterator[str]:
+    """Say what the class needs: a term once where all its axes have one answer."""
+    said: dict[str, list[str]] = {}
+    for first in whole(found):
+        each = parts(found.terms, first)
+        answers = {part.need.verdict for part in each}
+        for part in [first] if len(answers) == 1 else each:
+            said.setdefault(part.need.verdict, []).append(part.name)
+    for told, words in (
+        ("needed", "The class needs {}."),
+        ("some need it", "Some units need {}, others do not."),
+        ("not needed", "It does not need {}."),
+        ("undecided", "The units leave {} undecided."),
+    ):
+        if names := said.get(told):
+            yield words.format(listed(names))
+
+
+def parts(terms: Iterable[TermInClass], first: TermInClass) -> tuple[TermInClass, ...]:
+    """A term by component: what stands for all of them is left out; or the term itself where it is alone."""
+    alike = tuple(term for term in terms if term.term == first.term)
+    return alike[1:] if len(alike) > 1 and not alike[0].component else alike
+
+
+def _silent(found: ClassInCommon) -> Iterator[str]:
+    """Say what this test cannot tell, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for term in whole(found):
+        if all(part.need.verdict == "cannot tell" for part in parts(found.terms, term)):
+            word = max(term.need.answers, key=lambda answer: term.need.answers[answer])
+            reasons.setdefault(word, []).append(term.name)
+    if reasons:
+        told = "; ".join(f"{listed(names)} ({WHY.get(word, word)})" for word, names in reasons.items())
+        yield f"This test cannot tell of {told}: more units do not change that."
+
+
+WHY = {
+    "inseparable": "seen only in combination",
+    "unresolved": "too small beside the noise",
+    "untested": "not excited",
+}
+"""Why a test cannot tell, in a few words."""
+
+
+def _spreads(found: ClassInCommon) -> Iterator[str]:
+    told = [term for term in whole(found) if term in shown(found) and resolved(term.spreads.unit)]
+    if told:
+        single = all(math.isnan(term.spreads.turn_on.value) for term in found.terms)
+        several = ", both what a unit is and what a turn-on does" if single else ""
+        yield f"From unit to unit (sd{several}) {_listed(told, 'unit', ' differs by ')}."
+
+
+def _listed(terms: Sequence[TermInClass], which: Literal["unit", "turn_on"], verb: str) -> str:
+    return listed(f"{term.name}{verb}{spread_text(term, which)}" for term in terms[:MOST_NAMES])
+
+
+def _unit(term: TermInClass) -> float:
+    return per_unit(term.printed, term.unit)
+
+
+def _turn_on(found: ClassInCommon) -> Iterator[str]:
+    """Say what changes from one turn-on to the next, and how little the rest does."""
+    told = [term for term in whole(found) if term in shown(found)]
+    known = [term for term in told if not math.isnan(term.spreads.turn_on.value)]
+    moving = [term for term in known if changes(term)]
+    steady = [term for term in known if not changes(term)]
+    if moving:
+        yield f"From one session to the next {_listed(moving, 'turn_on', ' changes by ')}."
+    if steady:
+        rest = "The rest" if moving else "Everything"
+        sizes = _listed(steady, "turn_on", " ")
+        yield f"{rest} comes back within the error bars: the sd between sessions is {sizes}."
+    if wide := [term.name for term in steady if term.spreads.p_value > 1.0 - term.spreads.level]:
+        told = "agree better than by chance: from session to session these error bars are too wide"
+        yield f"The sessions of {listed(wide)} {told}."
+
+
+def _common(found: ClassInCommon) -> Iterator[str]:
+    """Say what of a turn-on all units have in common, and in which sessions."""
+    alike = [
+        f"{percents(term.spreads.common_share).replace(NARROW, ' ')} of that of {term.name}{_off(term)}"
+        for term in shown(found)
+        if (term.component or len(found.components) == 1)
+        and changes(term)
+        and term.spreads.common_share.value > COMMON
+    ]
+    if alike:
+        yield (
+            f"Of the variance between sessions all units have in common, as temperature would make it:"
+            f" {'; '.join(alike)}."
+        )
+
+
+def _off(term: TermInClass) -> str:
+    """Name the sessions in which all units are off, and by how much."""
+    off = [
+        f"session {name} by {measured(shift / _unit(term), sd / _unit(term), term.printed)}"
+        for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
+        if abs(shift) > STANDS_OUT * sd
+    ]
+    return (
+        f" ({len(off)} of {counted(len(term.sessions), 'session')} off their mean: {', '.join(off)})"
+        if off
+        else ""
+    )
+
 
 ROW, TALLEST = 9.0, 420.0
 """px of a unit, and of all of them at most."""
@@ -93,7 +284,7 @@ def class_section(found: ClassInCommon, k: int) -> Section:
             "A row is a unit: the dot is its mean, each bar a session. The grey line is the population's"
             f" mean; the band holds a further unit{further} with 90 %."
         )
-        blocks += [_table(found, terms), Figure(panels, note)]
+        blocks += [_terms_table(found, terms), Figure(panels, note)]
     title, sub = "What units of this class have in common", class_title(found)
     return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}")
 
@@ -103,7 +294,7 @@ def is_repeated(found: ClassInCommon) -> bool:
     return sum(bool(name) for name in found.sessions) > 1
 
 
-def _table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
+def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
     repeated, left = is_repeated(found), len(found.terms) - len(terms)
     more = f" {left} more parameters are in result.json." if left else ""
     between = ("between sessions", "common") if repeated else ()

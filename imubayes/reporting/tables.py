@@ -20,7 +20,7 @@ from imubayes.reporting.chain_views import (
 from imubayes.reporting.fit_views import fit_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
-from imubayes.reporting.population_words import class_sentences
+from imubayes.reporting.population_views import class_sentences
 from imubayes.reporting.rows import (
     MARKS,
     TermRow,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from imubayes.ladder.trade.measurement import Measured
-    from imubayes.ladder.trade.score import Rate, Score
+    from imubayes.ladder.trade.repeats import Rate, Score
     from imubayes.ladder.trade.table import Place, Standing, Traded
 
 HEADS = ("rung", "time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw",
@@ -407,7 +407,7 @@ def rate_text(rate: Rate) -> str:
     Examples
     --------
     >>> from imubayes.inference.intervals import frequency
-    >>> from imubayes.ladder.trade.score import Rate
+    >>> from imubayes.ladder.trade.repeats import Rate
     >>> rate_text(Rate(18, 20, frequency(18, 20)))
     '90 % (75 to 97 %)'
     """

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from trades import told
 
-from imubayes.ladder.trade.repeats import Repeat
-from imubayes.ladder.trade.score import WIDTH, score
+from imubayes.ladder.trade.repeats import WIDTH, Repeat, score
 from imubayes.selection.verdicts import EQUAL, Costs
 
 NONE = {"<ACC>": {}}

@@ -14,7 +14,7 @@ from imubayes.errors import InputError
 from imubayes.inference.intervals import frequency
 from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade import table
-from imubayes.ladder.trade.score import Rate, Score
+from imubayes.ladder.trade.repeats import Rate, Score
 from imubayes.ladder.trade.subjects import NAMES, Subject, rungs_of, with_options
 from imubayes.ladder.trade.table import Place, allowed, faults, front, recommended
 from imubayes.reporting.trade_page import trade_answer

@@ -9,8 +9,7 @@ from populations_found import SESSIONS, UG, UNITS, class_found, term_found
 
 from imubayes.inference.intervals import Share
 from imubayes.reporting.document import report_html
-from imubayes.reporting.population_views import class_section
-from imubayes.reporting.population_words import class_sentences, resolved, spread_text
+from imubayes.reporting.population_views import class_section, class_sentences, resolved, spread_text
 from imubayes.reporting.results import result_json
 
 

@@ -19,8 +19,17 @@ from imubayes.ladder.costs import calibrate, foreseen
 from imubayes.ladder.machine import Machine, machine
 from imubayes.ladder.problem import size_of
 from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
-from imubayes.ladder.trade.repeats import Repeat, afforded, answered, drawn
-from imubayes.ladder.trade.score import INTERVAL, Exposed, Score, required, score
+from imubayes.ladder.trade.repeats import (
+    INTERVAL,
+    Exposed,
+    Repeat,
+    Score,
+    afforded,
+    answered,
+    drawn,
+    required,
+    score,
+)
 from imubayes.ladder.trade.subjects import DEFAULT, Subject, Trade
 from imubayes.population.processes import Progress, shared
 from imubayes.scenes.relevance import Exposure, exposure
