@@ -13,6 +13,14 @@ from typing import Literal, get_args
 from imubayes.errors import InputError
 
 RungName = Literal["means", "sparse", "plug-in", "averaged", "collapsed", "full", "raw"]
+Method = Literal["auto", RungName, "exact"]
+"""What a study and ``--method`` may say: a rung; ``auto``, the one that suits the study; ``exact``, which is
+another word for plug-in."""
+
+METHODS: tuple[str, ...] = get_args(Method)
+
+CHAINED = ("auto", "collapsed", "full")
+"""Methods that may keep chains, which can be resumed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +38,7 @@ LADDER: tuple[Rung, ...] = (
     Rung("sparse", "whitened factor, sparse regression along its path",
          "weighs the models of one path only, and gives no probabilities of its own."),
     Rung("plug-in", "whitened factor, every model, noise as estimated",
-         "takes the noise as known."),
+         "takes the noise as known but for its strength."),
     Rung("averaged", "every model, averaged over draws of the noise",
          "takes the noise's posterior as normal about its peak in logarithms, reweighted."),
     Rung("collapsed", "emcee over the noise, every model",

@@ -76,7 +76,7 @@ class Sampling:
 
     Attributes
     ----------
-    method : ``exact``, ``collapsed``, ``full``, or ``auto``: the one that is right for each sensor.
+    method : a rung of the ladder, ``auto``, the one that is right for each sensor, or ``exact``, plug-in.
     checkpoints : folder of the chains' files; None keeps none.
     resume : continue the chains that are in that folder.
     budget : s of compute that each sensor may take; the best rung of the ladder that fits in is taken.
@@ -191,7 +191,7 @@ class SensorResult:
     seconds : compute time.
     calibration : for a reference-free triad, the component's row of the compensation; else None.
     method, method_reason : how the posterior was computed, and why so.
-    chains : of the sampler; None for the exact method.
+    chains : of the sampler; None where the method has none.
     extras : what the data say of the columns that are no terms.
     distrusted : dwells that the robust analysis holds for contaminated, worst first.
     panel : what every other method says.
@@ -218,7 +218,7 @@ class SensorResult:
     prior_source: str
     seconds: float
     calibration: Mapping[str, object] | None = None
-    method: str = "exact"
+    method: str = "plug-in"
     method_reason: str = ""
     chains: Chains | None = None
     extras: tuple[ExtraPosterior, ...] = ()

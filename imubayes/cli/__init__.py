@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from imubayes.campaign.fidelity import METHODS
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import ConvergenceError, InputError, TermError
 
@@ -31,7 +32,7 @@ app = typer.Typer(
 )
 
 
-Method = StrEnum("Method", ["auto", "exact", "collapsed", "full"])
+Method = StrEnum("Method", METHODS)
 Document = StrEnum("Document", ["study", "result"])
 ExportFormat = StrEnum("ExportFormat", ["kalibr", "c", "python", "matlab", "json", "filter"])
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from imubayes.campaign.fidelity import CHAINED
 from imubayes.cli.console import Waiting, complete, fail
 from imubayes.errors import InputError
 
@@ -151,8 +152,10 @@ def _sampling(usual: Any, asked: Asked) -> Any:
     }
     sampling = replace(usual, **{name: value for name, value in given.items() if value is not None})
     chains = asked.folder / CHAINS
-    if asked.resume and sampling.method == "exact":
-        raise InputError("--resume continues chains, and the method 'exact' has none: run without --resume")
+    if asked.resume and sampling.method not in CHAINED:
+        raise InputError(
+            f"--resume continues chains, and the method '{sampling.method}' keeps none: run without --resume"
+        )
     if asked.resume and not any(chains.glob("*.h5")):
         raise InputError(
             f"{chains / '*.h5'}: there is no checkpoint to resume from: run without --resume, "

@@ -18,11 +18,11 @@ from scipy.special import ndtri
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import Prepared
-from imubayes.inference.at_noise import at_found_noise, at_noise
+from imubayes.inference.at_noise import at_noise
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.mcmc.moves import Student, log_student
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
-from imubayes.ladder.problem import Answer, Ground, answer_of, at_noises, once, prepared
+from imubayes.ladder.problem import Ground, Posterior, once, prepared
 
 PROPOSED = 24
 """Noises at which all rows are whitened; about half as many count."""
@@ -87,22 +87,17 @@ class Weighted:
         return 1.0 / float(np.sum(self.weight**2))
 
 
-def plug_in(ground: Ground) -> Answer:
-    """Weigh every submodel at the noise that was estimated."""
-    ready = prepared(ground)
-    selection = at_noises(ground, (at_found_noise(ready.summary, ready.prior),), where="the estimated noise")
-    return answer_of("plug-in", selection, estimated_noise(ready))
+def plug_in(ground: Ground) -> Posterior:
+    """Take the noise as estimated; the decision averages over its common scale, which has a closed form."""
+    return Posterior("plug-in", estimated_noise(prepared(ground)))
 
 
-def averaged(ground: Ground) -> Answer:
-    """Weigh every model at draws of the noise, and average; the full library over all weighted draws."""
+def averaged(ground: Ground) -> Posterior:
+    """Draw the noise about its peak; the full library over all weighted draws."""
     ready, drawn = prepared(ground), weighted(ground)
     noises = tuple(drawn.draws[k] for k in _resampled(drawn.weight, ground.rngs["averaged"]))
-    selection = at_noises(ground, noises, drawn.log_evidence)
     noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
-    p = len(selection.terms)
-    mean, sd = (moments[:p] for moments in _moments(ready, drawn))
-    return answer_of("averaged", selection, noise, noises=noises, full_mean=mean, full_sd=sd)
+    return Posterior("averaged", noise, noises, drawn.log_evidence, _moments(ready, drawn))
 
 
 def _moments(ready: Prepared, drawn: Weighted) -> tuple[FloatArray, FloatArray]:

@@ -129,7 +129,7 @@ def _few_draws(ground: Ground, found: Answer) -> Foresight:
     """Averaged: the Monte Carlo error of the draws that count, and that of the chains above."""
     count = weighted(ground).count
     coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
-    error = math.hypot(1.0 / math.sqrt(count), 1.0 / math.sqrt(len(found.noises)))
+    error = math.hypot(1.0 / math.sqrt(count), 1.0 / math.sqrt(len(found.posterior.noises)))
     reason = f"the Monte Carlo error of draws of the noise, of which {count:.0f} count"
     return (coefficients * error, inclusions * error), reason
 
@@ -141,22 +141,22 @@ def _chain_error(ground: Ground, found: Answer) -> Foresight:
     densities whose logarithms differ by e have means that differ by e sds at most, to first order; it is the
     noise's density that is off, so that the sd is that of the averages over the noise.
     """
-    nats, reason = 0.0, "the Monte Carlo errors of the chains"
+    nats, reason, chains = 0.0, "the Monte Carlo errors of the chains", found.posterior.chains
     if found.rung == "full":
-        nats = found.chains.interpolation_error if found.chains else 0.0
+        nats = chains.interpolation_error if chains else 0.0
         reason = f"the {nats:.2g} nats that the log density is off between whitenings, and Monte Carlo errors"
     coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
-    few = max(math.sqrt(2.0 / max(len(found.noises), 1)), nats)
+    few = max(math.sqrt(2.0 / max(len(found.posterior.noises), 1)), nats)
     own = 0.0
-    if found.chains:
-        own = math.sqrt(2.0 / min(found.chains.theta[..., 0].size, float(found.chains.diagnostics.ess.min())))
+    if chains:
+        own = math.sqrt(2.0 / min(chains.theta[..., 0].size, float(chains.diagnostics.ess.min())))
     return (max(coefficients * few, own), inclusions * few), reason
 
 
 def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
     """Largest sd over the draws of the noise: of a coefficient, in posterior sd, and of an inclusion."""
     p, models = len(found.names), found.selection.models
-    means = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.noises])
+    means = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.posterior.noises])
     if len(means) < 2 or not models.parts:
         return 0.0, 0.0
     inclusions = np.array([part.inclusion for _, part in models.parts])

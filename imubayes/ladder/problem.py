@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.fidelity import LADDER, RungName, Size
+from imubayes.campaign.fidelity import RungName, Size
 from imubayes.campaign.preparation import Prepared, component_prior, prepare
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
@@ -28,6 +28,10 @@ from imubayes.units import counted
 
 Tell = Callable[[str], None]
 Made = TypeVar("Made")
+
+DRAWN = ("averaged", "raw")
+"""Rungs that draw by themselves: each has a source of randomness of its own, so that no answer depends on
+what was climbed before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +100,7 @@ class Ground:
     Attributes
     ----------
     problem : that is asked.
-    rngs : a source of randomness for each rung, so that no answer depends on what was climbed before.
+    rngs : sources of randomness, of the factor and of the rungs that are `DRAWN`.
     tell : is told what goes on.
     limits : of chains.
     shared : what was computed, with the seconds that it took, by name.
@@ -111,9 +115,8 @@ class Ground:
 
 def ground_of(problem: Problem, rng: np.random.Generator, tell: Tell, limits: Limits | None) -> Ground:
     """Ground on which no rung has been yet."""
-    names = ("factor", *(rung.name for rung in LADDER))
-    rngs = dict(zip(names, rng.spawn(len(names)), strict=True))
-    return Ground(problem, rngs, tell, limits or Limits(seed=int(rng.integers(2**32))))
+    own = dict(zip(DRAWN, rng.spawn(len(DRAWN)), strict=True))
+    return Ground(problem, {"factor": rng, **own}, tell, limits or Limits(seed=int(rng.integers(2**32))))
 
 
 def prepared(ground: Ground) -> Prepared:
@@ -140,33 +143,15 @@ def chained(ground: Ground, method: Method) -> tuple[Sampled, bool]:
 
     def make() -> tuple[Sampled, bool]:
         ready = prepared(ground)
-        seed = int(ground.rngs[method].integers(2**32))
-        limits = replace(ground.limits, seed=seed)
         given = (ready.summary, ready.rows, ready.prior.sd)
         try:
-            return sample(*given, method=method, limits=limits, progress=ground.tell), True
+            return sample(*given, method=method, limits=ground.limits, progress=ground.tell), True
         except ConvergenceError as unfinished:
             if not isinstance(unfinished.estimate, Sampled):
                 raise
             return unfinished.estimate, False
 
     return once(ground, method, make)
-
-
-def at_noises(
-    ground: Ground, noises: tuple[NoiseDraw, ...], log_evidence: float = 0.0, where: str = ""
-) -> Selection:
-    """Decision from every submodel, weighed at draws of the noise; `where` says it in other words."""
-    ready, problem = prepared(ground), ground.problem
-    ground.tell(f"every model at {where or counted(len(noises), 'draw') + ' of the noise'}")
-    return select(
-        ready.summary,
-        ready.prior,
-        noises=noises,
-        log_evidence=log_evidence,
-        costs=problem.costs,
-        hierarchical=problem.hierarchical,
-    )
 
 
 def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
@@ -179,33 +164,54 @@ def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """What a rung says of the noise, and of the full library over it.
+
+    Attributes
+    ----------
+    rung : that was taken.
+    noise : (g, 3) N, B, K of each run, SI; of a method that knows only white noise, B and K are 0.
+    noises : draws of the noise that the decision averages over; empty where it takes the estimate.
+    log_evidence : of the full library, the noise of these draws integrated out.
+    moments : mean and sd (columns,) of the full library's coefficients; None for those at the estimate.
+    chains : of emcee, where the rung has them.
+    converged : whether these reached what was asked.
+    """
+
+    rung: RungName
+    noise: FloatArray
+    noises: tuple[NoiseDraw, ...] = ()
+    log_evidence: float = 0.0
+    moments: tuple[FloatArray, FloatArray] | None = None
+    chains: Chains | None = None
+    converged: bool = True
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Answer:
     """What a rung says of one component.
 
     Attributes
     ----------
-    rung : that was taken.
+    posterior : of the noise.
     selection : the decision, in the form that the report shows. Every rung gives one: of the cheap ones its
         means, inclusions and verdicts are those of the method.
     full_mean, full_sd : (p,) coefficients under the full library, SI.
-    noise : (N, B, K) by run, SI; of a method that knows only white noise, B and K are 0.
-    noises : draws of the noise that the decision averaged over; empty where it took one.
-    chains : of emcee, where the rung has them.
-    seconds : that it took, from rows to decision.
-    converged : whether chains, where there are any, reached what was asked.
     ready : factor, rows and prior that it rests on; None of a method that has no use for them.
+    seconds : that it took, from rows to decision.
     """
 
-    rung: RungName
+    posterior: Posterior
     selection: Selection
     full_mean: FloatArray
     full_sd: FloatArray
-    noise: tuple[tuple[float, float, float], ...]
-    noises: tuple[NoiseDraw, ...] = ()
-    chains: Chains | None = None
-    seconds: float = 0.0
-    converged: bool = True
     ready: Prepared | None = None
+    seconds: float = 0.0
+
+    @property
+    def rung(self) -> RungName:
+        """Rung that was taken."""
+        return self.posterior.rung
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -228,14 +234,30 @@ class Answer:
         return np.array([term.inclusion for term in self.selection.terms])
 
 
-def answer_of(rung: RungName, selection: Selection, noise: FloatArray, **other: Any) -> Answer:
-    """Answer that says what a decision says; `noise` (g, 3) is N, B, K by run."""
-    full = {
-        "full_mean": np.array([term.full_mean for term in selection.terms]),
-        "full_sd": np.array([term.full_sd for term in selection.terms]),
+def answer_of(found: Posterior, selection: Selection, ready: Prepared | None) -> Answer:
+    """Answer that says what a decision says, of the full library what the noise's posterior does."""
+    p = len(selection.terms)
+    full = np.array([(term.full_mean, term.full_sd) for term in selection.terms]).T
+    mean, sd = full if found.moments is None else (values[:p] for values in found.moments)
+    return Answer(found, selection, mean, sd, ready)
+
+
+def decided(ground: Ground, found: Posterior) -> Answer:
+    """Decision on the one component from every submodel, weighed over the noise's posterior."""
+    ready, problem = prepared(ground), ground.problem
+    where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
+    ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")
+    return answer_of(found, select(ready.summary, ready.prior, **asked_of(problem, found)), ready)
+
+
+def asked_of(problem: Problem, found: Posterior) -> dict[str, Any]:
+    """What a decision takes into account beside the data: costs, hierarchy, and draws of the noise."""
+    return {
+        "noises": found.noises,
+        "log_evidence": found.log_evidence,
+        "costs": problem.costs,
+        "hierarchical": problem.hierarchical,
     }
-    runs = tuple((N, B, K) for N, B, K in noise.tolist())
-    return Answer(rung=rung, selection=selection, noise=runs, **{**full, **other})
 
 
 def change(before: Answer, after: Answer) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.ladder.averaged import estimated_noise
-from imubayes.ladder.problem import Answer, Ground, Problem, answer_of, prepared
+from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_of, prepared
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.effects import best_of, effects_of, log_evidence
@@ -103,7 +103,8 @@ def means(ground: Ground) -> Answer:
     seen = observe(f, sd, facts, scale=scale, reach=reach)
     why = f"by BIC on {f.n} dwell means, whose noise is taken as white"
     noise = [(scale * math.sqrt(float(d.means.rows.duration.mean())), 0.0, 0.0) for d in dwells]
-    return answer_of("means", decided(Basis(problem, reach, seen, _full(f), why), models), np.array(noise))
+    found = Posterior("means", np.array(noise))
+    return answer_of(found, selection_of(Basis(problem, reach, seen, _full(f), why), models), None)
 
 
 def sparse(ground: Ground) -> Answer:
@@ -117,9 +118,8 @@ def sparse(ground: Ground) -> Answer:
     full = dict(zip(f.names, zip(*moments, strict=True), strict=True))
     why = "of the models along one path, so that 0 and 1 are a choice and no probability"
     models = _chosen(ready, scale, problem.hierarchical)
-    return answer_of(
-        "sparse", decided(Basis(problem, reach, seen, full, why), models), estimated_noise(ready)
-    )
+    found = Posterior("sparse", estimated_noise(ready))
+    return answer_of(found, selection_of(Basis(problem, reach, seen, full, why), models), ready)
 
 
 def by_bic(f: Factor, hierarchical: bool = False) -> Models:
@@ -229,7 +229,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     return replace(found, missing=math.nan, error=math.nan)
 
 
-def decided(basis: Basis, models: Models) -> Selection:
+def selection_of(basis: Basis, models: Models) -> Selection:
     """Give a verdict on every term of the library."""
     lib, costs = basis.problem.library, basis.problem.costs
     by_candidate = models.inclusion[[models.names.index(name) for name in models.candidates.names]]

@@ -9,30 +9,96 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from imubayes.campaign.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rung_of, rungs_for
-from imubayes.errors import ConvergenceError
-from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.errors import ConvergenceError, InputError
+from imubayes.inference.summary import Summary
 from imubayes.ladder.averaged import averaged, plug_in
 from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.foresight import foresee
-from imubayes.ladder.problem import Answer, Ground, Problem, Tell, change, ground_of, size_of
+from imubayes.ladder.problem import Answer, Ground, Posterior, change, decided, prepared, size_of
 from imubayes.ladder.regression import means, sparse
 from imubayes.ladder.sampled import collapsed, full, raw
+from imubayes.units import counted
 
-RUNGS: Mapping[RungName, Callable[[Ground], Answer]] = {
-    "means": means,
-    "sparse": sparse,
+AT_ONCE: Mapping[str, Callable[[Ground], Answer]] = {"means": means, "sparse": sparse}
+"""Rungs that decide on their way, of one component with known inputs."""
+
+POSTERIORS: Mapping[RungName, Callable[[Ground], Posterior]] = {
     "plug-in": plug_in,
     "averaged": averaged,
     "collapsed": collapsed,
     "full": full,
     "raw": raw,
 }
-"""From the cheapest to the best."""
+"""Rungs that say what the noise is, over which any component is decided."""
 
 NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
+"""From the cheapest to the best."""
+
+LARGE = 2_000_000
+"""Rows beyond which the noise is sampled only if asked: every draw that is averaged over whitens them all."""
+
+WIDE = 30_000
+"""Matrix entries that a draw of the noise adds up, runs times squared columns: more take minutes."""
+
+
+def chosen_method(wanted: str, summary: Summary) -> tuple[RungName, str]:
+    """Rung that a study asks for by `Method`, and the reason in words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chosen_method("exact", Summary.from_arrays(np.eye(2), np.ones(2), ("a", "b")))
+    ('plug-in', 'the method exact was asked for')
+    """
+    if wanted != "auto":
+        return rung_of("plug-in" if wanted == "exact" else wanted).name, f"the method {wanted} was asked for"
+    estimated = [run.name for run in summary.runs if run.steering]
+    if not estimated:
+        return "plug-in", "the noise of every run is given, so that the exact posterior is the whole answer"
+    if summary.factor.n > LARGE:
+        return "plug-in", (
+            f"{summary.factor.n:,} samples fix the noise, and sampling it would whiten them all again and"
+            " again; ask for the method collapsed to average over it all the same"
+        )
+    columns = len(summary.names)
+    if len(estimated) * columns**2 > WIDE:
+        return "plug-in", (
+            f"to sample the noise of {counted(len(estimated), 'run')} beside {columns} columns takes minutes;"
+            " ask for the method collapsed to average over it all the same"
+        )
+    several = "s" if len(estimated) > 1 else ""
+    return "collapsed", (
+        f"the noise of run{several} {', '.join(estimated)} is estimated from the same data: its uncertainty"
+        " is sampled, and the coefficients are exact at each draw"
+    )
+
+
+def posterior_by(wanted: str, ground: Ground) -> tuple[Posterior, str]:
+    """Posterior of the noise by a method, and why by that one; plug-in where chains cannot be run.
+
+    Raises
+    ------
+    InputError : if the method decides on its way, and so takes one component with known inputs.
+    """
+    rung, reason = chosen_method(wanted, prepared(ground).summary)
+    if rung in AT_ONCE:
+        raise InputError(
+            f"sensor '{ground.problem.spec.id}': the method {rung} takes runs of one component with known"
+            f" inputs, and these are of several: expected one of {', '.join(POSTERIORS)}"
+        )
+    try:
+        return POSTERIORS[rung](ground), reason
+    except ConvergenceError as unfinished:
+        return plug_in(ground), f"the noise, held at its estimate, cannot be sampled: {unfinished}"
+
+
+def by_method(wanted: str, ground: Ground) -> tuple[Answer, str]:
+    """Answer of a method on one component, and why by that one."""
+    if wanted in AT_ONCE:
+        return AT_ONCE[wanted](ground), f"the method {wanted} was asked for"
+    found, reason = posterior_by(wanted, ground)
+    return decided(ground, found), reason
 
 
 def stand(rung: RungName, ground: Ground) -> Answer:
@@ -44,38 +110,27 @@ def stand(rung: RungName, ground: Ground) -> Answer:
     ------
     InputError : if there is no such rung, or the runs cannot be used.
     """
-    work = RUNGS[rung_of(rung).name]
+    name = rung_of(rung).name
     shares = {"means": (), "raw": ("factor", "full")}.get(rung, ("factor", rung))
-    done = sum(ground.shared[name][1] for name in shares if name in ground.shared)
+    done = sum(ground.shared[part][1] for part in shares if part in ground.shared)
     start = time.perf_counter()
-    found = work(ground)
-    seconds = time.perf_counter() - start + done
-    return replace(found, seconds=seconds, ready=ground.shared["factor"][0] if shares else None)
+    found = AT_ONCE[name](ground) if name in AT_ONCE else decided(ground, POSTERIORS[name](ground))
+    return replace(found, seconds=time.perf_counter() - start + done)
 
 
-def by_budget(
-    problem: Problem,
-    budget: float,
-    law: CostLaw,
-    *,
-    rng: np.random.Generator,
-    tell: Tell = lambda message: None,
-    limits: Limits | None = None,
-) -> tuple[Answer, Choice]:
+def by_budget(ground: Ground, budget: float, law: CostLaw) -> tuple[Answer, Choice]:
     """Answer of the best rung that fits into a budget, straight away, without the rungs below it.
 
     Parameters
     ----------
-    problem : one component.
+    ground : of one component.
     budget : s. Chains end in time, whether they have converged or not.
     law : what the rungs take on this machine (see `imubayes.ladder.costs.calibrate`).
-    rng : of whatever is drawn.
-    tell : is told what goes on.
-    limits : of chains, where a rung has any; by default those of a study.
     """
-    start, size = time.perf_counter(), size_of(problem)
+    start, size = time.perf_counter(), size_of(ground.problem)
     rung = within(budget, size, law)
-    ground = ground_of(problem, rng, tell, _ending(limits, budget, foreseen(rung, size, law)))
+    spare = max(budget - 0.5 * foreseen(rung, size, law), 0.5 * budget)  # for what is beside the chains
+    ground = replace(ground, limits=replace(ground.limits, time_limit=min(ground.limits.time_limit, spare)))
     try:
         found = stand(rung, ground)
     except ConvergenceError:  # where chains cannot be run, the best rung without
@@ -84,29 +139,19 @@ def by_budget(
     return found, replace(choice, budget=budget)
 
 
-def by_accuracy(
-    problem: Problem,
-    accuracy: float,
-    law: CostLaw,
-    *,
-    rng: np.random.Generator,
-    tell: Tell = lambda message: None,
-    limits: Limits | None = None,
-) -> tuple[Answer, Choice]:
+def by_accuracy(ground: Ground, accuracy: float, law: CostLaw) -> tuple[Answer, Choice]:
     """Climb until a rung changes no coefficient by more than `accuracy` against the one before.
 
     Parameters
     ----------
-    problem : one component.
+    ground : of one component.
     accuracy : in posterior sd, of averaged and full-library coefficients alike.
     law : what the rungs take on this machine.
-    rng, tell, limits : as for `by_budget`.
     """
     start = time.perf_counter()
-    ground = ground_of(problem, rng, tell, limits)
     found = stand(NAMES[0], ground)
     steps: list[tuple[RungName, float, float]] = [(found.rung, 0.0, 0.0)]
-    for name in rungs_for(size_of(problem))[1:]:
+    for name in rungs_for(size_of(ground.problem))[1:]:
         try:
             below, found = found, stand(name, ground)
         except ConvergenceError:  # and so it is with the rungs above
@@ -116,12 +161,6 @@ def by_accuracy(
             break
     asked = f"an accuracy of {accuracy:g} posterior sd"
     return found, replace(_choice(ground, found, law, asked, start), climbed=tuple(steps), accuracy=accuracy)
-
-
-def _ending(limits: Limits | None, budget: float, foreseen: float) -> Limits:
-    """Limits under which chains leave half of the budget, or of what is foreseen, for what is beside them."""
-    limits = limits or Limits()
-    return replace(limits, time_limit=min(limits.time_limit, max(budget - 0.5 * foreseen, 0.5 * budget)))
 
 
 def _choice(

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.fidelity import NEEDS_ROWS, RungName, rungs_for
+from imubayes.campaign.fidelity import NEEDS_ROWS, RungName
 from imubayes.campaign.preparation import Prepared
 from imubayes.errors import InputError
 from imubayes.inference.at_noise import at_noise
@@ -31,7 +31,7 @@ from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten, whitener
 from imubayes.ladder.averaged import groups_of, noises_of
-from imubayes.ladder.problem import Answer, Ground, Tell, answer_of, at_noises, chained, prepared, size_of
+from imubayes.ladder.problem import Ground, Posterior, Tell, chained, prepared
 from imubayes.sensors.noise import Noise
 from imubayes.units import counted
 
@@ -45,45 +45,36 @@ TURN = 10
 """Steps of all ensembles before they are looked at again."""
 
 
-def collapsed(ground: Ground) -> Answer:
+def collapsed(ground: Ground) -> Posterior:
     """Sample the noise, with the coefficients integrated out and drawn exactly."""
-    return _by_chains("collapsed", ground, *chained(ground, "collapsed"))
+    return _by_chains("collapsed", *chained(ground, "collapsed"))
 
 
-def full(ground: Ground) -> Answer:
+def full(ground: Ground) -> Posterior:
     """Sample coefficients and noise."""
-    return _by_chains("full", ground, *chained(ground, "full"))
+    return _by_chains("full", *chained(ground, "full"))
 
 
-def _by_chains(rung: RungName, ground: Ground, sampled: Sampled, converged: bool) -> Answer:
-    """Weigh every model at the noises of some draws; of the full library, say what the chains say."""
-    chains = sampled.chains
-    selection = at_noises(ground, sampled.noises, chains.log_evidence[0])
-    theta = chains.theta[..., [chains.names.index(term.name) for term in selection.terms]]
-    return answer_of(
-        rung,
-        selection,
-        np.median(chains.noise, axis=(0, 1)),
-        noises=sampled.noises,
-        chains=chains,
-        converged=converged,
-        full_mean=theta.mean(axis=(0, 1)),
-        full_sd=theta.std(axis=(0, 1)),
-    )
+def _by_chains(rung: RungName, sampled: Sampled, converged: bool) -> Posterior:
+    """Noises of some draws; of the full library, what the chains say."""
+    chains, every = sampled.chains, (0, 1)
+    moments = chains.theta.mean(axis=every), chains.theta.std(axis=every)
+    noise = np.median(chains.noise, axis=every)
+    return Posterior(rung, noise, sampled.noises, chains.log_evidence[0], moments, chains, converged)
 
 
-def raw(ground: Ground) -> Answer:
+def raw(ground: Ground) -> Posterior:
     """Sample coefficients and noise on every row.
 
     Raises
     ------
     InputError : if a run is read a part at a time, so that its rows are not there.
     """
-    if "raw" not in rungs_for(size_of(ground.problem)):
-        raise InputError(
-            f"the rung raw is not for this study: {NEEDS_ROWS}: take full, which compresses them"
-        )
     ready = prepared(ground)
+    if any(rows.stream is not None for rows in ready.rows):
+        raise InputError(
+            f"the method raw is not for this study: {NEEDS_ROWS}: take full, which compresses them"
+        )
     below, _ = chained(ground, "full")
     rng = ground.rngs["raw"]
     ground.tell("every row at every step")
@@ -91,7 +82,7 @@ def raw(ground: Ground) -> Answer:
     limits = replace(ground.limits, seed=int(rng.integers(2**32)))
     history = run_slowly(_target(ready, density, below.chains), limits, ground.tell)
     sampled = _sampled(ready, density, history, below.chains)
-    return _by_chains("raw", ground, sampled, history.converged)
+    return _by_chains("raw", sampled, history.converged)
 
 
 def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], FloatArray]:

@@ -24,13 +24,6 @@ if TYPE_CHECKING:
     from imubayes.campaign.fidelity import Choice
     from imubayes.campaign.study import ExtraPosterior, SensorResult
 
-HOW = {
-    "exact": "exact",
-    "collapsed": "collapsed chains",
-    "full": "full chains, of coefficients and noise",
-}
-"""Each method in words."""
-
 CHANGED = 0.02
 """Change of an inclusion probability that is worth a row."""
 
@@ -67,7 +60,8 @@ def method_sentence(sensor: SensorResult) -> str:
     """Say how the posterior was computed, and why so; empty where nothing was chosen."""
     if not sensor.method_reason or sensor.choice is not None:
         return ""
-    return sentence(f"Posterior: {HOW[sensor.method]}, because {sensor.method_reason}")
+    how = f"{sensor.method} ({rung_of(sensor.method).title})"
+    return sentence(f"Posterior: {how}, because {sensor.method_reason}")
 
 
 def unconverged_sentence(sensor: SensorResult) -> str:
@@ -86,7 +80,7 @@ def unconverged_sentence(sensor: SensorResult) -> str:
 def _remedy(sensor: SensorResult) -> str:
     """What gives the chains more steps, where these help; those of a rung that was chosen are not kept."""
     if sensor.chains and STILL in sensor.chains.diagnostics.text:
-        return "hold the noise at its estimate by --method exact"
+        return "hold the noise at its estimate by --method plug-in"
     if sensor.choice is None:
         return "continue with --resume, or give more time"
     return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"

@@ -141,7 +141,7 @@ def _data_line(sensor: SensorResult) -> str:
 def _how(sensor: SensorResult) -> str:
     """Name the method; of chains with the diagnostics that say whether to trust them."""
     if sensor.chains is None:
-        return "exact" if sensor.choice is None else sensor.choice.rung
+        return sensor.method
     found = sensor.chains.diagnostics
     return f"{sensor.chains.sampler}, ESS {found.ess.min():,.0f}, R-hat {found.rhat.max():.3f}"
 

@@ -20,7 +20,6 @@ from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import (
     Prepared,
     before_fit,
-    prepare,
     prepare_case,
     runs_of,
 )
@@ -33,20 +32,27 @@ from imubayes.campaign.study import (
     StudyResult,
     file_name,
 )
-from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.errors import UnobservableError
 from imubayes.inference.case import Case, rows_at_rest
 from imubayes.inference.correlations import correlation, pulls
 from imubayes.inference.linear import drive
 from imubayes.inference.mcmc.chains import Chains, of_columns
-from imubayes.inference.mcmc.choice import chosen_method
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
-from imubayes.ladder.problem import plainly_prepared, problem_of, size_of
-from imubayes.ladder.rungs import by_accuracy, by_budget
+from imubayes.ladder.problem import (
+    Ground,
+    Posterior,
+    Problem,
+    asked_of,
+    ground_of,
+    plainly_prepared,
+    problem_of,
+    size_of,
+)
+from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, posterior_by
 from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.inputs import Run
@@ -188,23 +194,32 @@ class _Told:
     misfit: Misfit | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Posterior:
-    """How the noise's uncertainty is dealt with, and the chains where it is sampled."""
+def _ground(job: _Job, problem: Problem) -> Ground:
+    """Ground of a problem; chains are kept where they may be resumed, which those of a budget are not."""
+    sampling = job.study.sampling
+    folder = None if sampling.climbs else sampling.checkpoints
+    checkpoint = folder / f"{file_name(job.spec.id)}.h5" if folder else None
+    limits = Limits(
+        ess=sampling.ess,
+        time_limit=sampling.time_limit,
+        seed=int(np.random.SeedSequence(job.seed).generate_state(1)[0]),
+        checkpoint=checkpoint,
+        # a study that was interrupted at its first sensor has nothing of the second one yet
+        resume=bool(sampling.resume and checkpoint and checkpoint.exists()),
+    )
+    return ground_of(problem, job.rng, job.tell, limits)
 
-    method: str
-    reason: str
-    sampled: Sampled | None
+
+def _problem(job: _Job, runs: Sequence[Run]) -> Problem:
+    return problem_of(job.spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
 
 
 def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     """Characterise one component with known inputs."""
     start, spec = time.perf_counter(), job.spec
-    job.tell(f"noise and factor of {counted(sum(run.samples for run in runs), 'sample')}")
-    ready = prepare(spec, runs, job.tell, job.rng)
-    posterior = _sampled(job, ready)
-    job.tell(f"every model of {counted(len(spec.library.terms), 'term')}")
-    selection = select(ready.summary, ready.prior, **_asked(job, posterior))
+    ground = _ground(job, _problem(job, runs))
+    found, reason = by_method(job.study.sampling.method, ground)
+    ready = found.ready or plainly_prepared(ground.problem)
     job.tell("residuals")
     theta, _ = loose_fit(ready.summary, ready.prior)
     checks = tuple(
@@ -212,10 +227,11 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
         for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
     )
     inputs = [run.inputs.channels for run in ready.runs]
-    told = _Told(selection, checks, _panel(job, ready, posterior, selection), _misfit(job, ready, inputs))
+    panel = _panel(job, ready, found.posterior.chains, found.selection)
+    told = _Told(found.selection, checks, panel, _misfit(job, ready, inputs))
     processes = processes_of(job.study.noise, ready.rows, spec.sensor_class, theta=theta, **_told_to(job))
-    result = _result(job, spec.id, ready, posterior, told, time.perf_counter() - start)
-    return replace(result, processes=processes)
+    result = _result(job, spec.id, ready, found.posterior, told, time.perf_counter() - start)
+    return replace(result, processes=processes, method_reason=reason)
 
 
 def _on_ladder(job: _Job, runs: Sequence[Run]) -> SensorResult:
@@ -224,28 +240,26 @@ def _on_ladder(job: _Job, runs: Sequence[Run]) -> SensorResult:
     What a budget is short of is left out: other methods, residuals, what the library lacks.
     """
     start, sampling = time.perf_counter(), job.study.sampling
-    problem = problem_of(job.spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
-    law, limits = calibrate(job.tell), Limits(ess=sampling.ess, time_limit=sampling.time_limit)
-    asked: dict[str, Any] = {"rng": job.rng, "tell": job.tell, "limits": limits}
+    ground, law = _ground(job, _problem(job, runs)), calibrate(job.tell)
     if sampling.budget is not None:
-        found, choice = by_budget(problem, sampling.budget, law, **asked)
+        found, choice = by_budget(ground, sampling.budget, law)
     else:
-        found, choice = by_accuracy(problem, sampling.accuracy or 0.0, law, **asked)
-    ready = found.ready or plainly_prepared(problem)
-    posterior = _Posterior(found.rung, f"{choice.asked} was asked for", None)
+        found, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
+    ready = found.ready or plainly_prepared(ground.problem)
     told = _Told(found.selection, (), None, None)
-    result = _result(job, job.spec.id, ready, posterior, told, time.perf_counter() - start)
-    chains = of_columns(found.chains, *_columns(found.selection, ready)) if found.chains else None
-    return replace(result, choice=choice, chains=chains)
+    result = _result(job, job.spec.id, ready, found.posterior, told, time.perf_counter() - start)
+    return replace(result, choice=choice, method_reason=f"{choice.asked} was asked for")
 
 
 def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
-    start, spec = time.perf_counter(), job.spec
+    start, spec, study = time.perf_counter(), job.spec, job.study
     job.tell("stills, noise and linearisation")
     case, ready = prepare_case(spec, runs)
-    posterior = _sampled(job, ready)
-    told = _components(job, case, ready, posterior)
+    ground = _ground(job, Problem(spec, (), ready.prior, study.costs, study.hierarchical))
+    ground.shared["factor"] = (ready, 0.0)
+    posterior, reason = posterior_by(study.sampling.method, ground)
+    told = _components(job, case, ready, asked_of(ground.problem, posterior), posterior.chains)
     shared = of_case(spec, case, ready, [one.selection for one in told])
     resting, asking = rows_at_rest(runs, case), _told_to(job)
     seconds = (time.perf_counter() - start) / len(told)
@@ -254,12 +268,14 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
         own = replace(job, spec=spec.of(one.library.kind))
         part = _part(ready, one.parts)
         found = _result(own, f"{spec.id}.{one.name}", part, posterior, said, seconds)
-        noises = processes_of(job.study.noise, resting[one.name], own.spec.sensor_class, **asking)
-        results.append(replace(found, processes=noises, **fields))
+        noises = processes_of(study.noise, resting[one.name], own.spec.sensor_class, **asking)
+        results.append(replace(found, processes=noises, method_reason=reason, **fields))
     return results
 
 
-def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -> list[_Told]:
+def _components(
+    job: _Job, case: Case, ready: Prepared, asked: dict[str, Any], chains: Chains | None
+) -> list[_Told]:
     """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
@@ -271,8 +287,8 @@ def _components(job: _Job, case: Case, ready: Prepared, posterior: _Posterior) -
     for one in case.components:
         job.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name}")
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
-        selection = select(own.summary, own.prior, component=one.name, **_asked(job, posterior))
-        panel = _panel(job, own, posterior, selection, one.parts)
+        selection = select(own.summary, own.prior, component=one.name, **asked)
+        panel = _panel(job, own, chains, selection, one.parts)
         told.append(_Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts]))
     return told
 
@@ -283,48 +299,8 @@ def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:
     return replace(ready, summary=replace(ready.summary, runs=runs), rows=[ready.rows[k] for k in parts])
 
 
-def _sampled(job: _Job, ready: Prepared) -> _Posterior:
-    """Sample what is not linear and Gaussian, if the method asks for it."""
-    sampling = job.study.sampling
-    method, reason = chosen_method(sampling.method, ready.summary)
-    if method == "exact":
-        return _Posterior(method, reason, None)
-    folder = sampling.checkpoints
-    checkpoint = folder / f"{file_name(job.spec.id)}.h5" if folder else None
-    limits = Limits(
-        ess=sampling.ess,
-        time_limit=sampling.time_limit,
-        seed=int(np.random.SeedSequence(job.seed).generate_state(1)[0]),
-        checkpoint=checkpoint,
-        # a study that was interrupted at its first sensor has nothing of the second one yet
-        resume=bool(sampling.resume and checkpoint and checkpoint.exists()),
-    )
-    try:
-        sampled = sample(
-            ready.summary, ready.rows, ready.prior.sd, method=method, limits=limits, progress=job.tell
-        )
-    except ConvergenceError as unfinished:
-        if not isinstance(unfinished.estimate, Sampled):
-            return _Posterior(
-                "exact", f"the noise, held at its estimate, cannot be sampled: {unfinished}", None
-            )
-        sampled = unfinished.estimate
-    return _Posterior(method, reason, sampled)
-
-
-def _asked(job: _Job, posterior: _Posterior) -> dict[str, Any]:
-    """What the decision takes into account: costs, hierarchy, and draws of the noise where there are any."""
-    asked = {"costs": job.study.costs, "hierarchical": job.study.hierarchical}
-    if posterior.sampled is None:
-        return asked
-    return asked | {
-        "noises": posterior.sampled.noises,
-        "log_evidence": posterior.sampled.chains.log_evidence[0],
-    }
-
-
 def _panel(
-    job: _Job, ready: Prepared, posterior: _Posterior, selection: Selection, parts: Sequence[int] = ()
+    job: _Job, ready: Prepared, chains: Chains | None, selection: Selection, parts: Sequence[int] = ()
 ) -> Panel | None:
     """Ask the other methods, unless the study does without."""
     if not job.study.compare:
@@ -336,7 +312,7 @@ def _panel(
         ready.rows,
         selection,
         rng=np.random.default_rng([*job.seed, 2]),
-        chains=posterior.sampled.chains if posterior.sampled else None,
+        chains=chains,
         hierarchical=job.study.hierarchical,
         parts=parts,
     )
@@ -358,13 +334,13 @@ def _result(
     job: _Job,
     name: str,
     ready: Prepared,
-    posterior: _Posterior,
+    posterior: Posterior,
     told: _Told,
     seconds: float,
 ) -> SensorResult:
     selection = told.selection
     spec, summary = job.spec, ready.summary
-    chains = posterior.sampled.chains if posterior.sampled else None
+    chains = posterior.chains
     columns, carriers = _columns(selection, ready)
     return SensorResult(
         id=name,
@@ -378,10 +354,9 @@ def _result(
         prior_draws=prior_draws(selection, DRAWS, job.rng),
         prior_source=ready.source,
         seconds=seconds,
-        method=posterior.method,
-        method_reason=posterior.reason,
+        method=posterior.rung,
         chains=of_columns(chains, columns, carriers) if chains else None,
-        extras=_extras(ready, selection, chains),
+        extras=_extras(ready, selection, posterior),
         distrusted=ready.distrusted,
         panel=told.panel,
         misfit=told.misfit,
@@ -397,11 +372,9 @@ def _columns(selection: Selection, ready: Prepared) -> tuple[tuple[str, ...], tu
     return (*selection.columns, *extras), (*selection.carriers, *extras)
 
 
-def _extras(ready: Prepared, selection: Selection, chains: Chains | None) -> tuple[ExtraPosterior, ...]:
+def _extras(ready: Prepared, selection: Selection, posterior: Posterior) -> tuple[ExtraPosterior, ...]:
     """What the data say of the columns that are no terms, under the full library."""
-    mean, sd = algebra.posterior(ready.summary.factor, ready.prior.sd)
-    if chains:
-        mean, sd = chains.theta.mean(axis=(0, 1)), chains.theta.std(axis=(0, 1))
+    mean, sd = posterior.moments or algebra.posterior(ready.summary.factor, ready.prior.sd)
     found = dict(zip(ready.summary.names, zip(mean.tolist(), sd.tolist(), strict=True), strict=True))
     return tuple(
         ExtraPosterior(extra, *found[extra.name], selection.observability.partners(extra.name))

@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from imubayes.inference.at_noise import at_noise
 from imubayes.ladder.averaged import averaged, groups_of, noises_of, peak_of, plug_in, weighted
-from imubayes.ladder.problem import prepared
+from imubayes.ladder.problem import decided, prepared
 from imubayes.sensors.noise import Noise, NoiseRule
 
 
@@ -49,7 +49,7 @@ def test_known_noise_leaves_nothing_to_average():
     assert len(found.noises) == len(drawn.draws) == 1
     np.testing.assert_allclose(drawn.draws[0].factor.R, prepared(g).summary.factor.R, rtol=1e-9, atol=1e-9)
     # only the scale of the residuals, which plug-in takes from them, is different
-    assert found.model == plug_in(g).model
+    assert decided(g, found).model == decided(g, plug_in(g)).model
 
 
 def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():

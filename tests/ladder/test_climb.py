@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from ladders import problem
+from ladders import ground, problem
 
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.costs import REFERENCE, foreseen
@@ -12,13 +12,14 @@ SHORT = Limits(ess=200.0, time_limit=2.0)
 
 def _climbed(one, names, limits=None):
     """Answers of rungs that share what they have in common."""
-    ground = ground_of(one, np.random.default_rng(1), lambda message: None, limits)
-    return [stand(name, ground) for name in names]
+    again = ground_of(one, np.random.default_rng(1), lambda message: None, limits)
+    return [stand(name, again) for name in names]
 
 
 def test_a_budget_takes_the_best_rung_that_fits_and_no_other():
     one, told = problem(dwell=4.0), []
-    found, choice = by_budget(one, 0.25, REFERENCE, rng=np.random.default_rng(1), tell=told.append)
+    telling = ground_of(one, np.random.default_rng(1), told.append, None)
+    found, choice = by_budget(telling, 0.25, REFERENCE)
     assert choice.rung == found.rung == "plug-in"
     assert choice.climbed == ()
     assert "dwell means" not in told
@@ -29,7 +30,7 @@ def test_a_budget_takes_the_best_rung_that_fits_and_no_other():
 
 
 def test_a_budget_that_nothing_fits_gets_the_cheapest_rung():
-    found, choice = by_budget(problem(dwell=4.0), 1e-6, REFERENCE, rng=np.random.default_rng(1))
+    found, choice = by_budget(ground(problem(dwell=4.0), 1), 1e-6, REFERENCE)
     assert found.rung == "means"
     assert choice.foreseen > 1e-6
     assert choice.next_reason
@@ -37,7 +38,8 @@ def test_a_budget_that_nothing_fits_gets_the_cheapest_rung():
 
 def test_an_accuracy_climbs_until_two_rungs_agree():
     one = problem(dwell=4.0)
-    found, choice = by_accuracy(one, 0.5, REFERENCE, rng=np.random.default_rng(1), limits=SHORT)
+    climbed = ground_of(one, np.random.default_rng(1), lambda message: None, SHORT)
+    found, choice = by_accuracy(climbed, 0.5, REFERENCE)
     names = [name for name, _, _ in choice.climbed]
     assert names == list(NAMES[: len(names)])
     assert found.rung == choice.rung == names[-1]
@@ -52,7 +54,7 @@ def test_an_accuracy_climbs_until_two_rungs_agree():
 def test_the_change_foreseen_from_dwell_means_has_the_size_of_the_change():
     one = problem()
     first, second = _climbed(one, NAMES[:2])
-    _, choice = by_budget(one, 1e-6, REFERENCE, rng=np.random.default_rng(1))
+    _, choice = by_budget(ground(one, 1), 1e-6, REFERENCE)
     assert (choice.rung, second.rung) == ("means", "sparse")
     moved = change(first, second)[0]
     assert moved / 3.0 < choice.next_change[0] < 3.0 * moved

@@ -37,9 +37,13 @@ def test_rungs_without_draws_have_no_monte_carlo_error(answers):
     assert not monte_carlo(answers["plug-in"]).any()
 
 
+def _with(answer, **posterior):
+    return replace(answer, posterior=replace(answer.posterior, **posterior))
+
+
 def test_the_monte_carlo_error_is_the_scatter_of_averages_over_as_many_draws(answers):
-    unique = tuple({id(noise): noise for noise in answers["averaged"].noises}.values())
-    answer = replace(answers["averaged"], noises=unique)
+    unique = tuple({id(noise): noise for noise in answers["averaged"].posterior.noises}.values())
+    answer = _with(answers["averaged"], noises=unique)
     p, n = len(answer.names), len(unique)
     each = np.array([posterior(noise.factor, answer.ready.prior.sd)[0][:p] for noise in unique])
     picks = np.random.default_rng(1).integers(n, size=(4000, n))
@@ -52,15 +56,15 @@ def test_the_monte_carlo_error_is_the_scatter_of_averages_over_as_many_draws(ans
 
 def test_draws_that_are_taken_again_make_the_monte_carlo_error_no_smaller(answers):
     answer = answers["averaged"]
-    first, second = list({id(noise): noise for noise in answer.noises}.values())[:2]
-    even = replace(answer, noises=(first, second) * 8)
-    few = replace(answer, noises=(first, second))
+    first, second = list({id(noise): noise for noise in answer.posterior.noises}.values())[:2]
+    even = _with(answer, noises=(first, second) * 8)
+    few = _with(answer, noises=(first, second))
     np.testing.assert_allclose(monte_carlo(even), monte_carlo(few), rtol=1e-12)
 
 
 def test_chains_that_fall_short_want_more_time(answers):
-    asked = 10.0 * float(answers["collapsed"].chains.diagnostics.ess.min())
-    short = measured_of(replace(answers["collapsed"], converged=False), asked, np.random.default_rng(1))
+    asked = 10.0 * float(answers["collapsed"].posterior.chains.diagnostics.ess.min())
+    short = measured_of(_with(answers["collapsed"], converged=False), asked, np.random.default_rng(1))
     assert short.wanting >= 10.0
     assert short.whole_seconds == pytest.approx(short.seconds + (short.wanting - 1.0) * short.chain_seconds)
 

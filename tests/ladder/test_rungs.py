@@ -10,7 +10,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.prior import ScalePrior
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, prepared, problem_of, size_of
-from imubayes.ladder.rungs import RUNGS, stand
+from imubayes.ladder.rungs import AT_ONCE, POSTERIORS, stand
 from imubayes.rig.inputs import Inputs, Run
 
 NAMES = [rung.name for rung in LADDER]
@@ -25,7 +25,7 @@ def climbed():
 
 
 def test_every_rung_has_its_function_and_only_the_last_leaves_nothing_out():
-    assert tuple(RUNGS) == tuple(NAMES) == get_args(RungName)
+    assert (*AT_ONCE, *POSTERIORS) == tuple(NAMES) == get_args(RungName)
     assert [rung.name for rung in LADDER if not rung.leaves_out] == NAMES[-1:]
 
 
@@ -46,7 +46,7 @@ def test_every_rung_gives_an_answer_that_is_sound(climbed, rung):
     assert ((found.inclusion >= 0.0) & (found.inclusion <= 1.0)).all()
     assert (found.full_sd > 0.0).all()
     assert len(found.selection.terms) == p
-    assert len(found.noise) == len(g.problem.runs)
+    assert len(found.posterior.noise) == len(g.problem.runs)
     assert found.seconds > 0.0
     assert {"b0", "b1", "m_j"} <= set(found.model)
 
@@ -155,7 +155,7 @@ def test_a_streamed_run_says_what_its_rows_in_memory_say(twice, rung):
     assert np.max(np.abs(part.mean - whole.mean) / whole.full_sd) < draws
     assert np.max(np.abs(part.inclusion - whole.inclusion)) < 0.05
     # 9,000 rows tell the white noise to an sd of a percent or so, by whatever averages it is judged
-    assert abs(np.log(part.noise[0][0] / whole.noise[0][0])) < 0.04
+    assert abs(np.log(part.posterior.noise[0, 0] / whole.posterior.noise[0, 0])) < 0.04
 
 
 def test_a_streamed_run_is_as_large_as_its_rows_in_memory(twice):

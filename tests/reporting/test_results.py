@@ -124,11 +124,11 @@ def test_without_other_methods_their_keys_are_there_and_empty(make_sensor, make_
     assert (block.sensitivity, block.votes, block.reduced, block.misfit) == (None,) * 4
 
 
-@pytest.mark.parametrize("method", ["exact", "collapsed"])
-def test_mcmc_block_names_the_method(make_sensor, make_sampled, make_study, method) -> None:
-    sensor = make_sensor() if method == "exact" else make_sampled()
+@pytest.mark.parametrize(("method", "sampler"), [("plug-in", "exact"), ("collapsed", "collapsed")])
+def test_mcmc_block_names_how_draws_are_made(make_sensor, make_sampled, make_study, method, sampler) -> None:
+    sensor = make_sensor() if method == "plug-in" else make_sampled()
     (entry,) = written(make_study(sensor))["sensors"]
-    assert entry["mcmc"]["sampler"] == entry["method"] == method
+    assert (entry["mcmc"]["sampler"], entry["method"]) == (sampler, method)
 
 
 def test_mcmc_block_says_what_the_diagnostics_say(make_sampled, make_study) -> None:

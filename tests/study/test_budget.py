@@ -26,6 +26,24 @@ procedure = "tumble"
 simulate = { angles = 12, planes = 3, dwell = "10 s", rate = "5 Hz" }
 """
 
+IMU = """
+[study]
+title = "case"
+[decision]
+compare = false
+[[sensor]]
+id = "imu"
+kind = "imu"
+class = "mems_tactical"
+library.accelerometer = { powers = 1, asymmetry = -1 }
+library.gyroscope = { powers = 1, asymmetry = -1 }
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+noise = "white"
+simulate = { angles = 8, planes = 3, dwell = "2 s", rate = "2 Hz", latitude = "45 deg" }
+"""
+
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
@@ -76,6 +94,33 @@ def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, s
         for a, b in zip(cheap["terms"], best["terms"], strict=True)
     ]
     assert np.max(apart) < 3.0 * cheap["choice"]["next"]["change_sd"] + 0.3
+
+
+@pytest.mark.parametrize("rung", ["means", "sparse", "averaged"])
+def test_a_rung_that_is_asked_for_by_name_has_the_whole_report(command, study, rung):
+    result, report, shown = _run(command, study, "--method", rung)
+    (sensor,) = result["sensors"]
+    assert sensor["method"] == rung and sensor["choice"] is None
+    assert f"--method {rung}" in result["provenance"]["command"]
+    assert sensor["residuals"]
+    for text in (shown, " ".join(report.split())):
+        assert f"because the method {rung} was asked for" in text
+
+
+def test_a_rung_of_one_component_is_refused_for_several(command, tmp_path):
+    path = tmp_path / "imu.toml"
+    path.write_text(IMU)
+    ended = command("run", path, "--out", tmp_path / "no", "--method", "means")
+    assert ended.code == 2 and "means takes runs of one component" in ended.words
+
+
+@pytest.mark.slow
+def test_the_noise_of_a_case_is_averaged_over_as_that_of_one_component(command, tmp_path):
+    path = tmp_path / "imu.toml"
+    path.write_text(IMU)
+    assert command("run", path, "--out", tmp_path / "out", "--method", "averaged").code == 0
+    sensors = json.loads((tmp_path / "out" / "result.json").read_text())["sensors"]
+    assert {sensor["method"] for sensor in sensors} == {"averaged"}
 
 
 @pytest.mark.parametrize(

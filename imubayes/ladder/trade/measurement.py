@@ -196,9 +196,10 @@ def _small_problem() -> Problem:
 
 def measured_of(answer: Answer, ess: float, rng: np.random.Generator) -> Measured:
     """What others compare of an answer; `ess` was asked of chains, `rng` draws from the posterior."""
-    terms, diagnostics = answer.selection.terms, answer.chains.diagnostics if answer.chains else None
+    terms, chains = answer.selection.terms, answer.posterior.chains
+    diagnostics = chains.diagnostics if chains else None
     reached, wanting = float(diagnostics.ess.min()) if diagnostics else math.inf, 1.0
-    if diagnostics and not answer.converged:
+    if diagnostics and not answer.posterior.converged:
         wanting = max(1.0, ess / reached, LONG * float(diagnostics.tau.max()) / diagnostics.steps)
     return Measured(
         rung=answer.rung,
@@ -222,9 +223,10 @@ def measured_of(answer: Answer, ess: float, rng: np.random.Generator) -> Measure
 
 
 def _noises(answer: Answer) -> FloatArray:
-    if answer.chains is None:
-        return np.array([answer.noise])
-    every = answer.chains.noise.reshape(-1, *answer.chains.noise.shape[2:])
+    chains = answer.posterior.chains
+    if chains is None:
+        return answer.posterior.noise[None]
+    every = chains.noise.reshape(-1, *chains.noise.shape[2:])
     return np.asarray(every[np.linspace(0, len(every) - 1, DRAWS).astype(int)], dtype=float)
 
 
@@ -235,16 +237,15 @@ def monte_carlo(answer: Answer) -> FloatArray:
     draws that were taken several times fewer count; one over chains by one over the root of their effective
     size, and of the draws that are kept of them.
     """
-    p = len(answer.names)
+    p, noises, chains = len(answer.names), answer.posterior.noises, answer.posterior.chains
     few, own = np.zeros(p), 0.0
-    if answer.noises and answer.ready is not None:
-        each = [posterior(noise.factor, answer.ready.prior.sd)[0][:p] for noise in answer.noises]
-        often = np.array(list(Counter(map(id, answer.noises)).values()), dtype=float)
+    if noises and answer.ready is not None:
+        each = [posterior(noise.factor, answer.ready.prior.sd)[0][:p] for noise in noises]
+        often = np.array(list(Counter(map(id, noises)).values()), dtype=float)
         count = often.sum() ** 2 / float(np.sum(often**2))
         few = np.std(each, axis=0) / answer.full_sd / math.sqrt(max(count - 1.0, 1.0))
-    if answer.chains is not None:
-        kept = answer.chains.theta[..., 0].size
-        own = 1.0 / math.sqrt(min(float(answer.chains.diagnostics.ess.min()), kept))
+    if chains is not None:
+        own = 1.0 / math.sqrt(min(float(chains.diagnostics.ess.min()), chains.theta[..., 0].size))
     return np.maximum(few, own)
 
 

@@ -91,6 +91,7 @@ def answered(
         problem = unit_of(subject.lot, one.number, subject.problem.spec, rng)
     else:
         problem = simulated_again(subject.problem, one.truth, one.noises, rng)
+    limits = replace(limits, seed=int(rungs_rng.integers(2**32)))
     ground = ground_of(problem, rungs_rng, lambda message: None, limits)
     return replace(one, answers=tuple(measured_of(stand(name, ground), limits.ess, kept) for name in rungs))
 

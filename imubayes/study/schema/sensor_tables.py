@@ -37,7 +37,7 @@ def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable,
     """
     place = Place(str(file), "study")
     header = shaped(HeaderTable, tables.study, place)
-    if exact and header.method not in ("auto", "exact"):
+    if exact and header.method not in ("auto", "exact", "plug-in"):
         raise place.at("method").error(f"{exact} is exact: leave it out")
     if header.catalogue is None:
         return header, ()

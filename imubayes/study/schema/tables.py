@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
+from imubayes.campaign.fidelity import Method
 from imubayes.campaign.study import Sampling
 from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.recordings import Procedure
@@ -94,9 +95,9 @@ class HeaderTable:
     catalogue: Text | None = key(
         "TOML file of [own classes](#own-classes), for the `class` of a sensor", "own.toml", None
     )
-    method: Literal["auto", "exact", "collapsed", "full"] = key(
-        "[how the posterior is computed](#how-the-posterior-is-computed): `exact`, `collapsed`, `full`, or"
-        " the one that is right for each sensor, as the report says",
+    method: Method = key(
+        "[how the posterior is computed](#how-the-posterior-is-computed): a method of the ladder, or the one"
+        " that is right for each sensor, as the report says",
         "collapsed",
         "auto",
     )
