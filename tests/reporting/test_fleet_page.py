@@ -3,28 +3,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fleets_found import BROKEN, fleet_result, pull_of
+from fleets_found import BROKEN, fleet_result
 
 from imubayes.population.records import Unit
 from imubayes.reporting.fleet_page import fleet_page, write_fleet
 from imubayes.reporting.html import page_html
-from imubayes.reporting.lots_words import NAMED, standing_out
 
 
 @pytest.fixture(scope="module")
 def html() -> str:
     return page_html(fleet_page(fleet_result()))
-
-
-def test_fleet_without_outliers_says_how_far_the_farthest_is():
-    calm = fleet_result(outliers=0, worst=(pull_of(1, 2.5),))
-    assert standing_out(calm).startswith("No unit stands out")
-    assert "+2.5 sd" in standing_out(calm)
-
-
-def test_many_outliers_are_counted_after_a_few():
-    many = fleet_result(outliers=9, worst=tuple(pull_of(k, 9.0) for k in range(9)))
-    assert standing_out(many).endswith(f"and {9 - NAMED} more.")
 
 
 def test_recorded_units_have_no_column_of_the_truth(html):

@@ -1,0 +1,453 @@
+"""What reports say in cases that no golden page has, to the letter (`tests/references/sayings`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from block_readings import rows, said, words
+from fleets_found import fleet_result, pull_of
+from lots_found import lot_result
+from page_reading import printed
+from populations_found import class_found, term_found
+from results_found import judged_result, repeatability, sampled_result, sensor_result, study_result
+from scenes_found import a_relevance
+
+from imubayes.campaign.fidelity import NEEDS_ROWS, Choice
+from imubayes.campaign.study import SensorCheck
+from imubayes.inference.intervals import Share
+from imubayes.inference.observability import Confounded
+from imubayes.population.lots import Against, Coverage
+from imubayes.population.sessions import level_among
+from imubayes.reporting.chain_views import (
+    MOST_BENCH,
+    bench_sections,
+    chain_sections,
+    change_sections,
+    choice_sentences,
+    diagnoses,
+    distrust_sentence,
+    published_choice,
+)
+from imubayes.reporting.fit_views import (
+    dwell_sections,
+    fit_sentence,
+    found_sentence,
+    missing_sentence,
+    nothing_sentence,
+    predictive_sentence,
+    temperature_sentence,
+)
+from imubayes.reporting.lots_sentences import (
+    check_sentences,
+    class_sentences,
+    contrast_sentence,
+    contrasts,
+    own_scene_sentences,
+    scene_sentences,
+)
+from imubayes.reporting.lots_words import headline, simulated, standing_out, status
+from imubayes.reporting.method_views import (
+    MOST_DISAGREEMENTS,
+    criterion_row,
+    disagreement_sentences,
+    methods_sections,
+    prior_sentence,
+    reduced_sentence,
+    sparse_row,
+    votes_title,
+)
+from imubayes.reporting.population_views import class_section
+from imubayes.reporting.population_views import class_sentences as population_sentences
+from imubayes.reporting.scene_words import scene_sentences as requirements
+from imubayes.reporting.session_views import session_section, session_sentence
+from imubayes.reporting.tables import terminal_check, terminal_summary
+from imubayes.reporting.words import answer, confounded_sentences, sensor_groups
+from imubayes.scenes.propagation import Budget
+from imubayes.selection.verdicts import EQUAL, Costs
+from imubayes.selection.votes import Votes
+from imubayes.sensors.terms import library
+
+Sayings = Iterator[tuple[str, Any]]
+
+
+def _terms(found: Any, **changed: Any) -> Any:
+    """Change every term of what a class, or a class in a scene, was found to need."""
+    return replace(found, terms=tuple(replace(term, **changed) for term in found.terms))
+
+
+def _class(result: Any, k: int, one: Any) -> Any:
+    classes = list(result.classes)
+    classes[k] = one
+    return replace(result, classes=tuple(classes))
+
+
+def _scene(one: Any, scene: Any) -> Any:
+    """Put another first scene in the place of a class's own."""
+    return replace(one, missions=(scene, *one.missions[1:]))
+
+
+def _needing(result: Any, k: int, **shares: float) -> Any:
+    """Change the share of units of the k-th class that need a term."""
+    terms = tuple(
+        replace(t, needed=Share(shares[t.name], 0.0, 1.0), open=0.0) if t.name in shares else t
+        for t in result.classes[k].terms
+    )
+    return _class(result, k, replace(result.classes[k], terms=terms))
+
+
+def lots() -> Sayings:
+    result = lot_result()
+    first, last = result.classes[0], result.classes[2]
+    near = _scene(last, _terms(last.missions[0], share=replace(last.missions[0].terms[0].share, high=0.5)))
+    yield "a class comes near the budget", contrast_sentence(contrasts(_class(result, 2, near), 0)[0])
+    hidden = contrasts(_class(result, 2, _terms(last, open=0.9)), 0)
+    yield "tests of a class leave the terms open", contrast_sentence(hidden[0])
+    loud = _scene(first, replace(first.missions[0], noise_share=2.5, within=0.1))
+    yield "noise is above the budget", scene_sentences(_class(result, 0, loud), 0)
+    dark = [_terms(one, needed=Share(0.0, 0.0, 0.2), open=1.0) for one in result.classes]
+    dark = [
+        replace(one, missions=tuple(_terms(scene, required=1.0) for scene in one.missions)) for one in dark
+    ]
+    yield "nothing is shown, and models have all", scene_sentences(replace(result, classes=tuple(dark)), 0)
+    yield "of such a class", class_sentences(dark[0], 23)
+    half = replace(first.missions[0], within=0.5, order=Share(1.5, 0.0, 4.0))
+    yield "half of the units stay within the budget", own_scene_sentences(first, half)
+    for recall, share in ((0.97, 0.90), (0.90, 0.90), (0.97, 0.80)):
+        spread = Coverage(33, 40, Share(share, share - 0.1, share + 0.05))
+        check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
+        yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
+    yield "one class", status(replace(result, classes=result.classes[:1]))
+    sure = [_terms(one, needed=Share(1.0, 0.9, 1.0), open=0.0) for one in result.classes]
+    study = replace(result.study, units=1000)
+    yield "many units of one mind", simulated(replace(result, study=study, classes=tuple(sure)))
+
+
+def lots_headlines() -> Sayings:
+    result = lot_result()
+    fog = Against(("fog_navigation",), ("mems_consumer", "mems_tactical"))
+    cases = {
+        "all classes need two": (_needing(result, 2, b0=1.0, b1=1.0), "classes"),
+        "scenes": (result, "scenes"),
+        "triad": (result, "triad"),
+        "one needs what the others do without": (_needing(result, 2, c_kk=1.0), fog),
+        "others may need it too": (result, fog),
+    }
+    for case, (found, asks) in cases.items():
+        yield case, headline(replace(found, study=replace(found.study, asks=asks)))[0]
+
+
+def fleets() -> Sayings:
+    yield "no outlier", standing_out(fleet_result(outliers=0, worst=(pull_of(1, 2.5),)))
+    yield "nine", standing_out(fleet_result(outliers=9, worst=tuple(pull_of(k, 9.0) for k in range(9))))
+
+
+def votes() -> Sayings:
+    for keeps in (
+        [[1, 1, 0], [1, 1, 0]], [[1, 1, 0], [1, 0, 0]], [[1, 1, 0], [1, 0, math.nan]], [[0, 1, 0], [1, 0, 0]],
+        [[1, 1, 1, 1, 1], [1, 0, 0, 0, 0]], [[1, 1, 0], [math.nan] * 3, [1, 1, 0]], [[0, 0], [0, 0]],
+    ):  # fmt: skip
+        table = np.array(keeps)
+        methods, terms = (tuple(f"{a}{k}" for k in range(n)) for a, n in zip("mb", table.shape, strict=True))
+        one = Votes(terms, methods, table, table, ())
+        yield str(keeps), votes_title(one, SimpleNamespace(terms=(), model=()), {})
+    sensor = judged_result()
+    found = sensor.panel.votes
+    yield "the test cannot tell three", votes_title(found, sensor.selection, {})
+    keeps = found.keeps.copy()
+    keeps[0, found.terms.index("c_jj")] = 1.0
+    yield "and one of them is kept", votes_title(replace(found, keeps=keeps), sensor.selection, {})
+    (weak,) = found.disagreements
+    more = [replace(weak, term=name, methods=("evidence",), text="long") for name in ("c_jj", "c_kk", "c_jk")]
+    together = replace(found, disagreements=(*more, weak))
+    yield "of what it cannot tell", disagreement_sentences(together, sensor.selection)
+    many = tuple(replace(weak, text=f"reason {k}") for k in range(MOST_DISAGREEMENTS + 3))
+    panel = replace(sensor.panel, votes=replace(found, disagreements=many))
+    yield "many", said(methods_sections(sensor, panel, drawn=True)).partition("Reason")[2][:1500]
+
+
+def methods() -> Sayings:
+    sensor = judged_result()
+    panel, found = sensor.panel, sensor.panel.sensitivity
+    yield "costs are equal", prior_sentence(found, EQUAL, {})
+    yield "a false drop is dear", prior_sentence(found, Costs(false_keep=1.0, false_drop=4.0), {})
+    yield "g agrees", prior_sentence(replace(found, g_prior=found.inclusion[4]), EQUAL, {})
+    yield "nothing swings", prior_sentence(replace(found, swing=()), EQUAL, {})
+    other = found.inclusion[4].copy()
+    other[0], other[-1] = 0.02, np.nan
+    apart = replace(found, g_prior=other, left_out=(found.names[-1],))
+    yield "g disagrees, and cannot have one", prior_sentence(apart, EQUAL, {})
+    # 9e-4 * 0.2^4 and 2e-6 m/s^2, of 9.80665e-6 each: 0.15 of 0.20 ug
+    yield "reduced", reduced_sentence(panel.reduced, sensor.kind)
+    yield "reduced to one", reduced_sentence(replace(panel.reduced, terms=("b0",)), sensor.kind)
+    nothing = replace(panel.reduced, terms=(), lost=1e-6)
+    yield "reduced to nothing", reduced_sentence(nothing, sensor.kind)
+    decided = ("b0", "b1", "b2", "m_j", "m_k")
+    for one in panel.criteria:
+        yield one.name, " | ".join(map(words, criterion_row(one, decided, {})))
+    loo = next(one for one in panel.criteria if one.name == "loo")
+    none = replace(loo, compared=0, note="too many subsets, -3 nats")
+    yield "not compared", " | ".join(map(words, criterion_row(none, ("b0",), {})))
+    sections = methods_sections(sensor, replace(panel, criteria=(none,)), drawn=True)
+    yield "why", next(text for text in said(sections).split(". ") if "Dwell left out: too many" in text)
+    far = replace(panel.sindy[0], model=("ay.b0", "ay.b2"), stable=("ay.b0",))
+    row = sparse_row(far, ("b0", "b1"), {"ay.b0": "b0", "ay.b2": "b2"})
+    yield "of a triad", " | ".join(map(words, row))
+
+
+CHEAP = Choice(
+    "sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours", budget=1.0
+)
+CLIMBED = Choice(
+    "raw", "an accuracy of 0.1 posterior sd", 4.0, 9.0,
+    (("means", 0.0, 0.0), ("full", 0.2, 0.1), ("raw", 0.05, 0.01)),
+    None, 0.0, (0.0, 0.0), "there is no better rung", accuracy=0.1,
+)  # fmt: skip
+CHOICES = {
+    "fits": CHEAP,
+    "none fits": replace(CHEAP, foreseen=2.0, seconds=1.2),
+    "took longer": replace(CHEAP, seconds=1.6),
+    "reached": CLIMBED,
+    "not reached": replace(CLIMBED, accuracy=0.01),
+    "as asked": replace(CHEAP, budget=None),
+    "no choice": replace(CLIMBED, rung="full", next_reason=f"raw is no choice here: {NEEDS_ROWS}"),
+}
+
+
+def chains() -> Sayings:
+    for case, choice in CHOICES.items():
+        met = published_choice(choice)["met"]
+        yield f"{case}, {'met' if met else 'not met'}", choice_sentences(choice)
+    sensor, mixing = sampled_result(), sampled_result(converged=False)
+    yield "not converged", answer(mixing)[:2]
+    told = Choice("raw", "so much", 4.0, 9.0, (), None, 0.0, (0.0, 0.0), "the top")
+    for given in ("budget", "accuracy"):
+        choice = replace(told, **{given: 1.0})
+        yield f"not converged within its {given}", answer(replace(mixing, choice=choice))[0]
+    for count in (2, 1):
+        yield f"{count} not trusted", distrust_sentence(replace(sensor, distrusted=sensor.distrusted[:count]))
+    many = tuple(replace(sensor.distrusted[0], run=f"r{k}") for k in range(9))
+    yield "many not trusted", distrust_sentence(replace(sensor, distrusted=many))
+    yield "diagnostics", rows(chain_sections(sensor))
+    yield "how to draw chains", said(chain_sections(sensor))
+    yield "diagnostics that are bad", diagnoses(mixing)
+    yield "changes", (said(change_sections(sensor)), *rows(change_sections(sensor)))
+    plug_in = (*sensor.selection.plug_in[:4], 0.62, *sensor.selection.plug_in[5:])
+    crossing = replace(sensor, selection=replace(sensor.selection, plug_in=plug_in))
+    yield "across a line", said(change_sections(crossing))
+
+
+def bench() -> Sayings:
+    sensor = sampled_result()
+    fixture = sensor.extras[1]
+
+    def grouped(one: Any, *names: str) -> str:
+        group = Confounded(names, (1.0,) * len(names), 0.9, True, "", "another mount")
+        return sensor_groups(one, (group,))[0]
+
+    yield "one error", grouped(sensor, "b1", "gravity")
+    mounts = tuple(
+        replace(fixture, extra=replace(fixture.extra, name=f"fixture_j.tumble.{k}")) for k in range(5)
+    )
+    names = [entry.extra.name for entry in mounts]
+    yield "five of a kind", grouped(replace(sensor, extras=mounts), "m_j", "m_k", *names)
+    # 0.3 and 0.98 of a prior sd of 50 ug
+    yield "printed", rows(bench_sections(sensor))
+    many = tuple(
+        replace(
+            fixture,
+            extra=replace(fixture.extra, name=f"fixture_j.tumble.{k}", text=f"mount {k}"),
+            sd=fixture.extra.sd * (1.0 if k % 2 else 0.5),
+        )
+        for k in range(2 * MOST_BENCH)
+    )
+    found = list(bench_sections(replace(sensor, extras=many)))
+    yield "many", ([row[0] for row in rows(found)], said(found))
+
+
+def fit() -> Sayings:
+    good, one = sensor_result(), sensor_result(runs=("tumble",))
+    yield "every run fits", fit_sentence(good)
+    yield "one does not", answer(sensor_result(misfit="centrifuge"))[-1]
+    for scale, p, outliers in (
+        (1.5, 0.4, ()), (1.0, 1e-5, ()), (0.7, 0.4, ()), (1.0, 0.4, ((1.0, 2.0, -9.0),)),
+    ):  # fmt: skip
+        check = replace(one.checks[0], scale=scale, whiteness_p=p, outliers=outliers, fits=False)
+        yield f"scale {scale}, p {p}, {len(outliers)} out", fit_sentence(replace(one, checks=(check,)))
+    # sqrt((9 * 1 + 1 * 4) / 10) = 1.14
+    summaries = (replace(good.runs[0], samples=9), replace(good.runs[1], samples=1))
+    checks = (replace(good.checks[0], scale=1.0), replace(good.checks[1], scale=2.0))
+    yield "weighted by samples", fit_sentence(replace(good, runs=summaries, checks=checks))
+    sensor = judged_result()
+    misfit = sensor.misfit
+    yield "something is missing", answer(sensor)
+    yield "and a run does not fit", answer(judged_result(misfit="centrifuge"))[-1]
+    yield "nothing was looked for", answer(replace(sensor, misfit=None))
+    yield "nothing was found", answer(replace(sensor, misfit=replace(misfit, found=())))
+    loop = misfit.found[0]
+    many = tuple(replace(loop, input=name) for name in ("f_i", "f_j", "f_k", "t", "hysteresis of f_i"))
+    yield "many inputs", missing_sentence(replace(misfit, found=many), fits=False)
+    for n in (3, 4):
+        yield many[n].input, missing_sentence(replace(misfit, found=(many[n],)), fits=True)
+    yield "found", found_sentence(misfit, "accelerometer")
+    yield "predicted", predictive_sentence(misfit)
+    odd = replace(misfit, predictive_p={"tumble": 2e-4, "centrifuge": 0.4})
+    yield "not predicted", predictive_sentence(odd)
+    yield "not asked", predictive_sentence(replace(misfit, predictive_p={}))
+    yield "acquitted", nothing_sentence(misfit)
+    # one that goes with another is neither found nor nothing
+    other = replace(misfit, found=(), dependences=(replace(loop, input="T"),))
+    yield "neither", nothing_sentence(other)
+    dwells = list(dwell_sections(replace(sampled_result(), distrusted=sampled_result().distrusted * 30)))
+    yield "dwells", (*rows(dwells)[:2], said(dwells))
+
+
+def temperature() -> Sayings:
+    sensor = judged_result(lib=library("accelerometer", temperature=3, rate_of=()))
+    terms = tuple(replace(term, verdict="needed") for term in sensor.selection.terms)
+    sensor = replace(sensor, selection=replace(sensor.selection, terms=terms))
+    yield "not enough", temperature_sentence(sensor)
+    misfit = replace(sensor.misfit, found=())
+    yield "enough", temperature_sentence(replace(sensor, misfit=misfit))
+    yield "not tested", temperature_sentence(replace(sensor, misfit=replace(misfit, dependences=())))
+    yield "not asked", temperature_sentence(judged_result())
+
+
+def _seeing(sensor: Any, *groups: Confounded, columns: Sequence[str] = ()) -> Any:
+    """Change the groups of terms that a sensor's test sees in combination, and the names of its columns."""
+    selection = sensor.selection
+    seen = replace(selection.observability, groups=groups)
+    if columns:
+        selection, seen = replace(selection, columns=columns), replace(seen, names=columns)
+    return replace(sensor, selection=replace(selection, observability=seen))
+
+
+def confounded() -> Sayings:
+    def pair(first: str, second: str, why: str = "x", what: str = "a centrifuge") -> Confounded:
+        return Confounded((first, second), (1.0, -1.0), 1.0, True, why, what)
+
+    near = replace(pair("b0", "b2", ""), exact=False)
+    yield "nearly", confounded_sentences([near], ())
+    groups = [pair("b0", "b2"), pair("b1", "b3", "y"), pair("c_jj", "c_kk")]
+    yield "two causes", confounded_sentences(groups, (), numbered=True)
+    yield "no class", answer(replace(sensor_result(), class_id=""))[0]
+    gyro = sensor_result(lib=library("gyroscope"))
+    yield (
+        "settled",
+        answer(_seeing(gyro, Confounded(("b0", "b1"), (1.0, 1.0), 0.2, False, "", "a rate table"))),
+    )
+    triad = sensor_result("IMU.ay")
+    told = (pair("ay.c_jj", "ax.b2", "|f| = g", "known directions"),
+            pair("ax.c_jj", "az.b2", "|f| = g", "known directions"))  # fmt: skip
+    columns = tuple(f"ay.{name}" for name in triad.selection.observability.names)
+    yield "of a triad", answer(_seeing(triad, *told, columns=columns))
+    remedies = {"b0": "a centrifuge", "b2": "a rate table", "m_j": "a chamber", "c_kk": "a centrifuge"}
+    many = (pair("c_jj", name, f"cause {name}", what) for name, what in remedies.items())
+    yield "many causes", answer(_seeing(sensor_result(), *many))
+    five = (pair("c_jj", name) for name in ("b0", "b2", "m_j", "m_k", "c_kk"))
+    yield "five groups", printed(terminal_summary(study_result(_seeing(sensor_result(), *five))))
+
+
+def checks() -> Sayings:
+    lib = library("accelerometer", powers=3, asymmetry=2)
+    seen = sensor_result().selection.observability
+    yield "alone", printed(terminal_check(SensorCheck("ACC-07", lib, seen)))
+    for vif in (math.inf, math.nan, 12.34, 2e6):
+        text = printed(terminal_check(SensorCheck("A", lib, replace(seen, vif=np.full(len(lib.terms), vif)))))
+        yield f"inflation {vif}", next(line for line in text.splitlines() if line.startswith("b0 "))
+    names = tuple(f"{component}.{name}" for component in ("ax", "ay") for name in lib.names)
+    tiled = {key: np.tile(getattr(seen, key), 2) for key in ("ratio", "alone", "vif")}
+    tested = np.concatenate([~seen.tested, seen.tested])
+    group = replace(seen.groups[0], terms=("ay.c_jj", "ax.b2"))
+    both = replace(seen, names=names, tested=tested, groups=(group,), **tiled)
+    yield "of a triad", printed(terminal_check(SensorCheck("IMU.ay", lib, both)))
+    more = {"tested": True, "ratio": 1.0, "alone": 0.1, "vif": 1.0}
+    wide = {key: np.append(getattr(seen, key), value) for key, value in more.items()}
+    group = replace(seen.groups[0], terms=("b1", "gravity"))
+    wide = replace(seen, names=(*seen.names, "gravity"), groups=(group,), **wide)
+    extras = tuple(entry.extra for entry in sampled_result().extras)
+    yield "with the bench", printed(terminal_check(SensorCheck("ACC-07", lib, wide, extras)))
+
+
+def summaries() -> Sayings:
+    yield "not converged", printed(terminal_summary(study_result(sampled_result(converged=False))))
+    study = replace(study_result(), sessions=(repeatability("b0"),))
+    yield "sessions", printed(terminal_summary(study), encoding="ascii").splitlines()[-12:]
+
+
+def scenes() -> Sayings:
+    found = a_relevance()
+    yield "two are enough", requirements(found, "ACC-07")
+    short = replace(found, met=False, calibrated=(90.0, 140.0))
+    yield "no model is good enough", requirements(short, "ACC-07")
+    quiet = replace(found, model=(), terms=found.terms[3:4], noise=(300.0, 0.0, 0.0))
+    yield "nothing is needed, and noise is loud", requirements(quiet, "ACC-07")
+    for quantity, kind, size in (
+        ("output", "accelerometer", 9.80665e-6), ("output", "gyroscope", np.pi / 180.0 / 3600.0),
+        ("attitude", "gyroscope", math.radians(1.0)), ("velocity", "gyroscope", 1.0),
+    ):  # fmt: skip
+        other = replace(found, kind=kind, budget=Budget(quantity, size))
+        yield f"budget of 1, {quantity}, {kind}", requirements(other, "X")[0]
+
+
+def _untold(one: Any) -> Any:
+    nothing, pulls = (math.nan,) * 3, np.full_like(one.pulls, np.nan)
+    return replace(one, p_value=math.nan, between=nothing, pulls=pulls, exceeds=False)
+
+
+def sessions() -> Sayings:
+    one, steady = repeatability("b0"), repeatability("b1", exceeds=False)
+    silent = _untold(repeatability("c_jj"))
+    level = level_among([1e-9, 0.41])
+    found = tuple(replace(each, level=level) for each in (one, steady, silent))
+    yield "one changes, one does not, one is silent", session_sentence(found)
+    yield "everything repeats", session_sentence((steady,))
+    for share in (0.93, 0.12, math.nan):
+        shared = replace(repeatability("b0", units=8), shared=share)
+        yield f"shared {share}", session_sentence((shared,))
+    yield "of nothing", said([session_section(replace(study_result(), sessions=(silent,)))])
+
+
+def population() -> Sayings:
+    found = class_found()
+    first, second, third, fourth, *rest = found.terms
+    other = replace(third, need=replace(third.need, verdict="not needed"))
+    mixed = replace(found, terms=(first, second, other, fourth, *rest))
+    yield "axes differ", population_sentences(mixed)
+    yield "verdicts of these", [row[1] for row in rows([class_section(mixed, 0)])]
+    steady = replace(fourth, spreads=replace(fourth.spreads, p_value=0.9995))
+    yield (
+        "better than by chance",
+        population_sentences(replace(found, terms=(first, second, third, steady, *rest))),
+    )
+    silent = tuple(term_found(name, verdict="cannot tell") for name in ("c_jj", "c_kk"))
+    yield "silent", population_sentences(replace(found, terms=silent, components=("",)))
+    once = class_found(sessions=("",))
+    yield "one session each", (population_sentences(once), said([class_section(once, 0)]))
+
+
+TOPICS: dict[str, Callable[[], Sayings]] = {
+    one.__name__: one
+    for one in (lots, lots_headlines, fleets, votes, methods, chains, bench, fit, temperature, confounded,
+                checks, summaries, scenes, sessions, population)
+}  # fmt: skip
+
+
+def _lines(text: Any) -> str:
+    """A text, or several of them and rows of tables with a line each."""
+    if isinstance(text, str):
+        return text
+    return "\n".join(one if isinstance(one, str) else " | ".join(map(_lines, one)) for one in text)
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_what_is_said_is_what_was_said(topic, golden):
+    told = [f"[{case}]\n{_lines(text)}\n" for case, text in TOPICS[topic]()]
+    if topic in ("checks", "summaries"):
+        assert max(len(line) for text in told for line in text.splitlines()) <= 80
+    golden(f"sayings/{topic}.txt", "\n".join(told).replace("\xa0", " ").replace("\u202f", " "))
