@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.dwells import Dwells
 from imubayes.inference.linear import Linear, residuals
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.sensors.noise import Noise
 
 Mask = NDArray[np.bool_]
@@ -99,7 +99,7 @@ def _whitening(dwells: Sequence[Dwells], noise: Sequence[Noise]) -> FloatArray:
     W, first = np.zeros((m, m)), 0
     for d, n in zip(dwells, noise, strict=True):
         last = first + len(d)
-        W[first:last, first:last] = whiten(whitener(n, d.means.rows), np.eye(len(d)))
+        W[first:last, first:last] = whiten(n, d.means.rows, np.eye(len(d)))[0]
         first = last
     return W
 

@@ -45,7 +45,7 @@ from imubayes.inference.linear import (
     widened_factor,
     with_columns,
 )
-from imubayes.inference.reml import NoiseEstimate, estimate
+from imubayes.inference.noise_model import NoiseEstimate, estimate
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.stills import Stills, find_stills, means_of, rows_of, times_of
 from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary

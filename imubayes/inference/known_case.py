@@ -21,8 +21,8 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.case import Asked, Case, Component, Told, case_of
 from imubayes.inference.linear import Extra, Linear, widened, widened_factor
+from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
-from imubayes.inference.reml import NoiseEstimate
 from imubayes.inference.settle import At, Round
 from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.summary import RunSummary, joined, summarize

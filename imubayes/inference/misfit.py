@@ -16,10 +16,10 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
 from imubayes.inference.linear import Linear, blocks_of, with_columns
-from imubayes.inference.reml import estimate, span
+from imubayes.inference.noise_model import estimate, span
 from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.sensors.noise import Noise
 
@@ -231,7 +231,7 @@ def _fit(look: Look, noise: Noise) -> _Fit | None:
     beside = np.column_stack((look.blocks.X, look.beside))
     p = beside.shape[1]
     white = np.column_stack((beside, look.columns, look.blocks.y))
-    white = whiten(whitener(noise, look.blocks.rows), white)
+    white = whiten(noise, look.blocks.rows, white)[0]
     basis = span(white[:, :p])
     size = np.linalg.norm(white[:, p:-1], axis=0)
     size = np.where(size > 0.0, size, 1.0)
@@ -310,7 +310,7 @@ def _draws(f: Factor, sd: FloatArray, rng: np.random.Generator) -> FloatArray:
 def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:
     """Probability that averages predicted anew lie farther from the model than the measured ones."""
     blocks = blocks_of(rows, BLOCKS)
-    white = whiten(whitener(run.noise, blocks.rows), np.column_stack((blocks.X, blocks.y)))
+    white = whiten(run.noise, blocks.rows, np.column_stack((blocks.X, blocks.y)))[0]
     R = np.linalg.qr(white)[1]
     distance = np.sum((R[:, -1:] - R[:, :-1] @ draws) ** 2, axis=0)
     return float(np.mean(chi2.sf(distance, len(white))))

@@ -1,9 +1,10 @@
 """Whitening by a covariance of small states, compiled: apart, so that a study is read without a compiler.
 
-For i after j, ``Cov_ij = sum_m power_m U_im F_(i-1)m ... F_(j+1)m V_jm``, and a variance
-a_i on the diagonal.
-The factor L D L' has the same form, with W in place of V, and costs O(n m^2). Unlike an exponential of time,
-a state may be forgotten after one row (F = 0), which is what quantization needs.
+For row i after row j, ``Cov_ij = sum_m U_im e_im F_(i-1)m e_(i-1)m ... F_(j+1)m e_(j+1)m V_jm power_m`` with
+the decay ``e_im = exp(-rate_m gap_i)`` from the end of row i - 1 to the start of row i. The factor L D L' has
+the same form, and costs O(n m^2). The power of a random walk grows by ``drift`` from centre to centre, and
+what the rows before explain of it is nearly all: the difference of the two is carried, which stays of the
+size of the noise however long the run is.
 """
 
 from __future__ import annotations
@@ -11,55 +12,127 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import FloatArray
+NEARLY = 1e-5
+"""Change of an exponent that is followed by a series of second order: its error is below a rounding."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def whitened(
-    U: FloatArray, F: FloatArray, V: FloatArray, a: FloatArray, rows: FloatArray, power: FloatArray
-) -> float:
-    """Whiten rows (n, k) in place.
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def sweep(table, gap, step, states, carried, d, gains):
+    """Whiten rows (n, width) in place, and fill their variances d (n,), each given the rows before.
 
     Parameters
     ----------
-    U, F, V : (n, m).
-    a : (n,) variances.
-    rows : (n, k).
-    power : (m,) of each state.
-
-    Returns
-    -------
-    log determinant of the covariance; not a number where it is not positive definite.
+    gap, step : (n,) s, from the end of the row before to the start of a row, and from centre to centre.
+    states : own (n|1,), U, V, F (n|1, J), rates, power, drift (J,), as `imubayes.inference.whiten.States`.
+    carried : explained (J, J), means (J, width), gain (J,), past (J,), last (width,), variance (1,), of the
+        rows before; moved on.
+    gains : (n, J) for the gain of each row, or empty.
     """
-    n, m = U.shape
-    k = rows.shape[1]
-    S, W, SU = np.zeros((m, m)), np.zeros(m), np.zeros(m)
-    f = np.zeros((k, m))
-    log_det = 0.0
-    for i in range(n):
-        d = a[i]
-        for p in range(m):
-            total = 0.0
-            for q in range(m):
-                total += S[p, q] * U[i, q]
-            SU[p] = total
-            d -= U[i, p] * total
-        if not d > 0.0:
-            return np.nan
-        log_det += np.log(d)
-        root = 1.0 / np.sqrt(d)
-        for p in range(m):
-            W[p] = power[p] * V[i, p] - F[i, p] * SU[p]
-        for p in range(m):
-            scaled = W[p] / d
-            for q in range(m):
-                S[p, q] = F[i, p] * F[i, q] * S[p, q] + scaled * W[q]
-        for c in range(k):
-            z = rows[i, c]
-            for p in range(m):
-                z -= U[i, p] * f[c, p]
-            share = z / d
-            for p in range(m):
-                f[c, p] = F[i, p] * f[c, p] + W[p] * share
-            rows[i, c] = z * root
-    return log_det
+    own, U, V, F, rates, power, drift = states
+    explained, means, gain, past, last, variance = carried
+    width, J = table.shape[1], len(rates)
+    kept, added, usual, seen = np.empty(J), np.empty(J), np.ones(J), np.empty(J)
+    fastest, gap_usual = (rates.max() if J else 0.0), 0.0
+    many, each = int(len(U) > 1), int(len(own) > 1)
+    walks, kept_too = drift.any(), len(gains) > 0
+    for i in range(len(table)):
+        u, v, through = U[i * many], V[i * many], F[i * many]
+        if abs(gap[i] - gap_usual) * fastest > NEARLY:
+            gap_usual = gap[i]
+            for j in range(J):
+                usual[j] = np.exp(-rates[j] * gap_usual)
+        for j in range(J):
+            off = rates[j] * (gap[i] - gap_usual)
+            decay = usual[j] * (1.0 - off * (1.0 - 0.5 * off))
+            kept[j], added[j], seen[j] = decay * past[j], decay * gain[j], 0.0
+        for j in range(J):
+            own_kept, own_added = kept[j], variance[0] * added[j]
+            for k in range(J):
+                value = own_kept * kept[k] * explained[j, k] + own_added * added[k]
+                explained[j, k] = value
+                seen[k] += value * u[j]
+        if walks:
+            for j in range(J):
+                explained[j, j] -= drift[j] * step[i]
+                seen[j] -= drift[j] * step[i] * u[j]
+        left = own[i * each]
+        for j in range(J):
+            left -= u[j] * seen[j]
+        row = table[i]
+        for j in range(J):
+            own_kept, own_added, weight = kept[j], added[j], u[j]
+            for q in range(width):
+                state = own_kept * means[j, q] + own_added * last[q]
+                means[j, q] = state
+                row[q] -= weight * state
+        root = 1.0 / np.sqrt(left)
+        for q in range(width):
+            last[q] = row[q]
+            row[q] *= root
+        for j in range(J):
+            past[j] = through[j]
+            gain[j] = (v[j] * power[j] - through[j] * seen[j]) / left
+        variance[0] = left
+        d[i] = left
+        if kept_too:
+            gains[i] = gain
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def swept_back(white, d, gap, step, states, gains, slope):
+    """Derivatives of ``L(white) - sum(ln d) / 2`` by own (n,), power and drift (J,): `sweep`, backwards.
+
+    Parameters
+    ----------
+    white, d, gains : (n, width), (n,), (n, J), as `sweep` left them.
+    slope : (n, width) derivatives of L.
+    """
+    _, U, V, F, rates, _, _ = states
+    n, width, J, many = len(white), white.shape[1], len(rates), int(len(U) > 1)
+    by_own, by_power, by_drift = np.empty(n), np.zeros(J), np.zeros(J)
+    by_explained, by_means = np.zeros((J, J)), np.zeros((J, width))
+    by_gain, by_seen, by_row = np.empty(J), np.empty(J), np.empty(width)
+    usual, gap_usual = np.ones(J), 0.0
+    for i in range(n - 1, -1, -1):
+        u, v, through, g = U[i * many], V[i * many], F[i * many], gains[i]
+        root = np.sqrt(d[i])
+        by_d = -0.5 / d[i]
+        for q in range(width):
+            by_row[q] = slope[i, q] / root
+            by_d -= 0.5 * slope[i, q] * white[i, q] / d[i]
+        for j in range(J):
+            by_gain[j] = 0.0
+        if i + 1 < n:
+            if gap[i + 1] != gap_usual:
+                gap_usual = gap[i + 1]
+                for j in range(J):
+                    usual[j] = np.exp(-rates[j] * gap_usual)
+            for j in range(J):
+                by_drift[j] -= step[i + 1] * by_explained[j, j]
+                decay, told, own_gain, left = usual[j], 0.0, g[j], through[j]
+                for q in range(width):
+                    later = by_means[j, q] * decay
+                    told += later * white[i, q]
+                    by_row[q] += own_gain * later
+                    by_means[j, q] = later * left
+                by_gain[j] += told * root
+                for k in range(J):
+                    shared = by_explained[j, k] * decay * usual[k]
+                    by_gain[j] += 2.0 * d[i] * shared * g[k]
+                    by_d += g[j] * shared * g[k]
+                    by_explained[j, k] = shared * through[j] * through[k]
+        for j in range(J):
+            by_power[j] += by_gain[j] * v[j] / d[i]
+            by_d -= by_gain[j] * g[j] / d[i]
+        for j in range(J):
+            by_seen[j] = -by_gain[j] * through[j] / d[i] - by_d * u[j]
+        for j in range(J):
+            for k in range(J):
+                by_explained[j, k] += 0.5 * (by_seen[j] * u[k] + u[j] * by_seen[k])
+            weight = u[j]
+            for q in range(width):
+                by_means[j, q] -= weight * by_row[q]
+        by_own[i] = by_d
+    for j in range(J):
+        by_drift[j] -= step[0] * by_explained[j, j]
+    return by_own, by_power, by_drift

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.noise_models import NoiseData, likelihood
+from imubayes.inference.noise_model import NoiseModel, likelihood_of
 from imubayes.sensors.noise_processes import NoiseProcesses, ProcessPrior
 
 EVIDENCE = math.log(19.0)
@@ -46,7 +46,7 @@ class Spectrum:
     length: FloatArray
 
 
-def detection_limits(data: NoiseData, noise: NoiseProcesses, candidates: Sequence[str]) -> dict[str, float]:
+def detection_limits(data: NoiseModel, noise: NoiseProcesses, candidates: Sequence[str]) -> dict[str, float]:
     """Size from which each candidate is found with 95 %, beside the other processes; infinite if at none.
 
     Parameters
@@ -55,7 +55,7 @@ def detection_limits(data: NoiseData, noise: NoiseProcesses, candidates: Sequenc
     noise : the processes that it has.
     candidates : that could take each other's place.
     """
-    grid = spectrum(data.rows.levels, ramp="R" in candidates, parts=_parts(data))
+    grid = spectrum(data.levels, ramp="R" in candidates, parts=_parts(data))
     limits = {
         name: _limit(grid, noise, name, [c for c in candidates if c not in (name, "R")], data.prior)
         for name in candidates
@@ -64,9 +64,9 @@ def detection_limits(data: NoiseData, noise: NoiseProcesses, candidates: Sequenc
     return limits | ({"R": _ramp_limit(data, grid, noise, candidates)} if "R" in candidates else {})
 
 
-def _parts(data: NoiseData) -> FloatArray | None:
+def _parts(data: NoiseModel) -> FloatArray | None:
     """Lengths of the unbroken parts, s, where the columns are enough to take out the mean of each."""
-    begins = np.flatnonzero(~data.rows.joined)
+    begins = np.flatnonzero(~data.joined)
     few = data.table.shape[1] - 2 < len(begins)
     return None if few or len(begins) == 1 else np.add.reduceat(data.rows.duration, begins)
 
@@ -216,7 +216,7 @@ def _alternative(
     return float(best.fun) - SURE * math.sqrt(2.0 * information(truth, told(best.x)[0], grid.count))
 
 
-def _ramp_limit(data: NoiseData, grid: Spectrum, noise: NoiseProcesses, candidates: Sequence[str]) -> float:
+def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candidates: Sequence[str]) -> float:
     """Ramp that a random walk could not stand for, u/s."""
     median, width = data.prior.log_normal["K"]
     walks = (
@@ -225,7 +225,7 @@ def _ramp_limit(data: NoiseData, grid: Spectrum, noise: NoiseProcesses, candidat
     models = [noise, *(replace(noise, K=float(walk)) for walk in walks)]
     truth = density(noise, grid)
     told = np.array([information(truth, density(one, grid), grid.count) for one in models])
-    slopes = np.array([1.0 / likelihood(data, one).ramp_sd ** 2 - 1.0 for one in models])
+    slopes = np.array([1.0 / likelihood_of(data, one).last[1] ** 2 - 1.0 for one in models])
     if not slopes.min() > 0.0:
         return math.inf
     # half the square of the ramp's size over its sd is its own information; the ramp is one parameter more

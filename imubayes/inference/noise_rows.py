@@ -7,20 +7,15 @@ of these averages is exact; what is lost is the noise within the blocks outside 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import Linear, averages, block_edges, linear_of
-from imubayes.inference.reml import beside_stretch
-
-if TYPE_CHECKING:
-    from imubayes.rig.inputs import Stream
-
+from imubayes.inference.linear import Linear, averages, block_edges, blocks_of, linear_of, with_columns
+from imubayes.rig.inputs import Stream
 
 COARSE = 1000
 """Blocks that the run is averaged to."""
@@ -155,8 +150,62 @@ def piece_edges(t: FloatArray, interval: float) -> tuple[NDArray[np.int64], tupl
     return edges, (*levels, (longest * interval, rest))
 
 
-def scatter(rows: NoiseRows) -> float:
-    """White noise, u/sqrt(Hz), that would scatter neighbouring rows as they are; robust to steps."""
-    steps = np.abs(np.diff(rows.y)) * np.sqrt(rows.duration[1:])
-    least = float(np.max(np.abs(rows.y))) * float(np.finfo(float).eps) + float(np.finfo(float).tiny)
+def scatter(y: FloatArray, duration: FloatArray) -> float:
+    """White noise, u/sqrt(Hz), that would scatter neighbouring rows (m,) as they are; robust to steps.
+
+    Parameters
+    ----------
+    y, duration : (m,) averages, SI, and their lengths, s.
+    """
+    steps = np.abs(np.diff(y)) * np.sqrt(duration[1:])
+    least = float(np.max(np.abs(y))) * float(np.finfo(float).eps) + float(np.finfo(float).tiny)
     return max(float(np.median(steps)) / (NORMAL_MEDIAN * np.sqrt(2.0)), least)
+
+
+RUNGS = 192
+"""Averages of one length in the ladder: each rung tells the noise there to 5 %."""
+
+RATIO = 4
+"""Length of the averages of a rung over that of the rung before."""
+
+
+def noise_blocks(rows: Linear) -> Linear:
+    """Averages that the noise of a run is judged by.
+
+    Of a run that is read a part at a time they tell it at all time scales: a ladder of ever longer averages
+    over the stretch at full rate, so that white noise is seen where it is larger than bias instability, and
+    the blocks beside it.
+    """
+    stream = rows.stream
+    if stream is None:
+        return blocks_of(rows)
+    fine = linear_of(stream.stretch, stream.library)
+    rungs = averages(fine, _ladder(len(fine)))
+    before, after = beside_stretch(stream)
+
+    def joined(coarse: FloatArray, ladder: FloatArray) -> FloatArray:
+        return np.concatenate((coarse[before], ladder, coarse[after]))
+
+    times = replace(rows, t=joined(rows.t, rungs.t), duration=joined(rows.duration, rungs.duration))
+    return with_columns(times, joined(stream.X, rungs.X), joined(rows.y, rungs.y))
+
+
+def beside_stretch(stream: Stream) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which blocks (m,) end before the stretch at full rate begins, and which begin after its end."""
+    begins = np.cumsum(stream.counts) - stream.counts
+    ends = begins + stream.counts
+    first = stream.stretch_first
+    return ends <= first, begins >= first + len(stream.stretch.inputs)
+
+
+def _ladder(n: int) -> NDArray[np.int64]:
+    """First rows of averages over `n` rows whose length grows.
+
+    Examples
+    --------
+    >>> _ladder(1000)[[0, 1, 191, 192, 193]].tolist()
+    [0, 1, 191, 192, 196]
+    """
+    lengths = [np.full(RUNGS, RATIO**k) for k in range(1 + int(np.ceil(np.emath.logn(RATIO, n))))]
+    first = np.cumsum(np.concatenate(([0], *lengths)))
+    return first[first < n]

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of
-from imubayes.inference.reml import NoiseEstimate
+from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import At, Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
 from imubayes.rig.bench import Bench, Errors, bench_of, refuse_idle

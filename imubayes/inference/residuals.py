@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, Rows, block_edges, linear_of, residuals
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.rig.inputs import Run, Stream
 from imubayes.sensors.noise import allan_variance
 
@@ -156,7 +156,7 @@ def judge(
     """
     from scipy.stats import norm
 
-    white = whiten(whitener(summary.noise, rows), raw[:, None].copy())[:, 0]
+    white = whiten(summary.noise, rows, raw[:, None].copy())[0][:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
     counts = np.diff(np.append(edges, len(white)))
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)

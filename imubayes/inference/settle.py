@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
 from imubayes.errors import ConvergenceError
 from imubayes.inference.linear import Linear
-from imubayes.inference.reml import NoiseEstimate
+from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.summary import Summary
 
 NEARLY = 0.02

@@ -19,7 +19,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.imu import case_channel, kind_of
 from imubayes.sensors.noise import Noise
@@ -79,10 +79,9 @@ class Together:
                 np.maximum(largest, np.abs(self.of(name, table[a:b])).max(axis=0), out=largest)
         for k, rows in enumerate(self.rows.values()):
             table[:, m + k] = rows.y
-        w = whitener(noise, first.rows)
-        whiten(w, table)
+        _, d = whiten(noise, first.rows, table)
         blocks = (table[i:j] for i, j in algebra.row_blocks(n))
-        return algebra.triangular(blocks, table.shape[1]), reach, w.log_det
+        return algebra.triangular(blocks, table.shape[1]), reach, float(np.sum(np.log(d)))
 
 
 def shared_rows(runs: Sequence[Run], libraries: Mapping[str, Library]) -> dict[str, list[Linear]]:

@@ -15,7 +15,8 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, LeastSquares
 from imubayes.errors import InputError, StudyError, UnobservableError
 from imubayes.inference.linear import Extra, Linear, linear_of
-from imubayes.inference.reml import NoiseEstimate, estimate, noise_blocks, span
+from imubayes.inference.noise_model import NoiseEstimate, estimate, span
+from imubayes.inference.noise_rows import noise_blocks
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, noise_prior
@@ -281,7 +282,7 @@ def noise_by_rule(
 
     Parameters
     ----------
-    averages, sd : as `reml.estimate` takes them.
+    averages, sd : as `noise_model.estimate` takes them.
     rule : of the run.
     sensor : class whose noise prior steers the estimate.
     """

@@ -1,13 +1,14 @@
-"""Whitening of correlated rows in O(n), with any time stamps.
+"""Whitening of correlated rows in O(n), with any time stamps, all at once or a part at a time.
 
-The covariance of white noise, Gauss-Markov processes and a random walk, each averaged over the duration of a
-row, is semiseparable: for i before j, ``Cov = sum_m U_jm V_im exp(-c_m (t_j - t_i))``. celerite2 factors such
-a matrix as ``L D L'`` with unit lower L, and solves with L column by column.
+Rows are averages over ``T`` that begin a gap ``g`` after the end of the row before, and ``E(x)`` is
+``(1 - exp(-x)) / x``. Each process is a few states of `imubayes.inference.noise_kernel`:
 
-For a process of variance s^2 and time constant tau, averaged over T (x = T/tau), rows do not overlap:
-``Var = 2 s^2 (x - 1 + exp(-x)) / x^2`` and ``Cov = s^2 exp(-dt/tau) (2 sinh(x/2)/x)^2`` at the distance dt
-of the centres. A random walk that starts at t0 has ``Cov = K^2 (t_i - t0)`` and
-``Var = K^2 (start_i - t0 + T/3)``.
+- Gauss-Markov, ``x = T/tau``: variance ``2 s^2 (x - 1 + exp(-x)) / x^2``, ``U = V = E``, ``F = exp(-x)``,
+  and a decay at the rate ``1/tau`` over the gap; bias instability is a row of them;
+- random walk from the run's start t0: variance ``K^2 (c - t0 - T/6)`` at the centre c, of which
+  ``K^2 (c - t0)`` is what rows share with later ones, so that it drifts by K^2;
+- quantization of the integrated output, ``(q_end - q_start) / T``: variance ``2 Q^2 / T^2``, and
+  ``-Q^2 / (T_i T_j)`` between rows that share a boundary: a state that is forgotten after one row.
 
 What n stands for in the penalties of information criteria is the effective sample size of coloured noise. A
 column's information in the coloured rows is the squared norm of the whitened column; were the rows
@@ -24,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from celerite2 import driver  # pyright: ignore[reportAttributeAccessIssue]: a compiled module without stubs
+from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
@@ -34,9 +35,8 @@ from imubayes.sensors.noise import Noise, flicker
 FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
 
-
-OVER = 500.0
-"""Processes that much shorter than a row are white to 0.1 %, and their exponentials would overflow."""
+LANES = 8
+"""Columns are padded to a multiple of so many: a processor works on that many at a time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,19 +54,28 @@ class Processes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Whitener:
-    """Factor L D L' of a semiseparable covariance."""
+class States:
+    """States of some processes over n rows; a single line where all rows are alike.
 
-    t: FloatArray
-    c: FloatArray
+    Attributes
+    ----------
+    own : (n,) variance of a row, but for what a random walk shares with later rows.
+    U, V, F : (n, J) what a row sees of a state, what it tells of it, and what is left of it after the row.
+    rates, power, drift : (J,) decay in 1/s, variance, and its growth in 1/s.
+    """
+
+    own: FloatArray
     U: FloatArray
-    W: FloatArray
-    d: FloatArray
+    V: FloatArray
+    F: FloatArray
+    rates: FloatArray
+    power: FloatArray
+    drift: FloatArray
 
     @property
-    def log_det(self) -> float:
-        """Log determinant of the covariance."""
-        return float(np.sum(np.log(self.d)))
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """All of them, in this order, as the kernel takes them."""
+        return tuple(np.ascontiguousarray(getattr(self, name)) for name in States.__slots__)
 
 
 def processes(rows: Rows, shortest: float = 0.0) -> Processes:
@@ -91,45 +100,53 @@ def mattering(noise: Noise, rows: Rows) -> Processes:
     return processes(rows, 0.1 * (noise.N / noise.B) ** 2)
 
 
-def whitener(noise: Noise, rows: Rows, parts: Processes | None = None) -> Whitener:
-    """Factor the covariance of the noise in `rows`.
+def white(duration: FloatArray) -> States:
+    """White noise of unit density."""
+    nothing = np.empty((len(duration), 0))
+    return States(1.0 / duration, nothing, nothing, nothing, *np.empty((3, 0)))
 
-    Parameters
-    ----------
-    noise : N, B, K, SI; at least one of them positive.
-    rows : when the rows were taken.
-    parts : the processes that stand for B; by default those that matter beside the white noise.
-    """
-    parts = mattering(noise, rows) if parts is None else parts
-    duration = common(rows.duration)
-    hidden = parts.tau * OVER < rows.duration.min()
-    fast = Processes(parts.variance[hidden], parts.tau[hidden])
-    parts = Processes(parts.variance[~hidden], parts.tau[~hidden])
+
+def gauss_markov(duration: FloatArray, parts: Processes) -> States:
+    """First-order processes over rows of these durations (n,), s."""
     x = duration[:, None] / parts.tau
-    start = rows.t[0] - 0.5 * rows.duration[0]
-    walk = noise.K**2 > 0.0
-    width = len(parts.tau) + walk
-    U, V = np.ones((len(rows.t), width)), np.empty((len(rows.t), width))
-    weight, variance = averaging(x), noise.B**2 * parts.variance
-    U[:, : len(parts.tau)] = weight
-    V[:, : len(parts.tau)] = weight * variance
-    a = np.empty(len(rows.t))
-    a[:] = noise.N**2 / duration + (variance * averaged_variance(x)).sum(axis=1)
-    # what is over within a row is white
-    a += noise.B**2 * (fast.variance * averaged_variance(duration[:, None] / fast.tau)).sum(axis=1)
-    if walk:
-        V[:, -1] = noise.K**2 * (rows.t - start)
-        a += noise.K**2 * (rows.t - start - duration / 6.0)
-    c = np.concatenate((1.0 / parts.tau, np.zeros(int(walk))))
-    return _factor(rows, c, a, U, V)
+    E = -np.expm1(-x) / x
+    own, still = averaged_variance(x) @ parts.variance, np.zeros(len(parts.tau))
+    return States(own, E, E, np.exp(-x), 1.0 / parts.tau, parts.variance, still)
 
 
-def whiten(w: Whitener, rows: FloatArray) -> FloatArray:
-    """Whiten (n, k) row-major rows in place, and return them."""
-    if w.U.shape[1]:
-        driver.solve_lower(w.t, w.c, w.U, w.W, rows, rows)
-    rows /= np.sqrt(w.d)[:, None]
-    return rows
+def random_walk(duration: FloatArray) -> States:
+    """Random walk of unit K from the run's start."""
+    one, nothing = np.ones((len(duration), 1)), np.zeros(1)
+    return States(duration / -6.0, one, one, one, nothing, nothing, np.ones(1))
+
+
+def quantization(duration: FloatArray, joined: NDArray[np.bool_]) -> States:
+    """Quantization of unit Q; `joined` (n,) says which rows begin where the one before ends."""
+    inverse = 1.0 / duration[:, None]
+    seen, nothing = np.where(joined[:, None], -inverse, 0.0), np.zeros(1)
+    own = 2.0 * inverse[:, 0] ** 2
+    return States(own, seen, inverse, np.zeros_like(inverse), nothing, np.ones(1), nothing)
+
+
+def together(parts: Sequence[tuple[States, float]], axes: FloatArray | None = None) -> States:
+    """States of independent processes, each with its size; `axes` (n, a) as `Rows` has them."""
+    own = sum((size**2 * part.own for part, size in parts), np.zeros(1))
+    n = max(len(part.own) for part, _ in parts)
+    U, V, F = (
+        np.concatenate([np.broadcast_to(table, (n, table.shape[1])) for table in tables], axis=1)
+        for tables in zip(*((part.U, part.V, part.F) for part, _ in parts), strict=True)
+    )
+    rates = np.concatenate([part.rates for part, _ in parts])
+    power, drift = (
+        np.concatenate([size**2 * getattr(part, name) for part, size in parts]) for name in ("power", "drift")
+    )
+    if axes is None:
+        return States(own, U, V, F, rates, power, drift)
+    width = axes.shape[1]
+    U, V = ((table[:, :, None] * axes[:, None, :]).reshape(len(axes), -1) for table in (U, V))
+    F = np.repeat(np.broadcast_to(F, (len(axes), F.shape[1])), width, axis=1)
+    rates, power, drift = (np.repeat(values, width) for values in (rates, power, drift))
+    return States(own * np.sum(axes**2, axis=1), U, V, F, rates, power, drift)
 
 
 def common(duration: FloatArray) -> FloatArray:
@@ -137,32 +154,120 @@ def common(duration: FloatArray) -> FloatArray:
     return duration[:1] if duration.min() == duration.max() else duration
 
 
-def averaging(x: FloatArray) -> FloatArray:
-    """Weight of a process in a row of x time constants; the next row sees none of one far shorter."""
-    half = 0.5 * np.minimum(x, OVER)
-    return np.where(x <= OVER, np.sinh(half) / half, 0.0)
+def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatArray | None = None) -> States:
+    """States of N, B and K over rows of these durations (n,), s."""
+    lasting = common(duration)
+    made = [(white(lasting), noise.N), (gauss_markov(lasting, parts), noise.B)]
+    if noise.K**2 > 0.0:
+        made.append((random_walk(lasting), noise.K))
+    return together(made, axes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carry:
+    """Whitening of a run between two of its parts, J states; the arrays change as it goes on.
+
+    Attributes
+    ----------
+    explained : (J, J) covariance that the rows before explain, less that of a random walk as it is.
+    means : (J, width) state by column.
+    gain, past : (J,) of the last row, and what it left of the states before it.
+    last : (width,) the last row, before it was scaled.
+    variance : (1,) of the last row.
+    at : end and centre of the last row, s.
+    """
+
+    explained: FloatArray
+    means: FloatArray
+    gain: FloatArray
+    past: FloatArray
+    last: FloatArray
+    variance: FloatArray
+    at: FloatArray
+
+
+def begin(states: int, start: float, width: int) -> Carry:
+    """Whitening before the first row, which begins at `start`, s, of tables of `width` columns."""
+    J, zeros = states, np.zeros
+    at = np.full(2, start)
+    return Carry(zeros((J, J)), zeros((J, width)), zeros(J), zeros(J), zeros(width), zeros(1), at)
+
+
+def whiten_on(
+    carry: Carry,
+    states: States,
+    t: FloatArray,
+    duration: FloatArray,
+    table: FloatArray,
+    gains: FloatArray | None = None,
+) -> FloatArray:
+    """Whiten the next rows in place, and give their variances (k,) given all rows before.
+
+    Parameters
+    ----------
+    carry : after the rows before; moved on.
+    states : of these rows.
+    t, duration : (k,) time and averaging time, s.
+    table : (k, width) rows, row-major, with the width that the whitening began with.
+    gains : (k, J) for what `swept_back` needs of the way.
+    """
+    # what is compiled is imported where rows are whitened: a study is read without it
+    from imubayes.inference.noise_kernel import sweep
+
+    gap, step = apart(t, duration, carry.at.tolist())
+    d = np.empty(len(t))
+    *carried, at = (getattr(carry, name) for name in Carry.__slots__)
+    sweep(table, gap, step, states.arrays, tuple(carried), d, np.empty((0, 0)) if gains is None else gains)
+    at[:] = t[-1] + 0.5 * duration[-1], t[-1]
+    return d
+
+
+def apart(t: FloatArray, duration: FloatArray, before: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Gap before each row (n,), none where rows overlap by rounding, and step from centre to centre, s.
+
+    `before` are end and centre of the row before the first.
+    """
+    half = 0.5 * duration
+    gap = t - half - np.concatenate(([before[0]], (t + half)[:-1]))
+    return np.maximum(gap, 0.0), np.diff(t, prepend=before[1])
+
+
+def padded(width: int) -> int:
+    """Columns of a table for so many, with what fills it up.
+
+    Examples
+    --------
+    >>> padded(22)
+    24
+    """
+    return -(-width // LANES) * LANES
+
+
+def whiten(
+    noise: Noise, rows: Rows, table: FloatArray, parts: Processes | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Whiten (n, width) row-major rows in place.
+
+    Parameters
+    ----------
+    noise : N, B, K, SI; at least one of them positive.
+    rows : when the rows were taken.
+    table : what is whitened.
+    parts : the processes that stand for B; by default those that matter beside the white noise.
+
+    Returns
+    -------
+    (table, variance) : the same table, and the variance (n,) of each row given those before it.
+    """
+    states = states_of(noise, mattering(noise, rows) if parts is None else parts, rows.duration, rows.axes)
+    carry = begin(len(states.rates), float(rows.t[0] - 0.5 * rows.duration[0]), table.shape[1])
+    return table, whiten_on(carry, states, rows.t, rows.duration, table)
 
 
 def averaged_variance(x: FloatArray) -> FloatArray:
     """Variance of the average of a unit process over x time constants: 2 (x - 1 + exp(-x)) / x^2."""
     small = 1.0 - x / 3.0 + x * x / 12.0 - x**3 / 60.0
     return np.where(x < 1e-3, small, 2.0 * (x + np.expm1(-x)) / np.maximum(x, 1e-3) ** 2)
-
-
-def _factor(rows: Rows, c: FloatArray, a: FloatArray, U: FloatArray, V: FloatArray) -> Whitener:
-    if rows.axes is not None:
-        width = rows.axes.shape[1]
-        a = a * np.sum(rows.axes**2, axis=1)
-        U, V = _each_axis(U, rows.axes), _each_axis(V, rows.axes)
-        c = np.repeat(c, width)
-    t = rows.t - rows.t[0]
-    if U.shape[1]:
-        a, V = driver.factor(t, c, a, U, V, a, V)
-    return Whitener(t, c, U, V, a)
-
-
-def _each_axis(U: FloatArray, axes: FloatArray) -> FloatArray:
-    return np.ascontiguousarray((U[:, :, None] * axes[:, None, :]).reshape(len(U), -1))
 
 
 def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]) -> float:

@@ -20,7 +20,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, dwells_of, stacked
 from imubayes.inference.linear import CHUNK, Linear, block_edges, whole_parts
-from imubayes.inference.whiten import Processes, mattering, whiten, whitener
+from imubayes.inference.whiten import Carry, Processes, begin, mattering, padded, states_of, whiten, whiten_on
 from imubayes.rig.inputs import Part, Stream
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
@@ -54,13 +54,13 @@ def whitened_factor(
     n, p = len(rows), len(rows.names)
     blocks = tuple(algebra.row_blocks(n))
     reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
-    w = whitener(noise, rows.rows, parts)
-    whiten(w, table)
+    _, d = whiten(noise, rows.rows, table, parts)
+    log_det = float(np.sum(np.log(d)))
     if not sharp:
         R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
-        return Factor(rows.names, R, n, w.log_det), reach
+        return Factor(rows.names, R, n, log_det), reach
     R, better = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
-    return Factor(rows.names, R if better is None else better.astype(np.float64), n, w.log_det), reach
+    return Factor(rows.names, R if better is None else better.astype(np.float64), n, log_det), reach
 
 
 def pieces_of(rows: Linear, noise: Noise) -> Pieces:
@@ -74,8 +74,7 @@ def pieces_of(rows: Linear, noise: Noise) -> Pieces:
     if rows.stream is not None:
         return streamed_pieces(rows, rows.stream, noise)
     dwells, table = dwells_of(rows), _table(rows)
-    w = whitener(noise, rows.rows)
-    whiten(w, table)
+    _, d = whiten(noise, rows.rows, table)
     return Pieces(
         run=rows.name,
         names=rows.names,
@@ -85,7 +84,7 @@ def pieces_of(rows: Linear, noise: Noise) -> Pieces:
         R=np.array(
             [algebra.triangular([table[a:b]], table.shape[1]) for a, b in pairwise(dwells.edges.tolist())]
         ),
-        log_det=np.add.reduceat(np.log(w.d), dwells.edges[:-1]),
+        log_det=np.add.reduceat(np.log(d), dwells.edges[:-1]),
     )
 
 
@@ -157,14 +156,12 @@ def _whitened(
     stream: Stream, noise: Noise, parts: Processes, purpose: str
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
     """Whitened rows a tile at a time: number of the first, logs of their variances, and the table."""
-    # what is compiled is imported where a long file is read: a study is read without it
-    from imubayes.inference.stream_whitening import Carry, begin, whiten_on
-
     carry: Carry | None = None
     for first, t, duration, table in _tiles(stream, purpose):
+        states = states_of(noise, parts, duration)
         if carry is None:
-            carry = begin(noise, parts, float(t[0] - 0.5 * duration[0]), table.shape[1])
-        yield first, np.log(whiten_on(carry, t, duration, table)), table
+            carry = begin(len(states.rates), float(t[0] - 0.5 * duration[0]), table.shape[1])
+        yield first, np.log(whiten_on(carry, states, t, duration, table)), table
 
 
 def _pieces(rows: Linear, stream: Stream, noise: Noise, parts: Processes) -> Pieces:
@@ -185,8 +182,6 @@ def _tiles(stream: Stream, purpose: str) -> Iterator[tuple[int, FloatArray, Floa
 
     The table is used again for the next tile.
     """
-    from imubayes.inference.stream_whitening import padded
-
     p = len(stream.library.names)
     whole = np.zeros((TILE, padded(p + 1)))
     for part in stream.parts(purpose):

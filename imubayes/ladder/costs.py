@@ -24,7 +24,7 @@ from imubayes.campaign.fidelity import CostLaw, RungName, Size, rungs_for
 from imubayes.inference.linear import BLOCKS, Rows
 from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.selection.enumerate import LARGEST
 from imubayes.selection.tree import walk
 from imubayes.sensors.noise import Noise
@@ -161,7 +161,7 @@ def _whitening(n: int, width: int) -> Callable[[], object]:
     table += np.add.outer(np.arange(n), np.arange(width) ** 2) % 7
 
     def work() -> object:
-        white = whiten(whitener(Noise(1.0, 0.1, 1e-3), rows), table.copy())
+        white = whiten(Noise(1.0, 0.1, 1e-3), rows, table.copy())[0]
         return np.linalg.qr(white[:4000], mode="r")
 
     return work

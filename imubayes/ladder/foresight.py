@@ -18,10 +18,10 @@ from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.preparation import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, blocks_of, linear_of
+from imubayes.inference.noise_model import estimate
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reml import estimate
 from imubayes.inference.summary import Summary
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.ladder.averaged import weighted
 from imubayes.ladder.problem import Answer, Ground, Problem, prepared
 from imubayes.ladder.regression import EXHAUSTIVE, by_bic
@@ -181,7 +181,7 @@ def _times(noise: Noise, logs: FloatArray) -> Noise:
 
 def _factor(blocks: Linear, noise: Noise, names: tuple[str, ...]) -> Factor:
     """Factor of block averages, whitened."""
-    white = whiten(whitener(noise, blocks.rows), np.column_stack((blocks.X, blocks.y)))
+    white = whiten(noise, blocks.rows, np.column_stack((blocks.X, blocks.y)))[0]
     return factor_of(white[:, :-1], white[:, -1], names)
 
 

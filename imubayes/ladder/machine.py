@@ -15,7 +15,7 @@ from typing import TypeVar
 
 Made = TypeVar("Made")
 
-COUNTED = ("numpy", "scipy", "numba", "celerite2", "emcee", "statsmodels", "scikit-learn", "abess",
+COUNTED = ("numpy", "scipy", "numba", "emcee", "statsmodels", "scikit-learn", "abess",
            "allantools", "nutpie")  # fmt: skip
 """Distributions whose versions matter for the times."""
 

@@ -29,7 +29,7 @@ from imubayes.inference.mcmc.moves import Student, independent
 from imubayes.inference.mcmc.pointwise import by_dwell
 from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.inference.whiten import mattering, whiten
 from imubayes.ladder.averaged import groups_of, noises_of
 from imubayes.ladder.problem import Ground, Posterior, Tell, chained, prepared
 from imubayes.sensors.noise import Noise
@@ -112,9 +112,8 @@ def _misfit_of(rows: Linear, run: RunSummary) -> Callable[[FloatArray, FloatArra
     X, taken, parts = rows.columns(0, len(rows)), rows.rows, mattering(run.noise, rows.rows)
 
     def misfit(theta: FloatArray, noise: FloatArray) -> float:
-        w = whitener(Noise(*noise.tolist()), taken, parts)
-        left = whiten(w, (rows.y - X @ theta)[:, None])
-        return w.log_det + float(np.sum(left**2))
+        left, d = whiten(Noise(*noise.tolist()), taken, (rows.y - X @ theta)[:, None], parts)
+        return float(np.sum(np.log(d)) + np.sum(left**2))
 
     return misfit
 

@@ -26,7 +26,7 @@ from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra, Rows
 from imubayes.inference.nuisances import extras_for, rows_with
-from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.inference.whiten import mattering, whiten
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
@@ -196,7 +196,7 @@ def _whitening(
     # the processes that stand for B are those that an analysis of the samples has
     ends = np.array([t[0] - 0.5 * lasting[0] + 0.5 * interval, t[-1] + 0.5 * lasting[-1] - 0.5 * interval])
     parts = mattering(noise, Rows(ends, np.full(2, interval)))
-    return whiten(whitener(noise, Rows(t, lasting), parts), np.eye(len(t)))
+    return whiten(noise, Rows(t, lasting), np.eye(len(t)), parts)[0]
 
 
 def root(problem: Problem, steps: Sequence[Step]) -> FloatArray:

@@ -16,7 +16,7 @@ from imubayes.campaign.study import Mission
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Rows
 from imubayes.inference.observability import Observability, carried, observe
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.menu import (
     Aim,
@@ -298,4 +298,4 @@ def _rehearse(menu: Menu, steps: Sequence[Step], truth: FloatArray, rng: np.rand
     X = menu.X[np.repeat([step.setting for step in steps], counts)]
     noise = np.column_stack([synthesise(menu.noise, t, interval, rng) for _ in range(truth.shape[1])])
     rows = Rows(t, np.full(len(t), interval))
-    return whiten(whitener(menu.noise, rows), np.ascontiguousarray(np.column_stack((X, X @ truth + noise))))
+    return whiten(menu.noise, rows, np.ascontiguousarray(np.column_stack((X, X @ truth + noise))))[0]

@@ -31,7 +31,7 @@ def versions() -> dict[str, str]:
     return {
         "imubayes": imubayes.__version__,
         "python": platform.python_version(),
-        **{name: _version(name) for name in ("numpy", "celerite2", "numba", "emcee")},
+        **{name: _version(name) for name in ("numpy", "numba", "emcee")},
     }
 
 

@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import ProcessFit, fit_draws, fit_mode, parameters
 from imubayes.inference.noise_limits import detection_limits
-from imubayes.inference.noise_models import NoiseData, noise_data
+from imubayes.inference.noise_model import NoiseModel, process_model
 from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.noise_processes import (
@@ -138,7 +138,7 @@ def identify_noise(
     prior : in place of the class's.
     """
     pieces = noise_rows(rows)
-    data = noise_data(pieces, prior or _prior(pieces, sensor))
+    data = process_model(pieces, prior or _prior(pieces, sensor))
     asked = tuple(name for name in OPTIONAL if name in candidates)
     fits = _fits(data, asked, rng)
     weighed = _weighed(fits, ramp="R" in asked)
@@ -152,7 +152,7 @@ def identify_noise(
         noise=best,
         prior=data.prior.source,
         samples=rows.samples,
-        rows=len(data.rows.y),
+        rows=len(pieces.y),
         draws=draws,
     )
 
@@ -160,13 +160,13 @@ def identify_noise(
 def _prior(rows: NoiseRows, sensor: SensorClass | None) -> ProcessPrior:
     if sensor is not None:
         return class_prior(sensor, rows.interval)
-    return vague_prior(scatter(rows), rows.span, rows.interval)
+    return vague_prior(scatter(rows.y, rows.duration), rows.span, rows.interval)
 
 
 Fits = Mapping[tuple[str, ...], ProcessFit]
 
 
-def _fits(data: NoiseData, asked: tuple[str, ...], rng: np.random.Generator) -> Fits:
+def _fits(data: NoiseModel, asked: tuple[str, ...], rng: np.random.Generator) -> Fits:
     """Fit every set of the processes that are not the ramp, small ones first; draw from those that count."""
     coloured = [name for name in asked if name != "R"]
     fits: dict[tuple[str, ...], ProcessFit] = {}
@@ -193,7 +193,7 @@ def _beside_a_ramp(weighed: Mapping[tuple[str, ...], float]) -> dict[tuple[str, 
 
 
 def _starts(
-    data: NoiseData, names: tuple[str, ...], fits: Fits, chosen: tuple[str, ...]
+    data: NoiseModel, names: tuple[str, ...], fits: Fits, chosen: tuple[str, ...]
 ) -> Iterator[FloatArray]:
     """Begin from each set that lacks one process, with that one as large as usual, or small."""
     usual = {name: math.log(median) for name, (median, _) in data.prior.log_normal.items()}
@@ -204,7 +204,7 @@ def _starts(
         for shift in (0.0, -2.0, -4.0):
             yield np.array([known[name] + shift * (name == missing) for name in names])
     if not chosen:
-        yield np.log([scatter(data.rows)])
+        yield np.log([scatter(data.table[:, -1], data.rows.duration)])
 
 
 def _weighed(fits: Fits, *, ramp: bool) -> dict[tuple[str, ...], float]:

@@ -11,7 +11,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
-from imubayes.inference.reml import span
+from imubayes.inference.noise_model import span
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.noise_choice import NoiseChoice, identify_noise
 from imubayes.sensors.noise_processes import OPTIONAL, Process

@@ -22,7 +22,7 @@ import imubayes as ib
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample
-from imubayes.inference.whiten import whitener
+from imubayes.inference.whiten import marginal_variance, mattering
 from imubayes.population.processes import Progress, shared
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.catalogue import noise_prior
@@ -128,8 +128,13 @@ def ranks_of(study: RanksStudy, number: int) -> dict[str, int]:
 def _noisy(run: Run, noise: Noise, rng: np.random.Generator) -> Run:
     """The run with noise drawn from the model: independent normals, coloured by its factor L sqrt(D)."""
     rows = Rows(run.inputs.t, durations(run.inputs.t, run.inputs.interval))
-    w = whitener(noise, rows)
-    drawn = (np.sqrt(w.d) * rng.standard_normal(len(rows.t)))[:, None]
-    if w.U.shape[1]:
-        drawn += driver.matmul_lower(w.t, w.c, w.U, w.W, drawn, np.zeros_like(drawn))
+    parts, n = mattering(noise, rows), len(rows.t)
+    x, t = rows.duration[:, None] / parts.tau, rows.t - rows.t[0]
+    averaging, walked = 2.0 * np.sinh(0.5 * x) / x, t + 0.5 * rows.duration[0]
+    c = np.append(1.0 / parts.tau, 0.0)
+    U = np.column_stack((averaging, np.ones(n)))
+    V = np.column_stack((averaging * noise.B**2 * parts.variance, noise.K**2 * walked))
+    d, W = driver.factor(t, c, marginal_variance(noise, rows), U, V, np.empty(n), V)
+    drawn = (np.sqrt(d) * rng.standard_normal(n))[:, None]
+    drawn += driver.matmul_lower(t, c, U, W, drawn, np.zeros_like(drawn))
     return replace(run, output=run.output + drawn[:, 0])

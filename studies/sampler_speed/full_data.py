@@ -17,7 +17,7 @@ from numba import njit
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.density import Density, condition, log_joint
-from imubayes.inference.whiten import averaged_variance, mattering, whiten, whitener
+from imubayes.inference.whiten import averaged_variance, mattering, whiten
 from imubayes.sensors.noise import Noise
 
 
@@ -276,7 +276,7 @@ def _free_run(rows: Linear, noise: Noise) -> FreeRun:
 def _white(rows: Linear, noise: Noise) -> FloatArray:
     """Whitened columns and response, (n, p + 1)."""
     table = np.column_stack((rows.columns(0, len(rows)), rows.y))
-    return whiten(whitener(noise, rows.rows), table)
+    return whiten(noise, rows.rows, table)[0]
 
 
 @njit(nogil=True, cache=True)

@@ -85,7 +85,7 @@ def noise(n: int, seed: int) -> Contest:
 
 
 def _reml(t: FloatArray, y: FloatArray) -> FloatArray:
-    from imubayes.inference.reml import estimate
+    from imubayes.inference.noise_model import estimate
 
     rows = Linear("r", "static", ("b0",), t, np.full(len(t), 1.0 / RATE), 1.0 / RATE, y, _ones)
     found = estimate(blocks_of(rows)).noise

@@ -15,7 +15,7 @@ from numba.core import config
 from imubayes.inference.linear import Rows
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.whiten import whitener
+from imubayes.inference.whiten import mattering, states_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -81,18 +81,20 @@ def test_a_model_of_2_to_the_20_takes_at_most_60_nanoseconds_on_one_thread(bench
 def _peer(run: Run) -> Callable[[], None]:
     """celerite2's own factor and solve, as its GaussianProcess calls them, of the columns and y of a run."""
     n = len(run.inputs)
-    w = whitener(NOISE, Rows(run.inputs.t, np.full(n, INTERVAL)))
-    V = w.U * 1e-9  # time does not depend on the sizes; these leave the matrix positive
+    t, lasting = run.inputs.t, np.full(n, INTERVAL)
+    c = states_of(NOISE, mattering(NOISE, Rows(t, lasting)), lasting).rates
+    U = np.ones((n, len(c)))
+    V = U * 1e-9  # time does not depend on the sizes; these leave the matrix positive
     rows = np.empty((n, len(LIB.terms) + 1))
     columns(LIB, run.inputs.channels, n, out=rows[:, :-1])
     rows[:, -1] = run.output
 
     def solve() -> None:
-        d, W = driver.factor(w.t, w.c, np.ones(n), w.U, V, np.empty(n), np.copy(V))
+        d, W = driver.factor(t, c, np.ones(n), U, V, np.empty(n), np.copy(V))
         z = np.array(rows)
-        z = driver.solve_lower(w.t, w.c, w.U, W, z, z)
+        z = driver.solve_lower(t, c, U, W, z, z)
         z /= d[:, None]
-        driver.solve_upper(w.t, w.c, w.U, W, z, z)
+        driver.solve_upper(t, c, U, W, z, z)
 
     return solve
 

@@ -14,8 +14,8 @@ from celerite2 import driver
 from pyarrow import parquet as pq
 
 from imubayes.algebra import factor as algebra
-from imubayes.inference.linear import Rows, linear_of
-from imubayes.inference.whiten import mattering, whitener
+from imubayes.inference.linear import linear_of
+from imubayes.inference.whiten import mattering, states_of
 from imubayes.inference.whitened import streamed_pieces
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
@@ -62,15 +62,16 @@ def peer(run) -> float:
     for part in run.stream.parts("peer"):
         n = len(part)
         X = columns(LIB, part.channels, n)
-        rows = Rows(part.t, np.full(n, INTERVAL))
-        w = whitener(NOISE, rows, mattering(NOISE, linear_of(run, LIB).rows))
-        V, table = w.U * 1e-9, np.column_stack((X, part.output))
+        parts = mattering(NOISE, linear_of(run, LIB).rows)
+        t, c = part.t, states_of(NOISE, parts, np.full(n, INTERVAL)).rates
+        U = np.ones((n, len(c)))
+        V, table = U * 1e-9, np.column_stack((X, part.output))
         start = time.perf_counter()
         _ = X.T @ X
-        d, W = driver.factor(w.t, w.c, np.ones(n), w.U, V, np.empty(n), np.copy(V))
-        driver.solve_lower(w.t, w.c, w.U, W, table, table)
+        d, W = driver.factor(t, c, np.ones(n), U, V, np.empty(n), np.copy(V))
+        driver.solve_lower(t, c, U, W, table, table)
         table /= d[:, None]
-        driver.solve_upper(w.t, w.c, w.U, W, table, table)
+        driver.solve_upper(t, c, U, W, table, table)
         seconds += time.perf_counter() - start
     return seconds
 

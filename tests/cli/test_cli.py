@@ -17,7 +17,7 @@ from imubayes.reporting.export import FORMATS
 from imubayes.study.schema.tables import HeaderTable
 
 HEAVY = {
-    *("arviz", "celerite2", "h5py", "jinja2", "matplotlib", "numba", "numpy", "pint"),
+    *("arviz", "h5py", "jinja2", "matplotlib", "numba", "numpy", "pint"),
     *("pyarrow", "pydantic", "rich", "scipy", "xarray"),
 }
 

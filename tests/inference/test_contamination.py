@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from imubayes.inference.contamination import SHARE, conditional, evidence, log_odds, log_posterior, sample
 from imubayes.inference.dwells import Dwells
 from imubayes.inference.linear import Linear
-from imubayes.inference.whiten import whiten, whitener
+from imubayes.inference.whiten import whiten
 from imubayes.sensors.noise import Noise
 
 NOISE = Noise(1.0, 0.3, 0.05)
@@ -42,7 +42,7 @@ def dense(runs):
     """Covariance of all dwell means where none is contaminated, their mean's columns, and the means."""
     covariance = np.zeros((0, 0))
     for d in runs:
-        W = whiten(whitener(NOISE, d.means.rows), np.eye(len(d)))
+        W = whiten(NOISE, d.means.rows, np.eye(len(d)))[0]
         n = len(covariance)
         covariance = np.pad(covariance, ((0, len(d)), (0, len(d))))
         covariance[n:, n:] = np.linalg.inv(W.T @ W)

@@ -8,7 +8,7 @@ import pytest
 import imubayes as ib
 from imubayes.inference.dwells import MOST, PIECES, dwell_edges, dwells_of, rows_kept, rows_outside, run_kept
 from imubayes.inference.linear import linear_of
-from imubayes.inference.whiten import processes, whiten, whitener
+from imubayes.inference.whiten import processes, whiten
 from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
@@ -23,7 +23,7 @@ def tumble(rate=1.0):
 
 
 def covariance(rows, parts):
-    W = whiten(whitener(COLOURED, rows, parts), np.eye(len(rows.t)))
+    W = whiten(COLOURED, rows, np.eye(len(rows.t)), parts)[0]
     L = np.linalg.inv(W)
     return L @ L.T
 

@@ -8,7 +8,7 @@ from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import fit_draws, fit_mode, parameters
-from imubayes.inference.noise_models import likelihood, noise_data
+from imubayes.inference.noise_model import likelihood_of, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
@@ -26,7 +26,7 @@ def data_of(size, tau, samples=800, seed=1):
     X = np.ones((samples, 1))
     t = INTERVAL * np.arange(samples)
     rows = Linear("log", "static", ("c",), t, np.full(samples, INTERVAL), INTERVAL, y, lambda a, b: X[a:b])
-    return noise_data(noise_rows(rows), PRIOR)
+    return process_model(noise_rows(rows), PRIOR)
 
 
 def fitted(data, seed=2):
@@ -37,7 +37,7 @@ def fitted(data, seed=2):
 def density(data, points):
     """Posterior density without a ramp, up to a constant, at logarithms (m, 3)."""
     made = [NoiseProcesses(**dict(zip(NAMES, np.exp(x).tolist(), strict=True))) for x in points]
-    levels = np.array([likelihood(data, noise).without for noise in made])
+    levels = np.array([likelihood_of(data, noise).levels[0] for noise in made])
     levels -= 0.5 * np.sum(((points - CENTER) / WIDTH) ** 2, axis=1)
     return np.exp(levels - levels.max()), levels.max()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imubayes.inference.noise_limits import Spectrum, density, detection_limits, information, spectrum
-from imubayes.inference.noise_models import noise_data
+from imubayes.inference.noise_model import process_model
 from imubayes.inference.noise_rows import NoiseRows, piece_edges
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
@@ -30,7 +30,7 @@ def rows_of(samples):
 
 
 def limits(samples, candidates=OPTIONAL, noise=WHITE):
-    return detection_limits(noise_data(rows_of(samples), PRIOR), noise, candidates)
+    return detection_limits(process_model(rows_of(samples), PRIOR), noise, candidates)
 
 
 def test_information_is_the_mean_log_likelihood_ratio_of_periodograms():
@@ -71,9 +71,9 @@ def test_a_process_is_found_smaller_where_nothing_else_could_take_its_place():
 def test_limit_of_quantization_scales_with_the_white_noise():
     """White noise and quantization exchange S(f) = N^2 + 4 (Q^2/T) sin^2: only their ratio counts."""
     wide = {**PRIOR.log_normal, "Q": (PRIOR.log_normal["Q"][0], 4.0)}
-    data = noise_data(rows_of(36_000), replace(PRIOR, log_normal=wide))
+    data = process_model(rows_of(36_000), replace(PRIOR, log_normal=wide))
     moved = {name: (10.0 * median if name in "NBKQG" else median, sd) for name, (median, sd) in wide.items()}
-    other = noise_data(rows_of(36_000), replace(PRIOR, log_normal=moved))
+    other = process_model(rows_of(36_000), replace(PRIOR, log_normal=moved))
     one = detection_limits(data, WHITE, ("Q",))["Q"]
     ten = detection_limits(other, NoiseProcesses(N=10.0 * WHITE.N), ("Q",))["Q"]
     assert ten / one == pytest.approx(10.0, rel=1e-3)

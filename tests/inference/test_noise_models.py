@@ -8,7 +8,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import multivariate_normal
 
 from imubayes.inference.linear import Linear
-from imubayes.inference.noise_models import likelihood, noise_data
+from imubayes.inference.noise_model import likelihood, likelihood_of, process_model
 from imubayes.inference.noise_rows import NoiseRows, noise_rows, piece_edges
 from imubayes.sensors.noise import flicker
 from imubayes.sensors.noise_processes import NoiseProcesses, vague_prior
@@ -75,8 +75,8 @@ POINTS = [
 
 def test_likelihood_differs_between_processes_as_the_dense_covariances_do():
     rows = uneven_rows(np.random.default_rng(2))
-    data = noise_data(rows, PRIOR)
-    found = np.array([likelihood(data, noise).without for noise in POINTS])
+    data = process_model(rows, PRIOR)
+    found = np.array([likelihood_of(data, noise).levels[0] for noise in POINTS])
     expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in POINTS])
     # a cell of 83 ms is no point for the fastest process, of 50 ms: a tenth of its variance in a row is lost
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=0.1)
@@ -84,32 +84,47 @@ def test_likelihood_differs_between_processes_as_the_dense_covariances_do():
 
 def test_likelihood_without_flicker_equals_the_dense_one():
     rows = uneven_rows(np.random.default_rng(3))
-    data = noise_data(rows, PRIOR)
+    data = process_model(rows, PRIOR)
     exact = [noise for noise in POINTS if noise.B == 0.0]
-    found = np.array([likelihood(data, noise).without for noise in exact])
+    found = np.array([likelihood_of(data, noise).levels[0] for noise in exact])
     expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in exact])
     # midpoint rule on exp(-d/tau) and min(s, t) over 30 cells: relative error of the variances below 3e-4
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=0.02)
 
 
+@pytest.mark.parametrize(
+    "names", [("N",), ("N", "K", "Q"), ("N", "G", "tau"), ("N", "B", "K", "Q", "G", "tau")]
+)
+def test_gradient_is_that_of_the_likelihood(names):
+    """With a ramp or without, in rows of two lengths of which some touch."""
+    model = process_model(uneven_rows(np.random.default_rng(6)), PRIOR)
+    x = np.log([{"N": 1.0, "B": 0.8, "K": 0.2, "Q": 0.5, "G": 0.6, "tau": 9.0}[name] for name in names])
+    steps = 1e-4 * np.eye(len(x))
+    found = [likelihood(model, names, x + sign * step).level for step in steps for sign in (1.0, -1.0)]
+    expected = np.diff(-np.array(found).reshape(-1, 2), axis=1)[:, 0] / 2e-4
+    np.testing.assert_allclose(likelihood(model, names, x, slopes=True).slope, expected, rtol=1e-5, atol=1e-6)
+
+
 def test_a_ramp_adds_its_prior_to_the_covariance():
     rows = uneven_rows(np.random.default_rng(4))
-    data = noise_data(rows, PRIOR)
+    data = process_model(rows, PRIOR)
     noise = NoiseProcesses(1.0, K=0.3, Q=0.4)
-    told = likelihood(data, noise)
+    told = likelihood_of(data, noise)
     middle = PRIOR.ramp * (rows.center - rows.start[0] - 0.5 * rows.span)
     C = dense(noise, rows)
     gain = restricted(C + np.outer(middle, middle), rows.X, rows.y) - restricted(C, rows.X, rows.y)
-    assert told.ramp - told.without == pytest.approx(gain, abs=2e-3)
+    assert told.levels[1] - told.levels[0] == pytest.approx(gain, abs=2e-3)
 
 
-def test_columns_of_the_library_do_not_reach_the_likelihood():
+def test_columns_of_the_library_do_not_reach_the_likelihood_of():
     rng = np.random.default_rng(5)
     y, X = rng.normal(size=500), rng.normal(size=(500, 3))
-    plain = noise_data(noise_rows(linear(y, columns=X)), PRIOR)
-    moved = noise_data(noise_rows(linear(y + X @ [3.0, -7.0, 50.0], columns=X)), PRIOR)
+    plain = process_model(noise_rows(linear(y, columns=X)), PRIOR)
+    moved = process_model(noise_rows(linear(y + X @ [3.0, -7.0, 50.0], columns=X)), PRIOR)
     noise = NoiseProcesses(1.0, K=0.1)
-    assert likelihood(moved, noise).without == pytest.approx(likelihood(plain, noise).without, abs=1e-7)
+    assert likelihood_of(moved, noise).levels[0] == pytest.approx(
+        likelihood_of(plain, noise).levels[0], abs=1e-7
+    )
 
 
 def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
@@ -118,12 +133,12 @@ def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
     noise = NoiseProcesses(N=1e-4, Q=Q)
     angle = np.random.default_rng(6).normal(size=n + 1)
     y = Q * np.diff(angle)
-    data = noise_data(noise_rows(linear(y)), PRIOR)
+    data = process_model(noise_rows(linear(y)), PRIOR)
     D = np.diff(np.eye(n + 1), axis=0)
     C = Q**2 * D @ D.T + noise.N**2 * np.eye(n)
     assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise.N**2)
     other = NoiseProcesses(N=1.0)
-    found = likelihood(data, noise).without - likelihood(data, other).without
+    found = likelihood_of(data, noise).levels[0] - likelihood_of(data, other).levels[0]
     X = np.ones((n, 1))
     assert found == pytest.approx(restricted(C, X, y) - restricted(np.eye(n), X, y), rel=1e-6)
 
@@ -156,10 +171,13 @@ def test_pieces_do_not_reach_across_a_gap():
 
 def test_likelihood_of_white_noise_is_the_normal_density_of_the_contrasts():
     y = np.random.default_rng(8).normal(size=30)
-    data = noise_data(noise_rows(linear(y)), PRIOR)
+    data = process_model(noise_rows(linear(y)), PRIOR)
     H = np.linalg.svd(np.ones((1, 30)))[2][1:]
     ratio = multivariate_normal(cov=4.0 * np.eye(29)).logpdf(H @ y) - multivariate_normal(
         cov=np.eye(29)
     ).logpdf(H @ y)
-    found = likelihood(data, NoiseProcesses(2.0)).without - likelihood(data, NoiseProcesses(1.0)).without
+    found = (
+        likelihood_of(data, NoiseProcesses(2.0)).levels[0]
+        - likelihood_of(data, NoiseProcesses(1.0)).levels[0]
+    )
     assert found == pytest.approx(ratio, rel=1e-9)

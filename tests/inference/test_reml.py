@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from test_whiten import dense
 
 import imubayes as ib
 from imubayes.inference.linear import Linear, block_edges, blocks_of, linear_of, with_columns
-from imubayes.inference.reml import estimate
-from imubayes.inference.whiten import processes, whiten, whitener
+from imubayes.inference.noise_model import NBK, Cost, estimate, nbk_model
+from imubayes.inference.whiten import processes
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.catalogue import noise_prior
 from imubayes.sensors.noise import Noise, allan_variance
@@ -53,10 +54,7 @@ def small_blocks(rng, n=60, p=4):
 
 def dense_cost(x, blocks, prior, sd):
     """Negative log posterior of ln N, ln B, ln K from the dense covariance, by its textbook formulas."""
-    n = len(blocks.y)
-    W = whiten(whitener(Noise(*np.exp(x)), blocks.rows, processes(blocks.rows)), np.eye(n))
-    L = np.linalg.inv(W)
-    C = L @ L.T
+    C = dense(Noise(*np.exp(x)), blocks.rows, processes(blocks.rows))
     pull = sum(0.5 * ((v - math.log(m)) / s) ** 2 for v, (m, s) in zip(x, prior, strict=True))
     if sd is not None:  # theta ~ N(0, sd^2): integrate it out of y
         C += (blocks.X * sd) @ (blocks.X * sd).T
@@ -68,7 +66,27 @@ def dense_cost(x, blocks, prior, sd):
     return pull + 0.5 * rest + 0.5 * left @ np.linalg.solve(C, left)
 
 
-@pytest.mark.parametrize("sd", [None, np.array([0.5, 1.0, 2.0, 1.0])], ids=["restricted", "proper prior"])
+PROPER = pytest.mark.parametrize(
+    "sd", [None, np.array([0.5, 1.0, 2.0, 1.0])], ids=["restricted", "proper prior"]
+)
+
+
+@PROPER
+@pytest.mark.parametrize("axes", [False, True], ids=["one axis", "three axes"])
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.5, -3.0, 1.0), (-1.0, 1.0, -8.0)], ids=str)
+def test_gradient_is_that_of_the_dense_posterior(sd, axes, at):
+    rng, prior = np.random.default_rng(4), ((1.0, 1.0), (0.5, 1.0), (0.02, 1.0))
+    blocks = small_blocks(rng)
+    if axes:
+        blocks = replace(blocks, axes=rng.normal(size=(len(blocks), 3)))
+    x, steps = np.log([1.0, 0.5, 0.02]) + at, 1e-4 * np.eye(3)
+    ends = [[dense_cost(x + sign * step, blocks, prior, sd) for sign in (1.0, -1.0)] for step in steps]
+    expected = np.array([(up - down) / 2e-4 for up, down in ends])
+    # central differences: h^2/6 of the third derivative, and the rounding of the dense cost over h
+    np.testing.assert_allclose(Cost(nbk_model(blocks, prior, sd), NBK)(x)[1], expected, rtol=1e-6, atol=1e-5)
+
+
+@PROPER
 @pytest.mark.parametrize("seed", [1, 2])
 def test_estimate_is_the_maximum_of_the_dense_posterior_and_its_curvature(sd, seed):
     blocks, prior = small_blocks(np.random.default_rng(seed)), ((1.0, 1.0), (0.5, 1.0), (0.02, 1.0))
@@ -80,8 +98,8 @@ def test_estimate_is_the_maximum_of_the_dense_posterior_and_its_curvature(sd, se
     to_rounding = {"xatol": 1e-7, "fatol": 1e-9}
     best = minimize(cost, np.log([1.0, 0.5, 0.02]), method="Nelder-Mead", options=to_rounding)
     sds = np.array(found.sd)
-    # both stop where the cost changes by 1e-8 or less, which is 2e-4 of an error bar
-    np.testing.assert_array_less(np.abs(logs(found) - best.x), 1e-3 * sds)
+    # the dense one stops where the cost changes by 1e-9, which is 5e-5 of an error bar
+    np.testing.assert_array_less(np.abs(logs(found) - best.x), 3e-4 * sds)
     step = 1e-3
     eye = step * np.eye(3)
     H = np.array(
@@ -130,8 +148,8 @@ def test_a_coefficient_is_not_mistaken_for_drift(truth):
     without, with_it = (
         estimate(blocks_of(linear_of(run_of(4, truth=t), LIBRARY)), PRIOR) for t in ({}, truth)
     )
-    # the mean's columns are projected out: what differs is where the search for the maximum starts and stops
-    np.testing.assert_array_less(np.abs(logs(with_it) - logs(without)), 0.01 * np.array(without.sd))
+    # the mean's columns are projected out: what differs is rounding, and where the search starts and stops
+    np.testing.assert_array_less(np.abs(logs(with_it) - logs(without)), 1e-4 * np.array(without.sd))
 
 
 def test_a_term_that_the_library_lacks_is_mistaken_for_drift():
@@ -150,7 +168,7 @@ def test_noise_has_no_unit():
     thousand = replace(blocks, y=1e3 * blocks.y)
     prior = tuple((1e3 * median, spread) for median, spread in PRIOR)
     plain, other = estimate(blocks, PRIOR), estimate(thousand, prior)
-    np.testing.assert_array_less(np.abs(logs(other) - math.log(1e3) - logs(plain)), 0.01 * np.array(plain.sd))
+    np.testing.assert_array_less(np.abs(logs(other) - math.log(1e3) - logs(plain)), 1e-4 * np.array(plain.sd))
 
 
 def test_order_and_units_of_the_library_change_nothing():
@@ -159,7 +177,7 @@ def test_order_and_units_of_the_library_change_nothing():
     p = blocks.X.shape[1]
     mixed = blocks.X[:, rng.permutation(p)] * 10.0 ** rng.uniform(-6.0, 6.0, p)
     plain, other = estimate(blocks, PRIOR), estimate(with_columns(blocks, mixed), PRIOR)
-    np.testing.assert_array_less(np.abs(logs(other) - logs(plain)), 0.01 * np.array(plain.sd))
+    np.testing.assert_array_less(np.abs(logs(other) - logs(plain)), 1e-4 * np.array(plain.sd))
 
 
 def test_averages_over_blocks_estimate_what_the_samples_do():

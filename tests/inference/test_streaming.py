@@ -17,9 +17,16 @@ from imubayes.inference.dwells import stacked
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.split import coordinates, splits_of, values_at
 from imubayes.inference.residuals import check_residuals
-from imubayes.inference.stream_whitening import begin, padded, whiten_on
 from imubayes.inference.summary import summarize
-from imubayes.inference.whiten import effective_samples, mattering, whiten, whitener
+from imubayes.inference.whiten import (
+    begin,
+    effective_samples,
+    mattering,
+    padded,
+    states_of,
+    whiten,
+    whiten_on,
+)
 from imubayes.inference.whitened import pieces_of, whitened_factor, within_blocks
 from imubayes.rig import stream_files, streams
 from imubayes.rig.recordings import RunSpec
@@ -100,24 +107,26 @@ def test_whitening_in_blocks_of_any_sizes_is_whitening_at_once(kind, noise, cuts
     rows, width = rows_of(kind), 3
     table = np.random.default_rng(2).normal(size=(len(rows.t), padded(width)))
     parts = mattering(noise, rows)
-    w = whitener(noise, rows, parts)
-    at_once = whiten(w, table.copy())
-    carry, d = begin(noise, parts, float(rows.t[0] - 0.5 * rows.duration[0]), table.shape[1]), []
+    at_once, whole = whiten(noise, rows, table.copy(), parts)
+    states = len(states_of(noise, parts, rows.duration).rates)
+    carry, d = begin(states, float(rows.t[0] - 0.5 * rows.duration[0]), table.shape[1]), []
     edges = sorted({0, *cuts, len(table)})
     for a, b in pairwise(edges):
-        d.append(whiten_on(carry, rows.t[a:b], rows.duration[a:b], table[a:b]))
+        t, lasting = rows.t[a:b], rows.duration[a:b]
+        d.append(whiten_on(carry, states_of(noise, parts, lasting), t, lasting, table[a:b]))
     assert np.max(np.abs(table - at_once)) <= IDENTITY * np.max(np.abs(at_once))
-    assert np.concatenate(d) == pytest.approx(w.d, rel=IDENTITY)
+    assert np.concatenate(d) == pytest.approx(whole, rel=IDENTITY)
 
 
 def test_a_random_walk_is_whitened_as_well_a_year_on_as_at_its_start():
     n, noise = 300, Noise(1e-3, 0.0, 1e-3)
     rows = Rows(np.arange(n) + 0.5, np.ones(n))
     table = np.random.default_rng(4).normal(size=(n, padded(1)))
-    parts = mattering(noise, rows)
+    states = states_of(noise, mattering(noise, rows), rows.duration)
     early, late = table.copy(), table.copy()
     for start, values in ((0.0, early), (-3e7, late)):
-        whiten_on(begin(noise, parts, start, table.shape[1]), rows.t, rows.duration, values)
+        carry = begin(len(states.rates), start, table.shape[1])
+        whiten_on(carry, states, rows.t, rows.duration, values)
     # the first row tells where the walk is; from the second on its past is over but for N/(K sqrt(year))
     assert np.max(np.abs(late[1:] - early[1:])[20:]) <= 1e-6 * np.max(np.abs(early))
 

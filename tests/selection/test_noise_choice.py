@@ -11,7 +11,7 @@ from quiet_logs import quiet_log
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import fit_draws, fit_mode
 from imubayes.inference.noise_limits import detection_limits
-from imubayes.inference.noise_models import likelihood, noise_data
+from imubayes.inference.noise_model import likelihood_of, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams
 from imubayes.rig.recordings import RunSpec
@@ -104,7 +104,7 @@ def test_evidence_of_one_process_is_its_integral_over_the_prior():
     """Importance draws against quadrature over ln N and ln Q."""
     prior = class_prior(CONSUMER, INTERVAL)
     y = quiet_log(usual(Q=1.0), 1500, INTERVAL, np.random.default_rng(2))
-    data = noise_data(noise_rows(linear(y)), prior)
+    data = process_model(noise_rows(linear(y)), prior)
     names = ("N", "Q")
     centers = np.log([prior.log_normal[n][0] for n in names])
     fit = fit_draws(data, fit_mode(data, names, [centers]), np.random.default_rng(3), enough=64.0)
@@ -114,7 +114,7 @@ def test_evidence_of_one_process_is_its_integral_over_the_prior():
     levels = np.array(
         [
             [
-                likelihood(data, NoiseProcesses(N=math.exp(a), Q=math.exp(b))).without
+                likelihood_of(data, NoiseProcesses(N=math.exp(a), Q=math.exp(b))).levels[0]
                 - 0.5 * (((a - centers[0]) / widths[0]) ** 2 + ((b - centers[1]) / widths[1]) ** 2)
                 for b in axes[1]
             ]
@@ -190,7 +190,7 @@ def calibration(logs, samples=36_000, seed=20):
             there = {"N": True, "tau": "G" in present}.get(size.name, size.name in present)
             if there and math.isfinite(size.q05):
                 inside[size.name].append(size.q05 <= getattr(noise, size.name) <= size.q95)
-        limits = detection_limits(noise_data(noise_rows(rows), prior), noise, OPTIONAL)
+        limits = detection_limits(process_model(noise_rows(rows), prior), noise, OPTIONAL)
         strong = {name for name in present if abs(getattr(noise, name)) > limits[name]}
         found = set(choice.identified)
         count["strong"] += len(strong)

@@ -11,7 +11,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, blocks_of
-from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.inference.whiten import mattering, whiten
 from imubayes.sensors.noise import Noise
 
 
@@ -65,9 +65,8 @@ def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -
     residuals = blocks.y - theta @ blocks.X.T
     scores = np.empty((len(theta), len(first)))
     for k, (left, values) in enumerate(zip(residuals, noise, strict=True)):
-        w = whitener(Noise(*values.tolist()), blocks.rows, parts)
-        white = whiten(w, left[:, None].copy())[:, 0]
-        scores[k] = np.add.reduceat(-0.5 * (white**2 + np.log(w.d) + math.log(2.0 * math.pi)), first)
+        white, d = whiten(Noise(*values.tolist()), blocks.rows, left[:, None].copy(), parts)
+        scores[k] = np.add.reduceat(-0.5 * (white[:, 0] ** 2 + np.log(d) + math.log(2.0 * math.pi)), first)
     index = owner[first]
     return Pointwise(
         dwells=tuple((rows.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index),

@@ -17,7 +17,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.linear import BLOCKS, Linear, block_edges, blocks_of
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten, whitener
+from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten
 from imubayes.inference.whitened import whitened_factor, within_blocks
 from imubayes.sensors.noise import Noise
 
@@ -156,11 +156,10 @@ def _rise(rows: Linear, blocks: Linear, parts: Processes) -> tuple[float, float]
 def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:
     """Packed Gram and log determinant at N = 1, of the split with its correction."""
     b, k = math.exp(log_b), math.exp(log_k)
-    w = whitener(Noise(1.0, b, k), split.blocks.rows, split.parts)
-    white = whiten(w, split.stacked.copy())
+    white, d = whiten(Noise(1.0, b, k), split.blocks.rows, split.stacked.copy(), split.parts)
     gram = split.c.gram(np.asarray(np.linalg.qr(white, mode="r")))
     level = 1.0 + split.rise[0] * b * b + split.rise[1] * k * k
-    log_det = w.log_det + split.inside * math.log(level)
+    log_det = float(np.sum(np.log(d))) + split.inside * math.log(level)
     packed = np.append(packed_of(gram + split.within / level), log_det)
     if not len(split.correction):
         return packed

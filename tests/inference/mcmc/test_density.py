@@ -15,7 +15,7 @@ from imubayes.inference.mcmc.density import (
     log_marginal,
     theta_of,
 )
-from imubayes.inference.whiten import mattering, whiten, whitener
+from imubayes.inference.whiten import mattering, whiten
 from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
@@ -28,9 +28,10 @@ def dense_log_likelihood(campaign, x):
     """Normal density of all whitened rows with the coefficients' covariance in it, n by n."""
     parts, total = [], 0.0
     for rows, run, noise in zip(campaign.rows, campaign.summary.runs, noises(x), strict=True):
-        w = whitener(noise, rows.rows, mattering(run.noise, rows.rows))
-        parts.append(whiten(w, np.column_stack((rows.columns(0, len(rows)), rows.y))))
-        total -= 0.5 * w.log_det
+        table = np.column_stack((rows.columns(0, len(rows)), rows.y))
+        white, d = whiten(noise, rows.rows, table, mattering(run.noise, rows.rows))
+        parts.append(white)
+        total -= 0.5 * float(np.sum(np.log(d)))
     white = np.concatenate(parts)
     C = np.eye(len(white)) + (white[:, :-1] * campaign.sd**2) @ white[:, :-1].T
     return total + float(multivariate_normal(cov=C).logpdf(white[:, -1]))

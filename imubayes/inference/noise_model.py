@@ -1,0 +1,347 @@
+"""Noise of a run by restricted maximum likelihood, with the full library in the mean.
+
+What the library can explain is projected out before the noise is judged, so that a coefficient is not
+mistaken for drift nor drift for a coefficient. The rows are averages over short blocks: the model is linear,
+so averages of its columns are exact, and only the noise within a block is lost. White noise, bias instability
+and random walk, or quantization, a ramp and a Gauss-Markov process beside them, are parameters of one model.
+
+With the whitened columns and response ``W = [W_x w]``, R their triangular factor with the rows of the prior,
+the likelihood is ``-sum(ln d)/2 - sum(ln |R_jj|) - rho^2/2``, and by the whitened rows it changes by
+``e beta' - W_x (R_x' R_x)^-1`` and ``-e``, with the coefficients beta and what they leave, e. From there the
+whitening is gone through backwards to the sizes of the processes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import invert_triangular
+from imubayes.inference.linear import Linear, Rows
+from imubayes.inference.noise_rows import NoiseRows, scatter
+from imubayes.inference.whiten import (
+    Processes,
+    States,
+    apart,
+    begin,
+    common,
+    gauss_markov,
+    processes,
+    quantization,
+    random_walk,
+    together,
+    white,
+    whiten_on,
+)
+from imubayes.sensors.noise import Noise, flicker
+from imubayes.sensors.noise_processes import LogNormal, NoiseProcesses, ProcessPrior, vague_prior
+
+RANK = 1e-10
+"""Singular values of the scaled mean's columns below this share of the largest are left out."""
+
+NBK = ("N", "B", "K")
+"""White noise, bias instability and random walk: what a decision takes into account."""
+
+REACH = 6.0
+"""Prior sds of the logarithms within which the maximum is sought."""
+
+STEP = 0.01
+"""Step in a logarithm of the differences of gradients."""
+
+SHARPEST = {"maxiter": 200, "ftol": 1e-14, "gtol": 1e-5}
+"""Where a search ends: its gradient is then below a ten thousandth of what moves a size by an error bar."""
+
+IMPOSSIBLE = -1e300
+"""Log likelihood of what is no covariance."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseEstimate:
+    """Noise of rows: at the maximum of its restricted posterior, or as a rule says.
+
+    Attributes
+    ----------
+    noise : N, B, K, SI.
+    sd : of ln N, ln B, ln K (from the curvature); 0 where the noise was given.
+    prior : (median, sd of the logarithm) of the class for each; empty without a class.
+    steering : the same of the prior that the estimate was made under, with a class or without.
+    origin : ``REML``, ``white``, ``given`` or ``run <name>``.
+    run : the other run whose noise it is; empty for the run's own.
+    """
+
+    noise: Noise
+    sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    prior: tuple[LogNormal, ...] = ()
+    steering: tuple[LogNormal, ...] = ()
+    origin: str = "REML"
+    run: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseModel:
+    """Rows of a run, and the processes that their noise may have.
+
+    Attributes
+    ----------
+    rows : when they were taken.
+    table : (n, r + 1) columns of the mean, and the response.
+    means : of each model of the mean the columns (k,) that it has, and roots (k,) of their prior precision.
+    states : of each process of unit size that has fixed states.
+    prior : of the size of each process, and of the time constant ``tau``.
+    joined, levels : as `NoiseRows` has them, where processes are looked for.
+    """
+
+    rows: Rows
+    table: FloatArray
+    means: tuple[tuple[NDArray[np.intp], FloatArray], ...]
+    states: Mapping[str, States]
+    prior: ProcessPrior
+    joined: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
+    levels: tuple[tuple[float, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Likelihood:
+    """Restricted log likelihood at one point, up to a constant that all sets of processes share.
+
+    Attributes
+    ----------
+    levels : (m,) of each model of the mean.
+    last : (mean, sd) of the last column's coefficient under the last of them.
+    slope : (k,) derivatives of the logarithm of their sum by the logarithms; empty where not asked for.
+    """
+
+    levels: FloatArray
+    last: tuple[float, float]
+    slope: FloatArray
+
+    @property
+    def level(self) -> float:
+        """Logarithm of the sum over the models of the mean."""
+        return float(np.logaddexp.reduce(self.levels))
+
+
+def estimate(
+    blocks: Linear, prior: tuple[LogNormal, LogNormal, LogNormal] | None = None, sd: FloatArray | None = None
+) -> NoiseEstimate:
+    """Noise parameters at the maximum of their restricted posterior.
+
+    Parameters
+    ----------
+    blocks : averaged rows of one run.
+    prior : (median, sd of the logarithm) of N, B, K; vague and from the data if None.
+    sd : (p,) prior sds of the coefficients; None takes the whole span of the columns out (REML). With fewer
+        rows than columns need, only a proper prior leaves anything to judge the noise by.
+    """
+    level = scatter(blocks.y, blocks.duration)
+    vague = vague_prior(level, blocks.rows.span, float(blocks.duration.min())).log_normal
+    steering = prior or (vague["N"], vague["B"], vague["K"])
+    start = np.log([level, *(median for median, _ in steering[1:])])
+    best, covariance = mode_of(nbk_model(blocks, steering, sd), NBK, start)
+    N, B, K = np.exp(best).tolist()
+    spread = np.sqrt(np.diag(covariance))
+    return NoiseEstimate(Noise(N, B, K), (spread[0], spread[1], spread[2]), prior or (), steering)
+
+
+def nbk_model(blocks: Linear, prior: Sequence[LogNormal], sd: FloatArray | None) -> NoiseModel:
+    """Lay out the states and the columns of a run; parameters as `estimate` has them."""
+    X, rows = span(blocks.X) if sd is None else blocks.X * sd, blocks.rows
+    every, proper = np.arange(X.shape[1]), np.full(X.shape[1], float(sd is not None))
+    known = ProcessPrior(dict(zip(NBK, prior, strict=True)), 0.0, "")
+    states = nbk_states(rows.duration, processes(rows))
+    return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, known)
+
+
+def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
+    """States of unit N, B and K over rows of these durations (n,), s."""
+    lasting = common(duration)
+    return {"N": white(lasting), "B": gauss_markov(lasting, parts), "K": random_walk(lasting)}
+
+
+def process_model(rows: NoiseRows, prior: ProcessPrior) -> NoiseModel:
+    """Lay out the states and the columns of a run, with and without a ramp."""
+    middle = rows.center - (rows.start[0] + 0.5 * rows.span)
+    basis = span(rows.X)
+    # what the columns explain is projected out beforehand too: the response is then of the noise's own size
+    left = rows.y - basis @ (basis.T @ rows.y)
+    table = np.ascontiguousarray(np.column_stack((basis, prior.ramp * middle, left)))
+    parts = Processes(*flicker(1.0, rows.interval, max(rows.span, rows.interval)))
+    states = nbk_states(rows.duration, parts) | {"Q": quantization(rows.duration, rows.joined)}
+    free = np.zeros(basis.shape[1])
+    means = ((np.arange(len(free)), free), (np.arange(len(free) + 1), np.append(free, 1.0)))
+    taken = Rows(rows.center, rows.duration)
+    return NoiseModel(taken, table, means, states, prior, rows.joined, rows.levels)
+
+
+def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes: bool = False) -> Likelihood:
+    """Restricted likelihood of some processes.
+
+    Parameters
+    ----------
+    model : of the run.
+    names : k processes, and ``tau`` with G.
+    x : (k,) logarithms of their sizes, SI, and of the time constant.
+    slopes : whether its derivatives are asked for.
+    """
+    rows, sizes = model.rows, dict(zip(names, np.exp(x).tolist(), strict=True))
+    parts = _parts(model, sizes)
+    states = together([(part, sizes[name]) for name, part in parts.items()], rows.axes)
+    start, table = float(rows.t[0] - 0.5 * rows.duration[0]), model.table.copy()
+    gains = np.empty((len(table), len(states.rates))) if slopes else None
+    carry = begin(len(states.rates), start, table.shape[1])
+    d = whiten_on(carry, states, rows.t, rows.duration, table, gains)
+    if not np.all(d > 0.0):
+        return Likelihood(np.full(len(model.means), IMPOSSIBLE), (0.0, 1.0), np.zeros(len(x)))
+    R = np.asarray(np.linalg.qr(table, mode="r"))
+    factors = [_with_prior(R, columns, root) for columns, root in model.means]
+    levels = -0.5 * float(np.sum(np.log(d))) + np.array([_level(factor) for factor in factors])
+    last = factors[-1][-2, -2:]
+    told = Likelihood(levels, (float(last[1] / last[0]), 1.0 / abs(float(last[0]))), np.empty(0))
+    if gains is None:
+        return told
+    from imubayes.inference.noise_kernel import swept_back
+
+    by_row = _by_row(table, model, factors, np.exp(levels - told.level))
+    way = apart(rows.t, rows.duration, (start, start))
+    by = swept_back(table, d, *way, states.arrays, gains, by_row)
+    slope = dict(zip(parts, _by_size(parts, sizes, rows.axes, by), strict=True))
+    if "tau" in sizes:
+        slope["tau"] = _by_tau(model, names, x)
+    return replace(told, slope=np.array([slope[name] for name in names]))
+
+
+def likelihood_of(model: NoiseModel, noise: NoiseProcesses) -> Likelihood:
+    """Restricted likelihood of the processes other than the ramp."""
+    sizes = {name: getattr(noise, name) for name in ("N", "B", "K", "Q", "G")}
+    sizes = {name: size for name, size in sizes.items() if size > 0.0}
+    sizes |= {"tau": noise.tau} if "G" in sizes else {}
+    return likelihood(model, tuple(sizes), np.log(list(sizes.values())))
+
+
+def _parts(model: NoiseModel, sizes: Mapping[str, float]) -> dict[str, States]:
+    """States of unit size of each process."""
+    found = {name: model.states[name] for name in sizes if name in model.states}
+    if "G" in sizes:
+        found["G"] = gauss_markov(
+            common(model.rows.duration), Processes(np.ones(1), np.array([sizes["tau"]]))
+        )
+    return found
+
+
+def _with_prior(R: FloatArray, columns: NDArray[np.intp], root: FloatArray) -> FloatArray:
+    """Factor of some columns and the response with the rows of their prior.
+
+    Where there are no more rows than columns what is left is zero, not a column: a row of zeros says so.
+    """
+    rows = np.zeros((len(columns) + 1, len(columns) + 1))
+    np.fill_diagonal(rows[:-1, :-1], root)
+    return np.asarray(np.linalg.qr(np.concatenate((R[:, np.append(columns, -1)], rows)), mode="r"))
+
+
+def _level(R: FloatArray) -> float:
+    diagonal = np.abs(np.diag(R))
+    return -float(np.sum(np.log(diagonal[:-1])) + 0.5 * diagonal[-1] ** 2)
+
+
+def _by_row(
+    table: FloatArray, model: NoiseModel, factors: Sequence[FloatArray], weights: FloatArray
+) -> FloatArray:
+    """Derivatives of the likelihood by the whitened table (n, r + 1), over the models of the mean."""
+    slope = np.zeros_like(table)
+    for (columns, _), R, weight in zip(model.means, factors, weights.tolist(), strict=True):
+        inverse = invert_triangular(R[:-1, :-1])
+        X, theta = table[:, columns], inverse @ R[:-1, -1]
+        left = table[:, -1] - X @ theta
+        slope[:, columns] += weight * (np.outer(left, theta) - (X @ inverse) @ inverse.T)
+        slope[:, -1] -= weight * left
+    return slope
+
+
+def _by_size(
+    parts: Mapping[str, States],
+    sizes: Mapping[str, float],
+    axes: FloatArray | None,
+    by: tuple[FloatArray, FloatArray, FloatArray],
+) -> list[float]:
+    """Derivatives by the logarithm of each size, from those by the rows' own variances and by the states."""
+    by_own, by_power, by_drift = by
+    width = 1 if axes is None else axes.shape[1]
+    by_own = by_own if axes is None else by_own * np.sum(axes**2, axis=1)
+    by_power, by_drift = (values.reshape(-1, width).sum(axis=1) for values in (by_power, by_drift))
+    found, first = [], 0
+    for name, part in parts.items():
+        own = slice(first, first := first + len(part.rates))
+        told = float((by_own * part.own).sum() + by_power[own] @ part.power + by_drift[own] @ part.drift)
+        found.append(2.0 * sizes[name] ** 2 * told)
+    return found
+
+
+def _by_tau(model: NoiseModel, names: Sequence[str], x: FloatArray) -> float:
+    """Derivative by the time constant, on which all weights depend: a central difference."""
+    step = 0.1 * STEP * (np.array(names) == "tau")
+    ends = [likelihood(model, names, x + sign * step).level for sign in (1.0, -1.0)]
+    return (ends[0] - ends[1]) / (0.2 * STEP)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cost:
+    """Negative log posterior of k logarithms, up to a constant, under normal priors of them."""
+
+    model: NoiseModel
+    names: tuple[str, ...]
+
+    @property
+    def prior(self) -> FloatArray:
+        """Mean and sd (2, k) of the logarithms."""
+        known = [self.model.prior.log_normal[name] for name in self.names]
+        return np.array([[math.log(median), width] for median, width in known]).T
+
+    def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """Cost and its derivatives (k,)."""
+        told, (center, width) = likelihood(self.model, self.names, x, slopes=True), self.prior
+        pull = (x - center) / width
+        return 0.5 * float(pull @ pull) - told.level, pull / width - told.slope
+
+    def value(self, x: FloatArray) -> float:
+        """Cost alone."""
+        center, width = self.prior
+        return 0.5 * float(np.sum(((x - center) / width) ** 2)) - likelihood(self.model, self.names, x).level
+
+    def log_prior(self, x: FloatArray) -> float:
+        """Log density of the logarithms."""
+        center, width = self.prior
+        spread = 0.5 * len(x) * math.log(2.0 * math.pi) + float(np.sum(np.log(width)))
+        return -0.5 * float(np.sum(((x - center) / width) ** 2)) - spread
+
+
+def mode_of(model: NoiseModel, names: tuple[str, ...], start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Maximum (k,) of the posterior of the logarithms, and the covariance (k, k) of its curvature there.
+
+    The maximum is sought within `REACH` prior sds of the prior's medians, and of the start where that is
+    farther out. The data never say less than the prior does: along no direction is the covariance wider.
+    """
+    from scipy.optimize import minimize
+
+    cost = Cost(model, names)
+    center, width = cost.prior
+    ends = np.minimum(center, start) - REACH * width, np.maximum(center, start) + REACH * width
+    bounds = [*zip(*ends, strict=True)]
+    best = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options=SHARPEST).x
+    steps = STEP * np.eye(len(best))
+    H = np.array([(cost(best + step)[1] - cost(best - step)[1]) / (2.0 * STEP) for step in steps])
+    # in prior sds a curvature below 1 would say less than the prior alone
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
+    scaled = vectors * width[:, None]
+    return best, (scaled / np.maximum(values, 1.0)) @ scaled.T
+
+
+def span(X: FloatArray) -> FloatArray:
+    """Orthonormal basis (m, rank) of the columns' span; REML depends on nothing else."""
+    norms = np.linalg.norm(X, axis=0)
+    U, s, _ = np.linalg.svd(X[:, norms > 0.0] / norms[norms > 0.0], full_matrices=False)
+    return U[:, s > RANK * s[0]] if len(s) else U
