@@ -7,12 +7,24 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from markupsafe import Markup
 
-from imubayes.population.needs import VERDICTS
+from imubayes.population.needs import NEEDED, VERDICTS, of_class
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat, swatch
+from imubayes.reporting.canvas import (
+    ACCENT,
+    PALE,
+    VERDICT_COLOURS,
+    Axes,
+    Margins,
+    Panel,
+    areas,
+    draw,
+    few_ticks,
+)
 from imubayes.reporting.html import write_page
-from imubayes.reporting.lots_figures import population_panel, verdict_panel
+from imubayes.reporting.lots_figures import LETTER
 from imubayes.reporting.lots_results import fleet_json
 from imubayes.reporting.lots_words import class_name, fleet_answer, noise_range, population_cells, pull_value
 from imubayes.reporting.rounding import measured, per_unit, percent
@@ -25,11 +37,23 @@ if TYPE_CHECKING:
     from imubayes.population.fleet import FleetResult
 
 
+LINE = 17
+"""px of a row of a panel."""
+
+SHOWN = (
+    (("needed",), ACCENT),
+    (("undecided",), VERDICT_COLOURS["undecided"]),
+    (("inseparable", "unresolved", "untested"), VERDICT_COLOURS["inseparable"]),
+    (("not needed",), PALE),
+)
+"""Verdicts that share a colour, in the order of a bar from the left."""
+
+HALF_BAR = 0.36
+"""Half height of a bar, in rows."""
+
 KEY = Markup(
-    "Left, from the left: {}units in which the term is needed, {}undecided, {}units whose test cannot"
-    " tell (inseparable, unresolved, untested), {}not needed. Right: dot and line, the mean of the"
-    " population with 90 %; pale band, the spread of the units about it; beyond three typical sizes of"
-    " the class they are drawn at the end."
+    "From the left: {}units in which the term is needed, {}undecided, {}units whose test cannot tell"
+    " (inseparable, unresolved, untested), {}not needed."
 ).format(*map(swatch, ("#0072B2", "#E69F00", "#CC79A7", "#d5d9df")))
 
 DATASET = Markup(
@@ -84,8 +108,7 @@ def _population(result: FleetResult) -> Iterator[Block]:
     """Population of each term, drawn and in numbers."""
     true, told = (("true",), " True: of the lot that was simulated.") if result.study.simulated else ((), "")
     lib, terms = result.study.spec.library, result.answer.terms
-    population = population_panel(terms, result.study.sensor_class, lib, "p")
-    yield Figure((verdict_panel(result, "v"), population), KEY)
+    yield Figure([verdict_panel(result, "v")], KEY)
     yield Table(
         "Population of the units",
         ("term", "symbol", "mean", *true, "spread", *true, "unit", "needed", "open"),
@@ -96,6 +119,33 @@ def _population(result: FleetResult) -> Iterator[Block]:
         " the test cannot tell): shares of the units. Of a term that is open everywhere mean and spread"
         " are those of the catalogue.",
     )
+
+
+def verdict_panel(result: FleetResult, key: str) -> Panel:
+    """Share of the units with each verdict, a bar for each term."""
+    answer, names = result.answer, result.study.spec.library.names
+    counts: dict[str, np.ndarray] = dict(zip(VERDICTS, answer.counts, strict=True))
+    mostly = sum(of_class(term) == NEEDED for term in answer.terms)
+
+    def paint(axes: Axes) -> None:
+        left = np.zeros(len(names))
+        for verdicts, colour in SHOWN:
+            right = left + 100.0 * np.sum([counts[verdict] for verdict in verdicts], axis=0) / answer.units
+            rows = enumerate(zip(left.tolist(), right.tolist(), strict=True))
+            areas(axes, [(a, b, row - HALF_BAR, row + HALF_BAR) for row, (a, b) in rows if b > a], colour)
+            left = right
+        few_ticks(axes, 4, len(names))
+        axes.set(xlabel="units, %", xlim=(0.0, 100.0))
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.4, -0.6)
+        axes.tick_params(axis="y", length=0)
+
+    alt = "Units in which each term is needed: " + "; ".join(
+        f"{term.name} {100.0 * term.needed.value:.0f} %" for term in answer.terms
+    )
+    title = f"{mostly} of {len(names)} terms are needed by most units"
+    margins = Margins(left=int(14 + LETTER * max(map(len, names))))
+    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=margins)
 
 
 def _worst(result: FleetResult) -> Table:

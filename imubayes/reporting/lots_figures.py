@@ -1,4 +1,4 @@
-"""Figures of lots and fleets: matrices of terms by class or by scene, model order, populations.
+"""Figures of lots and fleets: matrices of terms by class, in themselves and in a scene, and verdicts.
 
 The matrices are drawn here and not by the plotting library: each of their cells is a link to its numbers.
 """
@@ -6,16 +6,13 @@ The matrices are drawn here and not by the plotting library: each of their cells
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from imubayes.population.needs import (
     NEEDED,
     UNTOLD,
-    VERDICTS,
     WOULD_MATTER,
     in_scene,
     of_class,
@@ -25,31 +22,19 @@ from imubayes.population.needs import (
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
-    PALE,
-    VERDICT_COLOURS,
     WARNING,
     WIDTH,
-    Axes,
-    Margins,
     Panel,
-    areas,
-    dots,
-    draw,
-    few_ticks,
 )
-from imubayes.reporting.lots_words import capitalised, class_name, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
 from imubayes.reporting.rounding import percent, percents
 from imubayes.scenes.relevance import MATTERS
-from imubayes.sensors.catalogue import prior_sd
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.population.fleet import FleetResult
     from imubayes.population.lots import LotResult, MissionFound, MissionTerm
     from imubayes.population.needs import ClassFound
     from imubayes.population.spreads import PopulationTerm
-    from imubayes.sensors.sensor_class import SensorClass
-    from imubayes.sensors.terms import Library
 
 OPEN = "#E69F00"
 """Colour of what a test cannot tell; a question mark goes with it."""
@@ -65,25 +50,6 @@ LABEL, LETTER = 46, 6.6
 
 ROW, NARROWEST, WIDEST = 19, 20, 40
 """px of a matrix's rows, and of its narrowest and widest columns."""
-
-LINE = 17
-"""px of a row of a panel."""
-
-FARTHEST = 3.0
-"""Typical sizes at which the axis of the populations ends; what lies beyond is drawn at the end."""
-
-
-SHOWN = (
-    (("needed",), ACCENT),
-    (("undecided",), VERDICT_COLOURS["undecided"]),
-    (("inseparable", "unresolved", "untested"), VERDICT_COLOURS["inseparable"]),
-    (("not needed",), PALE),
-)
-"""Verdicts that share a colour, in the order of a bar from the left."""
-
-HALF_BAR = 0.36
-"""Half height of a bar, in rows."""
-
 
 Cell = tuple[str, str, str]
 """SVG about the middle of a column by `ROW` px, what it shows in words, and the anchor of its numbers.
@@ -135,15 +101,6 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
     classes = f"{counted(len(found), 'class')} need{'s' if needs == 1 else ''}"
     title = f"{needs} of {classes} a model in the scene {scene}"
     return Panel(title, _share_matrix(key, found, columns, result.classes))
-
-
-def class_matrix(one: ClassFound, key: str) -> Panel:
-    """Share of each scene's budget that each term takes in a class."""
-    columns = [scene_name(found.mission) for found in one.missions]
-    needs = sum(bool(terms_in(one, found, NEEDED)) for found in one.missions)
-    title = f"{class_name(one.sensor_class)} needs a model in {needs} of {counted(len(columns), 'scene')}"
-    title = capitalised(title)
-    return Panel(title, _share_matrix(key, one.missions, columns, [one] * len(columns)))
 
 
 def _share_matrix(
@@ -259,74 +216,3 @@ def _heading(name: str, x: float, y: float) -> str:
 
 def _linked(drawing: str, anchor: str = "") -> str:
     return f'<a href="#{anchor}">{drawing}</a>' if anchor else drawing
-
-
-def population_panel(terms: Sequence[PopulationTerm], entry: SensorClass, lib: Library, key: str) -> Panel:
-    """Population of each term beside the class's typical size: mean with its interval, and spread."""
-    names, scaled = (
-        lib.names,
-        [(t, prior_sd(entry, term)[0]) for t, term in zip(terms, lib.terms, strict=True)],
-    )
-    shared = sum(of_class(t) == NEEDED and t.mean.low * t.mean.high > 0.0 for t in terms)
-    title = f"{shared} of {len(names)} terms are needed, and have a mean that all units share"
-
-    def paint(axes: Axes) -> None:
-        spreads = [
-            ((t.mean.value - t.spread.value) / s, (t.mean.value + t.spread.value) / s) for t, s in scaled
-        ]
-        for row, (low, high) in enumerate(np.clip(spreads, -FARTHEST, FARTHEST)):
-            axes.plot([low, high], [row, row], color=PALE, linewidth=5.0, solid_capstyle="butt")
-        means = [(t.mean.low / s, t.mean.value / s, t.mean.high / s) for t, s in scaled]
-        _lines(axes, np.clip(means, -FARTHEST, FARTHEST).tolist())
-        axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
-        axes.set(
-            xlabel="population over the typical size of the class", xlim=(-1.05 * FARTHEST, 1.05 * FARTHEST)
-        )
-
-    alt = "Population mean over the class's typical size: " + "; ".join(
-        f"{t.name} {t.mean.value / s:.2g}" for t, s in scaled
-    )
-    return _by_name(paint, title, alt, key, names)
-
-
-def verdict_panel(result: FleetResult, key: str) -> Panel:
-    """Share of the units with each verdict, a bar for each term."""
-    answer, names = result.answer, result.study.spec.library.names
-    counts: dict[str, np.ndarray] = dict(zip(VERDICTS, answer.counts, strict=True))
-    mostly = sum(of_class(term) == NEEDED for term in answer.terms)
-
-    def paint(axes: Axes) -> None:
-        left = np.zeros(len(names))
-        for verdicts, colour in SHOWN:
-            right = left + 100.0 * np.sum([counts[verdict] for verdict in verdicts], axis=0) / answer.units
-            rows = enumerate(zip(left.tolist(), right.tolist(), strict=True))
-            areas(axes, [(a, b, row - HALF_BAR, row + HALF_BAR) for row, (a, b) in rows if b > a], colour)
-            left = right
-        few_ticks(axes, 4, len(names))
-        axes.set(xlabel="units, %", xlim=(0.0, 100.0))
-
-    alt = "Units in which each term is needed: " + "; ".join(
-        f"{term.name} {100.0 * term.needed.value:.0f} %" for term in answer.terms
-    )
-    title = f"{mostly} of {len(names)} terms are needed by most units"
-    return _by_name(paint, title, alt, key, names)
-
-
-def _by_name(paint: Callable[[Axes], None], title: str, alt: str, key: str, names: Sequence[str]) -> Panel:
-    """Panel with a row for each name, the first on top."""
-
-    def painted(axes: Axes) -> None:
-        paint(axes)
-        axes.set_yticks(range(len(names)), names)
-        axes.set_ylim(len(names) - 0.4, -0.6)
-        axes.tick_params(axis="y", length=0)
-
-    margins = Margins(left=int(14 + LETTER * max(map(len, names))))
-    return draw(painted, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=margins)
-
-
-def _lines(axes: Axes, rows: Sequence[tuple[float, float, float]]) -> None:
-    """Draw low, middle and high of each row."""
-    for row, (low, middle, high) in enumerate(rows):
-        axes.plot([low, high], [row, row], color=ACCENT, linewidth=1.5)
-        dots(axes, np.array([middle]), np.array([float(row)]), color=ACCENT, size=6.0)

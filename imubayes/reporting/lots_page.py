@@ -35,9 +35,7 @@ from imubayes.reporting.blocks import (
 )
 from imubayes.reporting.html import write_page
 from imubayes.reporting.lots_figures import (
-    class_matrix,
     needed_matrix,
-    population_panel,
     scene_matrix,
 )
 from imubayes.reporting.lots_results import lots_json
@@ -112,11 +110,6 @@ TRIAD = (
     "Bias, scale and misalignment take up what the other terms do over a scene as well as they can; the"
     " table has what is left, as a share of the budget, in the median unit. What the test does not know of"
     " the triad itself is not in it: the larger model does not know it either."
-)
-
-CLASS_NOTE = (
-    "Population: dot and line, its mean with 90 %; pale band, the spread of the units about it; beyond"
-    " three typical sizes they are drawn at the end. Scenes: squares as above."
 )
 
 POPULATION_HEAD = ("term", "symbol", "mean", "true", "spread", "true", "unit", "typical", "needed", "open",
@@ -238,16 +231,12 @@ def _class(result: LotResult, k: int) -> Section:
     """Page of a class."""
     found, lib = result.classes[k], result.study.library
     entry, title = found.sensor_class, capitalised(class_name(found.sensor_class))
-    panels = [population_panel(found.terms, entry, lib, f"population{k}")]
-    if found.missions:
-        panels.append(class_matrix(found, f"class{k}"))
     rows = _population_rows(result, found)
     table = Table(f"Population of {title}", POPULATION_HEAD, rows, "ttn", POPULATION_NOTE)
     return Section(
         title,
         [
             Prose(" ".join(class_sentences(found, len(lib.terms)))),
-            Figure(panels, CLASS_NOTE),
             Section("The population", [table]),
             *(_own_scene(result, found, m) for m in range(len(found.missions))),
         ],

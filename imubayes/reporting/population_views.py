@@ -7,25 +7,9 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, joined, quiet, verdict
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    INK,
-    PALE,
-    Axes,
-    Margins,
-    Panel,
-    areas,
-    dots,
-    draw,
-    few_ticks,
-    no_ticks,
-    sticks,
-)
+from imubayes.reporting.blocks import Block, Prose, Section, Table, joined, quiet, verdict
 from imubayes.reporting.rounding import (
     NARROW,
     below,
@@ -71,23 +55,13 @@ def changes(term: TermInClass) -> bool:
     return term.spreads.p_value < term.spreads.level
 
 
-def short_title(term: TermInClass) -> str:
-    """Both spreads without their intervals, as a finding."""
-    text = f"{term.name}: sd {spread_text(term, 'unit', interval=False)} from unit to unit"
-    if math.isnan(term.spreads.turn_on.value):
-        return text
-    return f"{text}, {spread_text(term, 'turn_on', interval=False)} between sessions"
-
-
-def spread_text(term: TermInClass, which: Literal["unit", "turn_on"], *, interval: bool = True) -> str:
+def spread_text(term: TermInClass, which: Literal["unit", "turn_on"]) -> str:
     """Sd from unit to unit or between sessions, with its interval; what it is below where it is not there."""
     found: Share = getattr(term.spreads, which)
     if math.isnan(found.value):
         return "unknown"
     if not (changes(term) if which == "turn_on" else resolved(found)):
         return f"below {below(found.high / _unit(term), term.printed)}"
-    if not interval:
-        return str(measured(found.value / _unit(term), 0.0, term.printed))
     return f"{ranged(found, size=_unit(term)).replace('−', '-')} {term.printed}"
 
 
@@ -233,19 +207,6 @@ def _off(term: TermInClass) -> str:
     )
 
 
-ROW, TALLEST = 9.0, 420.0
-"""px of a unit, and of all of them at most."""
-
-GAP = 1.5
-"""Rows between components."""
-
-BAR = 0.42
-"""Half height of a session's bar, in rows."""
-
-MOST_PANELS = 8
-"""Terms that are drawn."""
-
-
 NOTE = (
     "Intervals hold 90 %. The spreads are sds, each apart from the others: from unit to unit, between"
     " sessions of a unit, and the error bar of one session, with what the test books to a term in place"
@@ -277,14 +238,7 @@ def class_section(found: ClassInCommon, k: int) -> Section:
     terms = shown(found)
     blocks: list[Block] = [Prose([_signs(text) for text in class_sentences(found)], "list")]
     if terms:
-        drawn = [term for term in whole(found) if term in terms][:MOST_PANELS]
-        panels = [units_panel(first, parts(terms, first), f"u{k}x{n}") for n, first in enumerate(drawn)]
-        further = " in a further session" if is_repeated(found) else ""
-        note = (
-            "A row is a unit: the dot is its mean, each bar a session. The grey line is the population's"
-            f" mean; the band holds a further unit{further} with 90 %."
-        )
-        blocks += [_terms_table(found, terms), Figure(panels, note)]
+        blocks.append(_terms_table(found, terms))
     title, sub = "What units of this class have in common", class_title(found)
     return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}")
 
@@ -337,57 +291,3 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
 def _signs(text: str) -> str:
     """ASCII with the real signs, for the page; a hyphen within a word stays."""
     return re.sub(r"(?<![\w-])-(?=\d)", "−", pretty(text).replace("+-", "±"))
-
-
-def units_panel(first: TermInClass, parts: tuple[TermInClass, ...], key: str) -> Panel:
-    """One term: a lane for each component, in it a row for each unit.
-
-    Parameters
-    ----------
-    first : the term for all components together, or the only one.
-    parts : by component.
-    """
-    unit = per_unit(first.printed, first.unit)
-    rows = sum(len(part.units) for part in parts) + GAP * (len(parts) - 1)
-    title = pretty(short_title(first))
-    return draw(
-        lambda axes: _paint(axes, parts, unit, rows),
-        title=title,
-        alt=f"{title}, of {counted(len(parts[0].units), 'unit')}",
-        key=key,
-        height=int(min(max(ROW * rows, 60.0), TALLEST)) + 44,
-        margins=Margins(left=34),
-    )
-
-
-def _paint(axes: Axes, parts: tuple[TermInClass, ...], unit: float, rows: float) -> None:
-    top, ticks = 0.0, []
-    for part in parts:
-        n = len(part.units)
-        place = top + np.arange(n, dtype=float)
-        _lane(axes, part, place, unit)
-        ticks.append((float(place.mean()), part.component))
-        top += n + GAP
-    few_ticks(axes, 5, len(parts))
-    axes.set(ylim=(rows - 0.4, -0.6), xlabel=f"{parts[0].term}, {pretty(parts[0].printed)}")
-    if all(name for _, name in ticks):
-        axes.set_yticks([at for at, _ in ticks], [name for _, name in ticks])
-        axes.tick_params(axis="y", length=0)
-    else:
-        no_ticks(axes)
-
-
-def _lane(axes: Axes, part: TermInClass, place: np.ndarray, unit: float) -> None:
-    """Band of the next unit, mean of the population, and each unit with its sessions."""
-    low, high = place[0] - 0.6, place[-1] + 0.6
-    span, mean = part.spreads.next_unit, part.spreads.mean
-    areas(axes, [(span.low / unit, span.high / unit, low, high)], PALE)
-    sticks(axes, np.array([mean.value / unit]), np.array([low]), np.array([high]), GREY)
-    known = np.isfinite(part.value)
-    weight = np.where(known, 1.0 / np.where(known, part.error, 1.0) ** 2, 0.0)
-    total = weight.sum(axis=1)
-    there = total > 0.0
-    middle = (weight * np.nan_to_num(part.value)).sum(axis=1)[there] / total[there]
-    row = np.broadcast_to(place[:, None], part.value.shape)[known]
-    sticks(axes, part.value[known] / unit, row - BAR, row + BAR, INK, 0.9)
-    dots(axes, middle / unit, place[there], ACCENT, 4.0)

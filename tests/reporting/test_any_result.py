@@ -22,7 +22,6 @@ from fleets_found import fleet_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lots_found import lot_result
-from populations_found import term_found
 from results_found import judged_result, repeatability, sampled_result, study_result
 from scenes_found import a_relevance
 from test_case_views import recovered
@@ -38,9 +37,9 @@ from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
     figures,
     fit_figures,
+    fleet_page,
     lots_figures,
     plan_figures,
-    population_views,
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
@@ -109,9 +108,6 @@ def _of_fit(sensor: Any) -> Iterator[Panel | None]:
 def _of_lots(result: Any) -> Iterator[Panel | None]:
     yield lots_figures.needed_matrix(result, "a")
     yield lots_figures.scene_matrix(result, 0, "b")
-    yield lots_figures.class_matrix(result.classes[0], "c")
-    one = result.classes[0]
-    yield lots_figures.population_panel(one.terms, one.sensor_class, result.study.library, "e")
 
 
 def _of_quality(quality: Any) -> Iterator[Panel | None]:
@@ -139,9 +135,7 @@ def _of_plan(found: Any) -> Panels:
 
 
 def _of_fleet(result: Any) -> Panels:
-    study, terms = result.study, result.answer.terms
-    population = lots_figures.population_panel(terms, study.sensor_class, study.spec.library, "p")
-    return lots_figures.verdict_panel(result, "v"), population
+    return (fleet_page.verdict_panel(result, "v"),)
 
 
 def _of_scene(found: Any) -> Panels:
@@ -157,7 +151,6 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "lots": (lot_result, _of_lots),
     "noise": (_noise, lambda found: (fit_figures.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
-    "population": (lambda: term_found("b0"), lambda one: (population_views.units_panel(one, (one,), "u"),)),
     "quality": (cache(made_quality), _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
@@ -295,9 +288,6 @@ def test_few_samples_are_drawn(count):
     shown((figures.recovered(recovered(count=count), "r"),))
     shown((extremes_figures.digits_panel(_digits()[:count], "x"),))
     shown(_of_sessions(repeatability(units=count)))
-    single = cut(term_found("b0"), count)
-    single = replace(single, units=single.units[:count])
-    shown((population_views.units_panel(single, (single,), "u"),))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
