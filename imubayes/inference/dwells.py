@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.linear import Linear, averages, reach_of
+from imubayes.inference.linear import Linear, averages, once, reach_of
 from imubayes.rig.inputs import Run, Source, between_gaps
 
 LONG = 8
@@ -65,6 +65,10 @@ def dwells_of(rows: Linear) -> Dwells:
     A dwell is what two gaps enclose. A part of more than an eighth of the run (a static log), or during which
     the inputs vary (a ramp), is cut to pieces of a two-hundredth of the run: a shock does not cost all of it.
     """
+    return once(rows, Dwells, lambda: _dwells(rows))
+
+
+def _dwells(rows: Linear) -> Dwells:
     size = reach_of(rows)
     excited = size > 0.0
 

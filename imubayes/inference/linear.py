@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,7 @@ class Linear:
     axes : (n, a) weights of alike and independent components in each row; None for a single component.
     stream : the rows behind these, which are averages over blocks of them; None where these are all.
     shared : gives what `whitened_factor` does, where the work is shared with other components; None else.
+    kept : what was made of these rows and is asked for again (see `once`).
     """
 
     name: str
@@ -80,6 +82,7 @@ class Linear:
     axes: FloatArray | None = None
     stream: Stream | None = None
     shared: Callable[[Noise], tuple[Factor, FloatArray]] | None = None
+    kept: dict[object, object] = field(default_factory=dict, init=False)
 
     def __len__(self) -> int:
         return len(self.y)
@@ -199,6 +202,16 @@ def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
     return left
 
 
+Made = TypeVar("Made")
+
+
+def once(rows: Linear, key: object, make: Callable[[], Made]) -> Made:
+    """Make something of rows, or give what was made of them before."""
+    if key not in rows.kept:
+        rows.kept[key] = make()
+    return rows.kept[key]  # pyright: ignore[reportReturnType]: a key stands for one kind of thing
+
+
 def reach_of(rows: Linear) -> FloatArray:
     """Largest size (p,) of each column."""
     if rows.stream is not None:
@@ -242,7 +255,7 @@ def with_columns(rows: Linear, X: FloatArray, y: FloatArray | None = None) -> Li
 
 def blocks_of(rows: Linear, blocks: int = BLOCKS) -> Linear:
     """Averages over about so many short blocks that never reach across a gap."""
-    return averages(rows, block_edges(rows.t, rows.interval, blocks))
+    return once(rows, blocks, lambda: averages(rows, block_edges(rows.t, rows.interval, blocks)))
 
 
 def averaged(rows: Linear) -> Linear:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +18,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, dwells_of, stacked
-from imubayes.inference.linear import CHUNK, Linear, block_edges, whole_parts
+from imubayes.inference.linear import CHUNK, Linear, block_edges, once, whole_parts
 from imubayes.inference.whiten import Carry, Processes, begin, mattering, padded, states_of, whiten, whiten_on
 from imubayes.rig.inputs import Part, Stream
 from imubayes.sensors.noise import Noise
@@ -27,10 +26,6 @@ from imubayes.sensors.terms import Library, columns
 
 TILE = 8192
 """Rows whose columns are made, whitened and factored at a time: they stay in the cache."""
-
-
-REMEMBERED = 4
-"""Runs whose last pass is remembered: the factor and the dwells come of the same one."""
 
 
 def whitened_factor(
@@ -130,14 +125,9 @@ def streamed_pieces(rows: Linear, stream: Stream, noise: Noise, parts: Processes
     noise : that whitens it, SI.
     parts : the processes that stand for B; by default those that matter beside the white noise.
     """
-    return _remembered(rows, noise) if parts is None else _pieces(rows, stream, noise, parts)
-
-
-@lru_cache(maxsize=REMEMBERED)
-def _remembered(rows: Linear, noise: Noise) -> Pieces:
-    if rows.stream is None:
-        raise ValueError("only rows that are read a part at a time are passed over again")
-    return _pieces(rows, rows.stream, noise, mattering(noise, rows.rows))
+    if parts is not None:
+        return _pieces(rows, stream, noise, parts)
+    return once(rows, noise, lambda: _pieces(rows, stream, noise, mattering(noise, rows.rows)))
 
 
 def streamed_factor(rows: Linear, stream: Stream, noise: Noise, parts: Processes | None = None) -> Factor:

@@ -18,9 +18,8 @@ from scipy.special import ndtri
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import Prepared
-from imubayes.inference.at_noise import at_noise
-from imubayes.inference.mcmc.chains import NoiseDraw
-from imubayes.inference.mcmc.moves import Student, log_student
+from imubayes.inference.importance import Student
+from imubayes.inference.mcmc.chains import NoiseDraw, at_noise
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.ladder.problem import Ground, Posterior, once, prepared
 
@@ -135,7 +134,7 @@ def _drawn(ready: Prepared, peak: Peak, rng: np.random.Generator) -> Weighted:
     center, width = peak.prior.T
     log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
     logs = np.array([draw.log_marginal for draw in draws]) + log_p
-    logs -= log_student(Student(peak.center, peak.L), x, FREEDOM)
+    logs -= Student(peak.center, peak.L, FREEDOM).log_density(x)
     weight = np.exp(logs - logs.max())
     evidence = float(logs.max()) + math.log(float(weight.mean())) - 0.5 * d * math.log(2.0 * math.pi)
     return Weighted(noises, draws, weight / weight.sum(), evidence)

@@ -19,14 +19,13 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.fidelity import NEEDS_ROWS, RungName
 from imubayes.campaign.preparation import Prepared
 from imubayes.errors import InputError
-from imubayes.inference.at_noise import at_noise
+from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import Chains, Diagnostics
+from imubayes.inference.mcmc.chains import Chains, Diagnostics, at_noise, by_dwell
 from imubayes.inference.mcmc.density import Density, density_of, theta_of
 from imubayes.inference.mcmc.engine import Target, sampler_of
 from imubayes.inference.mcmc.ensembles import History, Limits, advance, judged, walkers_for
-from imubayes.inference.mcmc.moves import Student, independent
-from imubayes.inference.mcmc.pointwise import by_dwell
+from imubayes.inference.mcmc.moves import TAIL, independent
 from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten
@@ -143,7 +142,7 @@ def _proposal(x: FloatArray) -> Student:
     """Student distribution with the moments of draws x (m, d)."""
     d = x.shape[1]
     root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
-    return Student(x.mean(axis=0), np.asarray(root, dtype=float))
+    return Student(x.mean(axis=0), np.asarray(root, dtype=float), TAIL)
 
 
 def _logarithms(ready: Prepared, groups: tuple[tuple[str, int], ...], noise: FloatArray) -> FloatArray:

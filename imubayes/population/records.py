@@ -22,7 +22,7 @@ from imubayes.algebra.factor import Factor, reorder, with_prior_rows
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
-from imubayes.inference.at_noise import at_found_noise
+from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.rig.bench import true_inputs

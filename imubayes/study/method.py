@@ -34,13 +34,13 @@ from imubayes.campaign.study import (
 )
 from imubayes.errors import UnobservableError
 from imubayes.inference.case import Case, rows_at_rest
-from imubayes.inference.correlations import correlation, pulls
 from imubayes.inference.linear import drive
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
+from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import (
     Ground,

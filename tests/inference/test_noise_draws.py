@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm, skewnorm
 
-from imubayes.inference.noise_fit import BATCH, MOST, Hump, drawn_until
+from imubayes.inference.importance import BATCH, MOST, Student, drawn_until
 
-UNIT = Hump(np.zeros(2), np.eye(2))
+UNIT = Student(np.zeros(2), np.eye(2))
 
 
 def drawn(target, hump=UNIT, enough=200.0):
@@ -33,7 +33,7 @@ def two(x):
 
 
 def test_density_of_a_hump_integrates_to_one():
-    hump = Hump(np.array([1.0, -2.0]), np.array([[2.0, 0.0], [-1.0, 0.5]]))
+    hump = Student(np.array([1.0, -2.0]), np.array([[2.0, 0.0], [-1.0, 0.5]]))
     axis = np.linspace(-200.0, 200.0, 2001)
     at = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2) * [1.0, 0.5] + [1.0, -2.0]
     total = np.exp(hump.log_density(at)).sum() * (axis[1] - axis[0]) ** 2 * 0.5
@@ -64,7 +64,7 @@ def test_a_second_hump_is_found_from_the_first_and_has_its_share():
 def test_quantiles_of_a_skew_density_are_those_of_its_distribution():
     """A long tail to small sizes, as a hidden process has, from a proposal that is too narrow."""
     skew = skewnorm(-8.0, loc=0.5, scale=2.0)
-    narrow = Hump(np.zeros(2), 0.5 * np.eye(2))
+    narrow = Student(np.zeros(2), 0.5 * np.eye(2))
     found = drawn(lambda x: (skew.logpdf(x[0]) + norm.logpdf(x[1]),), narrow)
     order = np.argsort(found.draws[:, 0])
     reached = np.cumsum(found.weights[order])

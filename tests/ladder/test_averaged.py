@@ -4,7 +4,7 @@ import numpy as np
 from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
-from imubayes.inference.at_noise import at_noise
+from imubayes.inference.mcmc.chains import at_noise
 from imubayes.ladder.averaged import averaged, groups_of, noises_of, peak_of, plug_in, weighted
 from imubayes.ladder.problem import decided, prepared
 from imubayes.sensors.noise import Noise, NoiseRule

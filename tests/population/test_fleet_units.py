@@ -7,7 +7,7 @@ from fleet_studies import TUMBLE, first_part, fleet, recorded
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import prepare
 from imubayes.errors import InputError, StudyError
-from imubayes.inference.at_noise import at_found_noise
+from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.population import records
 from imubayes.population.fleet import ALARM, answer
 from imubayes.population.records import (

@@ -8,9 +8,9 @@ from lot_studies import TUMBLE, shaken, small
 from imubayes.algebra.factor import noise_scale
 from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import Mission
-from imubayes.inference.at_noise import at_found_noise
 from imubayes.inference.intervals import Share
 from imubayes.inference.linear import linear_of
+from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.prior import class_sd
 from imubayes.population.lots import basic_left, check, exposures, lot_of, measure, missions, spec_of, unit_of
 from imubayes.population.records import Record, simulate_unit

@@ -11,8 +11,8 @@ from scipy.integrate import dblquad
 from scipy.stats import beta, chi2
 
 from imubayes.algebra.factor import factor_of, posterior
-from imubayes.inference.correlations import pulls
 from imubayes.inference.intervals import frequency
+from imubayes.inference.summary import pulls
 from imubayes.population.levels import Likelihoods, block_of, likelihoods, over_sessions
 from imubayes.population.sessions import between_sd
 from imubayes.population.spreads import FEWEST, lot_sizes, spread, spreads

@@ -1,12 +1,23 @@
-"""What the chains gave, and whether they can be trusted."""
+"""What the chains gave, whether they can be trusted, and the linear problem at some of their noises."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import Factor
+from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
+from imubayes.inference.dwells import dwells_of
+from imubayes.inference.linear import Linear, blocks_of
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.summary import Summary
+from imubayes.inference.whiten import mattering, whiten
+from imubayes.inference.whitened import whitened_factor
+from imubayes.sensors.noise import Noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,3 +120,113 @@ class NoiseDraw:
 
     factor: Factor
     log_marginal: float
+
+
+def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: FloatArray) -> NoiseDraw:
+    """Whiten all rows by a noise.
+
+    Parameters
+    ----------
+    summary : of the g runs.
+    rows : of each run.
+    noise : (g, 3) N, B, K of each run, SI.
+    sd : (p,) prior sds of all columns, SI.
+    """
+    factors = [
+        whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))[0]
+        for part, values, run in zip(rows, noise, summary.runs, strict=True)
+    ]
+    whole = reduce(add, factors)
+    return NoiseDraw(whole, log_marginal(whole, sd))
+
+
+def log_marginal(f: Factor, sd: FloatArray) -> float:
+    """Log probability of the rows of a factor, whitened by their true noise, under prior sds (p,).
+
+    Examples
+    --------
+    >>> from imubayes.algebra.factor import factor_of
+    >>> f = factor_of(np.array([[1.0]]), np.array([2.0]), ("b0",))
+    >>> round(log_marginal(f, np.array([1.0])), 6)  # y ~ N(0, 2)
+    -2.265512
+    """
+    diagonal = np.diag(with_prior_rows(f.R, 1.0 / sd))
+    log_det = f.log_det + 2.0 * float(np.sum(np.log(np.abs(diagonal[:-1]) * sd)))
+    return -0.5 * (log_det + float(diagonal[-1] ** 2) + f.n * math.log(2.0 * math.pi))
+
+
+def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
+    """Problem at the noise that was found, its common scale included.
+
+    Rows are hundreds or thousands, so that the scale is known to a few percent: to average over it would take
+    ten times as long and hardly move an inclusion.
+    """
+    found = summary.factor
+    scale = noise_scale(found, prior.sd)
+    log_det = found.log_det + 2.0 * found.n * math.log(scale)
+    return NoiseDraw(replace(found, R=found.R / scale, log_det=log_det, rest=0.0), 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pointwise:
+    """Dwells of all runs.
+
+    Attributes
+    ----------
+    dwells : q dwells: (run, start in s, stop in s).
+    observed : (q,) mean response, SI.
+    predicted : (draws, q) what the coefficients make of it.
+    log_likelihood : (draws, q) of the averages over each dwell's blocks, given those before it in its run.
+    """
+
+    dwells: tuple[tuple[str, float, float], ...]
+    observed: FloatArray
+    predicted: FloatArray
+    log_likelihood: FloatArray
+
+
+def by_dwell(
+    rows: Sequence[Linear], estimated: Sequence[Noise], theta: FloatArray, noise: FloatArray
+) -> Pointwise:
+    """Score every dwell.
+
+    Parameters
+    ----------
+    rows : of g runs.
+    estimated : noise of each run that its whitening was made for: it says which processes matter.
+    theta : (m, p) draws of the coefficients, SI.
+    noise : (m, g, 3) draws of N, B, K.
+    """
+    parts = [_run(r, e, theta, noise[:, k]) for k, (r, e) in enumerate(zip(rows, estimated, strict=True))]
+    return Pointwise(
+        dwells=tuple(dwell for part in parts for dwell in part.dwells),
+        observed=np.concatenate([part.observed for part in parts]),
+        predicted=np.hstack([part.predicted for part in parts]),
+        log_likelihood=np.hstack([part.log_likelihood for part in parts]),
+    )
+
+
+def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -> Pointwise:
+    dwells, blocks = dwells_of(rows), blocks_of(rows)
+    parts = mattering(estimated, rows.rows)
+    # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
+    owner = np.clip(
+        np.searchsorted(dwells.start, blocks.rows.t, side="right") - 1, 0, len(dwells.means.y) - 1
+    )
+    first = np.flatnonzero(np.diff(owner, prepend=-1))
+    residuals = blocks.y - theta @ blocks.X.T
+    scores = np.empty((len(theta), len(first)))
+    # walkers that stood still have one noise: it whitens what all of them leave
+    values, which = np.unique(noise, axis=0, return_inverse=True)
+    for k, one in enumerate(values.tolist()):
+        here = np.flatnonzero(which.ravel() == k)
+        left, d = whiten(Noise(*one), blocks.rows, np.ascontiguousarray(residuals[here].T), parts)
+        level = np.log(d)[:, None] + math.log(2.0 * math.pi)
+        scores[here] = np.add.reduceat(-0.5 * (left**2 + level), first).T
+    index = owner[first]
+    return Pointwise(
+        dwells=tuple((rows.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index),
+        observed=dwells.means.y[index],
+        predicted=theta @ dwells.means.X[index].T,
+        log_likelihood=scores,
+    )

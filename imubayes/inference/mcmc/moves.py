@@ -7,14 +7,13 @@ posterior, in few dimensions.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
+from imubayes.inference.importance import Student
 from imubayes.inference.mcmc.density import (
     Density,
     conditioner,
@@ -48,29 +47,6 @@ FLOOR = 1e-3
 """Smallest sd of the fit relative to the prior's."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Student:
-    """Multivariate Student distribution of x (d,): center + L t."""
-
-    center: FloatArray
-    L: FloatArray
-
-
-def log_student(q: Student, x: FloatArray, freedom: float = TAIL) -> FloatArray:
-    """Log density (m,) at x (m, d), with so many degrees of freedom."""
-    d = len(q.center)
-    z = np.linalg.solve(q.L, (x - q.center).T)
-    norm = math.lgamma(0.5 * (freedom + d)) - math.lgamma(0.5 * freedom)
-    norm -= 0.5 * d * math.log(math.pi * freedom) + float(np.sum(np.log(np.diag(q.L))))
-    return norm - 0.5 * (freedom + d) * np.log1p(np.sum(z**2, axis=0) / freedom)
-
-
-def draw_student(q: Student, size: int, random: Any) -> FloatArray:
-    """Draws (size, d); `random` has numpy's `standard_normal` and `chisquare`."""
-    z = random.standard_normal((size, len(q.center)))
-    return q.center + (z / np.sqrt(random.chisquare(TAIL, (size, 1)) / TAIL)) @ q.L.T
-
-
 def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Student:
     """Student distribution with the moments of the noise's posterior, by repeated importance sampling.
 
@@ -84,10 +60,10 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
     ------
     ConvergenceError : if no noise that was looked at has any probability.
     """
-    q, before = Student(_maximum(density, start, sd), np.diag(sd)), 0.0
+    q, before = Student(_maximum(density, start, sd), np.diag(sd), TAIL), 0.0
     for _ in range(ROUNDS):
-        x = draw_student(q, SAMPLE, rng)
-        log_weight = log_marginal(density, x) - log_student(q, x)
+        x = q.draw(SAMPLE, rng)
+        log_weight = log_marginal(density, x) - q.log_density(x)
         if not np.isfinite(log_weight).any():
             raise ConvergenceError(
                 "the noise of the runs cannot be told together: by themselves they agree with none that suits"
@@ -101,7 +77,7 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
         # where even so too few count, keep some of the covariance before
         enough = min(count / (FEWEST * x.shape[1]), 1.0)
         spread = enough * spread + (1.0 - enough) * q.L @ q.L.T
-        q = Student(center, np.linalg.cholesky(spread + np.diag((FLOOR * density.width) ** 2)))
+        q = Student(center, np.linalg.cholesky(spread + np.diag((FLOOR * density.width) ** 2)), TAIL)
         if power == 1.0 and (count > GOOD * SAMPLE or count < SETTLED * before):
             break
         before = count if power == 1.0 else 0.0
@@ -147,10 +123,10 @@ def independent(density: Density, q: Student):
     given = conditioner(density)
 
     def log_q(phi: FloatArray, x: FloatArray) -> FloatArray:
-        return log_conditional(given(x), phi) + (log_student(q, x) if density.d else 0.0)
+        return log_conditional(given(x), phi) + (q.log_density(x) if density.d else 0.0)
 
     def propose(coords: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
-        x = draw_student(q, len(coords), random) if density.d else np.empty((len(coords), 0))
+        x = q.draw(len(coords), random) if density.d else np.empty((len(coords), 0))
         phi = draw_conditional(given(x), random.standard_normal((len(coords), density.p)))
         old = log_q(coords[:, : density.p], coords[:, density.p :])
         return np.column_stack((phi, x)), old - log_q(phi, x)
@@ -162,7 +138,7 @@ def independent_noise(q: Student):
     """Proposal of the noise alone, for the collapsed sampler in x."""
 
     def propose(coords: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
-        x = draw_student(q, len(coords), random)
-        return x, log_student(q, coords) - log_student(q, x)
+        x = q.draw(len(coords), random)
+        return x, q.log_density(coords) - q.log_density(x)
 
     return propose

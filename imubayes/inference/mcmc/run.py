@@ -16,10 +16,10 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
-from imubayes.inference.at_noise import at_noise
+from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import bridge
-from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw
+from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell
 from imubayes.inference.mcmc.density import (
     Density,
     condition,
@@ -37,8 +37,7 @@ from imubayes.inference.mcmc.ensembles import (
     Progress,
     run_ensembles,
 )
-from imubayes.inference.mcmc.moves import Student, draw_student, fit_noise, independent, independent_noise
-from imubayes.inference.mcmc.pointwise import by_dwell
+from imubayes.inference.mcmc.moves import TAIL, fit_noise, independent, independent_noise
 from imubayes.inference.summary import Summary
 
 Method = Literal["collapsed", "full"]
@@ -191,7 +190,7 @@ def _first(density: Density, q: Student, size: int, rng: np.random.Generator) ->
         return np.empty((size, 0))
     found = np.empty((0, density.d))
     while len(found) < size:
-        x = draw_student(q, size, rng)
+        x = q.draw(size, rng)
         found = np.concatenate((found, x[np.isfinite(log_marginal(density, x))]))
     return found[:size]
 
@@ -211,7 +210,7 @@ def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Stu
         if places is not None:
             start[list(places)] = made.top
             spread[list(places)] = np.maximum(run.noise_sd[: len(places)], 1.0 / np.sqrt(2.0 * run.samples))
-    return fit_noise(density, start, spread, rng) if density.d else Student(start, np.empty((0, 0)))
+    return fit_noise(density, start, spread, rng) if density.d else Student(start, np.empty((0, 0)), TAIL)
 
 
 def _without_noise(limits: Limits) -> History:

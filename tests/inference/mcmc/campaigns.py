@@ -10,7 +10,7 @@ import numpy as np
 import imubayes as ib
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.mcmc.density import Density, density_of, log_marginal
-from imubayes.inference.mcmc.moves import draw_student, fit_noise
+from imubayes.inference.mcmc.moves import fit_noise
 from imubayes.inference.summary import Summary
 from imubayes.sensors.catalogue import draw_unit
 
@@ -46,8 +46,8 @@ def near(campaign: Campaign, size: int, seed: int = 2) -> np.ndarray:
     density, runs = campaign.density, campaign.summary.runs
     start = np.concatenate([np.log([r.noise.N, r.noise.B, r.noise.K]) for r in runs])
     spread = np.concatenate([r.noise_sd for r in runs])
-    x = draw_student(
-        fit_noise(density, start, spread, np.random.default_rng(1)), 20 * size, np.random.default_rng(seed)
+    x = fit_noise(density, start, spread, np.random.default_rng(1)).draw(
+        20 * size, np.random.default_rng(seed)
     )
     height = log_marginal(density, x)
     return x[height > height.max() - 8.0][:size]

@@ -1,0 +1,145 @@
+"""Importance sampling with Student's t: tails that are heavier than a posterior's.
+
+The draws go on until enough of them count. The proposal begins as Student's t at the mode, and a wide one.
+Where a draw weighs most the proposal is too thin: a hump is added there, shaped like the weighted draws
+nearest to it. All draws of all rounds are kept, and weighed by the whole mixture: incremental mixture
+importance sampling (Raftery and Bao, Biometrics 66 (2010) 1162).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+
+BATCH = 64
+"""Draws of each hump, and neighbours that shape a new one."""
+
+WIDE = 3.0
+"""Width of the second hump over that of the first: it meets a ridge that the first would miss."""
+
+MOST = 48
+"""Most humps: what is left thin then has a weight that more draws would hardly mend."""
+
+FREEDOM = 5.0
+"""Degrees of freedom of a hump: tails heavier than a posterior's."""
+
+ROUND = 0.05
+"""Share of the first hump's covariance that a new one has at least: no hump is flat."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Student:
+    """Multivariate Student distribution.
+
+    Attributes
+    ----------
+    center : (d,).
+    L : (d, d) lower triangular, its square the scale matrix.
+    freedom : degrees of freedom.
+    """
+
+    center: FloatArray
+    L: FloatArray
+    freedom: float = FREEDOM
+
+    def draw(self, size: int, random: Any) -> FloatArray:
+        """Draws (size, d); `random` has numpy's `standard_normal` and `chisquare`."""
+        z = random.standard_normal((size, len(self.center)))
+        return (
+            self.center + (z / np.sqrt(random.chisquare(self.freedom, (size, 1)) / self.freedom)) @ self.L.T
+        )
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Logarithm of the density (m,) at points (m, d)."""
+        d, freedom = len(self.center), self.freedom
+        z = np.linalg.solve(self.L, (x - self.center).T)
+        level = math.lgamma(0.5 * (freedom + d)) - math.lgamma(0.5 * freedom)
+        level -= 0.5 * d * math.log(freedom * math.pi) + float(np.sum(np.log(np.diag(self.L))))
+        return level - 0.5 * (freedom + d) * np.log1p(np.sum(z * z, axis=0) / freedom)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """Weighted draws.
+
+    Attributes
+    ----------
+    draws : (m, k).
+    told : (m, q) what the target said of each; its first column is the log density.
+    log_proposal : (m,) log density of the proposal at each.
+    """
+
+    draws: FloatArray
+    told: FloatArray
+    log_proposal: FloatArray
+
+    @property
+    def weights(self) -> FloatArray:
+        """Weights (m,) that add up to 1."""
+        logs = self.told[:, 0] - self.log_proposal
+        weights = np.exp(logs - logs.max())
+        return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+    @property
+    def effective(self) -> float:
+        """Effective number of draws."""
+        return 1.0 / float(self.weights @ self.weights)
+
+
+def drawn_until(
+    target: Callable[[FloatArray], Sequence[float]],
+    hump: Student,
+    width: FloatArray,
+    rng: np.random.Generator,
+    *,
+    enough: float,
+) -> Drawn:
+    """Draw from a density until enough draws count.
+
+    Parameters
+    ----------
+    target : gives, at a point (k,), the log density up to a constant and what else is kept of the point.
+    hump : to begin with.
+    width : (k,) sizes that make distances along the axes alike.
+    rng : the source of randomness.
+    enough : effective draws.
+
+    Examples
+    --------
+    >>> bent = lambda x: (-0.5 * x[0] ** 2 - 0.5 * (x[1] - x[0] ** 2) ** 2,)
+    >>> start = Student(np.zeros(2), np.eye(2))
+    >>> found = drawn_until(bent, start, np.ones(2), np.random.default_rng(1), enough=200.0)
+    >>> found.effective > 200.0, abs(float(found.weights @ found.draws[:, 1]) - 1.0) < 0.5
+    (True, True)
+    """
+    parts, points, told = [hump, Student(hump.center, WIDE * hump.L)], [], []
+    while True:
+        for part in parts[len(points) :]:
+            points.append(part.draw(BATCH, rng))
+            told.append(np.array([target(x) for x in points[-1]], dtype=float))
+        found = _weighed(parts, np.concatenate(points), np.concatenate(told))
+        if found.effective >= enough or len(parts) >= MOST:
+            return found
+        parts.append(_added(found, hump, width))
+
+
+def _weighed(parts: Sequence[Student], draws: FloatArray, told: FloatArray) -> Drawn:
+    each = np.array([hump.log_density(draws) for hump in parts])
+    return Drawn(draws, told, np.logaddexp.reduce(each, axis=0) - math.log(len(parts)))
+
+
+def _added(found: Drawn, first: Student, width: FloatArray) -> Student:
+    """Student where a draw weighs most, of the shape of the weighted draws nearest to it."""
+    weights = found.weights
+    center = found.draws[np.argmax(weights)]
+    apart = found.draws - center
+    near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:BATCH]
+    share = weights[near] + 1.0 / len(weights)
+    covariance = (apart[near] * (share / share.sum())[:, None]).T @ apart[near]
+    return Student(center, np.linalg.cholesky(covariance + ROUND * first.L @ first.L.T))
