@@ -24,7 +24,7 @@ from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
 from imubayes.scenes.relevance import Relevance
 from imubayes.selection.decision import Selection
-from imubayes.selection.noise_found import NoiseFound, NoiseQuestion
+from imubayes.selection.noise_choice import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass

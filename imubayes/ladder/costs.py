@@ -26,7 +26,7 @@ from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten
 from imubayes.selection.enumerate import LARGEST
-from imubayes.selection.tree import walk
+from imubayes.selection.kernels import walk
 from imubayes.sensors.noise import Noise
 
 

@@ -48,7 +48,7 @@ class Machine:
 
 def machine() -> Machine:
     """Describe this machine."""
-    from imubayes.selection.threads import threads
+    from imubayes.selection.spaces import threads
 
     return Machine(
         processor=_processor(),

@@ -25,30 +25,29 @@ from imubayes.ladder.averaged import estimated_noise
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_of, prepared
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
-from imubayes.selection.effects import best_of, effects_of, log_evidence
-from imubayes.selection.masks import sizes
+from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence
+from imubayes.selection.kernels import solutions, walk
 from imubayes.selection.mixture import (
     Components,
     candidates,
     limit,
     probability_within,
-    quantiles,
     scale_components,
 )
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
-from imubayes.selection.moments import solutions
 from imubayes.selection.sindy import THRESHOLDS
-from imubayes.selection.spaces import Every, listed
-from imubayes.selection.sparse_paths import PATHS
-from imubayes.selection.tree import walk
+from imubayes.selection.spaces import Every, listed, sizes
 from imubayes.selection.verdicts import (
     TENTH,
     Evidence,
     TermVerdict,
+    Told,
     decide,
     median_model,
-    untested,
+    moments_of,
+    untested_verdict,
+    verdict_of,
     with_tied,
 )
 from imubayes.sensors.equations.standards import symbols
@@ -240,7 +239,7 @@ def selection_of(basis: Basis, models: Models) -> Selection:
         tuple(
             _tested(basis, models, term, prior_sd[term.name])
             if term.name in models.candidates.names
-            else _untested(basis, term, prior_sd[term.name], alone)
+            else untested_verdict(term, symbols(lib)[term.name], prior_sd[term.name], alone)
             for term in lib.terms
         ),
         lib.tied,
@@ -271,66 +270,23 @@ def allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> Bool
 
 
 def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVerdict:
-    parts, column = models.components, models.candidates.columns.index(term.name)
-    mean, sd, inclusion = (
-        float(values[models.names.index(term.name)]) for values in (models.mean, models.sd, models.inclusion)
-    )
-    partners = tuple(n for n in basis.seen.partners(term.name) if n in models.candidates.names)
+    parts, column, seen = models.components, models.candidates.columns.index(term.name), basis.seen
+    inclusion = float(models.inclusion[models.names.index(term.name)])
+    mean, sd = moments_of(parts, column)
+    partners = tuple(n for n in seen.partners(term.name) if n in models.candidates.names)
     evidence = Evidence(
         inclusion=inclusion,
         range=(0.0, 1.0) if partners else (inclusion, inclusion),
         small=probability_within(parts, column, TENTH * prior_sd),
-        ratio=float(basis.seen.ratio[basis.seen.names.index(term.name)]),
+        ratio=float(seen.ratio[seen.names.index(term.name)]),
         pull=abs(mean) / sd if sd > 0.0 else 0.0,
         partners=partners,
-        remedy=next((group.remedy for group in basis.seen.groups if term.name in group.terms), ""),
+        remedy=next((group.remedy for group in seen.groups if term.name in group.terms), ""),
     )
     verdict, reason = decide(evidence, basis.problem.costs)
-    most = limit(parts, column)
+    most, full = limit(parts, column), basis.full.get(term.name, (0.0, prior_sd))
     if not math.isfinite(most):  # in no model: under the full library
-        full_mean, full_sd = basis.full.get(term.name, (0.0, prior_sd))
-        most = abs(full_mean) + 1.96 * full_sd
-    tails = quantiles(parts, column, (0.05, 0.95))
-    told = verdict, f"{reason}; {basis.why}"
-    return _verdict(basis, term, prior_sd, evidence, (mean, sd, tails[0], tails[1], most), told)
-
-
-def _untested(basis: Basis, term: Term, sd: float, inclusion: float) -> TermVerdict:
-    """What the prior says of a term that was never excited."""
-    none = Evidence(inclusion, (inclusion, inclusion), 0.0, 1.0, 0.0, (), "")
-    values = (0.0, sd, -1.645 * sd, 1.645 * sd, 1.96 * sd)
-    return _verdict(basis, term, sd, none, values, untested(term))
-
-
-def _verdict(
-    basis: Basis,
-    term: Term,
-    prior_sd: float,
-    e: Evidence,
-    values: tuple[float, float, float, float, float],
-    told: tuple[str, str],
-) -> TermVerdict:
-    """Verdict; `values` are mean, sd, ends of the 90 % interval, and the size it stays below with 95 %."""
-    mean, sd, q05, q95, limit95 = values
-    full_mean, full_sd = basis.full.get(term.name, (0.0, prior_sd))
-    return TermVerdict(
-        name=term.name,
-        symbol=symbols(basis.problem.library)[term.name],
-        unit=term.unit,
-        printed=term.printed,
-        group=term.group,
-        mean=mean,
-        sd=sd,
-        q05=q05,
-        q95=q95,
-        full_mean=full_mean,
-        full_sd=full_sd,
-        prior_sd=prior_sd,
-        inclusion=e.inclusion,
-        inclusion_range=e.range,
-        limit95=limit95,
-        effect=abs(mean) * basis.reach[term.name],
-        verdict=told[0],
-        reason=told[1],
-        confounded_with=e.partners,
-    )
+        most = abs(full[0]) + 1.96 * full[1]
+    told = Told(prior_sd, inclusion, evidence.range, full, parts, column, most)
+    decided, symbol = (verdict, f"{reason}; {basis.why}"), symbols(basis.problem.library)[term.name]
+    return verdict_of(term, symbol, told, decided, reach=basis.reach[term.name], partners=partners)

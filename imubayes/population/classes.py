@@ -20,10 +20,9 @@ from imubayes.population.needs import Need, class_need, unit_answer
 from imubayes.population.sessions import SessionEstimate, arranged, estimates, joined, level_among
 from imubayes.population.spreads import FEWEST, Spreads, spreads
 from imubayes.selection.decision import Selection
-from imubayes.selection.masks import fold, sizes
 from imubayes.selection.model_prior import log_model_prior
 from imubayes.selection.models import Models
-from imubayes.selection.spaces import Every
+from imubayes.selection.spaces import Every, fold, sizes
 from imubayes.sensors.terms import Kind
 
 Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]

@@ -30,8 +30,7 @@ from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.simulate import plan_run, simulate
-from imubayes.selection.decision import loose_fit, select
-from imubayes.selection.draws import posterior_draws
+from imubayes.selection.decision import loose_fit, posterior_draws, select
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
 

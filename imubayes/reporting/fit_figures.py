@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from imubayes.inference.allan import AllanCurve
     from imubayes.inference.misfit import Dependence
     from imubayes.inference.residuals import ResidualCheck
-    from imubayes.selection.noise_found import NoiseFound
+    from imubayes.selection.noise_choice import NoiseFound
     from imubayes.sensors.terms import Kind
 
 

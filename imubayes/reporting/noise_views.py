@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.allan import AllanFit
     from imubayes.inference.summary import RunSummary
-    from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
-    from imubayes.selection.noise_found import NoiseFound
+    from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
     from imubayes.sensors.terms import Kind
 
 _FURTHER = {

@@ -18,7 +18,7 @@ from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import LARGEST, enumerate_models
-from imubayes.selection.mixture import Components, limit, probability_within, quantiles
+from imubayes.selection.mixture import Components, draw, limit, probability_within
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import (
     Models,
@@ -34,9 +34,12 @@ from imubayes.selection.verdicts import (
     Costs,
     Evidence,
     TermVerdict,
+    Told,
     decide,
     median_model,
-    untested,
+    moments_of,
+    untested_verdict,
+    verdict_of,
     with_tied,
 )
 from imubayes.sensors.equations.standards import symbols
@@ -165,30 +168,18 @@ def select(
     lib = lib or summary.library
     if lib is None:
         raise TermError("a summary of plain arrays has no library: give the library of its columns")
-    sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
-    scale = noise_scale(summary.factor, prior.sd)
-    seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
-    free, strain = _without_prior(summary, prior)
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
-    spelt = symbols(lib)
-    excited = _excited(summary, sd, seen, own, hierarchical)
+    asked = _Asked(summary, prior, own, symbols(lib), costs)
+    scale = noise_scale(summary.factor, prior.sd)
+    seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
+    excited = _excited(asked, seen, hierarchical)
     widths = _at_every_width(excited, noises, log_evidence)
     models = widths.models[NOMINAL]
-    full = components_given(models, models.candidates.names)
-    verdicts = tuple(
-        replace(
-            _tested(
-                _Asked(name, term, spelt[term.name], summary.reach.get(name, 0.0), costs), widths, seen, full
-            ),
-            strain=strain[name],
-        )
-        if name in models.candidates.names
-        else _untested(term, spelt[term.name], sd[name], models)
-        for name, term in own.items()
-    )
+    mean, strain = _without_prior(summary, prior)
+    verdicts = with_tied(_verdicts(asked, widths, seen, strain), lib.tied)
     carriers = [f"{prefix}{name}" for name in lib.carriers]
-    seen, verdicts = carried(seen, dict(zip(own, carriers, strict=True))), with_tied(verdicts, lib.tied)
+    seen = carried(seen, dict(zip(own, carriers, strict=True)))
     return Selection(
         terms=verdicts,
         columns=tuple(own),
@@ -197,13 +188,29 @@ def select(
         models=models,
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
-        free=np.array([free[name] for name in carriers]),
+        free=np.array([mean[name] for name in carriers]),
         plug_in=_at_plug_in(excited, carriers) if len(noises) > 1 else (),
         groups=_groups(models, seen, own),
         ties=lib.tied,
         costs=costs,
         digits=digits_of(models, summary),
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Asked:
+    """A component: its terms by the names of their columns, their symbols, and what errors cost."""
+
+    summary: Summary
+    prior: ScalePrior
+    own: Mapping[str, Term]
+    symbols: Mapping[str, str]
+    costs: Costs
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Prior sd of each column."""
+        return dict(zip(self.summary.names, self.prior.sd.tolist(), strict=True))
 
 
 def _groups(
@@ -269,15 +276,10 @@ class _Excited:
         return enumerate_models(whole, prior, always=self.always, scale=1.0, needs=self.needs)
 
 
-def _excited(
-    summary: Summary,
-    sd: Mapping[str, float],
-    seen: Observability,
-    own: Collection[str],
-    hierarchical: bool,
-) -> _Excited:
+def _excited(asked: _Asked, seen: Observability, hierarchical: bool) -> _Excited:
+    summary, sd = asked.summary, asked.sd
     names = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
-    always = tuple(name for name in names if name not in own)
+    always = tuple(name for name in names if name not in asked.own)
     extras = {extra.name for extra in summary.extras}
     known = np.array([name in extras for name in names])
     prior = ScalePrior([sd[name] for name in names])
@@ -312,20 +314,23 @@ def _at_plug_in(excited: _Excited, own: Collection[str]) -> tuple[float, ...]:
     return tuple(inclusion.get(name, untested) for name in own)
 
 
-@dataclass(frozen=True, slots=True)
-class _Asked:
-    """A term that the test excites, under the name of its column, how large that is, and what errors cost."""
+def _verdicts(
+    asked: _Asked, widths: _Widths, seen: Observability, strain: Mapping[str, float]
+) -> list[TermVerdict]:
+    """Verdict on every own term."""
+    models, sd = widths.models[NOMINAL], asked.sd
+    full, prior_inclusion = components_given(models, models.candidates.names), _prior_inclusion(models)
+    return [
+        replace(_tested(asked, name, widths, seen, full), strain=strain[name])
+        if name in models.candidates.names
+        else untested_verdict(term, asked.symbols[term.name], sd[name], prior_inclusion)
+        for name, term in asked.own.items()
+    ]
 
-    name: str
-    term: Term
-    symbol: str
-    reach: float
-    costs: Costs
 
-
-def _tested(asked: _Asked, widths: _Widths, seen: Observability, full: Components) -> TermVerdict:
+def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full: Components) -> TermVerdict:
     """Verdict on a term that the test excites."""
-    name, c = asked.name, widths.models[NOMINAL].candidates
+    c, term = widths.models[NOMINAL].candidates, asked.own[name]
     j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
     partners = tuple(n for n in seen.partners(name) if n in c.names)
     alone = [float(inclusion[j]) for inclusion in widths.given(())[0]]
@@ -333,10 +338,9 @@ def _tested(asked: _Asked, widths: _Widths, seen: Observability, full: Component
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
     ends = _first_finite(limit(parts, column), limit(full, column))
-    told = _Told(
-        prior_sd, alone[NOMINAL], (min(alone), max(alone)), _moments(full, column), parts, column, ends
-    )
-    mean, sd = _moments(parts, column)
+    span = min(alone), max(alone)
+    told = Told(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
+    mean, sd = moments_of(parts, column)
     evidence = Evidence(
         inclusion=told.inclusion,
         range=(min(together), max(together)),
@@ -348,76 +352,8 @@ def _tested(asked: _Asked, widths: _Widths, seen: Observability, full: Component
         partners=tuple(_local(n, name) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
     )
-    decided = decide(evidence, asked.costs)
-    return _verdict(asked.term, asked.symbol, told, decided, reach=asked.reach, partners=evidence.partners)
-
-
-def _untested(term: Term, symbol: str, prior_sd: float, models: Models) -> TermVerdict:
-    """What the prior says of a term that the test never excited."""
-    inclusion = _prior_inclusion(models)
-    alone = Components(
-        weight=np.array([inclusion, 1.0 - inclusion]),
-        inside=np.array([[True], [False]]),
-        scale=np.ones(2),
-        mean=np.zeros((2, 1)),
-        sd=np.array([[prior_sd], [0.0]]),
-    )
-    told = _Told(prior_sd, inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0))
-    return _verdict(term, symbol, told, untested(term), reach=0.0, partners=())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Told:
-    """One term: prior sd, inclusion, its range over prior widths, full-library moments, mixture, limit."""
-
-    prior_sd: float
-    inclusion: float
-    range: tuple[float, float]
-    full: tuple[float, float]
-    parts: Components
-    column: int
-    limit95: float
-
-
-def _moments(parts: Components, column: int) -> tuple[float, float]:
-    """Mean and sd of one column of a mixture."""
-    alone = replace(parts, mean=parts.mean[:, column : column + 1], sd=parts.sd[:, column : column + 1])
-    mean, sd = alone.moments()
-    return float(mean[0]), float(sd[0])
-
-
-def _verdict(
-    term: Term,
-    symbol: str,
-    told: _Told,
-    decided: tuple[str, str],
-    *,
-    reach: float,
-    partners: tuple[str, ...],
-) -> TermVerdict:
-    mean, sd = _moments(told.parts, told.column)
-    q05, q95 = quantiles(told.parts, told.column, (0.05, 0.95))
-    return TermVerdict(
-        name=term.name,
-        symbol=symbol,
-        unit=term.unit,
-        printed=term.printed,
-        group=term.group,
-        mean=mean,
-        sd=sd,
-        q05=q05,
-        q95=q95,
-        full_mean=told.full[0],
-        full_sd=told.full[1],
-        prior_sd=told.prior_sd,
-        inclusion=told.inclusion,
-        inclusion_range=told.range,
-        limit95=told.limit95,
-        effect=abs(mean) * reach,
-        verdict=decided[0],
-        reason=decided[1],
-        confounded_with=partners,
-    )
+    shown = {"reach": asked.summary.reach.get(name, 0.0), "partners": evidence.partners}
+    return verdict_of(term, asked.symbols[term.name], told, decide(evidence, asked.costs), **shown)
 
 
 def _first_finite(*values: float) -> float:
@@ -435,3 +371,44 @@ def _local(name: str, beside: str) -> str:
     """Name of a term as its own component writes it: ``ax.b2`` beside ``ax.b0`` is ``b2``."""
     component = beside.rpartition(".")[0]
     return name.removeprefix(f"{component}.") if component else name
+
+
+def posterior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:
+    """Independent draws (size, p) in the order of the verdicts; a term that a draw's model lacks is zero.
+
+    Terms that the test never excited are drawn from their prior, with the inclusion that the others suggest.
+    """
+    models = selection.models
+    drawn = _model_draws(models, size, rng)
+    columns = {name: drawn[:, j] for j, name in enumerate(models.candidates.columns)}
+    out = np.empty((size, len(selection.terms)))
+    for j, (term, name) in enumerate(zip(selection.terms, selection.carriers, strict=True)):
+        out[:, j] = columns[name] if name in columns else _sparse(term.inclusion, term.prior_sd, size, rng)
+    return out[:, _carried(selection)]
+
+
+def _carried(selection: Selection) -> list[int]:
+    """Place (p,) of the coefficient that each is."""
+    return [selection.columns.index(name) for name in selection.carriers]
+
+
+def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatArray:
+    """Draws of the candidates' columns; over draws of the noise each has as many as it counts."""
+    if not models.parts:
+        return draw(models.candidates, models.components, size, rng)
+    counts = rng.multinomial(size, [share for share, _ in models.parts])
+    parts = zip(models.parts, counts.tolist(), strict=True)
+    drawn = [draw(part.candidates, part.components, count, rng) for (_, part), count in parts if count]
+    return rng.permutation(np.concatenate(drawn))
+
+
+def prior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:
+    """Draws (size, p) of the prior: the share of terms in the model is uniform, coefficients are normal."""
+    share = rng.random(size)
+    inside = rng.random((size, len(selection.terms))) < share[:, None]
+    sd = np.array([term.prior_sd for term in selection.terms])
+    return np.where(inside, rng.standard_normal(inside.shape) * sd, 0.0)[:, _carried(selection)]
+
+
+def _sparse(inclusion: float, sd: float, size: int, rng: np.random.Generator) -> FloatArray:
+    return np.where(rng.random(size) < inclusion, sd * rng.standard_normal(size), 0.0)

@@ -19,23 +19,24 @@ from imubayes.algebra.factor import vanished
 from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary, check_names
-from imubayes.selection.bayes_factors import (
+from imubayes.selection.evidence import (
     Curves,
+    Logs,
+    Products,
     fewest,
     g_curves,
     integration_error,
     log_bayes_factors,
     log_bayes_factors_of_few,
     rss_of_all,
+    ways,
     weights_of,
 )
-from imubayes.selection.beyond import search_models
-from imubayes.selection.masks import sizes
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
 from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
-from imubayes.selection.spaces import Every
-from imubayes.selection.weighing import Logs, Products, ways
+from imubayes.selection.search import search_models
+from imubayes.selection.spaces import Every, sizes
 
 LARGEST = 26
 """Most candidates that are enumerated: the weights of 2^26 models, of 8 bytes, are half a gigabyte."""
@@ -367,7 +368,7 @@ def _of_many(
     names: tuple[str, ...], w: Weighed, curves: Curves, nodes: tuple[FloatArray, FloatArray], total: float
 ) -> Models:
     """Posterior with moments over all models, and models that stand for them in the mixture."""
-    from imubayes.selection.moments import solutions
+    from imubayes.selection.kernels import solutions
     from imubayes.selection.total_moments import total_moments
 
     c = w.candidates
@@ -385,7 +386,7 @@ def _of_many(
 def _g_integrals(
     c: Candidates, u: FloatArray, size: NDArray[np.int64], nodes: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    from imubayes.selection.moments import g_integrals
+    from imubayes.selection.kernels import g_integrals
 
     return g_integrals(np.clip(u, 0.0, 1.0), size, float(c.dof), *nodes)
 

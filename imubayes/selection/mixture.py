@@ -189,7 +189,7 @@ def _at_scale(
     c: Candidates, scale: float, inside: BoolArray, skip: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log of p(data, scale | model) up to a constant, and moments of the columns from `skip` on."""
-    from imubayes.selection.moments import solutions
+    from imubayes.selection.kernels import solutions
 
     T = c.at(scale)
     b, v, rss, log_det = solutions(
@@ -219,7 +219,7 @@ def g_components(
     integrals : (m, 5) of `moments.g_integrals`.
     weight : (m,) posterior probability of each model, up to a factor.
     """
-    from imubayes.selection.moments import solutions
+    from imubayes.selection.kernels import solutions
 
     there = weight > 0.0
     inside, integrals, weight = inside[there], integrals[there], weight[there]
@@ -280,7 +280,7 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
 
 def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) -> FloatArray:
     """Independent draws of all columns from the mixture of a physical prior: (size, a + p)."""
-    from imubayes.selection.moments import submodel
+    from imubayes.selection.kernels import submodel
 
     out, at = np.zeros((size, len(c.columns))), cache(c.at)  # scales are few where components are many
     which = rng.choice(len(parts.weight), size=size, p=parts.weight)

@@ -12,7 +12,6 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.digits import Digits, norms
 from imubayes.inference.summary import Summary
 from imubayes.selection.digits import Judged, trustworthy_digits
-from imubayes.selection.masks import Totals, heaviest, standing_for, tally
 from imubayes.selection.mixture import (
     Candidates,
     Components,
@@ -20,7 +19,7 @@ from imubayes.selection.mixture import (
     merged,
     scale_components,
 )
-from imubayes.selection.spaces import Every, Space, listed, united
+from imubayes.selection.spaces import Every, Space, Totals, heaviest, listed, standing_for, tally, united
 
 NO_SCALE = np.array([math.nan])
 """In place of the nodes of a noise scale that was integrated out."""
@@ -325,7 +324,7 @@ def _moments(c: Candidates, parts: Components) -> tuple[FloatArray, FloatArray]:
     mean, sd = parts.moments()
     a = len(c.always)
     if a and np.isnan(mean[:a]).all():
-        from imubayes.selection.always import always_moments
+        from imubayes.selection.total_moments import always_moments
 
         mean[:a], sd[:a] = always_moments(c, parts)
     return mean, sd

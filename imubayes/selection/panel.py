@@ -23,12 +23,12 @@ from imubayes.inference.whiten import effective_samples
 from imubayes.inference.whitened import pieces_of
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
+from imubayes.selection.effects import PATHS
 from imubayes.selection.model_prior import hierarchy
 from imubayes.selection.models import Models
 from imubayes.selection.reduced import Reduced, design_factor, reduced
 from imubayes.selection.sensitivity import MORE, Sensitivity, of_decision, sensitivity
 from imubayes.selection.sindy import Sparse, sparse_regressions
-from imubayes.selection.sparse_paths import PATHS
 from imubayes.selection.votes import Votes, votes
 
 Answer = TypeVar("Answer")

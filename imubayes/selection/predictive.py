@@ -136,8 +136,7 @@ def fits(T: FloatArray, c: Candidates, space: Space) -> tuple[FloatArray, FloatA
     c : which of the columns are in every model, and which are the candidates.
     space : models over them.
     """
-    from imubayes.selection.moments import solutions
-    from imubayes.selection.tree import walk
+    from imubayes.selection.kernels import solutions, walk
 
     always = len(c.always)
     inner = np.ascontiguousarray(T[always:, always:])
@@ -178,7 +177,7 @@ def waic(held: Held, inside: BoolArray) -> float:
     held : parts of the data.
     inside : (p,) which candidates are in the model.
     """
-    from imubayes.selection.moments import submodel
+    from imubayes.selection.kernels import submodel
 
     T, columns = submodel(held.whole, with_always(held.candidates, inside[None, :])[0])
     A = held.parts[:, :, columns] @ algebra.invert_triangular(T[:-1, :-1])

@@ -18,8 +18,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
-from imubayes.selection.decision import Selection
-from imubayes.selection.draws import posterior_draws
+from imubayes.selection.decision import Selection, posterior_draws
 
 WALKED = 20
 """Up to so many terms every subset is looked at; beyond, the weakest term leaves one by one."""
@@ -141,7 +140,7 @@ def _uncertainty(selection: Selection, S: FloatArray, rng: np.random.Generator) 
 
 def _all_subsets(S: FloatArray, theta: FloatArray) -> Iterator[tuple[list[int], float]]:
     """Best subset of each size but the last, from the tree over all of them."""
-    from imubayes.selection.tree import walk
+    from imubayes.selection.kernels import walk
 
     p = len(theta)
     rss, _ = walk(np.pad(np.column_stack((S, S @ theta)), ((0, 1), (0, 0))))

@@ -25,7 +25,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from imubayes.errors import StudyError
+from imubayes.selection.mixture import Components, limit, quantiles
 from imubayes.sensors.terms import Term
 
 ODDS = 19.0
@@ -224,12 +227,6 @@ def _as_leader(term: TermVerdict, leader: TermVerdict) -> TermVerdict:
     )
 
 
-def untested(term: Term) -> tuple[str, str]:
-    """Verdict and reason for a term whose column was zero throughout."""
-    inputs = " ".join(f.channel for f in term.factors)
-    return "untested", f"its input ({inputs}) was zero in every run"
-
-
 def _small(e: Evidence, high: float, costs: Costs) -> tuple[str, str] | None:
     if high <= costs.not_needed:
         return "not needed", f"inclusion {e.inclusion:.3f}"
@@ -246,6 +243,83 @@ def _leaning(e: Evidence, costs: Costs) -> str:
     if e.inclusion >= costs.keep and e.pull < NEAR_ZERO:
         way += ", by the prior and the other terms alone"
     return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """Numbers on one term.
+
+    Attributes
+    ----------
+    prior_sd, inclusion, range : of the term; the last over prior widths.
+    full : mean and sd under the full library.
+    parts, column : mixture, and the term's column there.
+    limit95 : size that it stays below with 95 %.
+    """
+
+    prior_sd: float
+    inclusion: float
+    range: tuple[float, float]
+    full: tuple[float, float]
+    parts: Components
+    column: int
+    limit95: float
+
+
+def verdict_of(
+    term: Term,
+    symbol: str,
+    told: Told,
+    decided: tuple[str, str],
+    *,
+    reach: float = 0.0,
+    partners: tuple[str, ...] = (),
+) -> TermVerdict:
+    """Verdict and reason with all numbers; `reach` is the largest size of the term's column, SI."""
+    mean, sd = moments_of(told.parts, told.column)
+    q05, q95 = quantiles(told.parts, told.column, (0.05, 0.95))
+    return TermVerdict(
+        name=term.name,
+        symbol=symbol,
+        unit=term.unit,
+        printed=term.printed,
+        group=term.group,
+        mean=mean,
+        sd=sd,
+        q05=q05,
+        q95=q95,
+        full_mean=told.full[0],
+        full_sd=told.full[1],
+        prior_sd=told.prior_sd,
+        inclusion=told.inclusion,
+        inclusion_range=told.range,
+        limit95=told.limit95,
+        effect=abs(mean) * reach,
+        verdict=decided[0],
+        reason=decided[1],
+        confounded_with=partners,
+    )
+
+
+def untested_verdict(term: Term, symbol: str, prior_sd: float, inclusion: float) -> TermVerdict:
+    """What the prior says of a term that the test never excited."""
+    alone = Components(
+        weight=np.array([inclusion, 1.0 - inclusion]),
+        inside=np.array([[True], [False]]),
+        scale=np.ones(2),
+        mean=np.zeros((2, 1)),
+        sd=np.array([[prior_sd], [0.0]]),
+    )
+    told = Told(prior_sd, inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0))
+    inputs = " ".join(f.channel for f in term.factors)
+    return verdict_of(term, symbol, told, ("untested", f"its input ({inputs}) was zero in every run"))
+
+
+def moments_of(parts: Components, column: int) -> tuple[float, float]:
+    """Mean and sd of one column of a mixture."""
+    alone = replace(parts, mean=parts.mean[:, column : column + 1], sd=parts.sd[:, column : column + 1])
+    mean, sd = alone.moments()
+    return float(mean[0]), float(sd[0])
 
 
 def listed(names: Iterable[str]) -> str:

@@ -57,9 +57,8 @@ from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.inputs import Run
 from imubayes.rig.saturation import saturated
-from imubayes.selection.decision import Selection, loose_fit, select
-from imubayes.selection.draws import posterior_draws, prior_draws
-from imubayes.selection.noise_found import processes_of
+from imubayes.selection.decision import Selection, loose_fit, posterior_draws, prior_draws, select
+from imubayes.selection.noise_choice import processes_of
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.terms import Library
 from imubayes.study.case import of_case

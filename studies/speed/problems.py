@@ -12,7 +12,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import GPrior, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.selection.masks import sizes, tally
+from imubayes.selection.spaces import sizes, tally
 from imubayes.sensors.terms import Library, columns, library
 from imubayes.units import STANDARD_GRAVITY
 from studies.speed import peers
@@ -250,7 +250,7 @@ def _by_logarithms(s: Summary, prior: ScalePrior) -> FloatArray:
     """Inclusion (p,) by the logarithm of each model's determinant, on one thread."""
     from imubayes.selection.mixture import candidates
     from imubayes.selection.model_prior import log_model_prior
-    from imubayes.selection.weighing import Logs
+    from imubayes.selection.evidence import Logs
 
     p = len(s.names)
     c = candidates(s.factor, s.names, (), np.full(p, float(prior.sd.ravel()[0])))

@@ -28,8 +28,7 @@ from imubayes.inference.prior import (
 from imubayes.inference.summary import summarize
 from imubayes.rig.rotations import oscillation, rate_table
 from imubayes.rig.simulate import simulate
-from imubayes.selection.decision import select
-from imubayes.selection.draws import posterior_draws, prior_draws
+from imubayes.selection.decision import posterior_draws, prior_draws, select
 from imubayes.sensors.catalogue import (
     coupled,
     draw_unit,

@@ -15,8 +15,7 @@ from imubayes.reporting.noise_views import (
     process_units,
     published_processes,
 )
-from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
-from imubayes.selection.noise_found import NoiseFound
+from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
 from imubayes.sensors.noise_processes import NoiseProcesses
 from imubayes.units import factor
 

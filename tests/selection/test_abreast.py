@@ -12,9 +12,9 @@ from numba.core import config
 
 from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.selection import abreast
-from imubayes.selection.masks import sizes
+from imubayes.selection.kernels import walk
 from imubayes.selection.model_prior import admissible
-from imubayes.selection.tree import walk
+from imubayes.selection.spaces import sizes
 
 seeds = st.integers(0, 2**32 - 1)
 REL = 1e-12

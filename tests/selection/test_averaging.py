@@ -11,8 +11,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.decision import select
-from imubayes.selection.draws import posterior_draws
+from imubayes.selection.decision import posterior_draws, select
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import average, components_given, inclusion_given
 

@@ -12,7 +12,7 @@ from mpmath import mp as _mp
 from imubayes.algebra.factor import Factor
 from imubayes.inference.prior import HyperG, ZellnerSiow
 from imubayes.inference.summary import Summary
-from imubayes.selection import bayes_factors
+from imubayes.selection import evidence
 from imubayes.selection.enumerate import enumerate_models
 
 mp: Any = _mp
@@ -32,7 +32,7 @@ def test_curves_keep_the_digits_that_they_state_however_many_the_rows(rows, prio
     """With 1e6 rows a model that matters leaves all but 1e-5 of the squares: where curves are steep."""
     s = _summary(rows)
     exact = enumerate_models(s, prior)
-    monkeypatch.setattr(bayes_factors, "CURVES", 1)
+    monkeypatch.setattr(evidence, "CURVES", 1)
     found = enumerate_models(s, prior)
     assert found.quadrature < 1e-6
     assert abs(found.log_evidence - exact.log_evidence) <= found.quadrature

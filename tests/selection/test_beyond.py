@@ -9,7 +9,7 @@ import pytest
 
 import imubayes as ib
 from imubayes import ScalePrior, Summary
-from imubayes.selection import beyond, enumerate
+from imubayes.selection import enumerate, search
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import components_given, inclusion_given, inclusion_of_any
 from imubayes.selection.spaces import Listed
@@ -51,8 +51,8 @@ def test_searched_posterior_is_the_enumerated_one(problem, monkeypatch, needs):
 def test_sampled_posterior_is_the_enumerated_one_within_its_error(problem, monkeypatch):
     exact = enumerate_models(*problem, scale=1.0)
     monkeypatch.setattr(enumerate, "LARGEST", 10)
-    monkeypatch.setattr(beyond, "TOLERANCE", 1e-300)
-    monkeypatch.setattr(beyond, "EFFORT", 2.0)
+    monkeypatch.setattr(search, "TOLERANCE", 1e-300)
+    monkeypatch.setattr(search, "EFFORT", 2.0)
     found = enumerate_models(*problem, scale=1.0)
     assert math.isnan(found.missing)
     assert 0.0 < found.error < 0.02

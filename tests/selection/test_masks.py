@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imubayes.selection import masks
-from imubayes.selection.masks import fold, heaviest, sizes, standing_for, tally
+from imubayes.selection import spaces
+from imubayes.selection.spaces import fold, heaviest, sizes, standing_for, tally
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -22,7 +22,7 @@ def _weights(seed: int, p: int) -> np.ndarray:
 def test_a_tally_over_blocks_is_the_sum_over_models(seed, p, bits):
     weight = _weights(seed, p)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(masks, "BLOCK_BITS", bits)
+        patch.setattr(spaces, "BLOCK_BITS", bits)
         told = tally(weight, p)
         top = heaviest(weight, 5)
     sums, total = fold(weight, p)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from imubayes.selection.bounds import Problem
-from imubayes.selection.masks import fold, sizes
+from imubayes.selection.kernels import walk
 from imubayes.selection.model_walk import Record, begin, moves, take_steps
-from imubayes.selection.tree import walk
+from imubayes.selection.spaces import fold, sizes
 
 
 def _problem(

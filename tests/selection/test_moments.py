@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import GPrior, HyperG, ZellnerSiow, g_nodes
-from imubayes.selection.moments import g_integrals, solutions, submodel
+from imubayes.selection.kernels import g_integrals, solutions, submodel
 from imubayes.selection.spaces import Every
 
 seeds = st.integers(0, 2**32 - 1)

@@ -16,8 +16,7 @@ from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.selection.noise_choice import SIZES, identify_noise
-from imubayes.selection.noise_found import NoiseQuestion, noise_of
+from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, noise_of
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
 from imubayes.sensors.terms import library

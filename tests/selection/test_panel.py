@@ -8,8 +8,8 @@ import pytest
 import imubayes as ib
 from imubayes.selection import panel as panels
 from imubayes.selection.decision import select
+from imubayes.selection.effects import PATHS
 from imubayes.selection.panel import coloured, panel_of
-from imubayes.selection.sparse_paths import PATHS
 from imubayes.sensors.noise import Noise, NoiseRule
 
 CRITERIA = ("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out")

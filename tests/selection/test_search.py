@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from imubayes.algebra.factor import with_prior_rows
 from imubayes.errors import TermError
-from imubayes.selection.masks import fold, sizes
+from imubayes.selection.kernels import walk
 from imubayes.selection.search import search, weigh
-from imubayes.selection.tree import walk
+from imubayes.selection.spaces import fold, sizes
 from imubayes.sensors.terms import columns, library
 
 NEEDS = ((3, 1), (4, 3), (5, 2))

@@ -9,7 +9,7 @@ import pysindy as ps
 import pytest
 
 from imubayes.algebra.factor import factor_of
-from imubayes.selection.sparse_paths import PATHS
+from imubayes.selection.effects import PATHS
 
 TRUTH = np.array([9.0, 0.0, -3.0, 0.4, 0.0, 1.5, 0.0, 0.0])
 SCALES = 10.0 ** np.array([-2.0, 1.0, 0.0, 2.0, -1.0, 0.0, 1.0, -2.0])

@@ -12,7 +12,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.inference.dwells import Pieces, stacked
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whitened import pieces_of
-from imubayes.selection.stability import dwelled, halves, resampled, with_replacement
+from imubayes.selection.sindy import dwelled, halves, resampled, with_replacement
 
 NOISE = ib.Noise(1e-3, 5e-4, 1e-5)
 

@@ -8,7 +8,7 @@ from multiprocessing import get_context
 import pytest
 from numba.core import config
 
-from imubayes.selection.threads import pieces, threads
+from imubayes.selection.spaces import pieces, threads
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.algebra.factor import factor_of, with_prior_rows
-from imubayes.selection.masks import sizes
-from imubayes.selection.tree import walk
+from imubayes.selection.kernels import walk
+from imubayes.selection.spaces import sizes
 
 seeds = st.integers(0, 2**32 - 1)
 

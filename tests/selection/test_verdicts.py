@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from imubayes.errors import StudyError
-from imubayes.selection.verdicts import Costs, Evidence, decide, untested
+from imubayes.selection.verdicts import Costs, Evidence, decide, untested_verdict
 from imubayes.sensors.terms import library
 
 share = st.floats(0.0, 1.0)
@@ -131,9 +131,9 @@ def test_what_only_the_prior_and_the_other_terms_ask_for_is_not_said_to_be_shown
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
 def test_an_untested_term_names_the_inputs_it_waits_for(kind):
     for term in library(kind, set="extended").terms:
-        verdict, reason = untested(term)
-        assert verdict == "untested"
-        assert all(factor.channel in reason for factor in term.factors)
+        found = untested_verdict(term, "", 1.0, 0.3)
+        assert found.verdict == "untested"
+        assert all(factor.channel in found.reason for factor in term.factors)
 
 
 @pytest.mark.parametrize(("false_keep", "false_drop"), [(1.0, 1.0), (5.0, 1.0), (1.0, 5.0), (0.2, 3.0)])

@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.inference.prior import HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
-from imubayes.selection import abreast, bayes_factors, enumerate
+from imubayes.selection import abreast, enumerate, evidence
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import average, components_given, inclusion_given
 
@@ -51,7 +51,7 @@ def test_a_mountain_of_evidence_for_every_column_is_left_to_logarithms(summary, 
 
 @pytest.mark.parametrize("prior", [ScalePrior(1.0), HyperG(3.0)])
 def test_models_that_stand_for_all_keep_what_is_told_of_all(summary, prior, monkeypatch):
-    monkeypatch.setattr(bayes_factors, "CURVES", P)  # fewer candidates of a g-prior are looked at one by one
+    monkeypatch.setattr(evidence, "CURVES", P)  # fewer candidates of a g-prior are looked at one by one
     every = enumerate_models(summary, prior)
     monkeypatch.setattr(enumerate, "STORED_BITS", 8)
     monkeypatch.setattr(enumerate, "STORED", 400)
@@ -87,9 +87,9 @@ def test_averages_over_models_that_stand_for_all_are_those_over_all(summary, mon
 def test_bayes_factors_off_curves_are_those_of_each_integral(summary, prior, monkeypatch):
     needs = [("x1", "x0")]
     exact = enumerate_models(summary, prior, needs=needs)
-    monkeypatch.setattr(bayes_factors, "CURVES", 8)
+    monkeypatch.setattr(evidence, "CURVES", 8)
     found = enumerate_models(summary, prior, needs=needs)
-    step = np.log(1.0 / 1e-12 / 1e12) / bayes_factors.POINTS
+    step = np.log(1.0 / 1e-12 / 1e12) / evidence.POINTS
     level = max(60.0 * step**4 / 384.0, 1e-9)
     assert found.log_evidence == pytest.approx(exact.log_evidence, abs=level)
     np.testing.assert_allclose(found.inclusion, exact.inclusion, atol=level)

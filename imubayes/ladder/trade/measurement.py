@@ -30,7 +30,7 @@ from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate
 from imubayes.rig.tumbles import tumble
 from imubayes.scenes.relevance import Relevance
-from imubayes.selection.draws import posterior_draws
+from imubayes.selection.decision import posterior_draws
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 

@@ -16,7 +16,7 @@ from imubayes.planning.menu import PlanStudy
 from imubayes.population.lots import LotStudy
 from imubayes.population.records import FleetStudy
 from imubayes.rig.inputs import Run
-from imubayes.selection.noise_found import NoiseQuestion
+from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.plan_tables import plan_study

@@ -16,7 +16,7 @@ from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.recordings import Procedure
 from imubayes.rig.sequences import Dwell
 from imubayes.rig.simulate import PROFILES
-from imubayes.selection.noise_found import NoiseQuestion
+from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.sensors.terms import library
 from imubayes.study.schema.shapes import (
     Holds,

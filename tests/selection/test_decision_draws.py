@@ -8,8 +8,7 @@ from scipy.stats import binomtest
 
 import imubayes as ib
 from imubayes.inference.summary import summarize
-from imubayes.selection.decision import select
-from imubayes.selection.draws import posterior_draws, prior_draws
+from imubayes.selection.decision import posterior_draws, prior_draws, select
 
 DRAWS = 20_000
 FOUR_SIGMA = 6.3e-5

@@ -1,0 +1,319 @@
+"""Compiled work on submodels: the tree with logarithms, passes over weights, coefficients of chosen models.
+
+The tree decides a column at each depth. Including the leading column of the trailing factor costs nothing:
+its row is explained. Excluding it leaves an upper Hessenberg block that Givens rotations make triangular
+again. Deep blocks are small and most nodes are deep, so a model costs a constant number of operations,
+whatever p (the dropping-columns tree of Gatu and Kontoghiorghes, 2003). Prior rows stacked under the data's
+before the walk need no care: with its column, a prior row becomes zero and rotates away.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from imubayes.algebra.arrays import FloatArray
+
+
+def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual sum of squares and log determinant of every submodel.
+
+    Parameters
+    ----------
+    R : (p + 1, p + 1) upper triangular factor of ``[X y]``, prior rows included.
+
+    Returns
+    -------
+    (rss, log_det) : arrays (2^p,), indexed by the mask of included columns (bit j for column j): the
+        residual sum of squares, and the sum of ``ln |r_jj|`` over the model's own triangular factor.
+
+    Examples
+    --------
+    >>> rss, log_det = walk(np.array([[2.0, 1.0], [0.0, 3.0]]))
+    >>> rss.tolist(), (log_det / math.log(2)).tolist()
+    ([10.0, 9.0], [0.0, 1.0])
+    """
+    p = R.shape[0] - 1
+    reverse = [*range(p - 1, -1, -1), p]
+    turned = np.ascontiguousarray(np.linalg.qr(R[:, reverse], mode="r"))
+    rss, log_det = np.empty(1 << p), np.empty(1 << p)
+    _walk(turned, rss, log_det)
+    return rss, log_det
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _walk(R: FloatArray, rss: FloatArray, log_det: FloatArray) -> None:
+    """Visit the masks from all-included down; depth d decides bit p - 1 - d.
+
+    ``blocks[block[d]]`` holds the trailing factor that depth d looks at, from row and column d on; its last
+    column is z. A node differs from its predecessor only below the deepest bit that changed.
+    """
+    p = R.shape[0] - 1
+    blocks = np.zeros((p + 1, p + 1, p + 1))
+    blocks[0] = R
+    block = np.zeros(p + 1, np.int64)
+    left, det = np.zeros(p + 1), np.zeros(p + 1)
+    left[0] = R[p, p] * R[p, p]
+    _include(blocks, block, left, det, 0, p)
+    rss[(1 << p) - 1], log_det[(1 << p) - 1] = left[p], det[p]
+    for mask in range((1 << p) - 2, -1, -1):
+        depth, bit = p - 1, 1
+        while (mask + 1) & bit == 0:
+            depth, bit = depth - 1, bit << 1
+        left[depth + 1] = left[depth] + _exclude(blocks[block[depth]], depth, blocks[depth + 1], p)
+        det[depth + 1] = det[depth]
+        block[depth + 1] = depth + 1
+        _include(blocks, block, left, det, depth + 1, p)
+        rss[mask], log_det[mask] = left[p], det[p]
+
+
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _include(blocks, block, left, det, depth, p):
+    """Include every column from `depth` on: views of one block, and logarithms of its diagonal."""
+    for d in range(depth, p):
+        block[d + 1], left[d + 1] = block[d], left[d]
+        det[d + 1] = det[d] + math.log(abs(blocks[block[d], d, d]))
+
+
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _exclude(A, d, out, p):
+    """Write to `out` the factor of A without column d; return the square that joins the residual.
+
+    The row that loses its pivot is carried down, rotated against each row in turn.
+    """
+    out[p] = A[d]
+    carry = out[p]
+    for i in range(d + 1, p):
+        a, b = carry[i], A[i, i]
+        norm = math.sqrt(a * a + b * b)
+        c, t = (b / norm, a / norm) if norm > 0.0 else (1.0, 0.0)
+        out[i, i] = norm
+        for k in range(i + 1, p + 1):
+            u, v = carry[k], A[i, k]
+            out[i, k] = c * v + t * u
+            carry[k] = c * u - t * v
+    return carry[p] * carry[p]
+
+
+ROW_BITS = 5
+"""Neighbours that are added up side by side, as vectors."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def block_sums(weight, number, bits):
+    """Sums of block `number` of 2^bits weights: of those with each bit (bits,), and by size (bits + 1,)."""
+    row = min(ROW_BITS, bits)
+    block = weight[number << bits : (number + 1) << bits].copy()
+    wide = np.zeros((bits - row + 1, 1 << row))
+    for i in range(1 << (bits - row)):
+        size = ones(i)
+        for k in range(1 << row):
+            wide[size, k] += block[(i << row) + k]
+    by_size = np.zeros(bits + 1)
+    for size in range(wide.shape[0]):
+        for k in range(1 << row):
+            by_size[size + ones(k)] += wide[size, k]
+    having = np.zeros(bits)
+    for j in range(bits - 1, -1, -1):
+        half, total = 1 << j, 0.0
+        for i in range(half):
+            total += block[half + i]
+        for i in range(half):
+            block[i] += block[half + i]
+        having[j] = total
+    return having, by_size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def drawn(weight, limit, count):
+    """Numbers of the weights from `limit` on; a systematic draw of `count` of the others; and their sum."""
+    rest, heavy = 0.0, 0
+    for w in weight:
+        if w >= limit:
+            heavy += 1
+        else:
+            rest += w
+    kept, ticks = np.empty(heavy, np.int64), np.empty(count if rest > 0.0 else 0, np.int64)
+    step, walked, h, t = rest / count, 0.0, 0, 0
+    for i in range(len(weight)):
+        if weight[i] >= limit:
+            kept[h] = i
+            h += 1
+            continue
+        walked += weight[i]
+        while t < len(ticks) and walked > (t + 0.5) * step:
+            ticks[t] = i
+            t += 1
+    return kept, ticks[:t], rest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
+    """Put in place of a block of residual sums of squares the log joint probabilities under the g-family.
+
+    Parameters
+    ----------
+    rss : (2^p,), overwritten.
+    number, sizes : the block, and the ones in the numbers of its models (2^bits,).
+    total : residual sum of squares without any candidate.
+    dof : rows minus forced columns.
+    nodes : least ln u and step of the table, or ``(g, log weight)`` of a single g where it is empty.
+    table : (p + 1, points - 1, 4) cubics in ``ln(1 - dof ln u)`` by size, of the log Bayes factor plus
+        ``dof/2 ln u``.
+    links : (l, 2) children and parents; a model with a child without its parent gets -inf.
+    by_size : (p + 1,) what is added by size.
+
+    Returns
+    -------
+    the largest.
+    """
+    highest, single, start, above = -np.inf, table.shape[1] == 0, number * len(sizes), ones(number)
+    log_g = np.log1p(nodes[0])
+    for i in range(len(sizes)):
+        mask, k = start + i, sizes[i] + above
+        u = min(max(rss[mask] / total, 0.0), 1.0)
+        if single:
+            value = 0.5 * (dof - k) * log_g - 0.5 * dof * np.log1p(nodes[0] * u) + nodes[1]
+        else:
+            log_u = max(np.log(u), nodes[0])
+            value = cubic(table[k], np.log1p(-dof * log_u) / nodes[1]) - 0.5 * dof * log_u
+        for n in range(len(links)):
+            if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
+                value = -np.inf
+        rss[mask] = value + by_size[k]
+        highest = max(highest, rss[mask])
+    return highest
+
+
+@njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def cubic(pieces, x):
+    """Value at x >= 0 of a piecewise cubic with nodes 0, 1, ...."""
+    i = min(int(x), len(pieces) - 1)
+    r = x - i
+    return ((pieces[i, 0] * r + pieces[i, 1]) * r + pieces[i, 2]) * r + pieces[i, 3]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def exponentials(logs, number, bits, peak):
+    """Put exp(logs - peak) in the place of a block of logs."""
+    for i in range(number << bits, (number + 1) << bits):
+        logs[i] = np.exp(logs[i] - peak)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def ones(number):
+    """Ones of a number."""
+    ones = 0
+    while number:
+        number &= number - 1
+        ones += 1
+    return ones
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def submodel(R, inside):
+    """Triangular factor of the columns that are `inside` (p,).
+
+    Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
+    holds the k column numbers. Householder reflections on the selected columns of R.
+    """
+    p = R.shape[0] - 1
+    columns = np.flatnonzero(inside)
+    k = len(columns)
+    A = np.empty((p + 1, k + 1))
+    for i in range(p + 1):
+        for c in range(k):
+            A[i, c] = R[i, columns[c]]
+        A[i, k] = R[i, p]
+    for c in range(k):
+        last = columns[c] + 1  # below its own row, a column of R is zero
+        norm = np.sqrt(np.sum(A[c:last, c] ** 2))
+        if norm == 0.0:
+            continue
+        v = A[c:last, c].copy()
+        v[0] += norm if v[0] >= 0.0 else -norm
+        scale = 2.0 / np.sum(v * v)
+        for d in range(c, k + 1):
+            along = 0.0
+            for i in range(c, last):
+                along += v[i - c] * A[i, d]
+            for i in range(c, last):
+                A[i, d] -= scale * along * v[i - c]
+    T = np.zeros((k + 1, k + 1))
+    for i in range(k):
+        for c in range(i, k + 1):
+            T[i, c] = A[i, c]
+    T[k, k] = np.sqrt(np.sum(A[k:, k] ** 2))
+    return T, columns
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def solutions(R, inside):
+    """Least-squares coefficients and unscaled variances of submodels (m, p); zero where a column is out.
+
+    Returns ``(mean, variance, rss, log_det)``: arrays (m, p) of ``T^-1 z`` and the diagonal of ``(T'T)^-1``,
+    and (m,) of the residual sum of squares and of ``ln |T|``.
+    """
+    p = R.shape[0] - 1
+    mean, variance = np.zeros((len(inside), p)), np.zeros((len(inside), p))
+    rss, log_det = np.zeros(len(inside)), np.zeros(len(inside))
+    for m in range(len(inside)):
+        T, columns = submodel(R, inside[m])
+        k = len(columns)
+        rss[m] = T[k, k] ** 2
+        inverse = np.zeros((k, k))
+        for c in range(k):
+            inverse[c, c] = 1.0 / T[c, c]
+            log_det[m] += np.log(abs(T[c, c]))
+            for r in range(c - 1, -1, -1):
+                total = 0.0
+                for i in range(r + 1, c + 1):
+                    total += T[r, i] * inverse[i, c]
+                inverse[r, c] = -total / T[r, r]
+        for r in range(k):
+            for c in range(r, k):
+                mean[m, columns[r]] += inverse[r, c] * T[c, k]
+                variance[m, columns[r]] += inverse[r, c] ** 2
+    return mean, variance, rss, log_det
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def g_integrals(unexplained, size, dof, g, log_weight):
+    """Integrals over g of each model's Bayes factor against the null.
+
+    ``log BF = (dof - k)/2 log(1 + g) - dof/2 log(1 + g u)``, u = 1 - R^2.
+
+    Parameters
+    ----------
+    unexplained, size : arrays (m,), u and k of each model.
+    dof : rows minus forced columns.
+    g, log_weight : arrays (q,), nodes and prior weights.
+
+    Returns
+    -------
+    array (m, 5) : log BF; posterior mean of ``s = g/(1+g)``, its variance, and the means of ``s r`` and
+    ``r = (1 + g u)/(1 + g)``.
+    """
+    out = np.zeros((len(size), 5))
+    log_g1, share = np.log1p(g), np.zeros(len(g))
+    for m in range(len(size)):
+        u = unexplained[m]
+        for q in range(len(g)):
+            share[q] = 0.5 * (dof - size[m]) * log_g1[q] - 0.5 * dof * np.log1p(g[q] * u) + log_weight[q]
+        peak = share.max()
+        total = rest = 0.0
+        for q in range(len(g)):
+            share[q] = np.exp(share[q] - peak)
+            s, r = g[q] / (1.0 + g[q]), (1.0 + g[q] * u) / (1.0 + g[q])
+            total += share[q]
+            rest += share[q] / (1.0 + g[q])
+            out[m, 1] += share[q] * s
+            out[m, 3] += share[q] * s * r
+            out[m, 4] += share[q] * r
+        out[m, 0] = peak + np.log(total)
+        out[m, 1:] /= total
+        for q in range(len(g)):  # of 1 - s about its mean: under strong signals s is 1 to all digits
+            out[m, 2] += share[q] / total * (1.0 / (1.0 + g[q]) - rest / total) ** 2
+    return out
