@@ -213,8 +213,8 @@ def _compare(
     ] = None,
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
+    from imubayes.reporting.blocks import write_page
     from imubayes.reporting.comparison import side_by_side
-    from imubayes.reporting.html import write_page
     from imubayes.reporting.result.file import json_text
     from imubayes.reporting.terminal import terminal_page
 

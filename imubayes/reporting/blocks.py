@@ -14,18 +14,25 @@ it is `Markup`, which `strong`, `link` and `Markup(...).format(...)` make.
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from markupsafe import Markup
 
-from imubayes.reporting.provenance import versions
+import imubayes
 from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import MARKS
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
+
     from imubayes.reporting.canvas import Panel
+    from imubayes.reporting.result.values import Provenance
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,3 +256,69 @@ def repeat(
     file = (Section("The study file", (Prose(study, "pre"),)),) if study else ()
     told = Prose((joined(first, f"{numbers}."), *rest))
     return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat", brief=False)
+
+
+CLASSES = {"t": "once", "f": "once", "w": "wrap", "n": "n"}
+"""Class of a cell by the letter of its column (`Table.columns`)."""
+
+
+def page_html(page: Page) -> str:
+    """Text of the page; names that come from files are escaped."""
+    return environment().get_template("page.html.j2").render(page=page)
+
+
+def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
+    """Write a page as ``report.html`` and its numbers as ``result.json`` into a folder."""
+    report, result = folder / "report.html", folder / "result.json"
+    report.write_text(page_html(page), encoding="utf-8")
+    result.write_text(values, encoding="utf-8")
+    return report, result
+
+
+@cache
+def environment() -> Environment:
+    """Templates of reports, and what they know of blocks."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    found = Environment(
+        loader=PackageLoader("imubayes", "reporting"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.tests["block"] = lambda block, kind: type(block).__name__ == kind
+    found.filters["html"] = _on_page
+    found.globals["classes"] = CLASSES
+    return found
+
+
+def _on_page(text: Text) -> str:
+    return text.page if isinstance(text, Both) else text
+
+
+def provenance(path: Path, text: str, command: str) -> Provenance:
+    """What it takes to repeat a study: its file and the text of it, the command and the versions."""
+    return {
+        "study_file": str(path),
+        "study_text": text,
+        "command": command,
+        "versions": versions(),
+    }
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of imubayes, of Python and of what computes the numbers."""
+    return {
+        "imubayes": imubayes.__version__,
+        "python": platform.python_version(),
+        **{name: _version(name) for name in ("numpy", "numba", "emcee")},
+    }
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "unknown"

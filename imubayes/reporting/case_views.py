@@ -13,8 +13,7 @@ from scipy.stats import binomtest
 from imubayes.reporting.blocks import LEGEND, Figure, Prose, Section, Table, Text, bar, quiet, shape, verdict
 from imubayes.reporting.figures import KNOWN, recovered
 from imubayes.reporting.result.entries import Case, RecoveredErrors
-from imubayes.reporting.result.parts import Pooled
-from imubayes.reporting.result.values import published
+from imubayes.reporting.result.values import Pooled, published
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
 from imubayes.selection.verdicts import EQUAL, Costs, listed
 

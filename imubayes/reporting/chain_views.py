@@ -13,8 +13,7 @@ from imubayes.algebra.factor import add, with_prior_rows
 from imubayes.campaign.fidelity import rung_of
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.reporting.blocks import Prose, Section, Table, quiet
-from imubayes.reporting.result.parts import RungChoice
-from imubayes.reporting.result.values import published
+from imubayes.reporting.result.values import RungChoice, published
 from imubayes.reporting.rounding import duration, measured, minus, per_unit, pretty, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed

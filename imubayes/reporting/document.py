@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Block, Page, Prose, Section, Table, answer, link, repeat, strong
+from imubayes.reporting.blocks import (
+    Block,
+    Page,
+    Prose,
+    Section,
+    Table,
+    answer,
+    link,
+    page_html,
+    repeat,
+    strong,
+)
 from imubayes.reporting.case_views import (
     MOST_DRAWN,
     Cases,
@@ -20,7 +31,6 @@ from imubayes.reporting.case_views import (
     cases_section,
     held_together,
 )
-from imubayes.reporting.html import page_html
 from imubayes.reporting.noise_views import glance_table, process_answers
 from imubayes.reporting.population_views import class_section, class_title, class_words, is_repeated
 from imubayes.reporting.posterior import write_posterior

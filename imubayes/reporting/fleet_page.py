@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.population.needs import NEEDED, VERDICTS, of_class
-from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat, swatch
+import imubayes
+from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
+from imubayes.reporting.blocks import (
+    Block,
+    Figure,
+    Page,
+    Prose,
+    Section,
+    Table,
+    answer,
+    provenance,
+    repeat,
+    swatch,
+    write_page,
+)
 from imubayes.reporting.canvas import (
     ACCENT,
     PALE,
@@ -23,18 +36,24 @@ from imubayes.reporting.canvas import (
     draw,
     few_ticks,
 )
-from imubayes.reporting.html import write_page
 from imubayes.reporting.lots_figures import LETTER
-from imubayes.reporting.lots_results import fleet_json
-from imubayes.reporting.lots_words import class_name, fleet_answer, noise_range, population_cells, pull_value
-from imubayes.reporting.rounding import measured, per_unit, percent
+from imubayes.reporting.lots_words import class_name, plain, population_cells
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.many import Fleet, FleetTerm
+from imubayes.reporting.result.many import FleetResult as Published
+from imubayes.reporting.result.values import published
+from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, half_up, measured, per_unit, percent, pretty
 from imubayes.reporting.terminal import terminal
+from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.population.fleet import FleetResult
+    from imubayes.inference.intervals import Share
+    from imubayes.population.fleet import FleetResult, Pull
+    from imubayes.population.records import Broken
+    from imubayes.sensors.terms import Kind, Library
 
 
 LINE = 17
@@ -50,6 +69,10 @@ SHOWN = (
 
 HALF_BAR = 0.36
 """Half height of a bar, in rows."""
+
+NAMED = 5
+"""Units that a sentence names before it counts."""
+
 
 KEY = Markup(
     "From the left: {}units in which the term is needed, {}undecided, {}units whose test cannot tell"
@@ -205,3 +228,104 @@ def terminal_fleet(result: FleetResult) -> Group:
 def _half(low: float, high: float) -> float:
     """Sd of a normal whose 90 % interval is as wide."""
     return (high - low) / (2.0 * 1.6448536269514722) if math.isfinite(high - low) else math.nan
+
+
+def fleet_json(result: FleetResult) -> str:
+    """Text of ``result.json`` of a fleet."""
+    study, answer = result.study, result.answer
+    document = published(
+        Published,
+        result,
+        imubayes=imubayes.__version__,
+        study=study.title,
+        seed=study.seed,
+        answer=fleet_answer(result),
+        fleet=published(
+            Fleet,
+            answer,
+            kind=study.spec.kind,
+            **{"class": study.sensor_class.id},
+            units=len(study.units),
+            read=answer.units,
+            terms=tuple(_fleet_terms(result)),
+        ),
+        provenance=provenance(study.path, study.text, f"imubayes run {study.path}"),
+    )
+    return result_text(document)
+
+
+def _fleet_terms(result: FleetResult) -> Iterator[FleetTerm]:
+    library, answer = result.study.spec.library, result.answer
+    known = symbols(library)
+    for term, found, counts in zip(library.terms, answer.terms, answer.counts.T.tolist(), strict=True):
+        yield published(
+            FleetTerm,
+            found,
+            symbol=known[term.name],
+            unit=term.unit,
+            verdicts=dict(zip(VERDICTS, counts, strict=True)),
+        )
+
+
+def fleet_answer(result: FleetResult) -> tuple[str, ...]:
+    """The answer in sentences: how large a unit's model is, what stands out, what could not be read."""
+    answer, spec = result.answer, result.study.spec
+    mostly = [term.name for term in answer.terms if of_class(term) == NEEDED]
+    untold = [term.name for term in answer.terms if of_class(term) == UNTOLD]
+    kind = f"{spec.kind}s" if answer.units != 1 else spec.kind
+    sentences = [
+        f"{answer.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "
+        f"{half_up(answer.order.value):.0f} of {counted(len(answer.terms), 'term')} (90 % of the units: "
+        f"{half_up(answer.order.low):.0f} to {half_up(answer.order.high):.0f}).",
+        f"Needed in half of the units or more: {', '.join(mostly) or 'none'}.",
+    ]
+    if untold:
+        sentences.append(f"The test leaves open in half of the units or more: {', '.join(untold)}.")
+    return (*sentences, standing_out(result), *_broken_sentence(answer.broken, len(result.study.units)))
+
+
+def standing_out(result: FleetResult) -> str:
+    """Which units are farther from the population than is expected of any."""
+    answer, lib = result.answer, result.study.spec.library
+    expected = f"beyond {answer.limit:.1f} sd, where one fleet in a hundred has any unit"
+    if not answer.outliers:
+        return (
+            f"No unit stands out from the population ({expected}; the farthest is at {_sd(answer.worst[0])})."
+        )
+    named = [one for one in answer.worst if one.outlier][:NAMED]
+    texts = [f"{one.unit} in {one.term} ({_sd(one)}, {pull_value(one, lib)})" for one in named]
+    more = f" and {answer.outliers - len(named)} more" if answer.outliers > len(named) else ""
+    stand = f"{counted(answer.outliers, 'unit')} stand{'s' if answer.outliers == 1 else ''}"
+    return f"{stand} out from the population ({expected}): {', '.join(texts)}{more}."
+
+
+def _sd(pull: Pull) -> str:
+    return f"{pull.pull:+.1f} sd".replace("-", "−")
+
+
+def pull_value(pull: Pull, lib: Library) -> str:
+    """Value of a unit's term that stands out, in the unit people use."""
+    terms = {term.name: (term.printed, per_unit(term.printed, term.unit)) for term in lib.terms}
+    printed, size = terms.get(pull.term) or (NOISE_UNITS[lib.kind][0], _noise_size(lib.kind, 0))
+    return plain(pull.value / size, pretty(printed))
+
+
+def _noise_size(kind: Kind, k: int) -> float:
+    """SI value of one printed unit of N, B or K."""
+    return per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
+
+
+def noise_range(found: Share, kind: Kind, k: int) -> str:
+    """Median of N, B or K and what 90 % of the units have, in data-sheet units."""
+    value, low, high = (plain(x / _noise_size(kind, k)) for x in (found.value, found.low, found.high))
+    return f"{value} ({low} to {high}) {pretty(NOISE_UNITS[kind][k])}"
+
+
+def _broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
+    """Say which units could not be read; nothing where all could."""
+    if not broken:
+        return ()
+    named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
+    more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
+    what = counted(len(broken), "unit")
+    return (f"{what} of {of:,} could not be read: {named}{more}.",)

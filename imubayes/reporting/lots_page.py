@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+import imubayes
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
     WOULD_MATTER,
     answers_in,
+    in_scene,
     of_class,
     terms_in,
     terms_of,
@@ -29,16 +31,16 @@ from imubayes.reporting.blocks import (
     Table,
     joined,
     link,
+    provenance,
     repeat,
     strong,
     swatch,
+    write_page,
 )
-from imubayes.reporting.html import write_page
 from imubayes.reporting.lots_figures import (
     needed_matrix,
     scene_matrix,
 )
-from imubayes.reporting.lots_results import lots_json
 from imubayes.reporting.lots_sentences import (
     SIMULATED,
     basic_sentences,
@@ -62,6 +64,16 @@ from imubayes.reporting.lots_words import (
     slug,
     status,
 )
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.many import (
+    Class,
+    ClassInScene,
+    ClassTerm,
+    ClassTermInScene,
+    Lots,
+    LotsResult,
+)
+from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
@@ -308,4 +320,69 @@ def terminal_lots(result: LotResult) -> Group:
             Prose("against the simulated truth"),
             Table("", (), _checked(result)),
         ]
+    )
+
+
+def lots_json(result: LotResult) -> str:
+    """Text of ``result.json`` of a class-level study."""
+    return result_text(published_lots(result))
+
+
+def published_lots(result: LotResult) -> LotsResult:
+    """Publish what a class-level study found."""
+    study = result.study
+    return LotsResult(
+        imubayes=imubayes.__version__,
+        study=study.title,
+        seed=study.seed,
+        answer=tuple(text for text, _ in lots_answer(result)),
+        status=status(result),
+        simulated=simulated(result),
+        scenes=tuple(_published_scene(one, scene) for one in result.classes for scene in one.missions),
+        lots=published(
+            Lots,
+            study,
+            terms=study.library.names,
+            classes=tuple(map(_published_class, result.classes)),
+            check=result.check,
+        ),
+        provenance=provenance(study.path, study.text, f"imubayes run {study.path}"),
+    )
+
+
+def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
+    terms = tuple(
+        published(
+            ClassTermInScene,
+            term,
+            share_of_budget=term.share.value,
+            share_range=(term.share.low, term.share.high),
+            true_share_of_budget=term.true_share,
+            answer=in_scene(known, term),
+        )
+        for known, term in zip(found.terms, scene.terms, strict=True)
+    )
+    return published(
+        ClassInScene,
+        scene,
+        name=scene.mission,
+        sensor=found.sensor_class.id,
+        model=terms_in(found, scene, NEEDED),
+        would_matter=terms_in(found, scene, WOULD_MATTER),
+        cannot_tell=terms_in(found, scene, UNTOLD),
+        terms=terms,
+        noise_share_of_budget=scene.noise_share,
+        basic_share_of_budget=scene.basic_share,
+    )
+
+
+def _published_class(found: ClassFound) -> Class:
+    return published(
+        Class,
+        found,
+        id=found.sensor_class.id,
+        needed=terms_of(found, NEEDED),
+        not_needed=terms_of(found, NOT_NEEDED),
+        cannot_tell=terms_of(found, UNTOLD),
+        terms=tuple(published(ClassTerm, term, answer=of_class(term)) for term in found.terms),
     )

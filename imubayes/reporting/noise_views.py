@@ -21,8 +21,7 @@ from imubayes.reporting.blocks import (
     verdict,
 )
 from imubayes.reporting.fit_figures import allan_panel
-from imubayes.reporting.result.parts import Allan, Process, Processes
-from imubayes.reporting.result.values import published
+from imubayes.reporting.result.values import Allan, Process, Processes, published
 from imubayes.reporting.rounding import (
     NOISE_SI,
     NOISE_UNITS,

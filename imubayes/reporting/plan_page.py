@@ -13,10 +13,19 @@ from markupsafe import Markup
 
 import imubayes
 from imubayes.planning.menu import starts
-from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, answer, repeat
-from imubayes.reporting.html import write_page
+from imubayes.reporting.blocks import (
+    Block,
+    Figure,
+    Page,
+    Prose,
+    Section,
+    Table,
+    answer,
+    provenance,
+    repeat,
+    write_page,
+)
 from imubayes.reporting.plan_figures import CALLED, outcomes, predicted_panel
-from imubayes.reporting.provenance import provenance
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Plan, PlanFound, PlannedStep, PlanResult
 from imubayes.reporting.result.values import published

@@ -12,8 +12,7 @@ import imubayes
 from imubayes.campaign.fidelity import rung_of
 from imubayes.ladder.trade.subjects import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
-from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
-from imubayes.reporting.html import write_page
+from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong, write_page
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
 from imubayes.reporting.result.values import published

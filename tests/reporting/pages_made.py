@@ -22,12 +22,11 @@ from trades_found import traded
 from imubayes.campaign.study import StudyResult
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.document import report_html
-from imubayes.reporting.fleet_page import fleet_page, terminal_fleet
-from imubayes.reporting.html import page_html
-from imubayes.reporting.lots_page import lots_page, terminal_lots
-from imubayes.reporting.lots_results import fleet_json, lots_json
+from imubayes.reporting.fleet_page import fleet_json, fleet_page, terminal_fleet
+from imubayes.reporting.lots_page import lots_json, lots_page, terminal_lots
 from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json

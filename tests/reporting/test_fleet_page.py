@@ -6,8 +6,8 @@ import pytest
 from fleets_found import BROKEN, fleet_result
 
 from imubayes.population.records import Unit
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.fleet_page import fleet_page, write_fleet
-from imubayes.reporting.html import page_html
 
 
 @pytest.fixture(scope="module")

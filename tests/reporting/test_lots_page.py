@@ -5,7 +5,7 @@ import pytest
 from lots_found import SIZES, lot_result
 
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, answers_in, terms_of
-from imubayes.reporting.html import page_html
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.lots_figures import (
     ACCENT,
     EMPTY,

@@ -2,7 +2,7 @@ import json
 
 from lots_found import SIZES, lot_result
 
-from imubayes.reporting.lots_results import lots_json
+from imubayes.reporting.lots_page import lots_json
 
 
 def test_result_has_the_keys_of_ordinary_studies_and_the_lots():

@@ -10,9 +10,8 @@ from lots_readings import wrong_lots
 from report_reading import Block, Grid, Reading, agrees, drawn, grids, problems, sentences, tree, written
 
 from imubayes.population.lots import measure
-from imubayes.reporting.html import page_html
-from imubayes.reporting.lots_page import lots_page
-from imubayes.reporting.lots_results import lots_json
+from imubayes.reporting.blocks import page_html
+from imubayes.reporting.lots_page import lots_json, lots_page
 from imubayes.study.schema import read
 
 STUDY = """

@@ -43,6 +43,7 @@ from imubayes.reporting.fit_views import (
     predictive_sentence,
     temperature_sentence,
 )
+from imubayes.reporting.fleet_page import standing_out
 from imubayes.reporting.lots_sentences import (
     check_sentences,
     class_sentences,
@@ -51,7 +52,7 @@ from imubayes.reporting.lots_sentences import (
     own_scene_sentences,
     scene_sentences,
 )
-from imubayes.reporting.lots_words import headline, simulated, standing_out, status
+from imubayes.reporting.lots_words import headline, simulated, status
 from imubayes.reporting.method_views import (
     MOST_DISAGREEMENTS,
     criterion_row,

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from imubayes.population.lots import Against, measure
-from imubayes.reporting.html import page_html
-from imubayes.reporting.lots_page import lots_page
-from imubayes.reporting.lots_results import lots_json
+from imubayes.reporting.blocks import page_html
+from imubayes.reporting.lots_page import lots_json, lots_page
 from imubayes.scenes.ranges import catalogue_scenes
 from imubayes.study.schema import read
 

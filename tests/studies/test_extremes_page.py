@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from tool_readings import wrong_extremes
 
-from imubayes.reporting.html import page_html
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.terminal import terminal_page
 from studies.extremes.measure import QUANTITIES, Extremes, ExtremesStudy, Outcome, Told, measure

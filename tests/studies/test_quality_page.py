@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 from tool_readings import wrong_quality
 
-from imubayes.reporting.html import page_html
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.rounding import NARROW
 from imubayes.reporting.terminal import terminal_page

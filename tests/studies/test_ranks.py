@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tool_readings import wrong_ranks
 
-from imubayes.reporting.html import page_html
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
 from studies.ranks.measure import Ranks, RanksStudy
 from studies.ranks.page import DOUBTFUL, ranks_answer, ranks_page, ranks_record

@@ -11,7 +11,7 @@ from rich.console import Console
 from tool_readings import wrong_speed
 
 from imubayes.ladder.machine import Machine
-from imubayes.reporting.html import page_html
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.terminal import terminal_page
 from studies.speed.contests import Ladder, SpeedStudy

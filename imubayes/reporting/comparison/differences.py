@@ -19,7 +19,7 @@ from imubayes.errors import InputError
 
 if TYPE_CHECKING:
     from imubayes.reporting.result.file import Written
-    from imubayes.reporting.result.parts import Interval
+    from imubayes.reporting.result.values import Interval
     from imubayes.sensors.terms import Kind
 
 LEVEL = 0.05

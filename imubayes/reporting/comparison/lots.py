@@ -48,7 +48,7 @@ from imubayes.reporting.comparison.page import (
 from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
-from imubayes.reporting.result.parts import Interval
+from imubayes.reporting.result.values import Interval
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, share_range
 from imubayes.rig.simulate import library_of
 from imubayes.selection.verdicts import listed

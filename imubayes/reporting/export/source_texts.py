@@ -193,27 +193,12 @@ USUAL = (10.0, 1.0, 1.0)
 """Sizes of f, w and dw, SI, where no term depends on them, so that no range was needed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Precision:
-    """A floating-point type of C.
-
-    Attributes
-    ----------
-    type : its name.
-    suffix : of its constants; `file` of the files' names and the functions.
-    settled : relative step at which the iteration ends.
-    slack : relative excess over the range that rounding may cause.
-    """
-
-    type: str
-    suffix: str
-    file: str
-    settled: str
-    slack: str
-
-
-DOUBLE = Precision("double", "", "", "1e-15", "1e-9")
-SINGLE = Precision("float", "f", "_f32", "2e-7f", "1e-6f")
+PRECISIONS: tuple[Mapping[str, str], ...] = (
+    {"type": "double", "suffix": "", "file": "", "settled": "1e-15", "slack": "1e-9"},
+    {"type": "float", "suffix": "f", "file": "_f32", "settled": "2e-7f", "slack": "1e-6f"},
+)
+"""Floating-point types of C: name, suffix of constants, that of files and functions, relative step at which
+the iteration ends, and relative excess over the range that rounding may cause."""
 
 
 def c_files(found: Characterized) -> dict[str, str]:
@@ -225,10 +210,10 @@ def c_files(found: Characterized) -> dict[str, str]:
     """
     error = single_precision_error(found)
     texts = {}
-    for precision in (DOUBLE, SINGLE):
-        values = model_values(found, _language(precision)) | {"precision": precision, "error": error}
+    for precision in PRECISIONS:
+        values = model_values(found, _c(precision["suffix"])) | {"precision": precision, "error": error}
         for ending in ("h", "c"):
-            file = f"{identifier(found)}_compensation{precision.file}.{ending}"
+            file = f"{identifier(found)}_compensation{precision['file']}.{ending}"
             texts[file] = rendered(f"compensation.{ending}.j2", values)
     return texts
 
@@ -263,9 +248,9 @@ def _inputs(found: Characterized) -> Signals:
     )  # fmt: skip
 
 
-def _language(precision: Precision) -> Language:
+def _c(suffix: str) -> Language:
     def number(value: float) -> str:
-        shortest = str(np.float32(value)) if precision.suffix else repr(float(value))
-        return (shortest if "e" in shortest or "." in shortest else f"{shortest}.0") + precision.suffix
+        shortest = str(np.float32(value)) if suffix else repr(float(value))
+        return (shortest if "e" in shortest or "." in shortest else f"{shortest}.0") + suffix
 
     return Language(number, lambda column: f"u[{column}]", lambda x: f"sign_of({x})")

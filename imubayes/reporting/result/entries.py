@@ -9,21 +9,30 @@ from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
 from imubayes.reporting.result.many import Population, Sessions
-from imubayes.reporting.result.parts import (
+from imubayes.reporting.result.values import (
+    PUBLISHED,
     Appendix,
     Budget,
     Column,
     Confounded,
+    Count,
     Criterion,
     Digits,
     DistrustedDwell,
     Drop,
     ErrorSize,
     Evidence,
+    Flag,
+    Kind,
+    Loose,
+    Matrix,
     Misfit,
     ModelProbability,
+    Names,
     Noise,
     NoiseDraws,
+    Number,
+    Numbers,
     Observed,
     Pooled,
     Processes,
@@ -38,17 +47,6 @@ from imubayes.reporting.result.parts import (
     TermGroup,
     Unasked,
     Votes,
-)
-from imubayes.reporting.result.values import (
-    PUBLISHED,
-    Count,
-    Flag,
-    Kind,
-    Loose,
-    Matrix,
-    Names,
-    Number,
-    Numbers,
     says,
 )
 

@@ -62,7 +62,7 @@ def result_schema() -> dict[str, Any]:
 
 def result_text(result: Result) -> str:
     """Text of ``result.json``: the same bytes for the same result; what is not finite is null."""
-    return json_text(adapter().dump_python(result, by_alias=True))
+    return json_text(adapter().dump_python(adapter().validate_python(result), by_alias=True))
 
 
 def json_text(values: Mapping[str, Any]) -> str:

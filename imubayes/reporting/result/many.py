@@ -7,30 +7,28 @@ from typing import Annotated
 from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result.parts import (
+from imubayes.reporting.result.values import (
+    PUBLISHED,
     BetweenSessions,
     Broken,
     Check,
+    Count,
+    Flag,
     Interval,
+    Kind,
+    Matrix,
     Measurement,
+    Names,
     NeededShare,
     Noise,
     NoiseIntervals,
+    Number,
+    Numbers,
     PopulationMean,
     Provenance,
     SessionShift,
     Spread,
     Worst,
-)
-from imubayes.reporting.result.values import (
-    PUBLISHED,
-    Count,
-    Flag,
-    Kind,
-    Matrix,
-    Names,
-    Number,
-    Numbers,
     says,
 )
 
@@ -260,8 +258,7 @@ class LotsResult:
     provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class FleetResult:
+class FleetResult(TypedDict):
     """Result of a study of a fleet."""
 
     imubayes: Annotated[str, says("version")]

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, NotRequired
 
-from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result.parts import Confounded, Interval, Provenance
-from imubayes.reporting.result.values import PUBLISHED, Count, Kind, Names, Number, says
+from imubayes.reporting.result.values import (
+    Confounded,
+    Count,
+    Interval,
+    Kind,
+    Names,
+    Number,
+    Provenance,
+    says,
+)
 
 # fmt: off
 Predicted = TypedDict("Predicted", {"sd": Number, "simulated": Number})
@@ -150,8 +157,7 @@ Machine = TypedDict("Machine", {
 })
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class PlanResult:
+class PlanResult(TypedDict):
     """Result of a plan."""
 
     imubayes: Annotated[str, says("version")]
@@ -163,8 +169,7 @@ class PlanResult:
     provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class TradeResult:
+class TradeResult(TypedDict):
     """Result of a trade of speed for accuracy."""
 
     imubayes: Annotated[str, says("version")]

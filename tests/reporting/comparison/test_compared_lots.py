@@ -17,7 +17,7 @@ from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.comparison.differences import LEVEL, QUANTILE, fisher
 from imubayes.reporting.comparison.lots import lots_compared, lots_record, unit_of_term
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
-from imubayes.reporting.lots_results import lots_json, published_lots
+from imubayes.reporting.lots_page import lots_json, published_lots
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import library
