@@ -173,11 +173,14 @@ def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:
     return ScalePrior([*prior.sd, *(extra.sd for extra in extras)])
 
 
-def prepare_case(spec: SensorSpec, runs: Sequence[Run], *, blind: bool = False) -> tuple[Case, Prepared]:
+def prepare_case(
+    spec: SensorSpec, runs: Sequence[Run], rng: np.random.Generator | None = None
+) -> tuple[Case, Prepared]:
     """Linearise runs of several components in one case, and give the linear problem that comes of it.
 
     Runs are free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
-    inputs. A `blind` look leaves out what the sensor said where inputs are known, so that nothing is fitted.
+    inputs. Without an `rng`, which dwells that are not trusted need, what the sensor said is left out where
+    inputs are known, so that nothing is fitted.
 
     Raises
     ------
@@ -187,7 +190,7 @@ def prepare_case(spec: SensorSpec, runs: Sequence[Run], *, blind: bool = False) 
     prior, source = _triad_prior(spec)
     if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
-        case = _imu_case(spec, runs, (prior, own), blind=blind)
+        case = _imu_case(spec, runs, (prior, own), rng)
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
     else:
         asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
@@ -195,11 +198,14 @@ def prepare_case(spec: SensorSpec, runs: Sequence[Run], *, blind: bool = False) 
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
-    return case, Prepared(runs, case.summary, case.rows, whole, source)
+    return case, Prepared(runs, case.summary, case.rows, whole, source, case.distrusted)
 
 
 def _imu_case(
-    spec: SensorSpec, runs: Sequence[Run], priors: tuple[ScalePrior, ScalePrior], *, blind: bool
+    spec: SensorSpec,
+    runs: Sequence[Run],
+    priors: tuple[ScalePrior, ScalePrior],
+    rng: np.random.Generator | None,
 ) -> Case:
     """Characterise an IMU in one piece, by what its runs know."""
     known = runs[0].known
@@ -208,13 +214,13 @@ def _imu_case(
             one.library,
             prior,
             one.sensor_class,
-            _noise_before_fit(one) if blind and known else _rules(one, runs),
+            _noise_before_fit(one) if rng is None and known else _rules(one, runs),
             one.reference,
         )
         for one, prior in zip((spec, spec.of("gyroscope")), priors, strict=True)
     ]
     if known:
-        return solve_known_case(runs, *asked, blind=blind)
+        return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)
     if runs[0].procedure == FERRARIS:
         return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
     return solve_imu_tumble(runs, *asked, gravity=_gravity(spec))

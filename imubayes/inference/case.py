@@ -19,6 +19,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, posterior, reorder, with_prior_rows
 from imubayes.inference.linear import Extra, Linear, narrowed, residuals
 from imubayes.inference.prior import ScalePrior
+from imubayes.inference.robust import Distrusted
 from imubayes.inference.stills import Stills, find_stills, means_of, still_rows
 from imubayes.inference.summary import Rules, RunSummary, Summary, joined
 from imubayes.inference.triad import Angle, Triad
@@ -83,6 +84,7 @@ class Case:
     residuals : (n,) of each of the summary's runs, SI.
     inputs : channels (n,) of each of the summary's runs, for the figures and the search for what is missing.
     angles : how the axes of triads lie, where directions were known.
+    distrusted : dwells that a component goes on without, by the names of the summary's runs.
     """
 
     summary: Summary
@@ -92,6 +94,7 @@ class Case:
     residuals: tuple[FloatArray, ...]
     inputs: tuple[dict[str, FloatArray], ...]
     angles: tuple[Angle, ...] = ()
+    distrusted: tuple[Distrusted, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,12 +7,16 @@ coefficients refer to, has a column of its own.
 
 Without errors of the bench the components have nothing in common but the products of inputs in their columns,
 which are then made, and where the noise is the same also whitened, once for a triad (`shared_columns`).
+
+A shock to the case or a slip of the table spoils a dwell of the components that it reaches: each is judged by
+itself, under what the bench may have to do with it, and goes on without its own (`robust`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,23 +24,30 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.case import Asked, Case, Component, Told, case_of
-from imubayes.inference.linear import Extra, Linear, widened, widened_factor
+from imubayes.inference.linear import Extra, Linear, narrowed, widened, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
+from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import At, Round
 from imubayes.inference.shared_columns import shared_rows
-from imubayes.inference.summary import RunSummary, joined, summarize
+from imubayes.inference.summary import RunSummary, Summary, joined, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Facts, Run, facts_of
 from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
+from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import AXES, Kind, Library
 
 
 def solve_known_case(
-    runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked, *, blind: bool = False
+    runs: Sequence[Run],
+    accelerometer: Asked,
+    gyroscope: Asked,
+    *,
+    blind: bool = False,
+    rng: np.random.Generator | None = None,
 ) -> Case:
     """Characterise the six components of an IMU from runs with known inputs.
 
@@ -47,6 +58,7 @@ def solve_known_case(
         (``triad_of(lib, referenced=True)``).
     blind : linearise where every coefficient and error is zero, without a look at what the IMU said; the
         noise is then as the rules say.
+    rng : with which dwells that are contaminated are looked for; None trusts all of them.
 
     Raises
     ------
@@ -55,9 +67,59 @@ def solve_known_case(
     ConvergenceError : if the linearisation does not settle.
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
-    if blind or not problem.extras:
+    if blind:
         return _case(problem, problem.linearised(all_rows)(np.zeros(len(problem.sd)), (), None))
-    return _case(problem, settled_rows(problem.linearised, problem.sd, problem.parts[0].runs))
+    found = _settled(problem)
+    if rng is None:
+        return _case(problem, found)
+    trusted = _trusted(problem, found, rng)
+    kept = zip(problem.parts, trusted, strict=True)
+    problem = replace(problem, runs=(), parts=tuple(_without(part, one) for part, one in kept))
+    named = [(part.name, one) for part, one in zip(problem.parts, trusted, strict=True)]
+    distrusted = [replace(d, run=title(d.run, name)) for name, one in named for d in one.distrusted]
+    return replace(_case(problem, _settled(problem)), distrusted=tuple(distrusted))
+
+
+def _settled(problem: _Problem) -> Round:
+    """Linearise where that settles; without errors of the bench all is linear."""
+    if not problem.extras:
+        return problem.linearised(all_rows)(np.zeros(len(problem.sd)), (), None)
+    return settled_rows(problem.linearised, problem.sd, problem.parts[0].runs)
+
+
+def _trusted(problem: _Problem, found: Round, rng: np.random.Generator) -> list[Trusted]:
+    """Runs of each component without its dwells that are contaminated."""
+    trusted = []
+    for part, numbers in zip(problem.parts, problem.numbers, strict=True):
+        own = problem.where(part)
+        rows = [narrowed(found.rows[k], own.tolist()) for k in numbers]
+
+        def noise_of(runs: Sequence[Run], rows: Sequence[Linear], part: _Part = part) -> list[Noise]:
+            return [run.noise for run in _summary(_among(part, runs), rows).runs]
+
+        trusted.append(robust_rows(part.runs, rows, problem.sd[own], noise_of, rng=rng))
+    return trusted
+
+
+def _without(part: _Part, trusted: Trusted) -> _Part:
+    """A component in the runs that are trusted; the first of them says what did not go as usual."""
+    first, *others = trusted.runs
+    source = replace(first.source, notes=(*first.source.notes, *trusted.notes))
+    return _among(part, (replace(first, source=source), *others))
+
+
+def _among(part: _Part, runs: Sequence[Run]) -> _Part:
+    """A component in some of its runs; one whose noise was to be that of a run left out has its own."""
+    there = {run.name for run in runs}
+    rules = {name: part.asked.rule(name) for name in there}
+    rules = {name: rule if (rule.like or name) in there else NoiseRule() for name, rule in rules.items()}
+    return replace(part, runs=tuple(runs), asked=replace(part.asked, rules=rules))
+
+
+def _summary(part: _Part, rows: Sequence[Linear], known: Sequence[NoiseEstimate] = ()) -> Summary:
+    """Summary of a component's runs."""
+    asked = part.asked
+    return summarize(part.runs, part.library, sensor=asked.sensor, rules=asked.rules, rows=rows, known=known)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +156,7 @@ class _Part:
 class _Problem:
     """Six components, the errors of the bench, and all columns: names (p + q,), prior sds.
 
-    `runs` are those of the case.
+    `runs` are those of the case, where every component has all of them.
     """
 
     runs: tuple[Run, ...]
@@ -107,21 +169,25 @@ class _Problem:
         """Places of a component's columns among all."""
         return np.array([self.names.index(name) for name in part.columns])
 
+    @property
+    def numbers(self) -> list[range]:
+        """Of each component, which of all rows are its own."""
+        ends = list(accumulate((len(part.runs) for part in self.parts), initial=0))
+        return [range(a, b) for a, b in pairwise(ends)]
+
     def linearised(self, taken: Taken) -> At:
         """Linearise the rows of all components, of which `taken` says which are taken."""
         places, first = [self.where(part) for part in self.parts], self.parts[0]
-        whole = None if self.extras else shared_rows(self.runs, {p.name: p.library for p in self.parts})
+        shared = self.runs and not self.extras
+        whole = shared_rows(self.runs, {p.name: p.library for p in self.parts}) if shared else None
 
         def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:
             runs, every, found = [], [], []
-            for k, (part, own) in enumerate(zip(self.parts, places, strict=True)):
-                lean, count = None if leaning is None else leaning[own], len(part.runs)
+            for part, own, numbers in zip(self.parts, places, self.numbers, strict=True):
+                lean = None if leaning is None else leaning[own]
                 rows = whole[part.name] if whole else _rows(part, place[own], lean)
                 rows = [replace(taken(one), names=part.columns) for one in rows]
-                asked, known = part.asked, noise[k * count : (k + 1) * count]
-                summary = summarize(
-                    part.runs, part.library, sensor=asked.sensor, rules=asked.rules, rows=rows, known=known
-                )
+                summary = _summary(part, rows, noise[numbers.start : numbers.stop])
                 found += [run.found for run in summary.runs]
                 runs += [_of_component(run, part.name, self.names) for run in summary.runs]
                 every += [widened(replace(one, shared=None), self.names) for one in rows]
@@ -223,6 +289,5 @@ def _case(problem: _Problem, found: Round) -> Case:
 
 def _components(problem: _Problem) -> Iterator[Component]:
     """Components in the order of the columns, each with a part of the rows a run."""
-    for k, part in enumerate(problem.parts):
-        count = len(part.runs)
-        yield Component(part.name, part.library, part.facts, tuple(range(k * count, (k + 1) * count)))
+    for part, numbers in zip(problem.parts, problem.numbers, strict=True):
+        yield Component(part.name, part.library, part.facts, tuple(numbers))

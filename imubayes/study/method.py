@@ -143,7 +143,7 @@ def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
 
 
 def _case_check(spec: SensorSpec, runs: Sequence[Run]) -> list[SensorCheck]:
-    case, ready = prepare_case(spec, runs, blind=True)
+    case, ready = prepare_case(spec, runs)
     return [
         SensorCheck(
             f"{spec.id}.{one.name}",
@@ -254,7 +254,7 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
     start, spec, study = time.perf_counter(), job.spec, job.study
     job.tell("stills, noise and linearisation")
-    case, ready = prepare_case(spec, runs)
+    case, ready = prepare_case(spec, runs, job.rng)
     ground = _ground(job, Problem(spec, (), ready.prior, study.costs, study.hierarchical))
     ground.shared["factor"] = (ready, 0.0)
     posterior, reason = posterior_by(study.sampling.method, ground)
@@ -295,7 +295,13 @@ def _components(
 def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:
     """Runs and rows of some parts; the factor is that of all."""
     runs = tuple(ready.summary.runs[k] for k in parts)
-    return replace(ready, summary=replace(ready.summary, runs=runs), rows=[ready.rows[k] for k in parts])
+    named = {run.name for run in runs}
+    return replace(
+        ready,
+        summary=replace(ready.summary, runs=runs),
+        rows=[ready.rows[k] for k in parts],
+        distrusted=tuple(dwell for dwell in ready.distrusted if dwell.run in named),
+    )
 
 
 def _panel(

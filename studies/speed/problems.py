@@ -248,9 +248,9 @@ def enumeration(p: int, seed: int) -> Contest:
 
 def _by_logarithms(s: Summary, prior: ScalePrior) -> FloatArray:
     """Inclusion (p,) by the logarithm of each model's determinant, on one thread."""
+    from imubayes.selection.evidence import Logs
     from imubayes.selection.mixture import candidates
     from imubayes.selection.model_prior import log_model_prior
-    from imubayes.selection.evidence import Logs
 
     p = len(s.names)
     c = candidates(s.factor, s.names, (), np.full(p, float(prior.sd.ravel()[0])))

@@ -275,3 +275,48 @@ def test_an_error_that_changes_nothing_is_refused():
     runs, _ = simulated(1, specs=SPECS[:1])
     with pytest.raises(UnobservableError, match=r"'radius' .* changes nothing in any run"):
         solve_known_case(runs, *asked(rules=given(), reference={"radius": 1e-4}))
+
+
+LONGER = (
+    RunSpec("tumble", "tumble", simulate={"profile": "tumble", "angles": 24, "dwell": 10.0, "rate": 2.0}),
+    replace(SPECS[1], simulate={**SPECS[1].simulate, "rates": tuple(np.linspace(-2.0, 2.0, 12))}),
+)
+
+
+def shocked(runs, dwells, size=300.0):
+    """Runs in which dwells of 10 s, by run and component, are off by so many sds of their means."""
+    noise = {kind: typical_noise(CLASSES[kind]) for kind in KINDS}
+    moved = {run.name: run.output.copy() for run in runs}
+    for (run, name), dwell in dwells.items():
+        own = noise[kind_of(name)]
+        off = size * math.hypot(own.N / math.sqrt(10.0), own.B)
+        moved[run][20 * dwell : 20 * (dwell + 1), COMPONENTS.index(name)] += off
+    return tuple(replace(run, output=moved[run.name]) for run in runs)
+
+
+@pytest.mark.parametrize("reference", [{}, {"fixture_common": 1e-4}], ids=["true bench", "erring bench"])
+def test_gross_outliers_cost_an_imu_the_dwells_of_the_components_that_they_reached(reference):
+    wanted = asked(reference=reference)
+    runs, truth = simulated(5, reference, specs=LONGER)
+    dwells = {("tumble", "ax"): 4, ("tumble", "gy"): 11, ("table", "gz"): 3}
+    spoilt = shocked(runs, dwells)
+    found = solve_known_case(spoilt, *wanted, rng=np.random.default_rng(1))
+    starts = {run.name: run.inputs.t[::20] - 0.25 for run in runs}
+    said = {d.run: d.start for d in found.distrusted}
+    assert said == pytest.approx({f"{run} ({c})": starts[run][k] for (run, c), k in dwells.items()})
+    told, naive = estimates(found, wanted), estimates(solve_known_case(spoilt, *wanted), wanted)
+    pulls = {name: abs(told[name][0] - truth[name]) / told[name][1] for name in truth if name in told}
+    assert max(pulls.values()) < 4.0
+    assert max(abs(naive[name][0] - truth[name]) / told[name][1] for name in pulls) > 5.0
+    kept = [len(run.inputs) - 20 * ((run.name, name) in dwells) for name in COMPONENTS for run in runs]
+    assert [len(rows) for rows in found.rows] == kept
+
+
+def test_an_imu_without_outliers_keeps_its_dwells_and_its_coefficients():
+    wanted = asked()
+    runs, _ = simulated(6, specs=LONGER)
+    plain, robust = (solve_known_case(runs, *wanted, rng=rng) for rng in (None, np.random.default_rng(1)))
+    assert robust.distrusted == ()
+    expected, found = estimates(plain, wanted), estimates(robust, wanted)
+    for name, (mean, sd) in expected.items():
+        assert found[name] == pytest.approx((mean, sd), abs=1e-6 * sd), name

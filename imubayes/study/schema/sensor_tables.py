@@ -219,6 +219,8 @@ def _check_robust(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> 
             "a free tumble has no dwells that could be contaminated: its positions are found where it rests; "
             "leave it out"
         )
+    if table.robust and runs[0].procedure == FERRARIS:
+        raise place.error("is not known for positions and turns of a whole IMU: leave it out")
 
 
 def _check_session(table: SensorTable, place: Place) -> None:
@@ -298,8 +300,6 @@ def _check_imu(table: SensorTable, place: Place) -> None:
             "accelerometers and gyroscopes have other units: expected"
             ' { accelerometer = "200 ug", gyroscope = "5 deg/h" }'
         )
-    if table.robust:
-        raise place.at("robust").error("is not known for a whole IMU: leave it out")
 
 
 def _truths_of(raw: dict[str, Any], kind: Kind) -> dict[str, Any]:
