@@ -25,6 +25,7 @@ from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
+from imubayes.rig.stream_survey import renewed
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -37,10 +38,10 @@ def runs_of(
 ) -> tuple[Run, ...]:
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
-    Long files are read a part at a time, unless errors of the bench or robust dwells need all rows at once;
-    `tell` is told how far that is.
+    Long files are read a part at a time, unless a latency needs the rows beside each; `tell` is told how far
+    that is.
     """
-    lib = None if spec.reference or spec.robust else spec.library
+    lib = None if "latency" in spec.reference else spec.library
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
     def read(one: RunSpec) -> Run:
@@ -98,7 +99,7 @@ def prepare(
     if spec.robust:
         tell("dwells that cannot be trusted")
         kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
-        runs, distrusted = kept.runs, kept.distrusted
+        runs, distrusted = [renewed(run) for run in kept.runs], kept.distrusted
         # a run that is left out takes the errors with it that no other run has
         kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
         found = _summarized(spec, runs, prior, tell, kinds)

@@ -146,18 +146,19 @@ def rows_kept(rows: Linear, kept: NDArray[np.bool_]) -> Linear:
         y=rows.y[kept],
         axes=None if rows.axes is None else rows.axes[kept],
         columns=columns,
+        stream=None if rows.stream is None else rows.stream.left(kept),
     )
 
 
 def run_kept(run: Run, kept: NDArray[np.bool_]) -> Run:
-    """The samples of a run that are `kept` (n,); its notes say how many are not."""
-    source = _noted(run.source, kept)
-    return replace(run, inputs=run.inputs.kept(kept), output=run.output[kept], source=source)
+    """The rows of a run that are `kept` (n,), samples or averages; its notes say how many samples are not."""
+    stream = None if run.stream is None else run.stream.left(kept)
+    left = replace(run, inputs=run.inputs.kept(kept), output=run.output[kept], stream=stream)
+    return replace(left, source=_noted(run.source, run.samples - left.samples, run.samples))
 
 
-def _noted(source: Source, kept: NDArray[np.bool_]) -> Source:
-    lost = int(np.count_nonzero(~kept))
-    note = f"{lost:,} of {len(kept):,} samples are left out: their dwells are not trusted"
+def _noted(source: Source, lost: int, of: int) -> Source:
+    note = f"{lost:,} of {of:,} samples are left out: their dwells are not trusted"
     return replace(source, notes=(*source.notes, note)) if lost else source
 
 

@@ -177,6 +177,14 @@ def _streamed_rows(run: Run, lib: Library, stream: Stream) -> Linear:
     )
 
 
+def stretch_of(stream: Stream, rows: Linear) -> Linear:
+    """Rows of the stretch at full rate, of the model that the averages `rows` are rows of."""
+    part, table = stream.stretch, np.empty((len(stream.stretch), len(rows.names) + 1))
+    stream.fill(part, slice(0, len(part)), table)
+    fine = replace(rows, t=part.t, duration=part.duration, interval=stream.interval, stream=None)
+    return with_columns(fine, table[:, :-1], table[:, -1])
+
+
 def library_rows(run: Run, lib: Library, start: int = 0, stop: int | None = None) -> FloatArray:
     """Columns of the library for a part of a run: (rows, p)."""
     part = {name: values[start:stop] for name, values in run.inputs.channels.items()}
@@ -224,15 +232,24 @@ def reach_of(rows: Linear) -> FloatArray:
 def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
     """Averages over the m parts of a run that begin at the rows `edges` (m,), as rows of the same model."""
     counts = np.diff(np.append(edges, len(rows)))
+    weight = None if rows.stream is None else rows.counts
+    if weight is not None:
+        counts = np.add.reduceat(weight, edges)
+
+    def sums(values: FloatArray, edges: NDArray[np.int64], first: int = 0) -> FloatArray:
+        if weight is not None:  # an average stands for all of its samples
+            values = (values.T * weight[first : first + len(values)]).T
+        return np.add.reduceat(values, edges, axis=0)
+
     X = np.empty((len(edges), len(rows.names)))
     for inside, a, b in whole_parts(edges, len(rows)):
-        X[inside] = np.add.reduceat(rows.columns(a, b), edges[inside] - a, axis=0)
+        X[inside] = sums(rows.columns(a, b), edges[inside] - a, a)
     X /= counts[:, None]
     return replace(
         rows,
-        t=np.add.reduceat(rows.t, edges) / counts,
+        t=sums(rows.t, edges) / counts,
         duration=np.add.reduceat(rows.duration, edges),
-        y=np.add.reduceat(rows.y, edges) / counts,
+        y=sums(rows.y, edges) / counts,
         columns=lambda start, stop: X[start:stop],
         axes=None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None],
         shared=None,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import Linear, averages, block_edges, blocks_of, linear_of, with_columns
+from imubayes.inference.linear import Linear, averages, block_edges, blocks_of, stretch_of, with_columns
 from imubayes.rig.inputs import Stream
 
 COARSE = 1000
@@ -98,7 +98,7 @@ def _joined(start: FloatArray, duration: FloatArray, interval: float) -> NDArray
 
 def _around_stretch(rows: Linear, stream: Stream) -> NoiseRows:
     """Averages of a run that is read a part at a time, in time order."""
-    fine = noise_rows(linear_of(stream.stretch, stream.library))
+    fine = noise_rows(stretch_of(stream, rows))
     before, after = beside_stretch(stream)
 
     def joined(coarse: FloatArray, inside: FloatArray) -> FloatArray:
@@ -179,7 +179,7 @@ def noise_blocks(rows: Linear) -> Linear:
     stream = rows.stream
     if stream is None:
         return blocks_of(rows)
-    fine = linear_of(stream.stretch, stream.library)
+    fine = stretch_of(stream, rows)
     rungs = averages(fine, _ladder(len(fine)))
     before, after = beside_stretch(stream)
 
@@ -194,8 +194,8 @@ def beside_stretch(stream: Stream) -> tuple[NDArray[np.bool_], NDArray[np.bool_]
     """Which blocks (m,) end before the stretch at full rate begins, and which begin after its end."""
     begins = np.cumsum(stream.counts) - stream.counts
     ends = begins + stream.counts
-    first = stream.stretch_first
-    return ends <= first, begins >= first + len(stream.stretch.inputs)
+    first = stream.stretch.first
+    return ends <= first, begins >= first + len(stream.stretch)
 
 
 def _ladder(n: int) -> NDArray[np.int64]:

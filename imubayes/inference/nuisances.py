@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
-from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of
+from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, with_columns
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import At, Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
 from imubayes.rig.bench import Bench, Errors, bench_of, refuse_idle
-from imubayes.rig.inputs import Inputs, Run
+from imubayes.rig.inputs import Inputs, Part, Run, Stream
 from imubayes.rig.reference import OFFSET, TILT, Error, errors_of, for_sensor, kind_of
+from imubayes.rig.stream_survey import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library, columns
 
@@ -195,8 +196,8 @@ def settled_rows(linearised: Callable[[Taken], At], sd: FloatArray, runs: Sequen
     ConvergenceError : if the linearisation does not settle; it carries coefficients and errors so far.
     """
     start = np.zeros(len(sd))
-    if sum(len(run.inputs) for run in runs) > MANY:
-        start = settle(linearised(blocks_of), sd, PACE, start).place
+    if sum(run.samples for run in runs) > MANY:
+        start = settle(linearised(lambda rows: replace(blocks_of(rows), stream=None)), sd, PACE, start).place
     return settle(linearised(all_rows), sd, PACE, start)
 
 
@@ -226,6 +227,8 @@ def tangent(
     # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
     kept = np.where([error.kind in (OFFSET, TILT.name) for error in errors], 0.0, nu)
     place = _Place(lib, errors, theta, kept, theta if leaning is None else leaning)
+    if run.stream is not None:
+        return _streamed(run, run.stream, place)
     parts = _parts(run, place)
     plain, y = linear_of(run, lib), run.output.copy()
     for a in range(0, len(y), CHUNK):
@@ -240,20 +243,43 @@ def tangent(
     )
 
 
-def _parts(run: Run, place: _Place) -> Callable[[int, int], FloatArray]:
-    """Give the parts of `_Rows` for rows from start to stop.
+def _streamed(run: Run, stream: Stream, place: _Place) -> Linear:
+    """Averages of the linearised rows over the blocks of a run that is read a part at a time: one pass."""
+    p, bench = len(place.theta), bench_of(run, {error.kind for error in place.errors})
+
+    def fill(part: Part, inside: slice, table: FloatArray) -> None:
+        few = part.some(inside, part.first, part.before)
+        inputs = Inputs(few.t, few.channels, stream.interval, few.mount)
+        rows = _parts(replace(run, inputs=inputs), place, bench)(0, len(few))
+        width = rows.shape[1]
+        table[:, : width - 1] = rows[:, 1:]
+        table[:, width - 1] = few.output + rows[:, 1 + p :] @ place.nu - rows[:, 0]
+
+    means, reach = averaged_parts(stream, fill, p + len(place.nu) + 1)
+    seen = replace(stream, X=means[:, :-1], reach=reach[:-1], fill=fill)
+    plain = replace(linear_of(run, place.lib), stream=seen)
+    names = (*plain.names, *(error.name for error in place.errors))
+    return with_columns(replace(plain, names=names), seen.X, means[:, -1])
+
+
+def _parts(run: Run, place: _Place, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
+    """Give the parts of `_Rows` for rows from start to stop; of rows of a longer run with its `bench`.
 
     While the inputs stand still, as they do in a dwell, all rows are alike: one is made for all of them.
     """
     kinds = {error.kind for error in place.errors}
+
+    def made(rows: Run) -> _Rows:
+        return _Rows(bench_of(rows, kinds) if bench is None else bench.of(rows.inputs), place)
+
     firsts = np.arange(len(run.inputs)) if "latency" in kinds else _firsts(run.inputs)
     if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
-        return _Rows(bench_of(run, kinds), place).parts
+        return made(run).parts
     inputs = run.inputs
     channels = {name: values[firsts] for name, values in inputs.channels.items()}
     mount = None if inputs.mount is None else inputs.mount[firsts]
     few = replace(run, inputs=Inputs(inputs.t[firsts], channels, inputs.interval, mount))
-    held = _Rows(bench_of(few, kinds), place).parts(0, len(firsts))
+    held = made(few).parts(0, len(firsts))
     of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
     return lambda start, stop: held[of_row[start:stop]]
 

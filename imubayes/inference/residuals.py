@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import allan_deviation
-from imubayes.inference.linear import Linear, Rows, block_edges, linear_of, residuals
+from imubayes.inference.linear import Linear, Rows, block_edges, residuals, stretch_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import whiten
 from imubayes.rig.inputs import Run, Stream
@@ -124,7 +124,7 @@ def _with_samples(
     check: ResidualCheck, rows: Linear, stream: Stream, theta: FloatArray, summary: RunSummary
 ) -> ResidualCheck:
     """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
-    held = linear_of(stream.stretch, stream.library)
+    held = stretch_of(stream, rows)
     fine = judge(residuals(held, theta), held.rows, summary)
     return replace(
         check,

@@ -20,9 +20,8 @@ from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, dwells_of, stacked
 from imubayes.inference.linear import CHUNK, Linear, block_edges, once, whole_parts
 from imubayes.inference.whiten import Carry, Processes, begin, mattering, padded, states_of, whiten, whiten_on
-from imubayes.rig.inputs import Part, Stream
+from imubayes.rig.inputs import Stream
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import Library, columns
 
 TILE = 8192
 """Rows whose columns are made, whitened and factored at a time: they stay in the cache."""
@@ -172,23 +171,15 @@ def _tiles(stream: Stream, purpose: str) -> Iterator[tuple[int, FloatArray, Floa
 
     The table is used again for the next tile.
     """
-    p = len(stream.library.names)
+    p = stream.X.shape[1]
     whole = np.zeros((TILE, padded(p + 1)))
     for part in stream.parts(purpose):
         for a in range(0, len(part), TILE):
             b = min(a + TILE, len(part))
             table = whole[: b - a]
-            _fill(table, stream.library, part, slice(a, b))
+            stream.fill(part, slice(a, b), table)
+            table[:, p + 1 :] = 0.0
             yield part.first + a, part.t[a:b], part.duration[a:b], table
-
-
-def _fill(table: FloatArray, lib: Library, part: Part, inside: slice) -> None:
-    """Columns of the library and the response of some rows of a part; zeros beside them."""
-    p = len(lib.names)
-    channels = {name: values[inside] for name, values in part.channels.items()}
-    columns(lib, channels, len(table), out=table[:, :p])
-    table[:, p] = part.output[inside] - channels.get(lib.own, 0.0)
-    table[:, p + 1 :] = 0.0
 
 
 def _shares(edges: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[int, int, int]]:

@@ -53,6 +53,12 @@ class Bench:
     uprights: FloatArray
     turning: bool
 
+    def of(self, inputs: Inputs) -> Bench:
+        """The same bench in some of the rows of its run."""
+        numbers = np.full(len(inputs), self.mounts[0]) if inputs.mount is None else inputs.mount
+        place = np.searchsorted(self.mounts, numbers)
+        return replace(self, run=replace(self.run, inputs=inputs), place=place)
+
     def sizes(self, errors: Sequence[Error], values: Sequence[float] | FloatArray) -> dict[str, FloatArray]:
         """Sizes (mounts, parts) of each kind that applies to the run, from the values (SI) of the errors."""
         tables: dict[str, FloatArray] = {}
@@ -122,7 +128,8 @@ def _turning(run: Run | Plan, wanted: set[str]) -> bool:
 
 def _one_length(run: Run | Plan) -> bool:
     """Tell whether |f| is the same in every row: then all of f is gravity, in whatever position."""
-    return facts_of([run.inputs.channels], "gyroscope").force > 0.0
+    rows = run.extremes if isinstance(run, Run) else run.inputs.channels
+    return facts_of([rows], "gyroscope").force > 0.0
 
 
 def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:

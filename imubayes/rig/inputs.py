@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TypeVar
@@ -164,6 +164,7 @@ class Part:
     t, duration : (k,) time and averaging time, s.
     channels : (k,) inputs by name.
     output : (k,) what the component said.
+    mount : (k,) number of each row's mount, as in `Inputs`.
     """
 
     first: int
@@ -172,9 +173,51 @@ class Part:
     duration: FloatArray
     channels: Mapping[str, FloatArray]
     output: FloatArray
+    mount: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def some(self, rows: NDArray[np.bool_] | slice, first: int, before: float) -> Part:
+        """Some of the rows, numbered from `first` on."""
+        channels = {name: values[rows] for name, values in self.channels.items()}
+        mount = None if self.mount is None else self.mount[rows]
+        return Part(first, before, self.t[rows], self.duration[rows], channels, self.output[rows], mount)
+
+
+def thinned(parts: Iterable[tuple[Part, NDArray[np.bool_]]]) -> Iterator[Part]:
+    """Parts with those of their rows (k,) that are kept, numbered anew."""
+    first, before = 0, np.nan
+    for part, kept in parts:
+        if kept.any():
+            yield part.some(kept, first, before)
+            first, before = first + int(kept.sum()), float(part.t[kept][-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kept:
+    """Reads those of the blocks (m,) of `counts` rows that are `kept`, a part at a time."""
+
+    parts: Callable[[str], Iterator[Part]]
+    counts: NDArray[np.int64]
+    kept: NDArray[np.bool_]
+
+    def __call__(self, purpose: str) -> Iterator[Part]:
+        """Read the rows from the first on; `purpose` is told with the progress."""
+        return thinned((part, self.inside(part)) for part in self.parts(purpose))
+
+    def inside(self, part: Part) -> NDArray[np.bool_]:
+        """Which rows (k,) of a part are kept."""
+        return self.kept[np.searchsorted(np.cumsum(self.counts), part.first + np.arange(len(part)), "right")]
+
+    def stretch(self, part: Part) -> Part:
+        """Longest piece of consecutive rows of which all are kept; the part as it is if there is none."""
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], self.inside(part), [False])))).reshape(-1, 2)
+        a, b = max(edges.tolist(), key=lambda edge: edge[1] - edge[0], default=(0, len(part)))
+        ends = np.cumsum(self.counts)
+        block = int(np.searchsorted(ends, part.first + a, "right"))
+        begins = part.first + a - int(ends[block] - self.counts[block]) if self.kept[block] else 0
+        return part.some(slice(a, b), begins + int(self.counts[:block][self.kept[:block]].sum()), np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +237,7 @@ class Stream:
     swing : largest size of output minus own input, SI.
     extremes : rows (inputs and ``output``) with the largest and smallest of each, and of the force.
     stretch : consecutive rows without a gap, at full rate.
-    stretch_first : number of its first row in the file, counted from 0.
+    fill : writes columns and, last, the response of some rows of a part into the first columns of a table.
     """
 
     parts: Callable[[str], Iterator[Part]]
@@ -207,8 +250,21 @@ class Stream:
     reach: FloatArray
     swing: float
     extremes: Mapping[str, FloatArray]
-    stretch: Run
-    stretch_first: int
+    stretch: Part
+    fill: Callable[[Part, slice, FloatArray], None]
+
+    def left(self, kept: NDArray[np.bool_]) -> Stream:
+        """The rows of the blocks (m,) that are `kept`; reach, extremes and swing are those of all."""
+        parts, counts = Kept(self.parts, self.counts, kept), self.counts[kept]
+        return replace(
+            self,
+            parts=parts,
+            samples=int(counts.sum()),
+            counts=counts,
+            duration=self.duration[kept],
+            X=self.X[kept],
+            stretch=parts.stretch(self.stretch),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,8 +36,8 @@ SAME_TIME = 0.01
 """Share of the interval by which time stamps of two files of one run may differ."""
 
 BENCH_WHOLE = (
-    "with errors of the test bench (reference) or robust dwells a run",
-    "leave these out of the study, or average the file",
+    "with a latency of the sensor (reference) a run",
+    "leave it out of the study, or average the file",
 )
 IMU_WHOLE = "a run of a whole IMU", "average the file, or list the components as sensors of their own"
 """What is read as a whole, and what to do instead."""

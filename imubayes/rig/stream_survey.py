@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, jump_note
@@ -98,6 +100,7 @@ class _Survey:
     clock: Clock
     sums: list[FloatArray] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
+    mounts: list[int] = field(default_factory=list)
     outermost: list[FloatArray] = field(default_factory=list)
     seen: list[_Seen] = field(default_factory=list)
     kept: list[Part] = field(default_factory=list)
@@ -142,7 +145,11 @@ def _surveyed(reader: Reader, lib: Library, lost: list[Stretches] | None = None)
 def _average(found: _Survey, part: Part) -> None:
     """Add the rows of a part to the averages over the blocks."""
     count = found.counts[-1] if found.counts else 0
-    starts = block_starts(part, count, found.longest, found.reader.interval)
+    mounts = None if part.mount is None else np.append(found.mounts[-1:], part.mount)
+    fresh: list[int] = []
+    if mounts is not None:
+        fresh = (np.flatnonzero(np.diff(mounts)) + len(part) + 1 - len(mounts)).tolist()
+    starts = block_starts(part, count, found.longest, found.reader.interval, fresh)
     table = _quantities(part, found.lib)
     found.reach = np.maximum(found.reach, np.abs(table[:, -len(found.reach) :]).max(axis=0))
     opening = bool(starts) and starts[0] == 0
@@ -154,9 +161,11 @@ def _average(found: _Survey, part: Part) -> None:
         found.counts[-1] += counts[0]
     found.sums += list(sums if opening else sums[1:])
     found.counts += counts if opening else counts[1:]
+    if part.mount is not None:
+        found.mounts += part.mount[starts].tolist()
 
 
-def block_starts(part: Part, count: int, longest: int, interval: float) -> list[int]:
+def block_starts(part: Part, count: int, longest: int, interval: float, fresh: list[int]) -> list[int]:
     """First rows of the blocks that begin in a part.
 
     Parameters
@@ -165,9 +174,10 @@ def block_starts(part: Part, count: int, longest: int, interval: float) -> list[
     count : rows of the block that is open; 0 before the first.
     longest : rows of a block.
     interval : averaging time of a sample, s.
+    fresh : rows that a mount begins with.
     """
     steps = np.diff(part.t, prepend=part.before)
-    breaks = np.flatnonzero(~(steps <= max(APART * longest, GAP) * interval)).tolist()
+    breaks = np.flatnonzero(~(steps <= max(APART * longest, GAP) * interval)).tolist() + fresh
     starts: list[int] = []
     for a, b in pairwise(sorted({0, *breaks, len(part)})):
         if a in breaks:
@@ -188,6 +198,48 @@ def _quantities(part: Part, lib: Library) -> FloatArray:
         channels = {name: values[inside] for name, values in part.channels.items()}
         columns(lib, channels, inside.stop - a, out=table[inside, -len(lib.names) :])
     return table
+
+
+def fill(lib: Library, part: Part, inside: slice, table: FloatArray) -> None:
+    """Write columns of a library and, beside them, the response of some rows of a part into a table."""
+    p = len(lib.names)
+    channels = {name: values[inside] for name, values in part.channels.items()}
+    columns(lib, channels, len(table), out=table[:, :p])
+    table[:, p] = part.output[inside] - channels.get(lib.own, 0.0)
+
+
+def averaged_parts(
+    stream: Stream, filled: Callable[[Part, slice, FloatArray], None], width: int
+) -> tuple[FloatArray, FloatArray]:
+    """Averages (m, width) over the blocks of a run of what is `filled` in, and the largest size (width,)."""
+    ends = np.cumsum(stream.counts)
+    sums, reach = np.zeros((len(ends), width)), np.zeros(width)
+    for part in stream.parts("averages"):
+        for a in range(0, len(part), TILE):
+            inside = slice(a, min(a + TILE, len(part)))
+            table = np.empty((inside.stop - a, width))
+            filled(part, inside, table)
+            block = np.searchsorted(ends, part.first + np.arange(inside.start, inside.stop), "right")
+            starts = np.flatnonzero(np.diff(block, prepend=-1))
+            sums[block[starts]] += np.add.reduceat(table, starts, axis=0)
+            reach = np.maximum(reach, np.abs(table).max(axis=0))
+    return sums / stream.counts[:, None], reach
+
+
+def renewed(run: Run) -> Run:
+    """Run of which rows are left out, with reach, swing and extremes of those that remain: two passes."""
+    if (stream := run.stream) is None:
+        return run
+    _, largest = averaged_parts(stream, stream.fill, len(stream.reach) + 1)
+    outermost = np.zeros((0, 0))
+    for part in stream.parts("extremes of what is left"):
+        held = _held(part)
+        outermost = _outermost(
+            np.concatenate([outermost, held]) if len(outermost) else held, tuple(part.channels)
+        )
+    extremes = dict(zip(stream.extremes, outermost.T, strict=True))
+    left = replace(stream, reach=largest[:-1], swing=float(largest[-1]), extremes=extremes)
+    return replace(run, stream=left)
 
 
 def _held(part: Part) -> FloatArray:
@@ -214,7 +266,7 @@ def _look(part: Part, interval: float) -> _Seen:
     )
 
 
-def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
+def _notes(found: _Survey, samples: int, stretch: Part) -> tuple[str, ...]:
     """What the checks found that does not stop the run."""
     seen, usual = found.seen, found.reader.interval
     worst = max(seen, key=lambda one: one.longest)
@@ -225,8 +277,8 @@ def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
         jump_note(away[0].interval, away[0].t, usual) if away else "",
         found.saturated,
         f"{samples:,} rows are read a part at a time: every row counts in the coefficients, while figures"
-        f" and tests have averages over {len(found.counts):,} blocks, and {len(stretch.output):,} rows at"
-        f" full rate from t = {stretch.inputs.t[0]:.6g} s on",
+        f" and tests have averages over {len(found.counts):,} blocks, and {len(stretch):,} rows at"
+        f" full rate from t = {stretch.t[0]:.6g} s on",
         "dT/dt is the smoothed derivative of the recorded temperature"
         if found.reader.rate is not None
         else "",
@@ -234,21 +286,23 @@ def _notes(found: _Survey, samples: int, stretch: Run) -> tuple[str, ...]:
     return tuple(note for note in notes if note)
 
 
-def _stretch(spec: RunSpec, found: _Survey) -> tuple[Run, int]:
-    """Longest part of the first rows that no gap interrupts, and the number of its first row."""
-    t = np.concatenate([part.t for part in found.kept])
+def _stretch(found: _Survey) -> Part:
+    """Longest part of the first rows that no gap interrupts."""
+
+    def joined(values: Callable[[Part], NDArray]) -> NDArray:
+        return np.concatenate([values(part) for part in found.kept])
+
+    t, first = joined(lambda part: part.t), found.kept[0]
     a, b = max(between_gaps(t, found.reader.interval), key=lambda part: part[1] - part[0])
-    channels = {
-        name: np.concatenate([part.channels[name] for part in found.kept])[a:b]
-        for name in found.kept[0].channels
-    }
-    output = np.concatenate([part.output for part in found.kept])[a:b]
-    return Run(spec.name, spec.procedure, Inputs(t[a:b], channels, found.reader.interval), output), a
+    channels = {name: joined(lambda part, name=name: part.channels[name]) for name in first.channels}
+    duration, output = joined(lambda part: part.duration), joined(lambda part: part.output)
+    mount = None if first.mount is None else joined(lambda part: np.asarray(part.mount))
+    return Part(0, np.nan, t, duration, channels, output, mount).some(slice(a, b), a, np.nan)
 
 
 def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
     names = found.names[2 : found.names.index("output")]
-    counts, (stretch, stretch_first) = np.array(found.counts), _stretch(spec, found)
+    counts, stretch = np.array(found.counts), _stretch(found)
     samples = int(counts.sum())
     duration = np.array([row[1] for row in found.sums])
     stream = Stream(
@@ -263,10 +317,11 @@ def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
         swing=found.swing,
         extremes=found.extremes,
         stretch=stretch,
-        stretch_first=stretch_first,
+        fill=partial(fill, found.lib),
     )
     channels = {name: frozen(found.mean(name)) for name in names}
-    inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)))
+    mount = np.array(found.mounts) if found.mounts else None
+    inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount)
     left_out = earth_left_out(spec.procedure, inputs) if kind == "gyroscope" else ()
     notes = (*_notes(found, samples, stretch), *left_out, *assumed(kind, channels))
     source = source_of(found.reader.file.shown, sha256, found.reader.file.columns, notes)

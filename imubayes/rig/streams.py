@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import check_time, check_values
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import MOUNT, Part, durations, sampling_interval
+from imubayes.rig.inputs import MOUNT, Part, durations, sampling_interval, thinned
 from imubayes.rig.saturation import NEAR, Stretches, beyond, stretches_of
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.units import counted
@@ -257,7 +257,7 @@ class Reader:
     ) -> Iterator[Part]:
         """Read the rows from the first on; `purpose` is told with the progress, `lost` what is left out."""
         parts = _parts(self.file.values(clock or Clock()), self.interval, self.rate)
-        within = _within(parts, self.rails, [] if lost is None else lost) if self.rails else parts
+        within = thinned(_within(parts, self.rails, [] if lost is None else lost)) if self.rails else parts
         return _told(self.file, purpose, _prefetched(within))
 
     def __reduce__(self) -> tuple[type[Reader], tuple[object, ...]]:
@@ -278,10 +278,12 @@ def _parts(
         yield _part(held, np.nan, interval, rate)
 
 
-def _within(parts: Iterator[Part], rails: tuple[float, ...], lost: list[Stretches]) -> Iterator[Part]:
-    """Parts without the samples at the ends of the range; a few rows on both sides tell which these are."""
+def _within(
+    parts: Iterator[Part], rails: tuple[float, ...], lost: list[Stretches]
+) -> Iterator[tuple[Part, BoolArray]]:
+    """Parts, and which samples are not at the ends of the range; a few rows on both sides tell."""
     ahead = next(parts, None)
-    held, first, before = np.zeros(0), 0, np.nan
+    held = np.zeros(0)
     while (part := ahead) is not None:
         ahead = next(parts, None)
         after = np.zeros(0) if ahead is None else ahead.output[:NEAR]
@@ -289,10 +291,7 @@ def _within(parts: Iterator[Part], rails: tuple[float, ...], lost: list[Stretche
         kept = ~beyond(around, rails)[len(held) : len(held) + len(part)]
         held = part.output[-NEAR:]
         lost.append(part.first + stretches_of(~kept))
-        if kept.any():
-            channels = {name: values[kept] for name, values in part.channels.items()}
-            yield Part(first, before, part.t[kept], part.duration[kept], channels, part.output[kept])
-            first, before = first + int(kept.sum()), float(part.t[kept][-1])
+        yield part, kept
 
 
 def _part(rows: Rows, after: float, interval: float, rate: tuple[FloatArray, FloatArray] | None) -> Part:
@@ -303,7 +302,7 @@ def _part(rows: Rows, after: float, interval: float, rate: tuple[FloatArray, Flo
     output = channels.pop("output")
     if rate is not None and "dT" not in channels:
         channels["dT"] = np.interp(rows.t, *rate)
-    return Part(rows.first, rows.before, rows.t, lasting, channels, output)
+    return Part(rows.first, rows.before, rows.t, lasting, channels, output, rows.mount)
 
 
 def _prefetched(parts: Iterator[Part]) -> Iterator[Part]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
 
@@ -16,6 +17,7 @@ from imubayes.algebra.factor import least_squares, reorder
 from imubayes.inference.dwells import stacked
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.split import coordinates, splits_of, values_at
+from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.residuals import check_residuals
 from imubayes.inference.summary import summarize
 from imubayes.inference.whiten import (
@@ -28,7 +30,7 @@ from imubayes.inference.whiten import (
     whiten_on,
 )
 from imubayes.inference.whitened import pieces_of, whitened_factor, within_blocks
-from imubayes.rig import stream_files, streams
+from imubayes.rig import stream_files, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import synthesise
@@ -296,8 +298,90 @@ def test_a_study_of_a_long_file_says_what_it_says_in_memory(tmp_path, monkeypatc
     assert not any("read a part at a time" in note for note in whole.runs[0].source.notes)
 
 
-def test_errors_of_the_bench_have_a_long_file_read_as_a_whole(tmp_path, monkeypatch):
+BENCH = """
+[sensor.reference]
+gravity = "1e-4 m/s^2"
+fixture = "20 arcsec"
+table_zero = "10 arcsec"
+turn_on = "1e-4 m/s^2"
+"""
+
+
+def tumbling(n=9000):
+    """Positions in two planes with a long gap between every two, which a mount tells; one is off."""
+    rng = np.random.default_rng(4)
+    dwell = np.arange(n) // 250
+    t = INTERVAL * np.arange(n) + 20.0 * dwell
+    angle, mount = 2.0 * np.pi * (dwell % 18) / 18.0, dwell // 18
+    f_i, across = 9.8 * np.cos(angle), 9.8 * np.sin(angle)
+    output = f_i + 1e-3 + 2e-4 * f_i + 3e-4 * across * (mount == 0) + 1e-2 * (dwell == 7)
+    output += synthesise(NOISE, t, INTERVAL, rng)
+    return {
+        "t [s]": t,
+        "f_i [m/s^2]": f_i,
+        "f_j [m/s^2]": across * (mount == 0),
+        "f_k [m/s^2]": across * (mount == 1),
+        "mount": mount,
+        "output [m/s^2]": output,
+    }
+
+
+def both_ways(folder, monkeypatch, asked):
+    """A study of a tumble, of rows in memory, and read a part at a time."""
+    pq.write_table(pa.table(tumbling()), folder / "run.parquet")
+    text = STUDY.replace('"other"', '"tumble"').replace(
+        'class = "mems_tactical"',
+        f'class = "mems_tactical"\nlibrary = {{ powers = 1, asymmetry = -1 }}\n{asked}',
+    )
+    (folder / "study.toml").write_text(text)
+    study = replace(read_study(folder / "study.toml"), compare=False)
+    whole = study_run(study).sensors[0]
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    monkeypatch.setattr(stream_files, "ROWS", 1777)
+    monkeypatch.setattr(stream_survey, "TILE", 333)
+    part = study_run(study).sensors[0]
+    assert any("read a part at a time" in note for note in part.runs[0].source.notes)
+    return whole, part
+
+
+@pytest.mark.parametrize(
+    "asked", ["robust = true", BENCH, f"robust = true{BENCH}"], ids=["robust", "bench", "both"]
+)
+def test_what_is_asked_of_a_tumble_is_answered_of_a_long_file_too(tmp_path, monkeypatch, asked):
+    whole, part = both_ways(tmp_path, monkeypatch, asked)
+    assert part.samples == whole.samples == (8750 if "robust" in asked else 9000)
+    assert [one.start for one in part.distrusted] == pytest.approx([one.start for one in whole.distrusted])
+    assert [term.verdict for term in part.selection.terms] == [t.verdict for t in whole.selection.terms]
+    for term, other in zip(part.selection.terms, whole.selection.terms, strict=True):
+        assert abs(term.mean - other.mean) <= 1e-7 * term.prior_sd
+        assert term.inclusion == pytest.approx(other.inclusion, abs=1e-6)
+    for extra, other in zip(part.extras, whole.extras, strict=True):
+        assert (extra.extra, extra.partners) == (other.extra, other.partners)
+        assert abs(extra.mean - other.mean) <= 1e-6 * extra.extra.sd
+    for name, ends in whole.runs[0].ranges.items():
+        assert part.runs[0].ranges[name] == pytest.approx(ends)
+
+
+def test_memory_for_errors_of_the_bench_does_not_grow_with_the_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(streams, "STREAMED", 1000)
+    monkeypatch.setattr(stream_files, "ROWS", 4096)
+    monkeypatch.setattr(stream_survey, "STRETCH", 4096)
+    peaks = []
+    for n in (20_000, 160_000):
+        pq.write_table(pa.table(recording(n)), tmp_path / "run.parquet")
+        run = read_run(RunSpec("r", "other", file=tmp_path / "run.parquet"), "accelerometer", LIB)
+        extras = extras_for([run], {"gravity": 1e-5, "fixture": 1e-4})
+        tracemalloc.start()
+        (rows,) = rows_with([run], LIB, extras, np.zeros(len(LIB.names)), np.zeros(len(extras)))
+        whitened_factor(rows, NOISE)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert rows.samples == n
+    assert peaks[1] < 1.5 * peaks[0]
+
+
+def test_a_latency_has_a_long_file_read_as_a_whole(tmp_path, monkeypatch):
     pq.write_table(pa.table(recording(5000)), tmp_path / "run.parquet")
-    (tmp_path / "study.toml").write_text(STUDY + '[sensor.reference]\ngravity = "1e-5 m/s^2"\n')
+    (tmp_path / "study.toml").write_text(STUDY + '[sensor.reference]\nlatency = "1 ms"\n')
     monkeypatch.setattr(streams, "STREAMED", 1000)
     assert read_runs(tmp_path / "study.toml")[0].stream is None

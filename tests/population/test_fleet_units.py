@@ -127,13 +127,13 @@ def test_long_file_of_a_unit_is_read_a_part_at_a_time_and_says_the_same(tmp_path
     np.testing.assert_allclose(streamed.full_sd / whole.full_sd, 1.0, rtol=1e-2)
 
 
-def test_long_file_is_refused_where_dwells_may_be_left_out(tmp_path, monkeypatch):
+def test_long_file_is_refused_where_all_of_its_rows_are_asked_for(tmp_path, monkeypatch):
     study = recorded(tmp_path, ("A1", "A2"))
     (part,) = parts_of(study, None)
     monkeypatch.setattr(streams, "STREAMED", 10)
     monkeypatch.setattr(streams, "MOST_WHOLE", 10)
-    with pytest.raises(InputError, match=r"\(reference\) or robust"):
-        unit_record(replace(study, spec=replace(study.spec, robust=True)), part[0])
+    with pytest.raises(InputError, match=r"latency of the sensor \(reference\)"):
+        unit_record(replace(study, spec=replace(study.spec, reference={"latency": 1e-3})), part[0])
 
 
 def test_unit_that_is_asked_for_alone_says_what_is_wrong():

@@ -136,10 +136,10 @@ def test_extremes_of_the_inputs_are_those_of_all_rows(tmp_path):
 
 def test_a_stretch_at_full_rate_has_no_gap(tmp_path):
     whole, run = both(parquet(recording(), tmp_path))
-    stretch, first = run.stream.stretch, run.stream.stretch_first
-    inside = slice(first, first + len(stretch.output))
+    stretch = run.stream.stretch
+    inside = slice(stretch.first, stretch.first + len(stretch))
     assert np.array_equal(stretch.output, whole.output[inside])
-    assert np.diff(stretch.inputs.t).max() < 1.5 * INTERVAL
+    assert np.diff(stretch.t).max() < 1.5 * INTERVAL
     assert len(stretch.output) == N // 2
 
 
@@ -225,7 +225,7 @@ def test_the_rate_of_a_recorded_temperature_is_that_of_the_whole_run(tmp_path):
 def test_a_file_that_must_be_read_as_a_whole_and_is_too_long_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(streams, "MOST_WHOLE", 10_000)
     path = parquet(recording(), tmp_path)
-    with pytest.raises(DataError, match=r"20,000 rows: with errors of the test bench .* at most 10,000"):
+    with pytest.raises(DataError, match=r"20,000 rows: with a latency of the sensor .* at most 10,000"):
         read_run(RunSpec("r", "other", file=path, shown="run"), "accelerometer")
 
 
