@@ -6,6 +6,7 @@ Data of Carlsson, Skog and Jalden (IEEE Sensors Journal 21, 2021). Temperature w
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from imubayes.inference.case import Asked, Case
 from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import COMPONENTS, triad_of
-from imubayes.population.sessions import SessionEstimate, repeatability
+from imubayes.population.sessions import SessionVerdict, repeatability
 from imubayes.rig.inputs import Run
 from imubayes.study.method import run
 from imubayes.study.schema import read_runs, read_study
@@ -76,6 +77,13 @@ def first_two(study):
     return [solved(spec) for spec in study.sensors[:6]]
 
 
+def told(session, column, term):
+    """What a session says of a term, as a verdict has it."""
+    posterior = {"full_mean": session.mean, "full_sd": session.sd, "prior_sd": session.prior_sd}
+    known = {key: values[column] for key, values in posterior.items()}
+    return SimpleNamespace(name=term.name, unit=term.unit, printed=term.printed, **known)
+
+
 def compared(sessions):
     terms = [
         (component, term)
@@ -83,17 +91,7 @@ def compared(sessions):
         for term in lib.terms
     ]
     estimates = (
-        SessionEstimate(
-            unit=s.spec.unit,
-            session=s.spec.session,
-            component=component,
-            term=term.name,
-            si=term.unit,
-            printed=term.printed,
-            mean=s.mean[f"{component}.{term.name}"],
-            sd=s.sd[f"{component}.{term.name}"],
-            prior_sd=s.prior_sd[f"{component}.{term.name}"],
-        )
+        SessionVerdict(s.spec.unit, s.spec.session, component, told(s, f"{component}.{term.name}", term))
         for s in sessions
         for component, term in terms
     )

@@ -17,7 +17,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import SensorResult, SensorSpec
 from imubayes.population.levels import Likelihoods, likelihoods
 from imubayes.population.needs import Need, class_need, unit_answer
-from imubayes.population.sessions import SessionEstimate, arranged, estimates, joined, level_among
+from imubayes.population.sessions import SessionVerdict, arranged, in_session, joined, level_among
 from imubayes.population.spreads import FEWEST, Spreads, spreads
 from imubayes.selection.decision import Selection
 from imubayes.selection.model_prior import log_model_prior
@@ -97,18 +97,19 @@ def in_common(results: Tested) -> Iterator[ClassInCommon]:
 
 
 def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, SensorResult]]) -> ClassInCommon:
-    rows, selections = list[SessionEstimate](), dict[str, list[Selection]]()
+    rows, selections = list[SessionVerdict](), dict[str, list[Selection]]()
     for spec, result in alike:
-        rows += estimates(spec, result)
+        rows += in_session(spec, result)
         selections.setdefault(rows[-1].component, []).append(result.selection)
     pooled = {component: pooled_inclusion(own) for component, own in selections.items()}
     whole = pooled_inclusion([result.selection for _, result in alike])
     units, sessions, names = (
-        tuple(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("unit", "session", "term")
+        tuple(dict.fromkeys(each))
+        for each in zip(*((r.unit, r.session, r.term.name) for r in rows), strict=True)
     )
     found: list[TermInClass] = []
     for name in names:
-        parts = [[row for row in rows if (row.term, row.component) == (name, one)] for one in selections]
+        parts = [[row for row in rows if (row.term.name, row.component) == (name, one)] for one in selections]
         parts = [part for part in parts if part]
         if len(parts) > 1:
             found.append(_term(parts, sessions, whole.get(name)))
@@ -119,22 +120,22 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
 
 
 def _term(
-    parts: Sequence[Sequence[SessionEstimate]], sessions: Sequence[str], pooled: float | None
+    parts: Sequence[Sequence[SessionVerdict]], sessions: Sequence[str], pooled: float | None
 ) -> TermInClass:
     """One term of one component, or of several together."""
-    first, several = parts[0][0], len(parts) > 1
-    component = "" if several else first.component
+    term, several = parts[0][0].term, len(parts) > 1
+    component = "" if several else parts[0][0].component
     blocks = [_likelihoods(part, sessions) for part in parts]
     units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
-    answers = [unit_answer([row.verdict for row in part if row.unit == unit]) for unit, part in units]
+    answers = [unit_answer([row.term.verdict for row in part if row.unit == unit]) for unit, part in units]
     return TermInClass(
-        name=joined(component, first.term),
-        unit=first.si,
-        printed=first.printed,
-        term=first.term,
+        name=joined(component, term.name),
+        unit=term.unit,
+        printed=term.printed,
+        term=term.name,
         component=component,
-        size=first.prior_sd,
-        spreads=spreads(blocks, first.prior_sd),
+        size=term.prior_sd,
+        spreads=spreads(blocks, term.prior_sd),
         units=tuple(f"{unit}.{part[0].component}" if several else unit for unit, part in units),
         sessions=tuple(sessions),
         value=np.concatenate([one.value for one in blocks]),
@@ -143,7 +144,7 @@ def _term(
     )
 
 
-def _likelihoods(rows: Sequence[SessionEstimate], sessions: Sequence[str]) -> Likelihoods:
+def _likelihoods(rows: Sequence[SessionVerdict], sessions: Sequence[str]) -> Likelihoods:
     """Likelihoods of one term of one component, by unit and session."""
     units, _, table = arranged(rows, sessions)
     columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))

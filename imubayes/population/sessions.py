@@ -29,6 +29,7 @@ from imubayes.errors import StudyError
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, SensorSpec
+    from imubayes.selection.verdicts import TermVerdict
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
@@ -48,31 +49,21 @@ STEP = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class SessionEstimate:
-    """What one session says of one parameter of a unit.
+class SessionVerdict:
+    """What one session says of one term of a unit.
 
     Attributes
     ----------
     unit, session : which unit, and when; a unit without a name has that of its sensor.
     component : of a triad (``ax``); empty for a single component.
-    term : name of the term.
-    si, printed : SI unit, and the one people use.
-    mean, sd : posterior under the full library, SI.
-    prior_sd : of the zero-mean prior in that posterior, SI.
-    verdict : of the session.
+    term : the verdict; its full-library posterior is what sessions are compared by.
     pulls : how the term leans on the columns of others, by name: covariance over the prior's sd of each, SI.
     """
 
     unit: str
     session: str
     component: str
-    term: str
-    si: str
-    printed: str
-    mean: float
-    sd: float
-    prior_sd: float
-    verdict: str = ""
+    term: TermVerdict
     pulls: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -121,24 +112,14 @@ class Repeatability:
         return not math.isnan(self.p_value)
 
 
-def estimates(spec: SensorSpec, result: SensorResult) -> Iterator[SessionEstimate]:
+def in_session(spec: SensorSpec, result: SensorResult) -> Iterator[SessionVerdict]:
     """What one component of a unit says of every term in one session."""
     for j, term in enumerate(result.selection.terms):
         # errors of the bench are of one session
         apart = {result.selection.carriers[j], *(one.extra.name for one in result.extras)}
-        yield SessionEstimate(
-            unit=spec.unit or spec.id,
-            session=spec.session,
-            component=result.id.removeprefix(spec.id).removeprefix("."),
-            term=term.name,
-            si=term.unit,
-            printed=term.printed,
-            mean=term.full_mean,
-            sd=term.full_sd,
-            prior_sd=term.prior_sd,
-            verdict=term.verdict,
-            pulls={name: pull[j] for name, pull in result.pulls.items() if name not in apart},
-        )
+        pulls = {name: pull[j] for name, pull in result.pulls.items() if name not in apart}
+        component = result.id.removeprefix(spec.id).removeprefix(".")
+        yield SessionVerdict(spec.unit or spec.id, spec.session, component, term, pulls)
 
 
 def between_sessions(
@@ -146,11 +127,11 @@ def between_sessions(
 ) -> tuple[Repeatability, ...]:
     """Compare the units of a study that were tested in several sessions."""
     named = [(spec, result) for spec, found in results if spec.unit for result in found]
-    return repeatability(row for spec, result in named for row in estimates(spec, result))
+    return repeatability(row for spec, result in named for row in in_session(spec, result))
 
 
 def arranged(
-    rows: Sequence[SessionEstimate], sessions: Sequence[str] = ()
+    rows: Sequence[SessionVerdict], sessions: Sequence[str] = ()
 ) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray]:
     """Names of units and sessions, and mean, sd and prior sd (3, u, s), SI; NaN where a unit lacks a session.
 
@@ -164,7 +145,7 @@ def arranged(
     StudyError : if a session of a unit is there twice.
     """
     several = len({row.component for row in rows}) > 1
-    cells: dict[tuple[str, str], SessionEstimate] = {}
+    cells: dict[tuple[str, str], SessionVerdict] = {}
     for row in rows:
         cell = (joined(row.unit, row.component) if several else row.unit, row.session)
         if cell in cells:
@@ -177,26 +158,27 @@ def arranged(
     sessions = tuple(sessions) or own
     table = np.full((3, len(units), len(sessions)), math.nan)
     for (unit, session), row in cells.items():
-        table[:, units.index(unit), sessions.index(session)] = row.mean, row.sd, row.prior_sd
+        found = row.term.full_mean, row.term.full_sd, row.term.prior_sd
+        table[:, units.index(unit), sessions.index(session)] = found
     return units, sessions, table
 
 
-def repeatability(estimates: Iterable[SessionEstimate]) -> tuple[Repeatability, ...]:
+def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ...]:
     """Compare the sessions of every parameter that a session excited.
 
-    In the order of the estimates: each term for all axes of a triad together, then for each of them. Terms
+    In the order of the verdicts: each term for all axes of a triad together, then for each of them. Terms
     of which the data say too little are there, with ``told`` false.
 
     Raises
     ------
     StudyError : if a session of a unit is there twice.
     """
-    tested = [e for e in estimates if 1.0 - (e.sd / e.prior_sd) ** 2 > TESTED]
+    tested = [one for one in verdicts if 1.0 - (one.term.full_sd / one.term.prior_sd) ** 2 > TESTED]
     found: list[Repeatability] = []
-    for term in dict.fromkeys(e.term for e in tested):
-        alike = [e for e in tested if e.term == term]
-        components = dict.fromkeys(e.component for e in alike)
-        groups = [[e for e in alike if e.component == component] for component in components]
+    for term in dict.fromkeys(one.term.name for one in tested):
+        alike = [one for one in tested if one.term.name == term]
+        components = dict.fromkeys(one.component for one in alike)
+        groups = [[one for one in alike if one.component == component] for component in components]
         pooled = [_compared(term, alike)] if len(groups) > 1 else []
         found += [*pooled, *(_compared(joined(group[0].component, term), group) for group in groups)]
     repeated = [one for one in found if _repeated(one)]
@@ -296,7 +278,7 @@ def _shared(values: Sequence[FloatArray]) -> float:
     return sum(len(one) * float((one.mean(axis=0) ** 2).sum()) for one in left) / total
 
 
-def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
+def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
     """Pulls, scatter and sd between sessions of one parameter."""
     units, sessions, (mean, sd, prior) = arranged(group)
     value, error = without_prior(mean, sd, prior)
@@ -308,8 +290,8 @@ def _compared(name: str, group: Sequence[SessionEstimate]) -> Repeatability:
     parts = [[end == axis for end in ends] for axis in axes] if len(axes) > 1 else [[True] * len(units)]
     return Repeatability(
         parameter=name,
-        unit=group[0].si,
-        printed=group[0].printed,
+        unit=group[0].term.unit,
+        printed=group[0].term.printed,
         units=units,
         sessions=sessions,
         mean=mean,

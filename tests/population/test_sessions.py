@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from imubayes.algebra.factor import Factor, factor_of, posterior
 from imubayes.errors import StudyError
 from imubayes.population.sessions import (
     Repeatability,
-    SessionEstimate,
+    SessionVerdict,
     between_sd,
     repeatability,
     without_prior,
@@ -21,12 +22,19 @@ from imubayes.population.sessions import (
 PRIOR = 0.4
 
 
+def told(unit, session, component, name, mean, sd, prior_sd) -> SessionVerdict:
+    """What a session says of a term."""
+    posterior = {"full_mean": mean, "full_sd": sd, "prior_sd": prior_sd, "verdict": "needed"}
+    term = SimpleNamespace(name=name, unit="m/s^2", printed="mg", **posterior)
+    return SessionVerdict(unit, session, component, term)
+
+
 def compared(value, error, prior_sd=PRIOR) -> Repeatability:
     """Compare likelihoods: what their posteriors under the prior give."""
     precision = 1.0 / error**2 + 1.0 / prior_sd**2
     mean, sd = value / error**2 / precision, 1.0 / np.sqrt(precision)
     (found,) = repeatability(
-        SessionEstimate(str(u), str(s), "", "b0", "m/s^2", "mg", mean[u, s], sd[u, s], prior_sd)
+        told(str(u), str(s), "", "b0", mean[u, s], sd[u, s], prior_sd)
         for s, u in np.ndindex(value.T.shape)
         if np.isfinite(value[u, s])
     )
@@ -171,7 +179,7 @@ def test_common_shift_is_shared_and_independent_ones_are_not():
 def estimates(components=("ax", "ay"), sessions=("1", "2", "3"), seed=11):
     rng = np.random.default_rng(seed)
     return [
-        SessionEstimate(unit, session, component, term, "m/s^2", "mg", rng.normal(0.0, 1e-3), sd, PRIOR)
+        told(unit, session, component, term, rng.normal(0.0, 1e-3), sd, PRIOR)
         for unit in ("A", "B")
         for session in sessions
         for component in components
@@ -187,7 +195,9 @@ def test_axes_of_a_triad_are_compared_together_and_one_by_one():
     chi2 = sum(stats.chi2.isf(found[f"{axis}.b0"].p_value, 4) for axis in ("ax", "ay"))
     assert found["b0"].p_value == pytest.approx(stats.chi2.sf(chi2, 8), rel=1e-9)
     assert found["ay.b0"].mean[1, 2] == next(
-        e.mean for e in every if (e.unit, e.session, e.component, e.term) == ("B", "3", "ay", "b0")
+        e.term.full_mean
+        for e in every
+        if (e.unit, e.session, e.component, e.term.name) == ("B", "3", "ay", "b0")
     )
 
 
@@ -195,7 +205,7 @@ def test_axes_together_have_in_common_what_their_own_units_have():
     """A cause that moves x one way and z the other moves all units alike."""
     moved = {"ax": (0.0, 1.0, 2.0), "az": (3.0, 1.0, -4.0)}
     every = [
-        SessionEstimate(unit, f"{k}", axis, "b0", "m/s^2", "mg", shift, 1e-3, 1e3)
+        told(unit, f"{k}", axis, "b0", shift, 1e-3, 1e3)
         for unit in ("A", "B", "C")
         for axis, shifts in moved.items()
         for k, shift in enumerate(shifts)
@@ -215,7 +225,7 @@ def test_one_study_in_a_hundred_finds_a_change_where_sessions_differ_by_their_er
     alarms = 0
     for _ in range(studies):
         found = repeatability(
-            SessionEstimate("A", session, "", name, "m/s^2", "mg", rng.normal(0.0, 1e-3), 1e-3, 1e3)
+            told("A", session, "", name, rng.normal(0.0, 1e-3), 1e-3, 1e3)
             for session in ("1", "2")
             for name in names
         )
