@@ -12,8 +12,7 @@ from scipy.signal import lfilter
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.simulate import synthesise
-from imubayes.sensors.noise import Noise
-from imubayes.sensors.noise_processes import NoiseProcesses
+from imubayes.sensors.noise import Noise, NoiseProcesses
 
 
 def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.random.Generator) -> FloatArray:

@@ -23,7 +23,7 @@ from scipy.special import gammaincinv
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_limits import Spectrum, density
 from imubayes.rig.inputs import between_gaps
-from imubayes.sensors.noise_processes import NoiseProcesses, shares
+from imubayes.sensors.noise import NoiseProcesses, shares
 
 EVERY = 4096
 """Fourier frequencies that are all taken; above them as many stand for their neighbours."""

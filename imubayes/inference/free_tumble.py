@@ -52,8 +52,7 @@ from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_s
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, Run, durations
-from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import STANDARD_GRAVITY, counted
 
 FEWEST = 9

@@ -16,7 +16,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_model import NoiseModel, likelihood_of
-from imubayes.sensors.noise_processes import NoiseProcesses, ProcessPrior
+from imubayes.sensors.noise import NoiseProcesses, ProcessPrior
 
 EVIDENCE = math.log(19.0)
 """Nats of evidence that make a process needed."""

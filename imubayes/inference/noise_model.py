@@ -38,8 +38,7 @@ from imubayes.inference.whiten import (
     white,
     whiten_on,
 )
-from imubayes.sensors.noise import Noise, flicker
-from imubayes.sensors.noise_processes import LogNormal, NoiseProcesses, ProcessPrior, vague_prior
+from imubayes.sensors.noise import LogNormal, Noise, NoiseProcesses, ProcessPrior, flicker, vague_prior
 
 RANK = 1e-10
 """Singular values of the scaled mean's columns below this share of the largest are left out."""

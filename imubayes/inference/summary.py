@@ -26,8 +26,8 @@ from imubayes.inference.noise_model import NoiseEstimate, estimate, span
 from imubayes.inference.noise_rows import noise_blocks
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
-from imubayes.sensors.catalogue import SensorClass, noise_prior
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.catalogue import SensorClass
+from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 from imubayes.sensors.terms import Library
 
 Rules = Mapping[str, NoiseRule]

@@ -28,8 +28,7 @@ from imubayes.ladder.regression import EXHAUSTIVE, by_bic
 from imubayes.selection.effects import effects_of, log_evidence, refitted
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_prior import log_model_prior
-from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import Noise, noise_prior
 
 BLOCKS = 400
 """Blocks that a run is averaged to where the noise is moved: it is the change that counts."""

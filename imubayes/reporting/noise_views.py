@@ -37,7 +37,7 @@ from imubayes.reporting.rounding import (
 )
 from imubayes.reporting.rows import ENDS, noise_cells, noise_origin
 from imubayes.selection.verdicts import listed
-from imubayes.sensors.noise_processes import NAMES
+from imubayes.sensors.noise import NAMES
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult

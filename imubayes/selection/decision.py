@@ -17,6 +17,7 @@ from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
+from imubayes.selection.digits import digits_of
 from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, draw, limit, probability_within
 from imubayes.selection.model_prior import hierarchy
@@ -24,7 +25,6 @@ from imubayes.selection.models import (
     Models,
     average,
     components_given,
-    digits_of,
     inclusion_given,
     inclusion_of_any,
 )

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.digits import Digits, norms
-from imubayes.inference.summary import Summary
-from imubayes.selection.digits import Judged, trustworthy_digits
+from imubayes.algebra.digits import Digits
+from imubayes.selection.digits import digits_of
 from imubayes.selection.mixture import (
     Candidates,
     Components,
@@ -23,9 +22,6 @@ from imubayes.selection.spaces import Every, Space, Totals, heaviest, listed, st
 
 NO_SCALE = np.array([math.nan])
 """In place of the nodes of a noise scale that was integrated out."""
-
-PEAK = 6.0
-"""Standard deviations of white noise that its largest sample reaches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,61 +78,6 @@ class Models:
     def digits(self) -> Digits:
         """Digits that the arithmetic leaves, of rows that were given as white."""
         return digits_of(self)
-
-
-def digits_of(models: Models, summary: Summary | None = None) -> Digits:
-    """Digits of a posterior that the arithmetic leaves, the fewest at any noise that it is averaged over.
-
-    Parameters
-    ----------
-    models : the posterior.
-    summary : of the runs behind it; None where the rows were given as white.
-    """
-    before = 1.0 if summary is None else backing(summary, models)
-    found = [trustworthy_digits(_judged(part), before) for _, part in models.parts or ((1.0, models),)]
-    return Digits(
-        coefficients=min(one.coefficients for one in found),
-        sd=min(one.sd for one in found),
-        log_evidence=min(one.log_evidence for one in found),
-        inclusion=min(one.inclusion for one in found),
-    )
-
-
-def _judged(models: Models) -> Judged:
-    inclusion = dict(zip(models.names, models.inclusion.tolist(), strict=True))
-    return Judged(
-        candidates=models.candidates,
-        components=models.components,
-        inclusion=np.array([inclusion[name] for name in models.candidates.names]),
-        log_evidence=models.log_evidence,
-        error=models.quadrature,
-        missing=1.0 if math.isnan(models.missing) else models.missing + models.error,
-    )
-
-
-def backing(summary: Summary, models: Models) -> FloatArray | float:
-    """Size of each column, and of the response, before whitening over that after, at least 1.
-
-    Whitening takes differences of neighbours, so that it keeps the rounding of what it takes away.
-
-    Parameters
-    ----------
-    summary : of runs; arrays from elsewhere were white as they came.
-    models : whose columns these are.
-    """
-    f, runs = summary.factor, [run for run in summary.runs if run.noise.N > 0.0]
-    if not runs:
-        return 1.0
-    theta = dict(zip(models.names, np.abs(models.mean).tolist(), strict=True))
-    explained = np.array([theta.get(name, 0.0) for name in f.names])
-    parts = []
-    for run in runs:
-        white = run.noise.N / math.sqrt(run.interval)
-        largest = np.append(run.reach, run.reach @ explained + PEAK * white)
-        parts.append(math.sqrt(run.samples) / white * largest)
-    after = norms(f.R)
-    ratio = np.linalg.norm(parts, axis=0) / np.where(after > 0.0, after, np.inf)
-    return np.maximum(ratio, 1.0)[[*(f.names.index(name) for name in models.candidates.columns), f.p]]
 
 
 def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:

@@ -25,7 +25,7 @@ from imubayes.inference.noise_model import NoiseModel, process_model, span
 from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
-from imubayes.sensors.noise_processes import (
+from imubayes.sensors.noise import (
     OPTIONAL,
     NoiseProcesses,
     Process,

@@ -157,29 +157,6 @@ def search(
     return found if found.certified else _walk(scaled, problem, found, rest, rng)
 
 
-def weigh(
-    T: FloatArray, log_width: FloatArray, scale: float, log_prior: FloatArray, inside: BoolArray
-) -> FloatArray:
-    """Log joint probability (m,) of given models, inside (m, p), as `search` defines it.
-
-    Columns that most models have come first and the models are sorted, so that neighbours share most of their
-    reflections: about a microsecond a model of a dozen columns.
-    """
-    from imubayes.selection.model_walk import log_joints
-
-    p = len(log_width)
-    order = np.argsort(-inside.sum(axis=0), kind="stable")
-    scaled = (T / np.append(np.exp(log_width), 1.0))[:, np.append(order, p)]
-    sorted_bits = np.ascontiguousarray(inside[:, order])
-    by_prefix = np.lexsort(tuple(np.packbits(sorted_bits, axis=1).T[::-1])) if len(inside) else []
-    out = np.empty(len(inside))
-    ordered = np.empty(len(inside))
-    turned = np.ascontiguousarray(np.linalg.qr(scaled, mode="r"))
-    log_joints(turned, 2.0 * scale**2, np.asarray(log_prior, float), sorted_bits[by_prefix], ordered)
-    out[by_prefix] = ordered
-    return out
-
-
 def _all_needs(needs: tuple[tuple[int, int], ...], p: int) -> BoolArray:
     """(p, p) whether the column of each row needs that of each column, directly or through others."""
     required = np.zeros((p, p), dtype=bool)

@@ -103,23 +103,6 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     return _heated_sd(sensor_class, base, int(heat[1:] or 1), sd) if heat else (sd, origin)
 
 
-def noise_prior(
-    sensor_class: SensorClass,
-) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-    """Log-normal priors of N, B and K: (median in SI, sd of the logarithm) of each.
-
-    The median is the class's typical value, and its low and high are the 5 % and 95 % points.
-
-    Examples
-    --------
-    >>> white, floor, walk = noise_prior(sensor("mems_industrial", kind="accelerometer"))
-    >>> round(white[0] / 9.80665e-6, 6), round(white[1], 4)
-    (60.0, 0.6999)
-    """
-    white, floor, walk = (_log_normal(sensor_class.noise[name]) for name in ("N", "B", "K"))
-    return white, floor, walk
-
-
 def typical_noise(sensor_class: SensorClass) -> Noise:
     """Typical noise of a class, SI."""
     N, B, K = (sensor_class.noise[name][1] for name in ("N", "B", "K"))
@@ -253,13 +236,6 @@ def figure_symbols(entry: SensorClass, key: str) -> tuple[str, ...]:
     )
 
 
-_NORMAL_95 = 1.6448536269514722
-"""95 % point of the standard normal distribution."""
-
-
-def _log_normal(values: Range) -> tuple[float, float]:
-    low, typical, high = values
-    return typical, math.log(high / low) / (2.0 * _NORMAL_95)
 
 
 _SHARES: dict[str, dict[str, dict[str, float]]] = {

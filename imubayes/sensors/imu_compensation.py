@@ -1,4 +1,4 @@
-"""The inverse of an IMU's model: true inputs from outputs, proved over a stated range.
+"""The inverse of an IMU's model: true inputs from outputs, proved over a stated range, and what is left then.
 
 The basic model (bias, scale factor, misalignment) is inverted in closed form, ``x = (I + M)^-1 (y - b)``.
 Every other one by the fixed point ``x <- y - D(clip(x))``, whose convergence and uniqueness over the range
@@ -12,6 +12,7 @@ output's sign decides, and the input is off by ``2 |b0'|``, over the slope of th
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +30,7 @@ from imubayes.sensors.imu import (
     table_of,
 )
 from imubayes.sensors.imu_range import InputRange, described, rounds
-from imubayes.sensors.terms import Factor, Term, column
+from imubayes.sensors.terms import Factor, Term, column, columns
 
 BASIC = ("b0", "b1", "m_j", "m_k")
 """Terms of the basic model."""
@@ -173,3 +174,87 @@ def _outside(row: int, rows: int, name: str, within: InputRange) -> str:
         f"row {row}: {name} lies outside of the range that the compensation is valid for, {described(within)}"
         f" ({rows} {'row' if rows == 1 else 'rows'} in all): remove such rows, or state a larger range"
     )
+
+
+def error_covariance(imu: Imu, covariance: FloatArray, inputs: Signals) -> FloatArray:
+    """Covariance (n, 6, 6) of the remaining error at each row, to first order: ``J C J'``.
+
+    ``J = -(dF/dx)^-1 X``, F the outputs and X the six components' regressors.
+
+    Parameters
+    ----------
+    imu : at the coefficients that the compensation uses.
+    covariance : (p, p) of all coefficients, in the order of the components and their terms.
+    inputs : the n rows.
+
+    Raises
+    ------
+    InputError : if the covariance does not fit the number of coefficients.
+    """
+    X = regressors(imu, inputs)
+    p = X.shape[2]
+    if covariance.shape != (p, p):
+        raise InputError(f"covariance of shape {covariance.shape}: expected {(p, p)}, one row a coefficient")
+    J = -np.linalg.solve(jacobian(imu, inputs), X)
+    return J @ covariance @ J.transpose(0, 2, 1)
+
+
+def regressors(imu: Imu, inputs: Signals) -> FloatArray:
+    """Regressors (n, 6, p) of all components, each at its sense point."""
+    blocks = [
+        columns(component.library, component_channels(name, sensed(imu, c, inputs)), len(inputs.f))
+        for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True))
+    ]
+    X = np.zeros((len(inputs.f), 6, sum(block.shape[1] for block in blocks)))
+    ends = np.cumsum([0, *(block.shape[1] for block in blocks)])
+    for c, block in enumerate(blocks):
+        X[:, c, ends[c] : ends[c + 1]] = block
+    return X
+
+
+def jacobian(imu: Imu, inputs: Signals) -> FloatArray:
+    """Slopes (n, 6, 6) of the outputs in f and w along the case axes; of a jump at zero none."""
+    slopes = np.zeros((len(inputs.f), 6, 6))
+    for c in range(6):
+        slopes[:, c, :] = _term_slopes(imu, c, inputs)
+        slopes[:, c, c] += 1.0
+        if c < 3:
+            slopes[:, c, 3:] += np.einsum("ne,ned->nd", slopes[:, c, :3], _turn(imu.levers[c], inputs.w))
+    return slopes
+
+
+def sensed(imu: Imu, c: int, inputs: Signals) -> Signals:
+    """Inputs at the sense point of component number c."""
+    if c >= 3 or not imu.levers[c].any():
+        return inputs
+    r = imu.levers[c]
+    size = np.cross(inputs.w, np.cross(inputs.w, r)) + np.cross(inputs.dw, r)
+    return replace(inputs, f=inputs.f + size)
+
+
+def _turn(r: FloatArray, w: FloatArray) -> FloatArray:
+    """Slopes (n, 3, 3) of ``w (w.r) - r (w.w)`` in w."""
+    along = w @ r
+    return along[:, None, None] * np.eye(3) + w[:, :, None] * r - 2.0 * r[:, None] * w[:, None, :]
+
+
+def _term_slopes(imu: Imu, c: int, inputs: Signals) -> FloatArray:
+    name, component = COMPONENTS[c], imu.components[c]
+    channels = component_channels(name, sensed(imu, c, inputs))
+    slopes = np.zeros((len(inputs.f), 6))
+    for q, axis in ((q, axis) for q in "fw" for axis in range(3)):
+        channel = f"{q}_{'ijk'[axis]}"
+        for term, theta in zip(component.library.terms, component.theta, strict=True):
+            slopes[:, axes_of(name)[axis] + 3 * "fw".index(q)] += theta * _slope(term, channel, channels)
+    return slopes
+
+
+def _slope(term: Term, channel: str, channels: Mapping[str, FloatArray]) -> FloatArray | float:
+    """Derivative of a regressor in one of its inputs, by the product rule."""
+    total: FloatArray | float = 0.0
+    for q, factor in enumerate(term.factors):
+        if factor.channel == channel and factor.power:
+            lower = Factor(channel, factor.power - 1, factor.signed)
+            factors: Sequence[Factor] = (*term.factors[:q], lower, *term.factors[q + 1 :])
+            total = total + factor.power * column(replace(term, factors=tuple(factors)), channels)
+    return total

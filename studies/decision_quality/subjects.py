@@ -17,8 +17,8 @@ from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.simulate import simulate
 from imubayes.rig.tumbles import tumble
-from imubayes.sensors.catalogue import SensorClass, classes, coupled, noise_prior
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.catalogue import SensorClass, classes, coupled
+from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
 

@@ -25,8 +25,7 @@ from imubayes.inference.mcmc.run import sample
 from imubayes.inference.whiten import marginal_variance, mattering
 from imubayes.population.processes import Progress, shared
 from imubayes.rig.inputs import Run, durations
-from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import Noise, noise_prior
 
 SENSOR = ib.sensor("mems_tactical", kind="accelerometer")
 LIBRARY = ib.library("accelerometer", powers=2, asymmetry=-1)

@@ -28,8 +28,7 @@ from imubayes.inference.mcmc.run import sample
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.whiten import mattering, whiten
-from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 from imubayes.study.schema import read_runs, read_study
 from studies.sampler_speed.full_data import (
     FreeNoise,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.sensors.catalogue import noise_prior
+from imubayes.sensors.noise import noise_prior
 
 CASES = (("accelerometer", "mems_industrial"), ("accelerometer", "mems_tactical"),
          ("gyroscope", "mems_tactical"), ("gyroscope", "fog_navigation"))  # fmt: skip

@@ -14,7 +14,7 @@ from imubayes.inference.allan import (
     fit_allan,
     log_covariance,
 )
-from imubayes.sensors.noise_processes import NoiseProcesses
+from imubayes.sensors.noise import NoiseProcesses
 
 SAMPLES = 4000
 TAU = np.array([1.0, 2.0, 5.0, 10.0, 50.0, 200.0])

@@ -14,7 +14,7 @@ from imubayes.inference.noise_rows import noise_rows
 from imubayes.inference.stills import find_stills
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
+from imubayes.sensors.noise import NoiseProcesses, class_prior
 from imubayes.sensors.terms import Library, library
 
 G, DT, SAMPLES, MOVING = 9.81, 0.01, 500, 60

@@ -11,7 +11,7 @@ from imubayes.inference.noise_fit import fit_draws, fit_mode, parameters
 from imubayes.inference.noise_model import likelihood_of, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
+from imubayes.sensors.noise import NoiseProcesses, class_prior
 
 INTERVAL = 1.0
 PRIOR = class_prior(sensor("mems_consumer", kind="gyroscope"), INTERVAL)

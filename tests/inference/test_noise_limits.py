@@ -10,7 +10,7 @@ from imubayes.inference.noise_limits import Spectrum, density, detection_limits,
 from imubayes.inference.noise_model import process_model
 from imubayes.inference.noise_rows import NoiseRows, piece_edges
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
+from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, class_prior
 
 FOG = sensor("fog_tactical", kind="gyroscope")
 INTERVAL = 0.1

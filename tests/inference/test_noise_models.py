@@ -10,8 +10,7 @@ from scipy.stats import multivariate_normal
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_model import likelihood, likelihood_of, process_model
 from imubayes.inference.noise_rows import NoiseRows, noise_rows, piece_edges
-from imubayes.sensors.noise import flicker
-from imubayes.sensors.noise_processes import NoiseProcesses, vague_prior
+from imubayes.sensors.noise import NoiseProcesses, flicker, vague_prior
 
 INTERVAL = 0.5
 PRIOR = vague_prior(1.0, 100.0, INTERVAL)

@@ -13,7 +13,7 @@ from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.selection.noise_choice import identify_noise
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise_processes import NoiseProcesses, class_prior
+from imubayes.sensors.noise import NoiseProcesses, class_prior
 from imubayes.sensors.terms import library
 
 SAMPLES, INTERVAL, STRETCH = 60_000, 0.1, 8192

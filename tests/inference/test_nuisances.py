@@ -19,8 +19,8 @@ from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
 from imubayes.rig.reference import KINDS, TILT
-from imubayes.sensors.catalogue import draw_unit, noise_prior
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.catalogue import draw_unit
+from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 
 ARCSEC = math.pi / 648000.0
 LIB = ib.library("accelerometer")

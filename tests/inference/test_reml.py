@@ -13,8 +13,7 @@ from imubayes.inference.linear import Linear, block_edges, blocks_of, linear_of,
 from imubayes.inference.noise_model import NBK, Cost, estimate, nbk_model
 from imubayes.inference.whiten import processes
 from imubayes.rig.simulate import synthesise
-from imubayes.sensors.catalogue import noise_prior
-from imubayes.sensors.noise import Noise, allan_variance
+from imubayes.sensors.noise import Noise, allan_variance, noise_prior
 
 INDUSTRIAL = ib.sensor("mems_industrial", kind="accelerometer")
 LIBRARY = ib.library("accelerometer")

@@ -16,7 +16,7 @@ from imubayes.reporting.noise_views import (
     published_processes,
 )
 from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
-from imubayes.sensors.noise_processes import NoiseProcesses
+from imubayes.sensors.noise import NoiseProcesses
 from imubayes.units import factor
 
 ARW = factor("deg/sqrt(h)", like="rad/s/sqrt(Hz)")

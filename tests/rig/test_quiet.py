@@ -6,7 +6,7 @@ from quiet_logs import quiet_log
 
 from imubayes.errors import InputError
 from imubayes.inference.allan import allan_deviation, log_covariance
-from imubayes.sensors.noise_processes import NoiseProcesses, shares
+from imubayes.sensors.noise import NoiseProcesses, shares
 
 SAMPLES, INTERVAL, LOGS = 4000, 0.5, 30
 

@@ -18,7 +18,7 @@ from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, noise_of
 from imubayes.sensors.catalogue import classes, sensor
-from imubayes.sensors.noise_processes import OPTIONAL, NoiseProcesses, class_prior
+from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, class_prior
 from imubayes.sensors.terms import library
 
 CONSUMER = sensor("mems_consumer", kind="gyroscope")

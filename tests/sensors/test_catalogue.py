@@ -12,12 +12,12 @@ from imubayes.errors import TermError
 from imubayes.sensors.catalogue import (
     classes,
     draw_unit,
-    noise_prior,
     prior_sd,
     reference_errors,
     sensor,
     terms_of,
 )
+from imubayes.sensors.noise import noise_prior
 from imubayes.sensors.terms import Library, Term, library
 from imubayes.units import factor
 

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from imubayes.errors import InputError
 from imubayes.sensors.catalogue import draw_unit, prior_sd, sensor
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, forward, imu_of, kind_of, signals
-from imubayes.sensors.imu_error import error_covariance, error_draws, jacobian, remaining_error
+from imubayes.sensors.imu_compensation import compensate, error_covariance, jacobian
 from imubayes.sensors.imu_range import input_range
 from imubayes.sensors.terms import library
 
@@ -57,40 +57,23 @@ def test_the_first_order_covariance_is_that_of_exact_draws():
         name: c.theta + sd[name] * rng.normal(size=(m, len(c.theta)))
         for name, c in zip(COMPONENTS, imu.components, strict=True)
     }
-    errors = error_draws(imu, draws, inputs, WITHIN)
+    errors = []
+    for k in range(m):
+        unit = Imu(
+            tuple(Component(c.library, draws[n][k]) for n, c in zip(COMPONENTS, imu.components, strict=True)),
+            imu.levers,
+        )
+        found = compensate(imu, forward(unit, inputs), WITHIN)
+        errors.append(np.hstack([found.f - inputs.f, found.w - inputs.w]))
     covariance = error_covariance(imu, block_diag(*(np.diag(s**2) for s in sd.values())), inputs)
-    found = np.einsum("mna,mnb->nab", errors, errors) / m
+    found = np.einsum("mna,mnb->nab", np.array(errors), np.array(errors)) / m
     size = np.sqrt(np.einsum("naa->na", covariance))
     scale = size[:, :, None] * size[:, None, :]
     # a sample covariance over m draws has an sd of sqrt((1 + r^2) / m) at most sqrt(2 / m)
     assert (np.abs(found - covariance) / scale).max() < 4.5 * np.sqrt(2.0 / m)
 
 
-def test_an_imu_that_is_compensated_with_the_truth_has_no_error_left():
-    imu, _ = tactical(6)
-    assert np.abs(remaining_error(imu, imu, motion(7, 200), WITHIN)).max() < 50.0 * 1e-12
-
-
-def test_a_bias_that_is_off_by_delta_leaves_minus_delta_over_the_gain():
-    lib = library("accelerometer", powers=1, asymmetry=-1)
-
-    def unit(b0):
-        return imu_of(
-            {"ax": Component(lib, np.array([{"b0": b0, "b1": 0.25}.get(n, 0.0) for n in lib.names]))}
-        )
-
-    left = remaining_error(unit(0.0), unit(0.01), signals([[3.0, 0.0, 0.0]]), WITHIN)
-    assert left[0, 0] == pytest.approx(-0.01 / 1.25, rel=1e-10)
-
-
 def test_a_covariance_of_another_size_is_refused():
     imu, _ = tactical(8)
     with pytest.raises(InputError, match=r"expected \(1"):
         error_covariance(imu, np.eye(3), motion(9, 2))
-
-
-def test_draws_of_different_numbers_are_refused():
-    imu, _ = tactical(8)
-    p = len(imu.components[0].theta)
-    with pytest.raises(InputError, match="as many of each"):
-        error_draws(imu, {"ax": np.zeros((2, p)), "ay": np.zeros((3, p))}, motion(9, 2), WITHIN)

@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from imubayes.inference.noise_limits import Spectrum, density
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise_processes import (
+from imubayes.sensors.noise import (
     NoiseProcesses,
     class_prior,
     gauss_markov_variance,
