@@ -41,7 +41,7 @@ MONTE_CARLO = 0.2
 """Posterior sds; of a mean over chains, whose path another build of the linear algebra changes."""
 
 CORRECT_DIGITS = 1.0
-"""Of the digits that turn out correct at the extremes: what is beyond them is rounding, another build another."""
+"""Of the digits that turn out correct at the extremes: where they end is rounding, of one build."""
 
 
 SDS = ("sd", "full_sd")

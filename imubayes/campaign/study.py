@@ -22,7 +22,7 @@ from imubayes.inference.summary import RunSummary
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
-from imubayes.scenes.relevance import Relevance
+from imubayes.scenes.relevance import CaseRelevance, Relevance
 from imubayes.selection.decision import Selection
 from imubayes.selection.noise_choice import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
@@ -236,12 +236,13 @@ class SensorResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResult:
-    """Results of a study, an entry for each component; of scenes with its id, scene by scene."""
+    """Results of a study, an entry for each component; of scenes with its id or that of its case."""
 
     study: Study
     sensors: tuple[SensorResult, ...]
     sessions: tuple[Repeatability, ...] = ()
     scenes: tuple[tuple[str, Relevance], ...] = ()
+    case_scenes: tuple[tuple[str, CaseRelevance], ...] = ()
     classes: tuple[ClassInCommon, ...] = ()
 
 

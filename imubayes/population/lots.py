@@ -19,16 +19,8 @@ from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
 from imubayes.rig.recordings import RunSpec
-from imubayes.scenes.relevance import (
-    MATTERS,
-    SURE,
-    Exposure,
-    Knowledge,
-    Relevance,
-    exposure,
-    left_over,
-    weigh,
-)
+from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
+from imubayes.scenes.smallest import SURE, Knowledge, left_over
 from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.lots import Lot, draw_lot

@@ -10,16 +10,30 @@ import numpy as np
 from markupsafe import Markup
 from scipy.stats import binomtest
 
-from imubayes.reporting.blocks import LEGEND, Figure, Prose, Section, Table, Text, bar, quiet, shape, verdict
+from imubayes.reporting.blocks import (
+    LEGEND,
+    Block,
+    Figure,
+    Prose,
+    Section,
+    Table,
+    Text,
+    bar,
+    quiet,
+    shape,
+    verdict,
+)
 from imubayes.reporting.figures import KNOWN, recovered
-from imubayes.reporting.result.entries import Case, RecoveredErrors
+from imubayes.reporting.result.entries import Case, CaseInScene, RecoveredErrors
 from imubayes.reporting.result.values import Pooled, published
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
+from imubayes.reporting.scene_words import case_sentences
 from imubayes.selection.verdicts import EQUAL, Costs, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.recovered import Recovered
+    from imubayes.scenes.relevance import CaseRelevance
 
 Cases = Mapping[str, Sequence["SensorResult"]]
 """Components that were found together, by the id of their sensor."""
@@ -185,18 +199,28 @@ def cases_section(cases: Cases) -> Section:
     return Section("Raw and compensated", [table], "cases")
 
 
-def case_section(name: str, key: str, sensors: Sequence[SensorResult], costs: Costs) -> Section:
-    """One case: its known quantities, how its axes lie, and what each kind needs.
+def case_section(
+    name: str,
+    key: str,
+    sensors: Sequence[SensorResult],
+    costs: Costs,
+    scenes: Sequence[CaseRelevance] = (),
+) -> Section:
+    """One case: its known quantities, how its axes lie, what each kind and each scene needs.
 
     Parameters
     ----------
     key : its anchor, which keeps its figures apart.
+    scenes : what each requires of all components together.
     """
     parts = [_recovered_section(name, key, sensors[0].recovered)] if sensors[0].recovered else []
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
     parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
-    last = [Prose(POOLED_NOTE, "note")] if kinds else []
+    last: list[Block] = [Prose(POOLED_NOTE, "note")] if kinds else []
+    if scenes:
+        said = [pretty(" ".join(case_sentences(found, name))) for found in scenes]
+        last.append(Section("What the scenes require of all components together", [Prose(said, "list")]))
     return Section(f"{name} as a whole", [*parts, *last], key)
 
 
@@ -369,7 +393,13 @@ def published_cases(result: StudyResult) -> Iterator[Case]:
             kind: {term: Pooled(inclusion=inclusion, verdict=word) for term, _, inclusion, word in rows}
             for kind, rows in kinds.items()
         }
-        yield Case(id=name, recovered=tuple(map(_published, sensors[0].recovered)), pooled=pooled)
+        recovered_errors = tuple(map(_published, sensors[0].recovered))
+        scenes = tuple(
+            published(CaseInScene, found, within_budget=found.met)
+            for one, found in result.case_scenes
+            if one == name
+        )
+        yield Case(id=name, recovered=recovered_errors, pooled=pooled, scenes=scenes)
 
 
 def _published(one: Recovered) -> RecoveredErrors:

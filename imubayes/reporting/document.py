@@ -164,7 +164,8 @@ def _overview(result: StudyResult) -> Iterator[Block]:
 def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
     if len(cases) <= MOST_DRAWN:
         for k, (name, found) in enumerate(cases.items(), 1):
-            yield case_section(name, f"case{k}", found, result.study.costs)
+            scenes = [scene for one, scene in result.case_scenes if one == name]
+            yield case_section(name, f"case{k}", found, result.study.costs, scenes)
     elif any(found[0].recovered for found in cases.values()):
         yield cases_section(cases)
 

@@ -31,7 +31,7 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.scenes.relevance import Relevance, TermRelevance
+    from imubayes.scenes.relevance import CaseRelevance, Relevance, TermRelevance
     from imubayes.sensors.terms import Kind
 
 MOST_NAMES = 6
@@ -47,8 +47,9 @@ SIGNS: dict[str, str] = dict(zip(QUADRANTS, "●○▲×", strict=True))
 """Shape of each quadrant of inclusion and relevance."""
 
 ASSUMED = (
-    "straight and level, one axis, heading fixed; the error is looked at over the whole mission, and the"
-    " terms that are kept are compensated with their posterior means"
+    "errors are fixed in the case and turn with it; of velocity and position the horizontal error counts, of"
+    " attitude and in free flight that of all three axes, at its largest over the mission; the terms kept are"
+    " compensated with their posterior means, and take up what they can of the others over the scene"
 )
 
 
@@ -58,32 +59,32 @@ HEAD = (
 )  # fmt: skip
 
 
-def printed_unit(found: Relevance) -> tuple[str, float]:
+def printed_unit(found: Relevance | CaseRelevance) -> tuple[str, float]:
     """Unit of a relevance's budget as people use it, and its size in SI."""
     return budget_unit(found.budget.quantity, found.kind)
 
 
-def budget_unit(quantity: str, kind: Kind) -> tuple[str, float]:
-    """Unit of a budget as people use it, and its size in SI.
+def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
+    """Unit of a budget as people use it, and its size in SI; the kind decides on that of the output.
 
     Examples
     --------
     >>> budget_unit("velocity", "gyroscope")
     ('m/s', 1.0)
     """
-    if quantity == "output":
+    if quantity == "output" and kind is not None:
         return OUTPUT_UNIT[kind], per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     unit = UNITS[quantity]
     return unit, math.radians(1.0) if unit == "deg" else 1.0
 
 
-def amount(found: Relevance, value: float) -> str:
+def amount(found: Relevance | CaseRelevance, value: float) -> str:
     """Size of an error in the unit of the budget, two digits."""
     unit, size = printed_unit(found)
     return str(measured(value / size, 0.0, unit))
 
 
-def limit(found: Relevance, value: float) -> str:
+def limit(found: Relevance | CaseRelevance, value: float) -> str:
     """Upper limit of an error in the unit of the budget, rounded up."""
     unit, size = printed_unit(found)
     return str(below(value / size, unit))
@@ -91,24 +92,51 @@ def limit(found: Relevance, value: float) -> str:
 
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
     """Say what a scene requires: the model, what is left, what could still matter; units in ASCII."""
-    sentences = (_opening(found, sensor), _costs(found), _idle(found), _open(found), _noise(found))
+    first = _opening(found, sensor, _enough(found), f", most of it in {_unknown(found)}")
+    sentences = (first, _tested(found), _costs(found), _idle(found), _open(found), _noise(found))
     return tuple(text for text in sentences if text)
 
 
-def _opening(found: Relevance, sensor: str) -> str:
+def case_sentences(found: CaseRelevance, name: str) -> tuple[str, ...]:
+    """Say what a scene requires of all components of a case together; units in ASCII."""
+    kept = [f"{one.rpartition('.')[2]}: {_named(terms)}" for one, terms in found.models.items() if terms]
+    count = sum(map(len, found.models.values()))
+    enough = "no term needs to be modelled"
+    if kept:
+        be = "is" if count == 1 else "are"
+        enough = f"{count} of {counted(found.candidates, 'term')} {be} enough ({'; '.join(kept)})"
+    left = f"What is left stays below {limit(found, found.left[1])} with 95 %"
+    whole = f"without any compensation it would be {amount(found, found.uncompensated[0])}"
+    first = _opening(found, f"{name}, its {len(found.models)} components together,", enough, "")
+    return tuple(text for text in (first, f"{left}; {whole}.", _noise(found)) if text)
+
+
+def _opening(found: Relevance | CaseRelevance, sensor: str, enough: str, most: str) -> str:
     what = "rms error of the output" if found.budget.quantity == "output" else found.budget.quantity
     where = (
         f"{sensor} in {found.scene} ({duration(found.duration)}, budget {amount(found, found.budget.limit)}"
         f" of {what})"
     )
     if found.met:
-        return f"{where}: {_enough(found)}."
+        return f"{where}: {enough}."
     return (
         f"{where}: no model of this library stays within the budget with 95 %, for the calibration leaves up"
-        f" to {limit(found, found.calibrated[1])} with every term kept, most of it in {_unknown(found)}."
-        f" What is left out would stay within it: {_enough(found)}. Calibrate better, or with a test that"
-        " sees more."
+        f" to {limit(found, found.calibrated[1])} with every term kept{most}. What is left out would stay"
+        f" within it: {enough}. Calibrate better, or with a test that sees more."
     )
+
+
+def _tested(found: Relevance) -> str:
+    """What is enough where the test's inputs decide what the terms that are kept take up of the others."""
+    if found.tested_model is None:
+        return ""
+    names = found.tested_model
+    if set(names) == set(found.model):
+        enough = "the same are enough" if names else "none is needed either"
+    else:
+        be = "is" if len(names) == 1 else "are"
+        enough = f"{counted(len(names), 'term')}, {_named(names)}, {be} enough" if names else "none is needed"
+    return f"With a calibration over the inputs of this test, {enough}."
 
 
 def _unknown(found: Relevance) -> str:
@@ -166,7 +194,7 @@ def _open(found: Relevance) -> str:
     )
 
 
-def _noise(found: Relevance) -> str:
+def _noise(found: Relevance | CaseRelevance) -> str:
     total = math.hypot(*found.noise)
     if total == 0.0:
         return ""

@@ -31,7 +31,7 @@ from imubayes.reporting.rows import (
     shortened,
     term_rows,
 )
-from imubayes.reporting.scene_words import scene_sentences
+from imubayes.reporting.scene_words import case_sentences, scene_sentences
 from imubayes.reporting.session_views import session_sentence
 from imubayes.reporting.terminal import indented, printable
 from imubayes.reporting.words import (
@@ -94,7 +94,8 @@ def terminal_summary(result: StudyResult) -> Group:
             Text(),
         ]
     if result.scenes:
-        told = (indented(scene_sentences(found, sensor)[0]) for sensor, found in result.scenes)
+        told = [indented(scene_sentences(found, sensor)[0]) for sensor, found in result.scenes]
+        told += [indented(case_sentences(found, name)[0]) for name, found in result.case_scenes]
         parts += [Text("scenes", style="bold"), *told, Text()]
     return Group(*parts)
 

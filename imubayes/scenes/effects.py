@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from imubayes.rig.inputs import Inputs
 from imubayes.rig.shaking import mean_columns
 from imubayes.scenes.propagation import Budget, Propagation, errors_at, propagation
 from imubayes.scenes.record import Scene, in_case
-from imubayes.sensors.terms import Factor, Library, columns, tied
+from imubayes.sensors.terms import Factor, Kind, Library, columns, tied
 
 TIMES = 120
 """Times over the mission at which an error is looked at."""
@@ -56,7 +56,7 @@ def output_effects(scene: Scene, lib: Library, axis: str = "x") -> SceneEffects:
 
     Parameters
     ----------
-    scene : what the sensor will see, vibration included.
+    scene : what the sensor will see, vibration included; n rows in all its draws.
     lib : of the component.
     axis : case axis of the component's input.
 
@@ -70,17 +70,17 @@ def output_effects(scene: Scene, lib: Library, axis: str = "x") -> SceneEffects:
     >>> e.single(np.ones(len(e.names)))[:3].round(9).tolist()
     [1.0, 2.0, 4.0]
     """
-    inputs = in_case(scene.inputs, axis)
-    n, p = len(inputs), len(lib.terms)
+    drawn = [in_case(one.inputs, axis) for one in scene.draws]
     blocks = (
         columns(lib, {name: values[i:j] for name, values in inputs.channels.items()}, j - i)
-        for i, j in row_blocks(n)
+        for inputs in drawn
+        for i, j in row_blocks(len(inputs))
     )
-    return SceneEffects(lib.names, triangular(blocks, p) / np.sqrt(n))
+    return SceneEffects(lib.names, triangular(blocks, len(lib.terms)) / np.sqrt(sum(map(len, drawn))))
 
 
 def budget_effects(
-    scene: Scene, lib: Library, budget: Budget, axis: str = "x", passed: Propagation | None = None
+    scene: Scene, lib: Library, budget: Budget, axis: str = "x", passed: Sequence[Propagation] = ()
 ) -> SceneEffects:
     """Effect on what is budgeted, over a scene.
 
@@ -90,18 +90,31 @@ def budget_effects(
     lib : of the component.
     budget : what it may come to.
     axis : case axis of the component's input.
-    passed : how errors pass through the scene's record, where it is known already.
+    passed : how errors pass through the records of its draws, where it is known already.
 
     Returns
     -------
-    for attitude, velocity and position, the largest error over the mission: of the columns averaged over
-    vibration, whose oscillations integrate to nothing. Where the mission repeats its record, temperature runs
-    on.
+    for attitude, velocity and position, the largest error over the mission and over the scene's draws: of the
+    columns averaged over vibration, whose oscillations integrate to nothing. Where the mission repeats its
+    record, temperature runs on.
     """
     if budget.quantity == "output":
         return output_effects(scene, lib, axis)
+    passed = passed or propagations(lib.kind, scene, axis, budget)
+    rows = [_errors(one, lib, axis, along) for one, along in zip(scene.draws, passed, strict=True)]
+    read = passed[0].read(budget.quantity)
+    J = read @ np.concatenate(rows)
+    return SceneEffects(lib.names, tied(lib, J.reshape(-1, len(lib.terms))), len(read))
+
+
+def propagations(kind: Kind, scene: Scene, axis: str, budget: Budget) -> tuple[Propagation, ...]:
+    """How errors of a component pass through the records of a scene's draws."""
+    return tuple(propagation(kind, one, axis, schuler=budget.schuler) for one in scene.draws)
+
+
+def _errors(scene: Scene, lib: Library, axis: str, passed: Propagation) -> FloatArray:
+    """Errors (TIMES, 9, p) per unit of each coefficient over one draw of a scene."""
     inputs = in_case(scene.mean_motion, axis)
-    passed = passed or propagation(lib.kind, scene, axis, schuler=budget.schuler)
     times = (scene.duration * np.arange(1, TIMES + 1) / TIMES).tolist()
     heated = np.array([any(_is_heat(factor) for factor in term.factors) for term in lib.terms])
     still = _mean_motion(scene, _some(lib, ~heated), inputs)
@@ -110,8 +123,7 @@ def budget_effects(
     if heated.any():
         columns_of = _warming(scene, _some(lib, heated), inputs)
         J[..., heated] = errors_at(passed, columns_of, times, repeated=False)
-    read = passed.read(budget.quantity)
-    return SceneEffects(lib.names, tied(lib, (read @ J).reshape(-1, len(lib.terms))), len(read))
+    return J
 
 
 def _is_heat(factor: Factor) -> bool:

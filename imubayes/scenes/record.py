@@ -86,6 +86,7 @@ class Scene:
         where the case does not turn.
     course : temperature over the mission; None where it is that of the record, held from its end on. Motion
         is repeated and temperature is not.
+    others : further draws of a generated scene; what is said of it holds over all of them.
     """
 
     name: str
@@ -97,12 +98,18 @@ class Scene:
     notes: tuple[str, ...] = ()
     attitude: FloatArray | None = None
     course: Course | None = None
+    others: tuple[Scene, ...] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
             raise InputError(
                 f"scene '{self.name}' lasts {self.duration:g} s: expected a positive, finite duration"
             )
+
+    @property
+    def draws(self) -> tuple[Scene, ...]:
+        """Return the scene, and the further draws of it."""
+        return (self, *self.others)
 
     @property
     def mean_motion(self) -> Inputs:

@@ -4,29 +4,38 @@ Everything is linear in the coefficients. With ``A`` the rows of what is budgete
 ``sqrt(n)`` for an error of the output, `propagation.errors_at` times over the mission for attitude, velocity
 and position), a sensor whose coefficients are theta and that is compensated with the posterior mean m of the
 terms of a model S is left with ``A (theta - m_S)``. Of the terms that are left out, those that are kept take
-up what they can: a smaller model is calibrated as such, at best over the very scene, so that m_S holds the
-least-squares share of the others on the output. What is left is what nothing that is kept stands for, and
-what the calibration does not know. Its size is the rms for the output and the largest value over the mission
-otherwise. theta is uncertain: all of it is computed over posterior draws.
+up what they can: a smaller model is calibrated as such, at best over the very scene, or as this test would
+calibrate it, so that m_S holds the least-squares share of the others on the output. What is left is what
+nothing that is kept stands for, and what the calibration does not know. Its size is the rms for the output
+and the largest value over the mission otherwise. theta is uncertain: all of it is computed over posterior
+draws.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import InputError
-from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
-from imubayes.scenes.propagation import Budget, noise_growth, output_noise, propagation
+from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects, propagations
+from imubayes.scenes.propagation import Budget, noise_growth, output_noise
 from imubayes.scenes.record import Scene
+from imubayes.scenes.smallest import (
+    Knowledge,
+    Weighed,
+    half_and_most,
+    left_over,
+    names_of,
+    smallest_model,
+)
 from imubayes.selection.decision import Selection
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
-
-SURE = 0.95
-"""Share of the posterior draws that must stay within the budget."""
 
 INTERVAL = (0.05, 0.5, 0.95)
 """Quantiles of a share of the budget: median and 90 % interval."""
@@ -37,30 +46,8 @@ MATTERS = 0.1
 THERE = 0.5
 """Inclusion from which a term is there: the median probability model."""
 
-ALIKE = 1e-9
-"""Singular values, over the largest, below which terms that are kept do the same in a scene."""
-
-EQUAL = 6
-"""Digits after the point to which costs, as shares of the limit, are told apart."""
-
 QUADRANTS = ("there and matters", "there, does not matter", "not shown, could matter", "neither")
 """What inclusion and relevance say of a term together."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Knowledge:
-    """What is known of a component's coefficients, in the order of its library.
-
-    Attributes
-    ----------
-    draws : (m, p) of the posterior, averaged over models: zero where a draw's model lacks the term.
-    inclusion : (p,) posterior probability of each term.
-    limit95 : (p,) what |theta| stays below with 95 % if the term is in the model.
-    """
-
-    draws: FloatArray
-    inclusion: FloatArray
-    limit95: FloatArray
 
 
 def known(selection: Selection, draws: FloatArray) -> Knowledge:
@@ -122,6 +109,9 @@ class Relevance:
     path : (number of terms, term dropped to get there, bound of the error at 95 % in SI, see
         `smallest_model`), from all terms down to none.
     noise : sd that N, B and K bring about in the unit of the budget; zeros where no noise was given.
+    tested_model : the smallest where the terms kept take up the others over the inputs of the test, as a
+        calibration with these terms would; None where the test's inputs are not known.
+    tested_left_out : size of the terms that it leaves out, at 50 % and 95 %; NaN likewise.
     notes : of the scene.
     """
 
@@ -140,6 +130,8 @@ class Relevance:
     uncompensated: tuple[float, float]
     path: tuple[tuple[int, str, float], ...]
     noise: tuple[float, float, float]
+    tested_model: tuple[str, ...] | None = None
+    tested_left_out: tuple[float, float] = (math.nan, math.nan)
     notes: tuple[str, ...] = ()
 
 
@@ -152,7 +144,7 @@ class Exposure:
     scene, lib, budget, axis : of which scene, component and budget, along which case axis.
     output : effect on the output.
     budgeted : effect on what is budgeted.
-    noise : sd that a unit of N, B and K brings about in what is budgeted.
+    noise : sd that a unit of N, B and K brings about in what is budgeted, in the draw where it is largest.
     """
 
     scene: Scene
@@ -163,16 +155,22 @@ class Exposure:
     budgeted: SceneEffects
     noise: tuple[float, float, float]
 
+    def noise_of(self, noise: Noise | None) -> tuple[float, float, float]:
+        """Sd that N, B and K of a component bring about, SI of the budget; zeros for none."""
+        white, flicker, walk = self.noise
+        return (0.0, 0.0, 0.0) if noise is None else (white * noise.N, flicker * noise.B, walk * noise.K)
+
 
 def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> Exposure:
     """Work out the effects of a library's terms in a scene, once for all units that are weighed with it."""
     output = output_effects(scene, lib, axis)
     if budget.quantity == "output":
         return Exposure(scene, lib, budget, axis, output, output, output_noise(scene.duration))
-    passed = propagation(lib.kind, scene, axis, schuler=budget.schuler)
+    passed = propagations(lib.kind, scene, axis, budget)
     budgeted = budget_effects(scene, lib, budget, axis, passed)
-    noise = noise_growth(passed, budget.quantity, scene.duration)
-    return Exposure(scene, lib, budget, axis, output, budgeted, noise)
+    grown = [noise_growth(one, budget.quantity, scene.duration) for one in passed]
+    white, flicker, walk = np.max(grown, axis=0).tolist()
+    return Exposure(scene, lib, budget, axis, output, budgeted, (white, flicker, walk))
 
 
 def relevance(
@@ -202,19 +200,31 @@ def relevance(
     return weigh(exposure(scene, lib, budget, axis=axis), knowledge, noise=noise)
 
 
-def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None) -> Relevance:
-    """Weigh one unit's terms over a scene whose effects are known: `relevance` in its second half."""
+def weigh(
+    exposed: Exposure,
+    knowledge: Knowledge,
+    *,
+    noise: Noise | None = None,
+    tested: SceneEffects | None = None,
+) -> Relevance:
+    """Weigh one unit's terms over a scene whose effects are known: `relevance` in its second half.
+
+    `tested` holds the terms' columns over the inputs of the test, or a factor of them.
+    """
     lib, scene, budget = exposed.lib, exposed.scene, exposed.budget
     if knowledge.draws.ndim != 2 or knowledge.draws.shape[1] != len(lib.terms):
         raise InputError(
             f"draws of shape {knowledge.draws.shape}: expected (m, {len(lib.terms)}), a column for each term"
         )
     output, effects = exposed.output, exposed.budgeted
-    keep, path = smallest_model(effects, knowledge, budget.limit, output)
+    (keep,), path = smallest_model([Weighed(effects, output, knowledge)], budget.limit)
     theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
-    white, flicker, walk = exposed.noise
-    N, B, K = (0.0, 0.0, 0.0) if noise is None else (noise.N, noise.B, noise.K)
     left_out = left_over(output, keep, theta)
+    as_tested: dict[str, Any] = {}
+    if tested is not None:
+        (held,), _ = smallest_model([Weighed(effects, tested, knowledge)], budget.limit)
+        lost = half_and_most(effects.size(left_over(tested, held, theta)))
+        as_tested = {"tested_model": names_of(lib, held), "tested_left_out": lost}
     return Relevance(
         scene=scene.name,
         axis=exposed.axis,
@@ -222,15 +232,16 @@ def weigh(exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None
         duration=scene.duration,
         budget=budget,
         terms=_terms(output, effects, knowledge, budget.limit, keep),
-        model=tuple(name for name, kept in zip(lib.names, keep, strict=True) if kept),
+        model=names_of(lib, keep),
         met=path[0][2] <= budget.limit,
-        left=_half_and_most(effects.size(theta - mean + left_over(output, keep, mean))),
-        left_out=_half_and_most(effects.size(left_out)),
+        left=half_and_most(effects.size(theta - mean + left_over(output, keep, mean))),
+        left_out=half_and_most(effects.size(left_out)),
         left_out_rms=_rms(output.size(left_out)),
-        calibrated=_half_and_most(effects.size(theta - mean)),
-        uncompensated=_half_and_most(effects.size(theta)),
+        calibrated=half_and_most(effects.size(theta - mean)),
+        uncompensated=half_and_most(effects.size(theta)),
         path=path,
-        noise=(white * N, flicker * B, walk * K),
+        noise=exposed.noise_of(noise),
+        **as_tested,
         notes=(*scene.notes, *_forceless(exposed), *_reheated(scene, lib)),
     )
 
@@ -250,80 +261,6 @@ def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
     if not (heated and logged) or scene.duration <= 1.01 * len(motion) * motion.interval:
         return ()
     return ("motion repeats the record, and from its end on temperature stays as it is there",)
-
-
-def smallest_model(
-    effects: SceneEffects, knowledge: Knowledge, limit: float, output: SceneEffects
-) -> tuple[BoolArray, tuple[tuple[int, str, float], ...]]:
-    """Drop the term that costs least, one after the other, until the budget would be exceeded.
-
-    The error of a model is bounded by what the calibration leaves of all terms, with 95 %, and what the means
-    of the terms left out add up to, as vectors, less what those kept take up of them.
-
-    Parameters
-    ----------
-    effects : of every term on what is budgeted.
-    knowledge : of the coefficients.
-    limit : of this error, SI. Where the calibration alone exceeds it, it is the limit of the terms left out.
-    output : effects on the output, over which terms take up others.
-
-    Returns
-    -------
-    (keep, path) : (p,) of the smallest model of the path that stays within the limit, and the whole path.
-
-    Examples
-    --------
-    >>> e = SceneEffects(("a", "b", "c"), np.eye(3), components=1)
-    >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
-    >>> smallest_model(e, k, 1.0, e)[0].tolist()
-    [True, False, True]
-    """
-    mean = knowledge.draws.mean(axis=0)
-    least = float(np.quantile(effects.size(knowledge.draws - mean), SURE))
-    room = limit - least if least <= limit else limit
-    keep = np.ones(len(mean), dtype=bool)
-    chosen, path = keep.copy(), [(len(mean), "", least)]
-    while keep.any():
-        without = {j: keep & (np.arange(len(mean)) != j) for j in np.flatnonzero(keep).tolist()}
-        costs = {j: float(effects.size(left_over(output, kept, mean))) for j, kept in without.items()}
-        # of equal costs the term that is less likely there goes first, then the later one of the library
-        dropped = min(costs, key=lambda j: (round(costs[j] / limit, EQUAL), knowledge.inclusion[j], -j))
-        keep = without[dropped]
-        path.append((int(keep.sum()), effects.names[dropped], least + costs[dropped]))
-        if costs[dropped] <= room:
-            chosen = keep
-    return chosen, tuple(path)
-
-
-def left_over(output: SceneEffects, keep: BoolArray, theta: FloatArray) -> FloatArray:
-    """Coefficients (..., p) of a model's error: the terms left out, less what those kept take up of them.
-
-    Parameters
-    ----------
-    output : effects on the output, over which the terms kept are fitted to the others by least squares.
-    keep : (p,) terms of the model.
-    theta : (..., p) coefficients.
-
-    Examples
-    --------
-    >>> alike = SceneEffects(("a", "b"), np.array([[1.0, 2.0]]))
-    >>> left_over(alike, np.array([True, False]), np.array([5.0, 3.0])).round(9).tolist()
-    [-6.0, 3.0]
-    """
-    out = np.where(keep, 0.0, theta)
-    if keep.any():
-        kept = output.rows[:, keep]
-        size = np.linalg.norm(kept, axis=0)
-        size[size == 0.0] = 1.0
-        # a scene in which kept terms do the same shares what they take up between them
-        taken = np.linalg.lstsq(kept / size, (out @ output.rows.T).reshape(-1, len(kept)).T, rcond=ALIKE)[0]
-        out[..., keep] = -(taken / size[:, None]).T.reshape(*theta.shape[:-1], len(size))
-    return out
-
-
-def _half_and_most(sizes: FloatArray) -> tuple[float, float]:
-    half, most = np.quantile(sizes, (0.5, SURE)).tolist()
-    return half, most
 
 
 def _rms(values: FloatArray) -> float:
@@ -358,3 +295,91 @@ def _quadrant(inclusion: float, share: float, possible: float) -> str:
     if inclusion >= THERE:
         return QUADRANTS[0] if share >= MATTERS else QUADRANTS[1]
     return QUADRANTS[2] if possible >= MATTERS else QUADRANTS[3]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CaseRelevance:
+    """Which terms of which components a scene requires, so that the case stays within a budget.
+
+    Attributes
+    ----------
+    scene, duration, budget : as in `Relevance`; the budget is of attitude, velocity or position.
+    models : terms to keep of each component, by its id.
+    candidates : number of terms of all components.
+    met : whether the calibration lets a model stay within the budget with 95 %.
+    left : size of the error with these models at 50 % and 95 %, SI of the budget.
+    left_out : size of the terms left out alone, at 50 % and 95 %.
+    calibrated : what would be left with every term kept, at 50 % and 95 %.
+    uncompensated : what would be left with none.
+    noise : sd that N, B and K of all components bring about together.
+    """
+
+    scene: str
+    duration: float
+    budget: Budget
+    models: Mapping[str, tuple[str, ...]]
+    candidates: int
+    met: bool
+    left: tuple[float, float]
+    left_out: tuple[float, float]
+    calibrated: tuple[float, float]
+    uncompensated: tuple[float, float]
+    noise: tuple[float, float, float]
+
+    @property
+    def kind(self) -> None:
+        """Return nothing: it is of both."""
+
+
+def weigh_case(
+    exposed: Mapping[str, Exposure], knowledge: Mapping[str, Knowledge], noise: Mapping[str, Noise]
+) -> CaseRelevance:
+    """Choose the terms of all components of a case that one scene requires.
+
+    Parameters
+    ----------
+    exposed : what the scene makes of each component's terms, along its own axis, by its id.
+    knowledge : of each component's coefficients; the components' draws count as independent.
+    noise : of each component.
+
+    Raises
+    ------
+    InputError : if the budget is of the output, which every component has for itself.
+    """
+    first = next(iter(exposed.values()))
+    limit = first.budget.limit
+    if first.budget.quantity == "output":
+        raise InputError(
+            "a budget of the output is one component's: expected one of attitude, velocity, position"
+        )
+    parts = [Weighed(one.budgeted, one.output, knowledge[name]) for name, one in exposed.items()]
+    keep, path = smallest_model(parts, limit)
+    m = min(len(one.knowledge.draws) for one in parts)
+    each = [_errors(part, kept, m) for part, kept in zip(parts, keep, strict=True)]
+    unknown, lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
+    sized = first.budgeted.sized
+    grown = [one.noise_of(noise[name]) for name, one in exposed.items()]
+    white, flicker, walk = np.linalg.norm(grown, axis=0).tolist()
+    return CaseRelevance(
+        scene=first.scene.name,
+        duration=first.scene.duration,
+        budget=first.budget,
+        models={
+            name: names_of(one.lib, kept) for (name, one), kept in zip(exposed.items(), keep, strict=True)
+        },
+        candidates=sum(len(one.lib.terms) for one in exposed.values()),
+        met=path[0][2] <= limit,
+        left=half_and_most(sized(unknown + means)),
+        left_out=half_and_most(sized(lost)),
+        calibrated=half_and_most(sized(unknown)),
+        uncompensated=half_and_most(sized(whole)),
+        noise=(white, flicker, walk),
+    )
+
+
+def _errors(part: Weighed, keep: BoolArray, m: int) -> tuple[FloatArray, ...]:
+    """Errors (m, q) of a component: unknown, left out, the mean (q,) of that, and without compensation."""
+    (effects, over, knowledge), mean = part, part.knowledge.draws.mean(axis=0)
+    theta = knowledge.draws[:m]
+    sides = theta - mean, left_over(over, keep, theta), left_over(over, keep, mean), theta
+    return tuple(side @ effects.rows.T for side in sides)

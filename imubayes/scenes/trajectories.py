@@ -22,7 +22,7 @@ motion repeats them; its temperature runs on. The rows themselves see the temper
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -161,6 +161,21 @@ a helicopter after the minute of a leg in a holding pattern (chapter 10). A ship
 within four and a half lengths (IMO MSC.137(76), 5.3.1) takes two minutes for a quarter: 1.5 deg/s at its
 peak. A car takes six seconds for a corner, a fighter twenty for half a circle.
 """
+
+
+def drawn(ranges: Ranges, seeds: Sequence[Sequence[int]], *, duration: float | None = None) -> Scene:
+    """Generate several draws of a scene: other phases, the same ranges. Takes what `generated` takes.
+
+    Examples
+    --------
+    >>> from imubayes.scenes.ranges import scene_named
+    >>> hover = drawn(scene_named("quadrotor"), [(1, 1), (1, 2), (1, 3)], duration=60.0)
+    >>> len(hover.draws), hover.notes[-1]
+    (3, 'the largest error of 3 draws counts')
+    """
+    first, *others = (generated(ranges, np.random.default_rng(seed), duration=duration) for seed in seeds)
+    said = (f"the largest error of {1 + len(others)} draws counts",) if others else ()
+    return replace(first, others=tuple(others), notes=(*first.notes, *said))
 
 
 def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | None = None) -> Scene:

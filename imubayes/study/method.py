@@ -103,8 +103,9 @@ def run(
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
     components = tuple(one for _, found in results for one in found)
-    scenes = required(study.scenes, results)
-    return StudyResult(study, components, between_sessions(results), scenes, tuple(in_common(results)))
+    scenes, of_cases = required(study.scenes, results)
+    common = tuple(in_common(results))
+    return StudyResult(study, components, between_sessions(results), scenes, of_cases, common)
 
 
 def _quicker(job: _Job, runs: Sequence[Run]) -> str:

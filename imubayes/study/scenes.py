@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from imubayes.campaign.study import Mission, SensorResult, SensorSpec
+from imubayes.algebra.factor import reorder
+from imubayes.campaign.study import Mission, RunSummary, SensorResult, SensorSpec
+from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import (
     MATTERS,
     QUADRANTS,
+    CaseRelevance,
     Exposure,
     Relevance,
     TermRelevance,
     exposure,
     known,
     weigh,
+    weigh_case,
 )
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
@@ -28,21 +32,40 @@ CANNOT_TELL = ("untested", "unresolved", "inseparable")
 
 def required(
     missions: Sequence[Mission], results: Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
-) -> tuple[tuple[str, Relevance], ...]:
-    """Hold every component against every scene: its id, and what the scene requires of it, scene by scene.
+) -> tuple[tuple[tuple[str, Relevance], ...], tuple[tuple[str, CaseRelevance], ...]]:
+    """Hold every component against every scene, and the components of a case together.
 
     A budget of the output is only for components of its kind.
+
+    Returns
+    -------
+    id of a component and what a scene requires of it, scene by scene; the same of cases.
     """
     found: list[tuple[str, Relevance]] = []
+    cases: list[tuple[str, CaseRelevance]] = []
     for mission in missions:
         exposed: dict[tuple[str, Library], Exposure] = {}
-        for spec, one in ((spec, one) for spec, components in results for one in components):
-            if mission.kind in (None, one.kind):
-                key = _axis(mission, spec, one), component_library(spec, one)
-                if key not in exposed:
-                    exposed[key] = exposure(mission.scene, key[1], mission.budget, axis=key[0])
-                found.append((one.id, _required(mission, exposed[key], one)))
-    return tuple(found)
+        for spec, components in results:
+            seen: dict[str, Exposure] = {}
+            for one in components:
+                if mission.kind in (None, one.kind):
+                    key = _axis(mission, spec, one), component_library(spec, one)
+                    if key not in exposed:
+                        exposed[key] = exposure(mission.scene, key[1], mission.budget, axis=key[0])
+                    seen[one.id] = exposed[key]
+                    found.append((one.id, _required(mission, exposed[key], one)))
+            if len(seen) > 1 and mission.budget.quantity != "output":
+                cases.append((spec.id, _case(mission, seen, components)))
+    return tuple(found), tuple(cases)
+
+
+def _case(
+    mission: Mission, exposed: Mapping[str, Exposure], components: Sequence[SensorResult]
+) -> CaseRelevance:
+    """Hold the components of a case against one scene together."""
+    knowledge = {one.id: known(one.selection, one.draws) for one in components}
+    found = weigh_case(exposed, knowledge, {one.id: _longest(one).noise for one in components})
+    return replace(found, scene=mission.name)
 
 
 def _axis(mission: Mission, spec: SensorSpec, result: SensorResult) -> str:
@@ -60,12 +83,20 @@ def component_library(spec: SensorSpec, result: SensorResult) -> Library:
 
 def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Relevance:
     """Hold one component against one scene; the longest run shows its B and K best."""
-    longest = max(result.runs, key=lambda run: run.duration)
-    found = weigh(exposed, known(result.selection, result.draws), noise=longest.noise)
+    longest, tested = _longest(result), None
+    if result.drive is not None:
+        factor = reorder(result.drive, exposed.lib.names)
+        tested = SceneEffects(exposed.lib.names, factor.R[:-1, :-1])
+    found = weigh(exposed, known(result.selection, result.draws), noise=longest.noise, tested=tested)
     notes = (*found.notes, f"noise as in run '{longest.name}'", *_idle(exposed))
     open_terms = {term.name for term in result.selection.terms if term.verdict in CANNOT_TELL}
     terms = tuple(_unshown(term) if term.name in open_terms else term for term in found.terms)
     return replace(found, scene=mission.name, notes=notes, terms=terms)
+
+
+def _longest(result: SensorResult) -> RunSummary:
+    """Run that shows a component's B and K best."""
+    return max(result.runs, key=lambda run: run.duration)
 
 
 def _unshown(term: TermRelevance) -> TermRelevance:

@@ -15,7 +15,7 @@ from lots_found import lot_library, lot_result
 from populations_found import class_found
 from results_found import APPENDIX, judged_result, repeatability, sampled_result, sensor_result, study_result
 from rich.console import RenderableType
-from scenes_found import a_relevance
+from scenes_found import a_case, a_relevance
 from test_case_views import recovered
 from trades_found import traded
 
@@ -83,7 +83,8 @@ def _cases(name: str) -> Made:
     pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86}
     first = replace(sensor_result(runs=("hand",)), pooled=pooled, recovered=(recovered(),))
     sensors = (replace(first, id=f"{name}{k}.a{axis}") for k in range(2) for axis in "xyz")
-    return _study(replace(study_result(*sensors, title=name), classes=(class_found(),)))
+    found = replace(study_result(*sensors, title=name), classes=(class_found(),))
+    return _study(replace(found, case_scenes=((f"{name}0", a_case(f"{name}0", name)),)))
 
 
 def _lots(name: str) -> Made:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.relevance import QUADRANTS, Relevance, TermRelevance
+from imubayes.scenes.relevance import QUADRANTS, CaseRelevance, Relevance, TermRelevance
 
 TERMS = (
     # name, inclusion, share (5 %, 50 %, 95 %), at the limit, kept
@@ -30,5 +30,16 @@ def a_relevance() -> Relevance:
         left_out=(3.2, 9.0), left_out_rms=2e-4, calibrated=(18.0, 38.0), uncompensated=(160.0, 180.0),
         path=((5, "", 38.0), (4, "b3", 38.0), (3, "b1", 39.0), (2, "c_jk", 41.0), (1, "b2", 70.0),
               (0, "b0", 180.0)),
-        noise=(3.0, 4.0, 0.0), notes=("a record of 60 s, repeated 10 times",),
+        noise=(3.0, 4.0, 0.0), tested_model=("b0", "b2", "c_jk"), tested_left_out=(4.1, 9.9),
+        notes=("a record of 60 s, repeated 10 times",),
+    )  # fmt: skip
+
+
+def a_case(name: str, scene: str = "quadrotor") -> CaseRelevance:
+    """A triad that needs two terms of x, and one of z."""
+    models = {f"{name}.ax": ("b0", "b2"), f"{name}.ay": (), f"{name}.az": ("b0",)}
+    return CaseRelevance(
+        scene=scene, duration=600.0, budget=Budget("position", 100.0), models=models, candidates=15, met=True,
+        left=(40.0, 83.0), left_out=(6.0, 17.0), calibrated=(30.0, 66.0), uncompensated=(210.0, 270.0),
+        noise=(5.0, 7.0, 0.0),
     )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 from types import SimpleNamespace
 
+import navigator
 import numpy as np
 import pytest
 
@@ -13,17 +14,12 @@ from imubayes.rig.inputs import Inputs
 from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, noise_growth, propagation
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import Scene, recorded
-from imubayes.scenes.relevance import (
-    QUADRANTS,
-    Knowledge,
-    known,
-    relevance,
-    smallest_model,
-)
-from imubayes.scenes.trajectories import generated
+from imubayes.scenes.record import Scene, in_case, recorded
+from imubayes.scenes.relevance import QUADRANTS, exposure, known, relevance, weigh, weigh_case
+from imubayes.scenes.smallest import Knowledge, Weighed, smallest_model
+from imubayes.scenes.trajectories import drawn, generated
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import library
+from imubayes.sensors.terms import columns, library
 
 LIB = library("accelerometer")
 P = len(LIB.names)
@@ -87,7 +83,8 @@ def test_errors_of_the_terms_left_out_add_as_vectors() -> None:
         (across, 1, [0.75, 0.9], 0),
     ):
         effects = SceneEffects(("a", "b"), rows, components)
-        assert smallest_model(effects, certain(np.array(theta)), 1.0, NONE)[0].sum() == kept
+        (keep,), _ = smallest_model([Weighed(effects, NONE, certain(np.array(theta)))], 1.0)
+        assert keep.sum() == kept
 
 
 def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_interact() -> None:
@@ -95,7 +92,7 @@ def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_int
     for _ in range(20):
         theta, limit = rng.exponential(size=7), 1.2
         effects = SceneEffects(tuple("abcdefg"), np.diag(rng.uniform(0.5, 2.0, 7)))
-        keep, _ = smallest_model(effects, certain(theta), limit, effects)
+        (keep,), _ = smallest_model([Weighed(effects, effects, certain(theta))], limit)
         sizes = [
             k
             for k in range(8)
@@ -255,3 +252,75 @@ def test_knowledge_is_taken_from_a_decision() -> None:
 def test_knowledge_of_another_library_is_refused() -> None:
     with pytest.raises(InputError, match=f"expected \\(m, {P}\\)"):
         relevance(desk(), LIB, certain(np.zeros(3)), Budget("position", 1.0))
+
+
+QUIET = Noise(0.0, 0.0, 0.0)
+
+
+def test_case_errs_as_a_full_navigator_with_the_errors_of_all_its_sensors_does() -> None:
+    """The vector sum of six sensors, each along its own axis; 5 %, which the square of an error may take."""
+    t = 0.1 * np.arange(3001)
+    truth = navigator.flight(t, *navigator.path("turns", t), level=True)
+    scene = recorded("turns", t, truth.force, truth.rate, attitude=truth.attitude)
+    budget, rng = Budget("position", 10.0), np.random.default_rng(4)
+    exposed, knowledge, drive = {}, {}, []
+    for kind, size in (("accelerometer", 1e-4), ("gyroscope", 1e-6)):
+        lib = library(kind, powers=2, asymmetry=-1)
+        for axis in "xyz":
+            name = f"{kind[0]}{axis}"
+            exposed[name] = exposure(scene, lib, budget, axis=axis)
+            X = columns(lib, in_case(scene.inputs, axis).channels, len(t))
+            theta = size * rng.normal(size=len(lib.names)) / np.maximum(np.abs(X).max(axis=0), 1e-12)
+            knowledge[name] = certain(theta)
+            drive.append(X @ theta)
+    found = weigh_case(exposed, knowledge, dict.fromkeys(exposed, QUIET))
+    d_force, d_rate = (np.column_stack(part)[:, None] for part in (drive[:3], drive[3:]))
+    # rows of the times at which the error is looked at
+    _, _, position = navigator.errors(truth, d_force, d_rate, list(range(25, 3001, 25)))
+    assert found.uncompensated[0] == pytest.approx(np.linalg.norm(position, axis=-1).max(), rel=0.05)
+    assert found.met and found.left[1] <= 10.0 < found.uncompensated[0]
+    assert found.candidates == sum(len(known.inclusion) for known in knowledge.values())
+    assert 0 < sum(map(len, found.models.values())) < found.candidates
+
+
+def test_case_of_one_component_requires_what_the_component_does(flown) -> None:
+    alone, scene, knowledge, budget, noise = flown
+    found = weigh_case({"A": exposure(scene, LIB, budget)}, {"A": knowledge}, {"A": noise})
+    assert found.models == {"A": alone.model} and found.met == alone.met
+    for of_case, own in ((found.left, alone.left), (found.noise, alone.noise)):
+        assert of_case == pytest.approx(own, rel=1e-9)
+
+
+def test_budget_of_the_output_is_refused_for_a_case() -> None:
+    seen = exposure(desk(), LIB, Budget("output", 1.0))
+    with pytest.raises(InputError, match="a budget of the output is one component's"):
+        weigh_case({"A": seen}, {"A": certain(coefficients(b0=1.0))}, {"A": QUIET})
+
+
+def test_errors_over_several_draws_of_a_scene_are_the_largest_of_each() -> None:
+    seeds = [(1, 5), (1, 6), (1, 7)]
+    scene = drawn(scene_named("quadrotor"), seeds, duration=60.0)
+    apart = [generated(scene_named("quadrotor"), np.random.default_rng(s), duration=60.0) for s in seeds]
+    unit, budget = np.ones(P), Budget("position", 1.0)
+    each = [budget_effects(one, LIB, budget).single(unit) for one in apart]
+    np.testing.assert_allclose(budget_effects(scene, LIB, budget).single(unit), np.max(each, axis=0))
+    squares = [output_effects(one, LIB).single(unit) ** 2 * len(one.inputs) for one in apart]
+    rms = np.sqrt(np.sum(squares, axis=0) / sum(len(one.inputs) for one in apart))
+    np.testing.assert_allclose(output_effects(scene, LIB).single(unit), rms, rtol=1e-9, atol=1e-12)
+    assert np.ptp(each, axis=0).max() > 0.0
+
+
+def test_what_a_calibration_over_the_test_leaves_is_what_its_least_squares_leave() -> None:
+    """b0 in place of b2: over the scene it is the whole of it, over -2 g to 2 g the mean of the squares."""
+    swept, theta = np.linspace(-20.0, 20.0, 81), coefficients(b0=0.01, b2=1e-5)
+    tested = SceneEffects(LIB.names, columns(LIB, {"f_i": swept}, len(swept)))
+    seen = exposure(desk(), LIB, Budget("position", 4.0, schuler=False))
+    found = weigh(seen, certain(theta), tested=tested)
+    assert found.model == found.tested_model == ("b0",)
+    assert found.left_out[1] == pytest.approx(0.0, abs=1e-9)
+    left = 0.5 * 50.0**2 * 1e-5 * (400.0 - np.mean(swept**2))
+    assert found.tested_left_out == pytest.approx((left, left))
+    closer = weigh(
+        exposure(desk(), LIB, Budget("position", 3.0, schuler=False)), certain(theta), tested=tested
+    )
+    assert closer.model == ("b0",) and set(closer.tested_model or ()) == {"b0", "b2"}

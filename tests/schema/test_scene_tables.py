@@ -53,6 +53,19 @@ def test_trajectory_depends_on_the_seed_and_its_own_name_only(tmp_path):
     assert np.array_equal(w[0], w[1]) and not np.array_equal(w[0], w[2][: len(w[0])])
 
 
+def test_scene_of_the_catalogue_is_drawn_three_times_or_as_the_study_says_and_a_log_once(tmp_path):
+    (usual,) = _scenes(tmp_path, SCENE)
+    (once,) = _scenes(tmp_path, SCENE + "draws = 1\n")
+    assert (len(usual.scene.draws), len(once.scene.draws)) == (3, 1)
+    w = [one.inputs.channels["w_i"] for one in (once.scene, *usual.scene.draws)]
+    assert np.array_equal(w[0], w[1]) and not np.array_equal(w[1][:99], w[2][:99])
+    (tmp_path / "flight.csv").write_text(LOG)
+    text = '[[scene]]\nfile = "flight.csv"\nbudget = { attitude = "1 deg" }\n'
+    assert len(_scenes(tmp_path, text)[0].scene.draws) == 1
+    with pytest.raises(StudyError, match=r"scene\[0\].draws: a log is not drawn again"):
+        _scenes(tmp_path, text + "draws = 2\n")
+
+
 def test_one_scene_of_the_catalogue_stands_twice_by_names_with_the_same_motion(tmp_path):
     turned = SCENE.replace("quadrotor", "heading").replace('position = "100 m"', 'attitude = "1 deg"')
     plain, named = _scenes(tmp_path, SCENE + turned + 'scene = "quadrotor"\n')

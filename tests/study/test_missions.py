@@ -12,7 +12,8 @@ from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
-from imubayes.study.scenes import component_library, required
+from imubayes.study import scenes
+from imubayes.study.scenes import component_library
 
 LIB = library("accelerometer", powers=2, asymmetry=-1, temperature=1)
 UP = {"f_i": np.full(50, 2.0), "f_j": np.full(50, 3.0), "f_k": np.full(50, 5.0)}
@@ -32,11 +33,23 @@ def _component(name="A", kind="accelerometer", names=LIB.names, verdict="needed"
         for run, t, n in (("short", 1.0, 9.0), ("long", 2.0, 0.25))
     )
     return SimpleNamespace(
-        id=name, kind=kind, selection=SimpleNamespace(terms=terms), draws=np.ones((5, len(names))), runs=runs
+        id=name,
+        kind=kind,
+        selection=SimpleNamespace(terms=terms),
+        draws=np.ones((5, len(names))),
+        runs=runs,
+        drive=None,
     )
 
 
 SPEC = SensorSpec("A", "accelerometer", None, LIB, (), {})
+
+
+def required(missions, results):
+    """What the missions require of the components; no case errs together in an output."""
+    components, cases = scenes.required(missions, results)
+    assert not cases
+    return components
 
 
 def _rms(found):
@@ -98,3 +111,12 @@ def test_term_that_the_test_cannot_tell_is_not_there_whatever_its_inclusion():
     for verdict, quadrant in (("needed", "there and matters"), ("untested", "not shown, could matter")):
         ((_, found),) = required([MISSION], [(SPEC, [_component(verdict=verdict)])])
         assert {term.name: term.quadrant for term in found.terms}["b1"] == quadrant
+
+
+def test_components_of_a_triad_err_together_where_they_add_up():
+    parts = [_component(f"A.a{axis}") for axis in "xyz"]
+    _, ((name, found),) = scenes.required(
+        [replace(MISSION, budget=Budget("velocity", 1e3), kind=None)], [(SPEC, parts)]
+    )
+    assert (name, found.scene, set(found.models)) == ("A", "lift", {one.id for one in parts})
+    assert found.candidates == 3 * len(LIB.names)

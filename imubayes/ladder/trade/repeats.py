@@ -20,7 +20,8 @@ from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.simulate import synthesise
-from imubayes.scenes.relevance import Exposure, Knowledge, Relevance, weigh
+from imubayes.scenes.relevance import Exposure, Relevance, weigh
+from imubayes.scenes.smallest import Knowledge
 from imubayes.selection.verdicts import TENTH, Costs
 from imubayes.sensors.noise import Noise
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NotRequired
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -108,6 +108,19 @@ RecoveredErrors = TypedDict("RecoveredErrors", {
     "errors": Annotated[Matrix, says("each error of `after`")],
     "sd": Annotated[Matrix, says("of each")],
 })
+CaseInScene = TypedDict("CaseInScene", {
+    "scene": Annotated[str, says("its name")],
+    "duration": Annotated[Number, says("s")],
+    "budget": Annotated[Budget, says("`quantity` and `limit`")],
+    "models": Annotated[dict[str, Names], says("terms to keep of each component, by its id")],
+    "candidates": Annotated[Count, says("terms of all components")],
+    "within_budget": Annotated[Flag, says("whether the calibrations let such models do so with 95 %")],
+    "left_out": Annotated[ErrorSize, says("error (`median`, `q95`) of the terms left out")],
+    "left": Annotated[ErrorSize, says("error with these models")],
+    "calibrated": Annotated[ErrorSize, says("error with every term kept")],
+    "uncompensated": Annotated[ErrorSize, says("error with none")],
+    "noise": Annotated[Noise, says("sd that N, B and K of all components bring about")],
+})
 Case = TypedDict("Case", {
     "id": Annotated[str, says("of the sensor whose components these are")],
     "recovered": Annotated[tuple[RecoveredErrors, ...], says(
@@ -118,6 +131,9 @@ Case = TypedDict("Case", {
         "where no component's test can; else by the inclusion, but `undecided` where that is against "
         "what every component that tells says)"
     )],
+    "scenes": NotRequired[Annotated[tuple[CaseInScene, ...], says(
+        "what each scene requires of all components together, their errors added as vectors"
+    )]],
 })
 
 
@@ -360,6 +376,11 @@ class Scene:
         "from all `terms` to none: term that was `dropped`, bound of the `error` with 95 %"
     )]
     noise: Annotated[Noise, says("sd that N, B and K bring about in what is budgeted")]
+    tested_model: Annotated[Names | None, says(
+        "smallest model where the terms kept take up the others over the test's inputs; null where these "
+        "are not known"
+    )] = None
+    tested_left_out: Annotated[ErrorSize | None, says("error of the terms that it leaves out")] = None
     notes: Annotated[Names, says(
         "how the scene was made, which run's noise it is, which terms it does not drive"
     )]

@@ -8,15 +8,13 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-import numpy as np
-
 from imubayes.campaign.study import Appendix, Mission
 from imubayes.errors import StudyError
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.scenes.propagation import BUDGET_UNITS, Budget, Quantity
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.record import ANGLES, BODY, QUATERNION, Scene, read_scene
-from imubayes.scenes.trajectories import MANNERS, generated
+from imubayes.scenes.trajectories import MANNERS, drawn
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import columns_of, located
 from imubayes.study.schema.shapes import (
@@ -34,10 +32,13 @@ from imubayes.study.schema.shapes import (
     table_of,
 )
 from imubayes.study.schema.tables import Columns
-from imubayes.units import Key, Seconds, quantities
+from imubayes.units import Key, Limits, Seconds, quantities
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T", *ANGLES, *QUATERNION)
 """Channels of a log."""
+
+DRAWS = 3
+"""Draws of a catalogue scene where the study doesn't say how many."""
 
 LONGEST = 200
 """Rows of a table that a report can show; a longer one is data."""
@@ -100,6 +101,13 @@ class SceneTable:
         None,
         "the record's; of a catalogue scene the middle of its range",
     )
+    draws: Annotated[int, Limits(ge=1, le=20)] | None = key(
+        "of a catalogue scene: how often it is generated, each time with other phases; the largest error of"
+        " all counts",
+        5,
+        None,
+        f"{DRAWS}; a log is one",
+    )
     budget: Annotated[Table, Holds(_BUDGETS)] = key(
         "what the error may come to, one quantity: `output` (rms, in the unit of one kind of sensor, and"
         " only for this kind), `attitude`, `velocity` or `position` (largest over the mission)",
@@ -148,14 +156,17 @@ def _generated(table: SceneTable, seed: int, place: Place) -> Scene:
         raise place.at("columns").error("a scene of the catalogue has no file: leave it out, or give one")
     with place.at(key).blamed():
         ranges = scene_named(of)
-    rng = np.random.default_rng([seed, zlib.crc32(ranges.id.encode())])
-    return generated(ranges, rng, duration=table.duration)
+    of_scene = (seed, zlib.crc32(ranges.id.encode()))
+    seeds = [of_scene, *((*of_scene, k) for k in range(1, table.draws or DRAWS))]
+    return drawn(ranges, seeds, duration=table.duration)
 
 
 def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
     """Scene from a log."""
     if table.scene is not None:
         raise place.at("scene").error("a log is no scene of the catalogue: leave out this or the file")
+    if table.draws is not None:
+        raise place.at("draws").error("a log is not drawn again: leave out this or the file")
     file = table.file or ""
     columns = columns_of(table.columns, CHANNELS, "", place.at("columns"))
     with place.at("file").blamed():

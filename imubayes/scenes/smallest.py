@@ -1,0 +1,158 @@
+"""The smallest model that stays within a budget, of one component or of a case.
+
+Of the terms that are left out, those that are kept take up what they can: a smaller model is calibrated as
+such. What that is says a least-squares fit over inputs: the scene's own, at best, or those of a test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.scenes.effects import SceneEffects
+from imubayes.sensors.terms import Library
+
+SURE = 0.95
+"""Share of the posterior draws that must stay within the budget."""
+
+ALIKE = 1e-9
+"""Singular values, over the largest, below which terms that are kept do the same in a scene."""
+
+EQUAL = 6
+"""Digits after the point to which costs, as shares of the limit, are told apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knowledge:
+    """What is known of a component's coefficients, in the order of its library.
+
+    Attributes
+    ----------
+    draws : (m, p) of the posterior, averaged over models: zero where a draw's model lacks the term.
+    inclusion : (p,) posterior probability of each term.
+    limit95 : (p,) what |theta| stays below with 95 % if the term is in the model.
+    """
+
+    draws: FloatArray
+    inclusion: FloatArray
+    limit95: FloatArray
+
+
+class Weighed(NamedTuple):
+    """A component in a scene: effects on what is budgeted, and those over which terms take up others."""
+
+    effects: SceneEffects
+    over: SceneEffects
+    knowledge: Knowledge
+
+
+def smallest_model(
+    components: Sequence[Weighed], limit: float
+) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...]]:
+    """Drop the term that costs least, one after the other, until the budget would be exceeded.
+
+    The error of a model is bounded by what the calibration leaves of all terms, with 95 %, and what the means
+    of the terms left out add up to, as vectors, less what those kept take up of them. The components of a
+    case err together: their errors add up too.
+
+    Parameters
+    ----------
+    components : one, or those of a case.
+    limit : of this error, SI. Where the calibration alone exceeds it, it is the limit of the terms left out.
+
+    Returns
+    -------
+    (keep, path) : (p,) for each component of the smallest model of the path that stays within the limit, and
+        the whole path.
+
+    Examples
+    --------
+    >>> e = SceneEffects(("a", "b", "c"), np.eye(3), components=1)
+    >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
+    >>> smallest_model([Weighed(e, e, k)], 1.0)[0][0].tolist()
+    [True, False, True]
+    """
+    m = min(len(one.knowledge.draws) for one in components)
+    unknown = sum((k.draws[:m] - k.draws.mean(axis=0)) @ e.rows.T for e, _, k in components)
+    least = float(np.quantile(components[0].effects.sized(np.asarray(unknown)), SURE))
+    room = limit - least if least <= limit else limit
+    keep = [np.ones(len(one.effects.names), dtype=bool) for one in components]
+    left = [np.zeros(len(one.effects.rows)) for one in components]
+    without = [_without(*each) for each in zip(components, keep, strict=True)]
+    chosen, path = tuple(keep), [(sum(map(len, keep)), "", least)]
+    while any(kept.any() for kept in keep):
+        whole = np.sum(left, axis=0)
+        costs = {
+            (c, j): float(one.effects.sized(whole - left[c] + error))
+            for c, one in enumerate(components)
+            for j, error in without[c].items()
+        }
+        c, j = _cheapest(costs, components, limit)
+        keep[c] = keep[c] & (np.arange(len(keep[c])) != j)
+        left[c], without[c] = without[c][j], _without(components[c], keep[c])
+        cost = costs[c, j]
+        path.append((int(sum(kept.sum() for kept in keep)), components[c].effects.names[j], least + cost))
+        if cost <= room:
+            chosen = tuple(keep)
+    return chosen, tuple(path)
+
+
+def _without(component: Weighed, keep: BoolArray) -> dict[int, FloatArray]:
+    """Error (q,) that a component's means leave without each of the terms that are kept."""
+    effects, over, knowledge = component
+    mean, number = knowledge.draws.mean(axis=0), np.arange(len(keep))
+    kept = np.flatnonzero(keep).tolist()
+    return {j: left_over(over, keep & (number != j), mean) @ effects.rows.T for j in kept}
+
+
+def _cheapest(
+    costs: Mapping[tuple[int, int], float], components: Sequence[Weighed], limit: float
+) -> tuple[int, int]:
+    """Of equal costs the term that is less likely there goes first, then the later one of the library."""
+
+    def order(at: tuple[int, int]) -> tuple[float, float, int, int]:
+        c, j = at
+        return round(costs[at] / limit, EQUAL), float(components[c].knowledge.inclusion[j]), -c, -j
+
+    return min(costs, key=order)
+
+
+def left_over(output: SceneEffects, keep: BoolArray, theta: FloatArray) -> FloatArray:
+    """Coefficients (..., p) of a model's error: the terms left out, less what those kept take up of them.
+
+    Parameters
+    ----------
+    output : effects on the output, over which the terms kept are fitted to the others by least squares.
+    keep : (p,) terms of the model.
+    theta : (..., p) coefficients.
+
+    Examples
+    --------
+    >>> alike = SceneEffects(("a", "b"), np.array([[1.0, 2.0]]))
+    >>> left_over(alike, np.array([True, False]), np.array([5.0, 3.0])).round(9).tolist()
+    [-6.0, 3.0]
+    """
+    out = np.where(keep, 0.0, theta)
+    if keep.any():
+        kept = output.rows[:, keep]
+        size = np.linalg.norm(kept, axis=0)
+        size[size == 0.0] = 1.0
+        # a scene in which kept terms do the same shares what they take up between them
+        taken = np.linalg.lstsq(kept / size, (out @ output.rows.T).reshape(-1, len(kept)).T, rcond=ALIKE)[0]
+        out[..., keep] = -(taken / size[:, None]).T.reshape(*theta.shape[:-1], len(size))
+    return out
+
+
+def names_of(lib: Library, keep: BoolArray) -> tuple[str, ...]:
+    """Names of the terms (p,) that are kept."""
+    return tuple(name for name, kept in zip(lib.names, keep, strict=True) if kept)
+
+
+def half_and_most(sizes: FloatArray) -> tuple[float, float]:
+    """Size that half of the draws stay within, and that 95 % do."""
+    half, most = np.quantile(sizes, (0.5, SURE)).tolist()
+    return half, most
