@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import pytest
 from results_found import (
-    APPENDIX,
     judged_result,
     repeatability,
     sampled_result,
@@ -14,7 +13,7 @@ from results_found import (
     study_result,
 )
 
-from imubayes.campaign.study import Appendix, SensorResult, StudyResult
+from imubayes.campaign.study import SensorResult, StudyResult
 from imubayes.population.sessions import Repeatability
 
 
@@ -46,8 +45,3 @@ def make_judged() -> Callable[..., SensorResult]:
 @pytest.fixture
 def make_sessions() -> Callable[..., Repeatability]:
     return repeatability
-
-
-@pytest.fixture
-def appendix() -> Appendix:
-    return APPENDIX

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
+from typing import Any
 from unittest import mock
 from xml.etree.ElementTree import Element
 
@@ -94,6 +96,21 @@ def _lines(node: Element) -> Iterator[str]:
     else:
         for child in node:
             yield from _lines(child)
+
+
+def numbers(value: Any, indent: str = "\n") -> str:
+    """JSON with a line for each table that holds no other, and numbers to four digits."""
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) > 1e-18 else "0"  # rounding's own digits are no promise
+    if not isinstance(value, dict | list):
+        return json.dumps(value, ensure_ascii=False)
+    entries = list(value.values() if isinstance(value, dict) else value)
+    keys = [f"{json.dumps(key)}: " for key in value] if isinstance(value, dict) else [""] * len(value)
+    flat = not any(isinstance(one, dict | list) for one in entries)
+    start, between, end = ("", ", ", "") if flat else (f"{indent} ", f",{indent} ", indent)
+    parts = [key + numbers(one, f"{indent} ") for key, one in zip(keys, entries, strict=True)]
+    first, last = "{}" if isinstance(value, dict) else "[]"
+    return f"{first}{start}{between.join(parts)}{end}{last}"
 
 
 def printed(shown: RenderableType, encoding: str = "utf-8") -> str:

@@ -11,7 +11,7 @@ import pytest
 from bench_readings import wrong_fleet, wrong_plan
 from browser import BROWSER, WIDTHS, run, shown
 from lots_found import SIZES
-from page_reading import Page, printed, said, whole
+from page_reading import Page, numbers, printed, said, whole
 from pages_made import KINDS, made
 from tool_readings import wrong_trade
 
@@ -35,6 +35,9 @@ SEEN = [_seen(name) for name in (*KINDS, *COMMITTED)]
 
 MOST = 2 * 2**20
 """Bytes of a page."""
+
+LONG = 70_000
+"""Bytes of a `result.json` that has no golden file."""
 
 ATTACK = '<script>alert("x")</script>&\x1b[31m[red]'
 """A name as a file may have it."""
@@ -120,6 +123,8 @@ def test_page_terminal_and_numbers_say_what_they_said(kind, golden):
     page = made(kind)
     golden(f"pages/{kind}.txt", said(page.html))
     golden(f"pages/{kind}.terminal.txt", printed(page.terminal))
+    if len(page.values) < LONG:
+        golden(f"pages/{kind}.json", numbers(json.loads(page.values)) + "\n")
 
 
 @pytest.mark.parametrize(
