@@ -164,16 +164,16 @@ def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
 
 def process_model(rows: NoiseRows, prior: ProcessPrior) -> NoiseModel:
     """Lay out the states and the columns of a run, with and without a ramp."""
-    middle = rows.center - (rows.start[0] + 0.5 * rows.span)
-    basis = span(rows.X)
+    taken = Rows(rows.means.t, rows.means.duration)
+    middle = taken.t - (taken.t[0] - 0.5 * taken.duration[0] + 0.5 * taken.span)
+    basis, y = span(rows.means.X), rows.means.y
     # what the columns explain is projected out beforehand too: the response is then of the noise's own size
-    left = rows.y - basis @ (basis.T @ rows.y)
+    left = y - basis @ (basis.T @ y)
     table = np.ascontiguousarray(np.column_stack((basis, prior.ramp * middle, left)))
-    parts = Processes(*flicker(1.0, rows.interval, max(rows.span, rows.interval)))
-    states = nbk_states(rows.duration, parts) | {"Q": quantization(rows.duration, rows.joined)}
+    parts = Processes(*flicker(1.0, rows.interval, max(taken.span, rows.interval)))
+    states = nbk_states(taken.duration, parts) | {"Q": quantization(taken.duration, rows.joined)}
     free = np.zeros(basis.shape[1])
     means = ((np.arange(len(free)), free), (np.arange(len(free) + 1), np.append(free, 1.0)))
-    taken = Rows(rows.center, rows.duration)
     return NoiseModel(taken, table, means, states, prior, rows.joined, rows.levels)
 
 

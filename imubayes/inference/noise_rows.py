@@ -39,31 +39,19 @@ class NoiseRows:
 
     Attributes
     ----------
-    start, duration : (m,) s.
+    means : the averages.
     joined : (m,) whether a row begins where the one before it ends.
-    X : (m, p) averaged columns of the library.
-    y : (m,) averaged output minus input, SI.
     levels : (length of an average in s, how many) of each length.
-    interval : of the samples, s.
     """
 
-    start: FloatArray
-    duration: FloatArray
+    means: Linear
     joined: NDArray[np.bool_]
-    X: FloatArray
-    y: FloatArray
     levels: tuple[tuple[float, int], ...]
-    interval: float
 
     @property
-    def center(self) -> FloatArray:
-        """Middles (m,), s."""
-        return self.start + 0.5 * self.duration
-
-    @property
-    def span(self) -> float:
-        """Time from the start of the first row to the end of the last, s."""
-        return float(self.start[-1] + self.duration[-1] - self.start[0])
+    def interval(self) -> float:
+        """Averaging time of the samples, s."""
+        return self.means.interval if self.means.stream is None else self.means.stream.interval
 
 
 def noise_rows(rows: Linear) -> NoiseRows:
@@ -74,48 +62,49 @@ def noise_rows(rows: Linear) -> NoiseRows:
     rows : of the run, with the library's columns. Of one that is read a part at a time, a stretch at full
         rate has pieces of many lengths, and the blocks beside it are taken as they are.
     """
+    fine = rows if rows.stream is None else stretch_of(rows.stream, rows)
+    edges, levels = piece_edges(fine.t, fine.interval)
+    means = averages(fine, edges)
     if rows.stream is not None:
-        return _around_stretch(rows, rows.stream)
-    edges, levels = piece_edges(rows.t, rows.interval)
-    means = averages(rows, edges)
-    start = rows.t[edges] - 0.5 * rows.duration[edges]
-    return NoiseRows(
-        start=start,
-        duration=means.duration,
-        joined=_joined(start, means.duration, rows.interval),
-        X=means.X,
-        y=means.y,
-        levels=levels,
-        interval=rows.interval,
-    )
+        beside = len(rows) - int(np.count_nonzero(_stretched(rows.stream)))
+        levels = (*levels, (float(np.median(rows.duration)), beside))
+        means = _around_stretch(rows, rows.stream, means)
+    half = 0.5 * means.duration
+    gaps = (means.t - half)[1:] - (means.t + half)[:-1]
+    joined = np.concatenate(([False], gaps < CONTIGUOUS * fine.interval))
+    return NoiseRows(means, joined, levels)
 
 
-def _joined(start: FloatArray, duration: FloatArray, interval: float) -> NDArray[np.bool_]:
-    """Whether each row (m,) begins where the one before it ends."""
-    gaps = start[1:] - (start + duration)[:-1]
-    return np.concatenate(([False], gaps < CONTIGUOUS * interval))
+def noise_blocks(rows: Linear) -> Linear:
+    """Averages that the noise of a run is judged by.
+
+    Of a run that is read a part at a time they tell it at all time scales: a ladder of ever longer averages
+    over the stretch at full rate, so that white noise is seen where it is larger than bias instability, and
+    the blocks beside it.
+    """
+    if rows.stream is None:
+        return blocks_of(rows)
+    fine = stretch_of(rows.stream, rows)
+    return _around_stretch(rows, rows.stream, averages(fine, _ladder(len(fine))))
 
 
-def _around_stretch(rows: Linear, stream: Stream) -> NoiseRows:
-    """Averages of a run that is read a part at a time, in time order."""
-    fine = noise_rows(stretch_of(stream, rows))
-    before, after = beside_stretch(stream)
+def _around_stretch(rows: Linear, stream: Stream, inside: Linear) -> Linear:
+    """Averages over the stretch at full rate, in the place of the blocks that it touches."""
+    touched = _stretched(stream)
+    first = int(np.argmax(touched))
 
-    def joined(coarse: FloatArray, inside: FloatArray) -> FloatArray:
-        return np.concatenate((coarse[before], inside, coarse[after]))
+    def joined(coarse: FloatArray, fine: FloatArray) -> FloatArray:
+        return np.concatenate((coarse[:first], fine, coarse[first:][~touched[first:]]))
 
-    start = joined(rows.t - 0.5 * rows.duration, fine.start)
-    duration = joined(rows.duration, fine.duration)
-    beside = int(np.count_nonzero(before | after))
-    return NoiseRows(
-        start=start,
-        duration=duration,
-        joined=_joined(start, duration, stream.interval),
-        X=joined(stream.X, fine.X),
-        y=joined(rows.y, fine.y),
-        levels=(*fine.levels, (float(np.median(rows.duration)), beside)),
-        interval=stream.interval,
-    )
+    times = replace(rows, t=joined(rows.t, inside.t), duration=joined(rows.duration, inside.duration))
+    return with_columns(times, joined(stream.X, inside.X), joined(rows.y, inside.y))
+
+
+def _stretched(stream: Stream) -> NDArray[np.bool_]:
+    """Which blocks (m,) the stretch at full rate touches."""
+    ends = np.cumsum(stream.counts)
+    first = stream.stretch.first
+    return (ends > first) & (ends - stream.counts < first + len(stream.stretch))
 
 
 def piece_edges(t: FloatArray, interval: float) -> tuple[NDArray[np.int64], tuple[tuple[float, int], ...]]:
@@ -167,35 +156,6 @@ RUNGS = 192
 
 RATIO = 4
 """Length of the averages of a rung over that of the rung before."""
-
-
-def noise_blocks(rows: Linear) -> Linear:
-    """Averages that the noise of a run is judged by.
-
-    Of a run that is read a part at a time they tell it at all time scales: a ladder of ever longer averages
-    over the stretch at full rate, so that white noise is seen where it is larger than bias instability, and
-    the blocks beside it.
-    """
-    stream = rows.stream
-    if stream is None:
-        return blocks_of(rows)
-    fine = stretch_of(stream, rows)
-    rungs = averages(fine, _ladder(len(fine)))
-    before, after = beside_stretch(stream)
-
-    def joined(coarse: FloatArray, ladder: FloatArray) -> FloatArray:
-        return np.concatenate((coarse[before], ladder, coarse[after]))
-
-    times = replace(rows, t=joined(rows.t, rungs.t), duration=joined(rows.duration, rungs.duration))
-    return with_columns(times, joined(stream.X, rungs.X), joined(rows.y, rungs.y))
-
-
-def beside_stretch(stream: Stream) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which blocks (m,) end before the stretch at full rate begins, and which begin after its end."""
-    begins = np.cumsum(stream.counts) - stream.counts
-    ends = begins + stream.counts
-    first = stream.stretch.first
-    return ends <= first, begins >= first + len(stream.stretch)
 
 
 def _ladder(n: int) -> NDArray[np.int64]:

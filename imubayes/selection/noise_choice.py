@@ -158,7 +158,7 @@ def identify_noise(
         noise=best,
         prior=data.prior.source,
         samples=rows.samples,
-        rows=len(pieces.y),
+        rows=len(pieces.means),
         draws=draws,
     )
 
@@ -166,7 +166,7 @@ def identify_noise(
 def _prior(rows: NoiseRows, sensor: SensorClass | None) -> ProcessPrior:
     if sensor is not None:
         return class_prior(sensor, rows.interval)
-    return vague_prior(scatter(rows.y, rows.duration), rows.span, rows.interval)
+    return vague_prior(scatter(rows.means.y, rows.means.duration), rows.means.rows.span, rows.interval)
 
 
 Fits = Mapping[tuple[str, ...], ProcessFit]

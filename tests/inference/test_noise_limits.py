@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imubayes.inference.linear import Linear
 from imubayes.inference.noise_limits import Spectrum, density, detection_limits, information, spectrum
 from imubayes.inference.noise_model import process_model
 from imubayes.inference.noise_rows import NoiseRows, piece_edges
@@ -24,9 +25,10 @@ def rows_of(samples):
     edges, levels = piece_edges(t, INTERVAL)
     duration = INTERVAL * np.diff(np.append(edges, samples))
     n = len(edges)
-    return NoiseRows(
-        t[edges], duration, np.arange(n) > 0, np.ones((n, 1)), np.arange(float(n)), levels, INTERVAL
-    )
+    X, names = np.ones((n, 1)), ("c",)
+    center = t[edges] + 0.5 * duration
+    means = Linear("", "", names, center, duration, INTERVAL, np.arange(float(n)), lambda a, b: X[a:b])
+    return NoiseRows(means, np.arange(n) > 0, levels)
 
 
 def limits(samples, candidates=OPTIONAL, noise=WHITE):

@@ -30,23 +30,26 @@ def uneven_rows(rng, n=20):
     start = np.cumsum(np.concatenate(([0.0], (duration + gaps)[:-1])))
     joined = np.concatenate(([False], gaps[:-1] == 0.0))
     X = np.column_stack((np.ones(n), rng.normal(size=n)))
-    return NoiseRows(start, duration, joined, X, rng.normal(size=n), ((1.0, n),), INTERVAL)
+    y, center = rng.normal(size=n), start + 0.5 * duration
+    means = Linear("log", "static", ("c", "x"), center, duration, INTERVAL, y, lambda a, b: X[a:b])
+    return NoiseRows(means, joined, ((1.0, n),))
 
 
 def dense(noise, rows):
     """Covariance of averages, by integrals of the covariance functions over a fine grid."""
     cells = 30
-    cell = rows.duration[:, None] / cells
-    at = rows.start[:, None] + cell * (np.arange(cells) + 0.5)
+    taken, start = rows.means.rows, rows.means.t - 0.5 * rows.means.duration
+    cell = taken.duration[:, None] / cells
+    at = start[:, None] + cell * (np.arange(cells) + 0.5)
     s, t = at.ravel()[:, None], at.ravel()[None, :]
-    variance, tau = flicker(noise.B, rows.interval, rows.span)
+    variance, tau = flicker(noise.B, rows.interval, taken.span)
     gauss = sum(v * np.exp(-np.abs(s - t) / c) for v, c in zip(variance, tau, strict=True))
     gauss = gauss + noise.G**2 * np.exp(-np.abs(s - t) / noise.tau)
-    walk = noise.K**2 * (np.minimum(s, t) - rows.start[0])
-    n = len(rows.y)
+    walk = noise.K**2 * (np.minimum(s, t) - start[0])
+    n = len(start)
     C = (gauss + walk).reshape(n, cells, n, cells).mean(axis=(1, 3))
-    quantum = noise.Q**2 / np.outer(rows.duration, rows.duration)
-    C += np.diag(noise.N**2 / rows.duration) + 2.0 * np.diag(np.diag(quantum))
+    quantum = noise.Q**2 / np.outer(taken.duration, taken.duration)
+    C += np.diag(noise.N**2 / taken.duration) + 2.0 * np.diag(np.diag(quantum))
     for i in np.flatnonzero(rows.joined):
         C[i, i - 1] -= quantum[i, i - 1]
         C[i - 1, i] -= quantum[i, i - 1]
@@ -76,7 +79,7 @@ def test_likelihood_differs_between_processes_as_the_dense_covariances_do():
     rows = uneven_rows(np.random.default_rng(2))
     data = process_model(rows, PRIOR)
     found = np.array([likelihood_of(data, noise).levels[0] for noise in POINTS])
-    expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in POINTS])
+    expected = np.array([restricted(dense(noise, rows), rows.means.X, rows.means.y) for noise in POINTS])
     # a cell of 83 ms is no point for the fastest process, of 50 ms: a tenth of its variance in a row is lost
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=0.1)
 
@@ -86,7 +89,7 @@ def test_likelihood_without_flicker_equals_the_dense_one():
     data = process_model(rows, PRIOR)
     exact = [noise for noise in POINTS if noise.B == 0.0]
     found = np.array([likelihood_of(data, noise).levels[0] for noise in exact])
-    expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in exact])
+    expected = np.array([restricted(dense(noise, rows), rows.means.X, rows.means.y) for noise in exact])
     # midpoint rule on exp(-d/tau) and min(s, t) over 30 cells: relative error of the variances below 3e-4
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=0.02)
 
@@ -109,10 +112,11 @@ def test_a_ramp_adds_its_prior_to_the_covariance():
     data = process_model(rows, PRIOR)
     noise = NoiseProcesses(1.0, K=0.3, Q=0.4)
     told = likelihood_of(data, noise)
-    middle = PRIOR.ramp * (rows.center - rows.start[0] - 0.5 * rows.span)
+    t = rows.means.t
+    middle = PRIOR.ramp * (t - t[0] + 0.5 * rows.means.duration[0] - 0.5 * rows.means.rows.span)
     C = dense(noise, rows)
-    gain = restricted(C + np.outer(middle, middle), rows.X, rows.y) - restricted(C, rows.X, rows.y)
-    assert told.levels[1] - told.levels[0] == pytest.approx(gain, abs=2e-3)
+    wider, plain = (restricted(one, rows.means.X, rows.means.y) for one in (C + np.outer(middle, middle), C))
+    assert told.levels[1] - told.levels[0] == pytest.approx(wider - plain, abs=2e-3)
 
 
 def test_columns_of_the_library_do_not_reach_the_likelihood_of():
@@ -156,9 +160,9 @@ def test_averages_are_those_of_their_samples():
     rows = noise_rows(linear(y, 0.1, X))
     edges, _ = piece_edges(0.1 * np.arange(20_000), 0.1)
     for k in (0, 500, len(edges) - 2):
-        np.testing.assert_allclose(rows.y[k], y[edges[k] : edges[k + 1]].mean(), rtol=1e-12)
-        np.testing.assert_allclose(rows.X[k], X[edges[k] : edges[k + 1]].mean(axis=0), rtol=1e-10)
-    assert rows.duration.sum() == pytest.approx(2000.0)
+        np.testing.assert_allclose(rows.means.y[k], y[edges[k] : edges[k + 1]].mean(), rtol=1e-12)
+        np.testing.assert_allclose(rows.means.X[k], X[edges[k] : edges[k + 1]].mean(axis=0), rtol=1e-10)
+    assert rows.means.duration.sum() == pytest.approx(2000.0)
     assert rows.joined[1:].all()
 
 

@@ -42,15 +42,17 @@ def test_pieces_of_a_stream_are_its_stretch_and_the_blocks_beside_it(runs):
     whole, part = runs
     rows = noise_rows(part)
     assert rows.interval == pytest.approx(INTERVAL)
-    assert (np.diff(rows.start) > 0.0).all()
+    means = rows.means
+    start = means.t - 0.5 * means.duration
+    assert (np.diff(start) > 0.0).all()
     # a block that the stretch cuts is left out at either end
     block = part.stream.counts.max() * INTERVAL
-    assert rows.duration.sum() == pytest.approx(SAMPLES * INTERVAL, abs=2.0 * block)
-    for k in (0, len(rows.y) // 2, len(rows.y) - 1):
+    assert means.duration.sum() == pytest.approx(SAMPLES * INTERVAL, abs=2.0 * block)
+    for k in (0, len(means) // 2, len(means) - 1):
         inside = slice(
-            *np.searchsorted(whole.t + 0.5 * INTERVAL, rows.start[k] + [1e-6, rows.duration[k] + 1e-6])
+            *np.searchsorted(whole.t + 0.5 * INTERVAL, start[k] + [1e-6, means.duration[k] + 1e-6])
         )
-        assert rows.y[k] == pytest.approx(whole.y[inside].mean(), rel=1e-6)
+        assert means.y[k] == pytest.approx(whole.y[inside].mean(), rel=1e-6)
 
 
 def test_processes_of_a_stream_are_those_of_the_same_log_in_memory(runs):
