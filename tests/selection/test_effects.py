@@ -1,13 +1,17 @@
-"""Detectable effects, and the evidence of a support."""
+"""Detectable effects, and the evidence of a support. pysindy's optimizers on a triangular factor, and their
+whole paths at once."""
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
+import pysindy as ps
 import pytest
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
-from imubayes.selection.effects import best_of, effects_of, log_evidence, refitted
+from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence, refitted
 
 NAMES = ("bias", "a", "b", "c", "d")
 SD = np.array([3.0, 2.0, 0.5, 40.0, 1.0])
@@ -93,3 +97,121 @@ def test_of_equal_scores_the_smallest_support_is_taken_in_the_middle_of_its_stre
     supports = np.array([[1, 1], [1, 0], [1, 0], [1, 0], [0, 0]], dtype=bool)
     assert best_of(supports, np.array([-1.0, -1.0, -1.0, -1.0, -9.0])) == 2
     assert best_of(supports, np.array([-0.5, -1.0, -1.0, -1.0, -9.0])) == 0
+
+
+TRUTH = np.array([9.0, 0.0, -3.0, 0.4, 0.0, 1.5, 0.0, 0.0])
+SCALES = 10.0 ** np.array([-2.0, 1.0, 0.0, 2.0, -1.0, 0.0, 1.0, -2.0])
+
+
+def regression_rows(seed=0, n=90):
+    """White rows over columns of which the first three are alike."""
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, len(TRUTH)))
+    X[:, 1:3] += 2.0 * X[:, :1]
+    return X, X @ TRUTH + rng.normal(size=n)
+
+
+def triangle(X, y):
+    R = factor_of(X, y, tuple(f"x{j}" for j in range(X.shape[1]))).R
+    return R[:-1, :-1], R[:-1, -1]
+
+
+def same(a, b):
+    return np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
+
+
+@pytest.mark.parametrize(("b", "reached"), [([2.0, 0, 0, 0, 0], 1), ([1.0, 0.0, 2.0, 0.0, 0.0], 2)])
+def test_a_path_that_ends_where_nothing_is_left_keeps_its_largest_support(b, reached):
+    """pysindy's FROLS goes on to nothing once the residual is zero."""
+    A = np.triu(np.random.default_rng(1).normal(size=(5, 5))) + 3.0 * np.eye(5)
+    supports = PATHS["frols"](A, A @ np.array(b), np.arange(6.0))
+    assert supports.sum(axis=1).tolist() == [min(k, reached) for k in range(5)] + [5]
+    assert (supports[reached] == (np.array(b) != 0.0)).all()
+
+
+@pytest.mark.parametrize("scales", [np.ones(8), SCALES], ids=["alike", "badly scaled"])
+@pytest.mark.parametrize("name", ["STLSQ", "SR3", "FROLS"])
+def test_pysindy_gives_on_the_factor_what_it_gives_on_the_rows(name, scales):
+    """Residuals on the rows are those on the factor and a constant: nothing that these optimizers use."""
+    X, y = regression_rows()
+    make = getattr(ps, name)
+    kept = {"max_iter": 100} if name == "SR3" else {"unbias": False}
+    on_rows, on_factor = (make(**kept).fit(A, b) for A, b in ((X * scales, y), triangle(X * scales, y)))
+    assert np.count_nonzero(on_rows.coef_) > 2
+    assert same(on_factor.coef_ * scales, on_rows.coef_ * scales)
+    assert len(on_factor.history_) == len(on_rows.history_)
+
+
+def test_ssr_walks_the_same_path_on_the_factor_and_picks_by_what_the_factor_leaves_out():
+    """Its pick is where the residual changes by the largest ratio, and the factor's lacks the rows' constant.
+
+    With the bottom row, which holds the residual norm, it is the pick on the rows again.
+    """
+    X, y = regression_rows()
+    R = factor_of(X, y, tuple("abcdefgh")).R
+    kept = {"unbias": False, "alpha": 0.0}
+    on_rows = ps.SSR(**kept).fit(X, y)
+    on_factor = ps.SSR(**kept).fit(R[:-1, :-1], R[:-1, -1])
+    with_rest = ps.SSR(**kept).fit(R[:, :-1], R[:, -1])
+    assert same(np.array(on_factor.history_), np.array(on_rows.history_))
+    left, rest = np.array(on_factor.err_history_), R[-1, -1] ** 2
+    assert np.array(on_rows.err_history_) == pytest.approx(left + rest, rel=1e-10)
+    assert np.count_nonzero(on_factor.coef_) != np.count_nonzero(on_rows.coef_)
+    assert same(with_rest.coef_, on_rows.coef_)
+
+
+@pytest.mark.parametrize("name", ["stlsq", "sr3"])
+def test_path_over_thresholds_is_a_fit_at_each_of_them(name):
+    A, b = triangle(*regression_rows(1))
+    thresholds = np.geomspace(0.1, 20.0, 15)
+    one_by_one = {
+        "stlsq": lambda t: ps.STLSQ(threshold=t, alpha=0.0, unbias=False),
+        "sr3": lambda t: ps.SR3(ps.SR3.calculate_l0_weight(t, 1.0), "l0", 1.0, tol=1e-3, max_iter=500),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        single = [one_by_one[name](float(t)).fit(A, b).coef_[0] != 0.0 for t in thresholds]
+    path = PATHS[name](A, b, thresholds)
+    assert len(np.unique(path, axis=0)) > 4
+    assert np.array_equal(path, single)
+
+
+def test_ssr_drops_the_smallest_coefficient_at_each_step():
+    A, b = triangle(*regression_rows(2))
+    inside, expected = np.ones(8, dtype=bool), []
+    for _ in range(8):
+        theta = np.zeros(8)
+        theta[inside] = np.linalg.lstsq(A[:, inside], b)[0]
+        inside = inside & (np.arange(8) != np.argmin(np.where(inside, np.abs(theta), np.inf)))
+        expected.append(inside)
+    assert np.array_equal(PATHS["ssr"](A, b, np.arange(9.0)), [*expected[::-1], np.ones(8, dtype=bool)])
+
+
+def test_frols_adds_what_lowers_the_residual_most():
+    A, b = triangle(*regression_rows(3))
+    inside, expected = [], [[]]
+
+    def residual(j):
+        return float(np.linalg.lstsq(A[:, [*inside, j]], b)[1].sum())
+
+    for _ in range(7):  # the last column leaves no residual to compare
+        inside.append(min((j for j in range(8) if j not in inside), key=residual))
+        expected.append(list(inside))
+    path = PATHS["frols"](A, b, np.arange(8.0))
+    assert [sorted(np.flatnonzero(s)) for s in path] == [sorted(s) for s in expected]
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_path_leads_from_all_to_nothing_without_a_warning(name):
+    A, b = triangle(*regression_rows(4))
+    path = PATHS[name](A, b, np.geomspace(1e-9, 1e9, 9) if name in ("stlsq", "sr3") else np.arange(9.0)[::-1])
+    assert path[0].all()
+    assert not path[-1].any()
+    assert (np.diff(path.sum(axis=1)) <= 0).all()
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_single_column_is_a_library_too(name):
+    A, b = np.array([[2.0]]), np.array([6.0])
+    strength = np.array([1.0, 4.0]) if name in ("stlsq", "sr3") else np.array([1.0, 0.0])
+    assert PATHS[name](A, b, strength).tolist() == [[True], [False]]

@@ -1,4 +1,6 @@
-"""The search over models against full enumeration, and its bound against the truth."""
+"""The search over models against full enumeration, and its bound against the truth. More candidates than are
+enumerated: the decision's own path, against enumeration and a known truth. The walk over models against
+enumeration: its odds, its balance, its hierarchy."""
 
 from __future__ import annotations
 
@@ -9,11 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import imubayes as ib
+from imubayes import ScalePrior, Summary
 from imubayes.algebra.factor import with_prior_rows
 from imubayes.errors import TermError
+from imubayes.selection import enumerate
+from imubayes.selection import search as module
+from imubayes.selection.bounds import Problem
+from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.kernels import solutions, walk
+from imubayes.selection.model_walk import Record, begin, moves, take_steps
+from imubayes.selection.models import components_given, inclusion_given, inclusion_of_any
 from imubayes.selection.search import search
-from imubayes.selection.spaces import fold, sizes
+from imubayes.selection.spaces import Listed, fold, sizes
 from imubayes.sensors.terms import columns, library
 
 NEEDS = ((3, 1), (4, 3), (5, 2))
@@ -192,3 +202,141 @@ def test_a_hundred_candidates_are_searched():
     again += _beta_binomial(100)[found.inside.sum(axis=1)]
     np.testing.assert_allclose(found.log_joint, again, rtol=1e-12)
     assert ((found.frequency >= 0.0) & (found.frequency <= 1.0 + 1e-12)).all()
+
+
+NAMES = tuple(f"x{k}" for k in range(14))
+
+
+@pytest.fixture(scope="module")
+def problem():
+    rng = np.random.default_rng(8)
+    X = rng.normal(size=(60, 14)) + 0.7 * rng.normal(size=(60, 1))
+    theta = np.where(rng.random(14) < 0.4, rng.normal(0.0, 0.5, 14), 0.0)
+    return Summary.from_arrays(X, X @ theta + rng.normal(size=60), NAMES), ScalePrior(0.5)
+
+
+@pytest.mark.parametrize("needs", [(), (("x3", "x1"), ("x5", "x3"))])
+def test_searched_posterior_is_the_enumerated_one(problem, monkeypatch, needs):
+    """What is missing is 1e-6 at most, so that no probability differs by more."""
+    exact = enumerate_models(*problem, always=("x0",), scale=1.0, needs=needs)
+    monkeypatch.setattr(enumerate, "LARGEST", 10)
+    found = enumerate_models(*problem, always=("x0",), scale=1.0, needs=needs)
+    assert isinstance(found.space, Listed)
+    assert 0.0 < found.missing <= 1e-6
+    assert found.error == 0.0
+    np.testing.assert_allclose(found.inclusion, exact.inclusion, atol=2e-6)
+    assert found.log_evidence == pytest.approx(exact.log_evidence, abs=2e-6)
+    # moments are those of a systematic sample of the models, 2,000 of them
+    assert np.all(np.abs(found.mean - exact.mean)[1:] < 0.02 * exact.sd[1:])
+    np.testing.assert_allclose(found.sd[1:], exact.sd[1:], rtol=0.05)
+    given = inclusion_given(found, ("x5",)) - inclusion_given(exact, ("x5",))
+    assert np.abs(given).max() < 1e-3
+    assert inclusion_of_any(found, ("x2", "x4")) == pytest.approx(
+        inclusion_of_any(exact, ("x2", "x4")), abs=3e-6
+    )
+    full, alike = (components_given(m, NAMES[1:]).moments() for m in (found, exact))
+    np.testing.assert_allclose(np.array(full)[:, 1:], np.array(alike)[:, 1:], rtol=1e-9)
+
+
+def test_sampled_posterior_is_the_enumerated_one_within_its_error(problem, monkeypatch):
+    exact = enumerate_models(*problem, scale=1.0)
+    monkeypatch.setattr(enumerate, "LARGEST", 10)
+    monkeypatch.setattr(module, "TOLERANCE", 1e-300)
+    monkeypatch.setattr(module, "EFFORT", 2.0)
+    found = enumerate_models(*problem, scale=1.0)
+    assert math.isnan(found.missing)
+    assert 0.0 < found.error < 0.02
+    assert np.abs(found.inclusion - exact.inclusion).max() < 0.02
+    assert found.log_evidence == pytest.approx(exact.log_evidence, abs=0.1)
+
+
+def test_unknown_noise_scale_is_held_at_what_the_library_leaves(problem, monkeypatch):
+    """60 rows know the scale to 9 %, which moves the log odds of a term t sd away by 0.09 t^2."""
+    exact = enumerate_models(*problem)
+    monkeypatch.setattr(enumerate, "LARGEST", 10)
+    found = enumerate_models(*problem)
+    assert np.abs(found.inclusion - exact.inclusion).max() < 0.1
+
+
+@pytest.mark.slow
+def test_temperature_expanded_accelerometer_is_decided():
+    """44 excited terms of 47, and which of them are not zero is found, wherever the test can tell."""
+    sensor = ib.sensor("mems_tactical", kind="accelerometer")
+    heated = ("b0", "b1", "b2", "b3", "m_j", "m_k", "c_ij", "c_ik", "c_jk", "c_jj", "c_kk")
+    lib = ib.library(
+        "accelerometer", set="extended", temperature=2, temperature_of=heated, rate_of=("b0", "b1")
+    )
+    plans = (
+        ib.thermal([233.0, 273.0, 298.0, 343.0], positions=9, dwell=60.0, soak=900.0, ramp=2.0 / 60.0),
+        ib.centrifuge([1, 5, 10, 20], mounts=12, dwell=20.0, rate=2.0),
+    )
+    rng = np.random.default_rng(2)
+    sd = ib.prior(sensor, lib).sd
+    inside = rng.random(len(sd)) < 0.35
+    truth = dict(zip(lib.names, (inside * sd * rng.standard_normal(len(sd))).tolist(), strict=True))
+    summary = ib.summarize(ib.simulate(sensor, plans, seed=3, truth=truth), lib, sensor=sensor)
+    chosen = ib.select(summary, ib.prior(sensor, lib))
+    assert len(chosen.models.candidates.names) == 44
+    assert chosen.models.missing <= 1e-6 or chosen.models.error < 0.01
+    for term in chosen.terms:
+        true = truth[term.name]
+        assert term.verdict != "needed" or true != 0.0
+        assert term.verdict != "not needed" or abs(true) < 0.1 * term.prior_sd
+        if term.verdict not in ("untested", "inseparable"):
+            assert abs(term.full_mean - true) < 4.0 * term.full_sd
+
+
+def _walked_problem(
+    p: int, silent: int, needs: tuple[tuple[int, int], ...]
+) -> tuple[np.ndarray, Problem, np.ndarray]:
+    """Factor with prior rows of 1, the last columns without data; and the log joint of all models."""
+    rng = np.random.default_rng(p)
+    X = rng.normal(size=(2 * p, p)) @ (np.eye(p) + 0.7 * rng.normal(size=(p, p)))
+    X[:, p - silent :] *= 0.02
+    y = X @ (rng.normal(size=p) * (rng.random(p) < 0.4)) + rng.normal(size=2 * p)
+    T = np.linalg.qr(np.vstack((np.column_stack((X, y)), np.eye(p, p + 1))), mode="r")
+    log_prior = -math.log(p + 1) - np.array([math.log(math.comb(p, k)) for k in range(p + 1)])
+    parents = np.zeros((p, 2), dtype=np.uint64)
+    rss, log_det = walk(T)
+    exact = -rss / 2.0 - log_det + log_prior[sizes(p)]
+    masks = np.arange(1 << p)
+    for child, parent in needs:
+        parents[child, 0] |= np.uint64(1 << parent)
+        exact[(masks >> child & 1 == 1) & (masks >> parent & 1 == 0)] = -math.inf
+    return T, Problem(2.0, log_prior, parents), exact
+
+
+def test_probabilities_of_flipping_are_those_of_enumeration():
+    T, problem, exact = _walked_problem(10, 2, ())
+    inside = np.random.default_rng(1).random(10) < 0.5
+    state = begin(T, inside, problem)
+    mask = int(inside @ (1 << np.arange(10)))
+    expected = [1.0 / (1.0 + math.exp(exact[mask] - exact[mask ^ (1 << j)])) for j in state.column.tolist()]
+    np.testing.assert_allclose(state.flip, expected, rtol=1e-9)
+    np.testing.assert_allclose(state.log_joint[0], exact[mask], rtol=1e-11)
+
+
+@pytest.mark.parametrize(("silent", "needs"), [(0, ()), (6, ()), (5, ((3, 1), (8, 3), (9, 2)))])
+def test_long_walk_visits_models_as_often_as_they_are_probable(silent, needs):
+    p, steps, batches = 10, 4_000, 40
+    T, problem, exact = _walked_problem(p, silent, needs)
+    state, how = begin(T, np.zeros(p, dtype=bool), problem), moves(T)
+    rng = np.random.default_rng(4)
+    inclusion, logs, stays = [], [], np.zeros(1 << p)
+    for _ in range(batches):
+        words, sums = np.empty((steps + 1, 2), np.uint64), np.empty((2, steps + 1))
+        record = Record(words, *sums, np.empty(p), np.zeros(1, dtype=np.int64))
+        take_steps(problem, state, how, rng.random((steps, 4 + p)), record)
+        n = record.count[0]
+        inclusion.append(record.inclusion)
+        np.add.at(stays, record.words[:n, 0].astype(np.int64), record.stay[:n])
+        logs.append(np.abs(record.log_joint[:n] - exact[record.words[:n, 0].astype(np.int64)]).max())
+    assert stays.sum() == steps * batches
+    assert np.abs(fold(stays, p)[0] / stays.sum() - np.mean(inclusion, axis=0)).max() < 0.02
+    sums, total = fold(np.exp(exact - exact.max()), p)
+    settled = np.array(inclusion)
+    error = settled.std(axis=0, ddof=1) / math.sqrt(batches)
+    assert (len(how.loose) > 1) == (silent > 0)
+    assert max(logs) < 1e-9 * (1.0 + abs(exact.max()))
+    assert (np.abs(settled.mean(axis=0) - sums / total) < 4.5 * error + 1e-6).all()
+    assert error.max() < 0.01

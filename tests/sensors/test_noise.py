@@ -1,11 +1,28 @@
-"""The Allan variance of the modelled noise, by closed formulas."""
+"""The Allan variance of the modelled noise, by closed formulas. The noise processes' conventions: Allan
+variances, densities, units and priors."""
+
+from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
-from imubayes.sensors.noise import Noise, allan_variance, flicker
+from imubayes.inference.noise_limits import Spectrum, density
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.noise import (
+    Noise,
+    NoiseProcesses,
+    allan_variance,
+    class_prior,
+    flicker,
+    gauss_markov_variance,
+    shares,
+    vague_prior,
+)
+from imubayes.units import factor
 
 FLOOR = 2.0 * math.log(2.0) / math.pi
 """Allan variance of flicker noise over B^2 (IEEE 952 annex C)."""
@@ -53,3 +70,98 @@ def test_allan_variance_has_the_published_coefficient_of_each_process():
     np.testing.assert_allclose(allan_variance(Noise(0.0, 0.0, 2.0), tau), 4.0 * tau / 3.0, rtol=1e-15)
     # the bias instability is the floor of the Allan deviation over 0.664
     np.testing.assert_allclose(np.sqrt(allan_variance(Noise(0.0, 2.0, 0.0), tau)), 0.664 * 2.0, rtol=1e-3)
+
+
+NORMAL_95 = 1.6448536269514722
+
+
+def transfer(S, tau, high):
+    """Allan variance of a two-sided density S: 4 int S sin^4(pi f tau)/(pi f tau)^2 df over f > 0."""
+
+    def integrand(log_f):
+        x = math.pi * math.exp(log_f) * tau
+        return 4.0 * S(math.exp(log_f)) * math.sin(x) ** 4 / x**2 * math.exp(log_f)
+
+    edges = np.log(np.concatenate((np.geomspace(1e-6, 0.1, 12), np.arange(0.2, high * tau, 0.25))) / tau)
+    return sum(quad(integrand, a, b, epsrel=1e-9)[0] for a, b in pairwise(edges))
+
+
+def two_sided(noise, f):
+    at = np.array([f])
+    return float(density(noise, Spectrum(at, at, np.full(1, 1e-3)))[0])
+
+
+@pytest.mark.parametrize(
+    ("noise", "tail"),
+    [
+        # beyond f tau = 40 a density that falls as f^-a leaves below (40)^-(1+a) of the variance
+        (NoiseProcesses(N=0.7), 0.02),
+        (NoiseProcesses(N=0.0, B=0.7), 2e-3),
+        (NoiseProcesses(N=0.0, K=0.7), 1e-4),
+        (NoiseProcesses(N=0.0, G=0.7, tau=2.0), 1e-4),
+    ],
+    ids=["N", "B", "K", "G"],
+)
+def test_allan_variance_is_the_integral_of_the_two_sided_density(noise, tail):
+    expected = sum(part[0] for part in shares(noise, np.array([3.0])).values())
+    assert transfer(lambda f: two_sided(noise, f), 3.0, 40.0) == pytest.approx(expected, rel=tail)
+
+
+def test_flat_part_of_bias_instability_is_0_664_of_it():
+    (_, part) = shares(NoiseProcesses(N=0.0, B=1.0), np.array([1.0, 100.0])).values()
+    np.testing.assert_allclose(np.sqrt(part), 0.664, atol=5e-4)
+
+
+def test_gauss_markov_deviation_peaks_at_0_617_sd_and_1_893_time_constants():
+    x = np.linspace(1.0, 3.0, 20_001)
+    deviation = np.sqrt(gauss_markov_variance(1.0, 1.0, x))
+    assert deviation.max() == pytest.approx(0.617, abs=5e-4)
+    assert x[deviation.argmax()] == pytest.approx(1.893, abs=5e-3)
+
+
+def test_gauss_markov_is_a_random_walk_when_fast_averages_see_it_and_white_when_slow_ones_do():
+    sd, Tc = 0.3, 50.0
+    short, long = np.array([1e-3 * Tc]), np.array([1e4 * Tc])
+    walk = shares(NoiseProcesses(N=0.0, K=sd * math.sqrt(2.0 / Tc)), short)["K"]
+    white = shares(NoiseProcesses(N=sd * math.sqrt(2.0 * Tc)), long)["N"]
+    assert gauss_markov_variance(sd, Tc, short) == pytest.approx(walk, rel=1e-3)
+    assert gauss_markov_variance(sd, Tc, long) == pytest.approx(white, rel=2e-4)
+
+
+def test_gauss_markov_variance_is_smooth_where_its_series_takes_over():
+    low, high = gauss_markov_variance(1.0, 1.0, np.array([0.01 - 1e-9, 0.01 + 1e-9]))
+    # the series lacks terms of x^4: 1e-8 of the first; the closed form loses 1e-16 / x^2
+    assert low == pytest.approx(high, rel=1e-6)
+
+
+@pytest.mark.parametrize(("name", "slope"), [("Q", -1.0), ("N", -0.5), ("B", 0.0), ("K", 0.5), ("R", 1.0)])
+def test_slopes_of_the_allan_deviation_are_those_of_ieee_952(name, slope):
+    noise = NoiseProcesses(**({"N": 0.0} | {name: 0.4}))
+    one, two = np.sqrt(shares(noise, np.array([10.0, 1000.0]))[name])
+    assert math.log(two / one) / math.log(100.0) == pytest.approx(slope, abs=1e-12)
+
+
+def test_data_sheet_figures_are_the_two_sided_ones():
+    """60 times the two-sided root density in deg/s/sqrt(Hz) is the angle random walk in deg/sqrt(h)."""
+    N = factor("deg/s", like="rad/s")  # 1 deg/s/sqrt(Hz)
+    assert N / factor("deg/sqrt(h)", like="rad/s/sqrt(Hz)") == pytest.approx(60.0)
+    one_sided = math.sqrt(2.0) * N
+    tau = 1.0
+    # the variance of averages is half the one-sided density over tau: N^2 / tau
+    assert shares(NoiseProcesses(N=N), np.array([tau]))["N"][0] == pytest.approx(one_sided**2 / 2.0 / tau)
+
+
+def test_quantum_of_an_accelerometer_is_over_its_sampling_interval_and_of_a_gyroscope_an_angle():
+    tactical = class_prior(sensor("mems_tactical", kind="accelerometer"), 0.01).log_normal["Q"]
+    assert tactical[0] == pytest.approx(2e-6 * 9.80665 * 0.01)
+    assert math.exp(2.0 * NORMAL_95 * tactical[1]) == pytest.approx(30.0 / 0.3)
+    ring = sensor("rlg_navigation", kind="gyroscope")
+    laser = [class_prior(ring, interval).log_normal["Q"] for interval in (0.01, 1.0)]
+    assert laser[0] == laser[1] == pytest.approx((0.32 * factor("arcsec"), laser[0][1]))
+
+
+def test_prior_without_a_class_scales_with_the_white_noise():
+    one, ten = (vague_prior(white, 3600.0, 0.1) for white in (1.0, 10.0))
+    for name in "NBKQG":
+        assert ten.log_normal[name][0] == pytest.approx(10.0 * one.log_normal[name][0])
+    assert ten.ramp == pytest.approx(10.0 * one.ramp)

@@ -1,17 +1,21 @@
-"""The include/exclude tree against brute force, and against R's best subsets."""
+"""The include/exclude tree against brute force, and against R's best subsets. Coefficients of submodels and
+integrals over g, each by a second route."""
 
 from __future__ import annotations
 
 import csv
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 from imubayes.algebra.factor import factor_of, with_prior_rows
-from imubayes.selection.kernels import walk
-from imubayes.selection.spaces import sizes
+from imubayes.inference.prior import GPrior, HyperG, ZellnerSiow, g_nodes
+from imubayes.selection.kernels import g_integrals, solutions, submodel, walk
+from imubayes.selection.spaces import Every, sizes
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -131,3 +135,101 @@ def test_best_subset_of_every_size_is_that_of_leaps(references, name):
         ours = int(np.flatnonzero(size == k)[np.argmin(rss[size == k])])
         assert "".join(str(ours >> j & 1) for j in range(len(best["gamma"]))) == best["gamma"]
         assert rss[ours] == pytest.approx(float(best["rss"]), rel=1e-10)
+
+
+def _small_problem(seed: int, p: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, response and factor of a regular problem."""
+    rng = np.random.default_rng(seed)
+    X, y = rng.normal(size=(p + 6, p)), rng.normal(size=p + 6)
+    return X, y, factor_of(X, y, "abcdef"[:p]).R
+
+
+@given(seeds, st.integers(1, 6), st.data())
+def test_submodel_is_the_triangular_factor_of_its_columns(seed, p, data):
+    X, y, R = _small_problem(seed, p)
+    inside = np.array(data.draw(st.lists(st.booleans(), min_size=p, max_size=p)))
+    T, columns = submodel(R, inside)
+    assert columns.tolist() == np.flatnonzero(inside).tolist()
+    whole = np.column_stack((X[:, columns], y))
+    np.testing.assert_array_equal(T, np.triu(T))
+    np.testing.assert_allclose(T.T @ T, whole.T @ whole, rtol=0.0, atol=1e-12 * np.sum(whole**2))
+
+
+@given(seeds, st.integers(1, 5))
+def test_solutions_are_least_squares_of_every_submodel(seed, p):
+    X, y, R = _small_problem(seed, p)
+    every = Every(p)
+    mean, variance, rss, log_det = solutions(R, every.members(np.arange(len(every))))
+    for mask in range(1 << p):
+        columns = [j for j in range(p) if mask >> j & 1]
+        outside = [j for j in range(p) if j not in columns]
+        assert not mean[mask, outside].any()
+        assert not variance[mask, outside].any()
+        inverse = np.linalg.inv(X[:, columns].T @ X[:, columns])
+        theta = inverse @ X[:, columns].T @ y
+        np.testing.assert_allclose(mean[mask, columns], theta, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(variance[mask, columns], np.diag(inverse), rtol=1e-8)
+        assert rss[mask] == pytest.approx(np.sum((y - X[:, columns] @ theta) ** 2), rel=1e-9)
+        assert log_det[mask] == pytest.approx(-0.5 * np.linalg.slogdet(inverse)[1], rel=1e-9, abs=1e-9)
+
+
+def _density(prior, n):
+    """Density of g, from the papers."""
+    if isinstance(prior, HyperG):
+        return lambda g: (prior.a / 2.0 - 1.0) * (1.0 + g) ** (-prior.a / 2.0)
+    beta = n * prior.scale**2 / 2.0
+    return lambda g: math.sqrt(beta / math.pi) * g**-1.5 * math.exp(-beta / g)
+
+
+def _expectations(prior, n, dof, k, u):
+    """Bayes factor and posterior means of s, s^2, s r, r by adaptive quadrature over x = ln g."""
+    density = _density(prior, n)
+
+    def factor(g):
+        return math.exp(0.5 * (dof - k) * math.log1p(g) - 0.5 * dof * math.log1p(g * u))
+
+    def mean_of(of):
+        def integrand(x):
+            g = math.exp(x)
+            return density(g) * factor(g) * g * of(g / (1.0 + g), (1.0 + g * u) / (1.0 + g))
+
+        return sum(
+            quad(integrand, a, a + 5.0, epsabs=0.0, epsrel=1e-12, limit=200)[0] for a in range(-30, 55, 5)
+        )
+
+    total = mean_of(lambda s, r: 1.0)
+    moments = [lambda s, r: s, lambda s, r: s * s, lambda s, r: s * r, lambda s, r: r]
+    s, square, shrunk, left = (mean_of(of) / total for of in moments)
+    return [math.log(total), s, square - s * s, shrunk, left]
+
+
+@pytest.mark.parametrize("prior", [HyperG(3.0), HyperG(4.0), ZellnerSiow(1.0), ZellnerSiow(0.3)])
+@pytest.mark.parametrize(("n", "k", "u"), [(8, 1, 0.9), (12, 3, 0.2), (40, 5, 0.5), (60, 2, 0.01)])
+@pytest.mark.filterwarnings("ignore::scipy.integrate.IntegrationWarning")  # at the far ends, where all is 0
+def test_integrals_over_g_are_those_of_adaptive_quadrature(prior, n, k, u):
+    dof = n - 1.0
+    found = g_integrals(np.array([u]), np.array([k]), dof, *g_nodes(prior, n))[0]
+    np.testing.assert_allclose(found, _expectations(prior, n, dof, k, u), rtol=1e-8, atol=1e-8)
+
+
+@given(st.floats(0.0, 1.0), st.integers(0, 9), st.floats(1e-3, 1e6))
+def test_a_fixed_g_gives_the_closed_bayes_factor_and_shrinkage(u, k, g):
+    found = g_integrals(np.array([u]), np.array([k]), 10.0, *g_nodes(GPrior(g), 11))[0]
+    s, r = g / (1.0 + g), (1.0 + g * u) / (1.0 + g)
+    log_factor = 0.5 * (10 - k) * math.log1p(g) - 5.0 * math.log1p(g * u)
+    np.testing.assert_allclose(found, [log_factor, s, 0.0, s * r, r], rtol=1e-12, atol=1e-12)
+
+
+def test_the_variance_of_the_shrinkage_keeps_its_digits_beside_a_strong_signal():
+    """For u -> 0 and large g, ``1/g`` is about gamma of shape s = (k + a)/2 - 1 and rate dof u^-1/2."""
+    u, k, dof = 1e-14, 2, 1e6
+    found = g_integrals(np.array([u]), np.array([k]), dof, *g_nodes(HyperG(3.0), 10))[0]
+    shape, rate = 0.5 * (k + 3.0) - 1.0, 0.5 * dof / u
+    assert found[2] == pytest.approx(shape / rate**2, rel=1e-4)
+
+
+@pytest.mark.parametrize("a", [2.5, 3.0, 4.0])
+def test_hyper_g_of_a_null_model_shrinks_by_its_prior_mean(a):
+    """Without information ``g/(1 + g) ~ Beta(1, a/2 - 1)``, whose mean is 2/a (Liang et al. 2008)."""
+    found = g_integrals(np.array([1.0]), np.array([0]), 10.0, *g_nodes(HyperG(a), 11))[0]
+    np.testing.assert_allclose(found[:2], [0.0, 2.0 / a], rtol=1e-6, atol=1e-6)
