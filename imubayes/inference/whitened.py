@@ -7,9 +7,9 @@ of the same model under the same noise: the columns are averaged, not made of av
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,8 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, dwells_of, stacked
-from imubayes.inference.linear import CHUNK, Linear, block_edges, once, whole_parts
+from imubayes.inference.linear import CHUNK, Linear, Rows, block_edges, blocks_of, once
 from imubayes.inference.whiten import Carry, Processes, begin, mattering, padded, states_of, whiten, whiten_on
-from imubayes.rig.inputs import Stream
 from imubayes.sensors.noise import Noise
 
 TILE = 8192
@@ -43,7 +42,7 @@ def whitened_factor(
     if rows.shared is not None and parts is None:
         return rows.shared(noise)
     if rows.stream is not None:
-        return streamed_factor(rows, rows.stream, noise, parts), rows.stream.reach
+        return _streamed_factor(rows, noise, parts), rows.stream.reach
     table = _table(rows)
     n, p = len(rows), len(rows.names)
     blocks = tuple(algebra.row_blocks(n))
@@ -57,38 +56,47 @@ def whitened_factor(
     return Factor(rows.names, R if better is None else better.astype(np.float64), n, log_det), reach
 
 
-def pieces_of(rows: Linear, noise: Noise) -> Pieces:
-    """Whiten a run as a whole and factor each of its dwells.
+def pieces_of(rows: Linear, noise: Noise, parts: Processes | None = None) -> Pieces:
+    """Whiten a run as a whole and factor each of its dwells; one pass over its rows.
 
     Parameters
     ----------
     rows : of the run.
     noise : that whitens it, SI.
+    parts : the processes that stand for B; by default those that matter beside the white noise.
     """
-    if rows.stream is not None:
-        return streamed_pieces(rows, rows.stream, noise)
-    dwells, table = dwells_of(rows), _table(rows)
-    _, d = whiten(noise, rows.rows, table)
-    return Pieces(
-        run=rows.name,
-        names=rows.names,
-        start=dwells.start,
-        stop=dwells.stop,
-        rows=np.diff(dwells.edges),
-        R=np.array(
-            [algebra.triangular([table[a:b]], table.shape[1]) for a, b in pairwise(dwells.edges.tolist())]
-        ),
-        log_det=np.add.reduceat(np.log(d), dwells.edges[:-1]),
-    )
+    if parts is not None:
+        return _pieces(rows, noise, parts)
+    return once(rows, noise, lambda: _pieces(rows, noise, mattering(noise, rows.rows)))
+
+
+def _pieces(rows: Linear, noise: Noise, parts: Processes) -> Pieces:
+    dwells, width = dwells_of(rows), len(rows.names) + 1
+    edges = np.concatenate(([0], np.cumsum(rows.counts)))[dwells.edges]
+    R, log_det = np.zeros((len(dwells), width, width)), np.zeros(len(dwells))
+    for first, log_d, table in _whitened(rows, noise, parts, "whitening"):
+        for k, a, b in _shares(edges, first, first + len(log_d)):
+            inside = slice(a - first, b - first)
+            R[k] = algebra.triangular((R[k], table[inside]), width)
+            log_det[k] += float(log_d[inside].sum())
+    return Pieces(rows.name, rows.names, dwells.start, dwells.stop, np.diff(edges), R, log_det)
+
+
+def _streamed_factor(rows: Linear, noise: Noise, parts: Processes | None) -> Factor:
+    """Factor of a run, whitened as a whole: one pass over its rows, and one more where columns are alike."""
+    made = stacked([pieces_of(rows, noise, parts)])
+    chosen = mattering(noise, rows.rows) if parts is None else parts
+    tiles = _whitened(rows, noise, chosen, "columns that are nearly alike")
+    sharp = algebra.sharpened_by(made.R, lambda: (table for _, _, table in tiles))
+    return made if sharp is None else replace(made, R=sharp.astype(np.float64))
 
 
 def _table(rows: Linear) -> FloatArray:
     """Columns and, last, the response of all rows: (n, p + 1)."""
     table = np.empty((len(rows), len(rows.names) + 1))
     for a in range(0, len(rows), CHUNK):
-        b = min(a + CHUNK, len(rows))
-        table[a:b, :-1] = rows.columns(a, b)
-    table[:, -1] = rows.y
+        inside = slice(a, min(a + CHUNK, len(rows)))
+        _fill(rows, inside, table[inside])
     return table
 
 
@@ -96,90 +104,66 @@ def within_blocks(rows: Linear) -> FloatArray:
     """Triangular factor (p + 1, p + 1) of what the averages over the blocks of `blocks_of` leave of the rows.
 
     Columns are those of X, then the response; each row is divided by the square root of its share of white
-    noise, ``1/sqrt(duration)``, so that white noise of unit density has unit variance.
+    noise, ``1/sqrt(duration)``, so that white noise of unit density has unit variance. One pass.
     """
-    if rows.stream is not None:
-        return streamed_within(rows, rows.stream)
-    edges = block_edges(rows.t, rows.interval)
+    blocks, edges = rows, np.concatenate(([0], np.cumsum(rows.counts)))
+    if rows.stream is None:
+        blocks, edges = blocks_of(rows), np.append(block_edges(rows.t, rows.interval), len(rows))
+    means = np.column_stack((blocks.X, blocks.y))
 
-    def parts():
-        for inside, a, b in whole_parts(edges, len(rows)):
-            part = np.column_stack((rows.columns(a, b), rows.y[a:b]))
-            starts = edges[inside] - a
-            counts = np.diff(np.append(starts, b - a))
-            part -= np.repeat(np.add.reduceat(part, starts, axis=0) / counts[:, None], counts, axis=0)
-            part *= np.sqrt(rows.duration[a:b])[:, None]
-            yield from (part[i:j] for i, j in algebra.row_blocks(b - a))
+    def left() -> Iterator[FloatArray]:
+        for first, tile, table in _tiles(rows, "noise within blocks"):
+            for k, a, b in _shares(edges, first, first + len(table)):
+                table[a - first : b - first, : means.shape[1]] -= means[k]
+            yield table[:, : means.shape[1]] * np.sqrt(tile.duration)[:, None]
 
-    return algebra.triangular(parts(), len(rows.names) + 1)
-
-
-def streamed_pieces(rows: Linear, stream: Stream, noise: Noise, parts: Processes | None = None) -> Pieces:
-    """Factors of the dwells of a run, whitened as a whole; one pass over its rows.
-
-    Parameters
-    ----------
-    rows : averages over its blocks.
-    stream : its rows.
-    noise : that whitens it, SI.
-    parts : the processes that stand for B; by default those that matter beside the white noise.
-    """
-    if parts is not None:
-        return _pieces(rows, stream, noise, parts)
-    return once(rows, noise, lambda: _pieces(rows, stream, noise, mattering(noise, rows.rows)))
-
-
-def streamed_factor(rows: Linear, stream: Stream, noise: Noise, parts: Processes | None = None) -> Factor:
-    """Factor of a run, whitened as a whole: one pass over its rows, and one more where columns are alike.
-
-    Parameters as of `streamed_pieces`.
-    """
-    made = stacked([streamed_pieces(rows, stream, noise, parts)])
-    chosen, width = mattering(noise, rows.rows) if parts is None else parts, len(rows.names) + 1
-    tiles = _whitened(stream, noise, chosen, "columns that are nearly alike")
-    sharp = algebra.sharpened_by(made.R, lambda: (table[:, :width] for _, _, table in tiles))
-    return made if sharp is None else replace(made, R=sharp.astype(np.float64))
+    return algebra.triangular(left(), means.shape[1])
 
 
 def _whitened(
-    stream: Stream, noise: Noise, parts: Processes, purpose: str
+    rows: Linear, noise: Noise, parts: Processes, purpose: str
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
     """Whitened rows a tile at a time: number of the first, logs of their variances, and the table."""
     carry: Carry | None = None
-    for first, t, duration, table in _tiles(stream, purpose):
-        states = states_of(noise, parts, duration)
+    for first, tile, table in _tiles(rows, purpose):
+        states = states_of(noise, parts, tile.duration, tile.axes)
         if carry is None:
-            carry = begin(len(states.rates), float(t[0] - 0.5 * duration[0]), table.shape[1])
-        yield first, np.log(whiten_on(carry, states, t, duration, table)), table
+            start = float(tile.t[0] - 0.5 * tile.duration[0])
+            carry = begin(len(states.rates), start, table.shape[1])
+        log_d = np.log(whiten_on(carry, states, tile.t, tile.duration, table))
+        yield first, log_d, table[:, : len(rows.names) + 1]
 
 
-def _pieces(rows: Linear, stream: Stream, noise: Noise, parts: Processes) -> Pieces:
-    dwells = dwells_of(rows)
-    edges = np.concatenate(([0], np.cumsum(stream.counts)))[dwells.edges]
-    width = len(rows.names) + 1
-    R, log_det = np.zeros((len(dwells), width, width)), np.zeros(len(dwells))
-    for first, log_d, table in _whitened(stream, noise, parts, "whitening"):
-        for k, a, b in _shares(edges, first, first + len(log_d)):
-            inside = slice(a - first, b - first)
-            R[k] = algebra.triangular((R[k], table[inside, :width]), width)
-            log_det[k] += float(log_d[inside].sum())
-    return Pieces(rows.name, rows.names, dwells.start, dwells.stop, np.diff(edges), R, log_det)
-
-
-def _tiles(stream: Stream, purpose: str) -> Iterator[tuple[int, FloatArray, FloatArray, FloatArray]]:
-    """Rows a tile at a time: number of the first, time, averaging time, and columns with the response.
+def _tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
+    """All rows of a run, a tile at a time: number of the first, when, and columns with the response, padded.
 
     The table is used again for the next tile.
     """
-    p = stream.X.shape[1]
-    whole = np.zeros((TILE, padded(p + 1)))
-    for part in stream.parts(purpose):
-        for a in range(0, len(part), TILE):
-            b = min(a + TILE, len(part))
-            table = whole[: b - a]
-            stream.fill(part, slice(a, b), table)
+    p, whole = len(rows.names), np.zeros((TILE, padded(len(rows.names) + 1)))
+    for first, taken, fill in _parts(rows, purpose):
+        for a in range(0, len(taken.t), TILE):
+            inside = slice(a, min(a + TILE, len(taken.t)))
+            table, axes = whole[: inside.stop - a], None if taken.axes is None else taken.axes[inside]
+            fill(inside, table)
             table[:, p + 1 :] = 0.0
-            yield part.first + a, part.t[a:b], part.duration[a:b], table
+            yield first + a, Rows(taken.t[inside], taken.duration[inside], axes), table
+
+
+Fill = Callable[[slice, FloatArray], None]
+
+
+def _parts(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, Fill]]:
+    """All rows of a run in parts, memory being one: number of the first, when, and what fills some in."""
+    if rows.stream is None:
+        yield 0, rows.rows, partial(_fill, rows)
+    else:
+        for part in rows.stream.parts(purpose):
+            yield part.first, Rows(part.t, part.duration), partial(rows.stream.fill, part)
+
+
+def _fill(rows: Linear, inside: slice, table: FloatArray) -> None:
+    p = len(rows.names)
+    table[:, :p], table[:, p] = rows.columns(inside.start, inside.stop), rows.y[inside]
 
 
 def _shares(edges: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[int, int, int]]:
@@ -188,21 +172,3 @@ def _shares(edges: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[i
     last = int(np.searchsorted(edges, stop, side="left"))
     for k in range(first, last):
         yield k, max(start, int(edges[k])), min(stop, int(edges[k + 1]))
-
-
-def streamed_within(rows: Linear, stream: Stream) -> FloatArray:
-    """Triangular factor (p + 1, p + 1) of what the averages over the blocks leave of the rows.
-
-    As `imubayes.inference.whitened.within_blocks`; one pass.
-    """
-    width = len(rows.names) + 1
-    means = np.column_stack((stream.X, rows.y))
-    edges = np.concatenate(([0], np.cumsum(stream.counts)))
-
-    def left() -> Iterator[FloatArray]:
-        for first, t, duration, table in _tiles(stream, "noise within blocks"):
-            for k, a, b in _shares(edges, first, first + len(t)):
-                table[a - first : b - first, :width] -= means[k]
-            yield table[:, :width] * np.sqrt(duration)[:, None]
-
-    return algebra.triangular(left(), width)

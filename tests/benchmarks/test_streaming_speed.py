@@ -16,7 +16,7 @@ from pyarrow import parquet as pq
 from imubayes.algebra import factor as algebra
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import mattering, states_of
-from imubayes.inference.whitened import streamed_pieces
+from imubayes.inference.whitened import pieces_of
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
@@ -83,7 +83,7 @@ def test_a_pass_over_a_file_has_at_least_half_the_rows_a_second_of_gram_and_cele
     parts = mattering(NOISE, rows.rows)
 
     def whole_pass():
-        return streamed_pieces(rows, run.stream, NOISE, parts)
+        return pieces_of(rows, NOISE, parts)
 
     whole_pass()
     fastest = min(peer(run) for _ in range(3))
