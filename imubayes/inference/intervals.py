@@ -12,6 +12,9 @@ from imubayes.algebra.arrays import FloatArray
 TAIL = 0.05
 """Posterior probability on either side of an interval."""
 
+SIDE = 1.6448536269514722
+"""Sds from its middle at which the interval of a normal distribution ends."""
+
 BISECTIONS = 50
 """Halvings of a bracket of +-12 sd: to rounding."""
 

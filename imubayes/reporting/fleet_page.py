@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 import imubayes
+from imubayes.inference.intervals import SIDE
 from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
 from imubayes.reporting.blocks import (
     Block,
@@ -227,7 +228,7 @@ def terminal_fleet(result: FleetResult) -> Group:
 
 def _half(low: float, high: float) -> float:
     """Sd of a normal whose 90 % interval is as wide."""
-    return (high - low) / (2.0 * 1.6448536269514722) if math.isfinite(high - low) else math.nan
+    return (high - low) / (2.0 * SIDE) if math.isfinite(high - low) else math.nan
 
 
 def fleet_json(result: FleetResult) -> str:

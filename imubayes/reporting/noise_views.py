@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from imubayes.inference.intervals import SIDE
 from imubayes.reporting.blocks import (
     Block,
     Figure,
@@ -35,7 +36,7 @@ from imubayes.reporting.rounding import (
     pretty,
     signed,
 )
-from imubayes.reporting.rows import ENDS, noise_cells, noise_origin
+from imubayes.reporting.rows import noise_cells, noise_origin
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.noise import NAMES
 
@@ -116,7 +117,7 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
         units = zip(NOISE_UNITS[sensor.kind], NOISE_SI[sensor.kind], strict=True)
         known = [
             " to ".join(
-                str(measured(median * math.exp(z * sd) / per_unit(*unit), 0.0)) for z in (-ENDS, ENDS)
+                str(measured(median * math.exp(z * sd) / per_unit(*unit), 0.0)) for z in (-SIDE, SIDE)
             )
             for (median, sd), unit in zip(run.noise_prior, units, strict=True)
         ]

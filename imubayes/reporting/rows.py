@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.intervals import SIDE
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
     NOISE_SI,
@@ -43,9 +44,6 @@ MARKS = {
     "untested": ("×", "-", "dim magenta"),
 }
 """Shape, shape where there is only ASCII, and colour of each verdict."""
-
-ENDS = 1.6448536269514722
-"""Half width in sd of the interval that holds 90 % of a normal distribution."""
 
 VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
@@ -202,7 +200,7 @@ def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:
 def _noise_cell(value: float, sd: float, unit: str) -> tuple[Measured, bool]:
     """Print a log-normal estimate: with its sd, or as a limit where a factor of two is within one sd."""
     if sd > VAGUE:
-        return below(value * math.exp(ENDS * sd), unit), True
+        return below(value * math.exp(SIDE * sd), unit), True
     return measured(value, value * sd, unit), False
 
 

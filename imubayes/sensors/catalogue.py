@@ -236,8 +236,6 @@ def figure_symbols(entry: SensorClass, key: str) -> tuple[str, ...]:
     )
 
 
-
-
 _SHARES: dict[str, dict[str, dict[str, float]]] = {
     # catalogue's figures (and their shares, added in squares) behind each coefficient
     "accelerometer": {

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from trades import told
 
-from imubayes.ladder.trade.repeats import WIDTH, Repeat, score
+from imubayes.inference.intervals import SIDE
+from imubayes.ladder.trade.repeats import Repeat, score
 from imubayes.selection.verdicts import EQUAL, Costs
 
 NONE = {"<ACC>": {}}
@@ -19,7 +20,7 @@ def test_a_rung_that_draws_from_its_own_posterior_holds_nine_in_ten():
     found = score("plug-in", repeats, EQUAL, NONE)
     # of the third term the test cannot tell: two terms a repeat count
     assert found.coverage.of == 800
-    held = np.abs(means[:, :2] - [1.0, 0.0]) <= WIDTH * 0.01
+    held = np.abs(means[:, :2] - [1.0, 0.0]) <= SIDE * 0.01
     assert found.coverage.events == held.sum()
     assert abs(found.coverage.share.value - 0.9) < 4.0 * np.sqrt(0.09 / 800)
     assert abs(found.error - 1.0) < 4.0 / np.sqrt(2 * 800)

@@ -9,7 +9,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.campaign.fidelity import RungName
-from imubayes.inference.intervals import Share, frequency
+from imubayes.inference.intervals import SIDE, Share, frequency
 from imubayes.inference.linear import library_rows
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import Problem, ground_of
@@ -130,9 +130,6 @@ def simulated_again(
 INTERVAL = 0.9
 """Share of the truths that an interval is meant to hold."""
 
-WIDTH = 1.6448536269514722
-"""Half of such an interval of a normal distribution, in sd."""
-
 SMALL = 1.0
 """Posterior sd below which a coefficient is too small for the test, so that 'needed' is a false alarm."""
 
@@ -220,7 +217,7 @@ def _terms(one: Repeat, found: Measured) -> tuple[np.ndarray, ...]:
         off / best.full_sd,
         best.resolved,
         np.abs(one.truth) / best.full_sd,
-        np.abs(off) <= WIDTH * found.full_sd,
+        np.abs(off) <= SIDE * found.full_sd,
         np.isin(found.names, found.model),
         np.abs(one.truth) > TENTH * found.prior_sd,
         verdicts == "needed",

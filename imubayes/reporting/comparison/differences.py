@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import imubayes
 from imubayes.errors import InputError
+from imubayes.inference.intervals import SIDE
 
 if TYPE_CHECKING:
     from imubayes.reporting.result.file import Written
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
 
 LEVEL = 0.05
 """Probability that anything at all is said to differ where nothing does."""
-
-QUANTILE = NormalDist().inv_cdf(0.95)
-"""Half the width of a normal's 90 % interval, in sd."""
 
 Estimate = tuple[float, float]
 """Mean and sd, or a count and what it is of."""
@@ -95,7 +93,7 @@ def threshold_of(tests: int) -> float:
 
 def normal_of(low: float, high: float) -> float:
     """Standard deviation of a normal with this 90 % interval."""
-    return (high - low) / (2.0 * QUANTILE)
+    return (high - low) / (2.0 * SIDE)
 
 
 def log_spread(found: Interval) -> Estimate:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from imubayes.errors import InputError
+from imubayes.inference.intervals import SIDE
 from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.differences import (
     Comparison,
@@ -52,9 +53,6 @@ WHOLE = 2
 
 VAGUE = 0.5
 """sd of the logarithm from which noise is a limit rather than a value."""
-
-ONE_SIDED = 1.645
-"""Normal quantile of 95 %."""
 
 QUESTION = "The same terms, their values, noise, verdicts and scenes: what differs beyond uncertainty?"
 
@@ -242,7 +240,7 @@ def _noise_cells(value: Estimate | None, letter: str, kind: Kind) -> tuple[Text,
     unit, scale = noise_unit(letter, kind)
     size /= scale
     if log_sd > VAGUE:
-        return (typeset(f"below {below(size * math.exp(ONE_SIDED * log_sd), unit)}"),)
+        return (typeset(f"below {below(size * math.exp(SIDE * log_sd), unit)}"),)
     sd = size * log_sd if math.isfinite(log_sd) else 0.0
     return (typeset(str(measured(size, sd, unit)) + ("" if sd else " (given)")),)
 

@@ -12,9 +12,9 @@ from lots_found import lot_library, lot_result
 from published_found import FILE, a_result, a_sensor, a_term
 
 from imubayes.errors import InputError
-from imubayes.inference.intervals import Share
+from imubayes.inference.intervals import SIDE, Share
 from imubayes.reporting.comparison import side_by_side
-from imubayes.reporting.comparison.differences import LEVEL, QUANTILE, fisher
+from imubayes.reporting.comparison.differences import LEVEL, fisher
 from imubayes.reporting.comparison.lots import lots_compared, lots_record, unit_of_term
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
 from imubayes.reporting.lots_page import lots_json, published_lots
@@ -53,8 +53,8 @@ def test_mean_differs_over_its_sd_and_spread_by_its_logarithm():
     a = _changed(lot_result(), mean=Share(1.0, 0.9, 1.1), spread=Share(1.0, 0.5, 2.0))
     b = _changed(lot_result(), mean=Share(2.0, 1.9, 2.1), spread=Share(4.0, 2.0, 8.0))
     pulls = _first(a, b).pulls
-    assert pulls["mean"].size == pytest.approx(1.0 / (math.sqrt(2.0) * 0.1 / QUANTILE), rel=1e-12)
-    assert pulls["spread"].size == pytest.approx(2.0 / math.sqrt(2.0) * QUANTILE, rel=1e-12)
+    assert pulls["mean"].size == pytest.approx(1.0 / (math.sqrt(2.0) * 0.1 / SIDE), rel=1e-12)
+    assert pulls["spread"].size == pytest.approx(2.0 / math.sqrt(2.0) * SIDE, rel=1e-12)
     assert pulls["mean"].beyond and not pulls["spread"].beyond
 
 
@@ -149,8 +149,8 @@ def test_sd_of_a_typical_unit_is_that_of_simulated_ones():
     rng = np.random.default_rng(2)
     found = {"mean": _interval(3.0, 2.0, 4.0), "spread": _interval(1.0, 0.7, 1.0 / 0.7)}
     n = 200_000
-    mu = rng.normal(3.0, 1.0 / QUANTILE, n)
-    tau = np.exp(rng.normal(0.0, -math.log(0.7) / QUANTILE, n))
+    mu = rng.normal(3.0, 1.0 / SIDE, n)
+    tau = np.exp(rng.normal(0.0, -math.log(0.7) / SIDE, n))
     t = rng.normal(rng.normal(mu, tau), 0.8)
     squares = (t - 3.0) ** 2
     assert predictive_sd(0.8, found) ** 2 == pytest.approx(

@@ -11,7 +11,8 @@ from published_found import FILE, a_result, a_sensor, a_term
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
-from imubayes.reporting.comparison.differences import LEVEL, QUANTILE, differing
+from imubayes.inference.intervals import SIDE
+from imubayes.reporting.comparison.differences import LEVEL, differing
 from imubayes.reporting.comparison.sensors import noise_of, sensors_compared, sensors_record
 from imubayes.reporting.results import published_result
 from imubayes.reporting.scene_words import published_scene
@@ -146,7 +147,7 @@ def _moved(name, low, half, high, *, kept=True):
 def test_shares_differ_by_the_error_over_its_sd():
     found = _compared(_scenes(a_relevance()), _scenes(_moved("b2", 1.2, 1.3, 1.4)))
     ((scene,),) = (group.scenes for group in found.groups)
-    sd = 100.0 * (0.4 - 0.2) / (2.0 * QUANTILE)
+    sd = 100.0 * (0.4 - 0.2) / (2.0 * SIDE)
     assert scene.terms["b2"].pull.size == pytest.approx(100.0 / (2.0**0.5 * sd), rel=1e-12)
     assert [name for name, term in scene.terms.items() if term.beyond] == ["b2"]
 
