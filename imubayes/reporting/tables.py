@@ -40,8 +40,8 @@ from imubayes.reporting.words import (
     strain_sentence,
     weighed_text,
 )
+from imubayes.rig.checks import saturated
 from imubayes.rig.recordings import ABSENT
-from imubayes.rig.saturation import saturated
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted

@@ -14,7 +14,7 @@ from imubayes.reporting.chain_views import (
 )
 from imubayes.reporting.fit_views import fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.rows import label, own_groups, sentence
-from imubayes.rig.saturation import saturated
+from imubayes.rig.checks import saturated
 from imubayes.selection.verdicts import STRAINED, listed
 from imubayes.units import counted
 

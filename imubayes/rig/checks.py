@@ -1,15 +1,27 @@
-"""Checks of a recorded run: what stops it, and what the report must mention."""
+"""Checks of a recorded run: what stops it, what the report must mention, and what is left out as saturated.
+
+Samples at the end of a sensor's range are found by how often the output has exactly its extreme value.
+
+Noise makes the extreme values of an output rare: each is less frequent than those beside it. Where the range
+ends, all that lies beyond falls on one value. A healthy output does the same where it is so coarse that it
+repeats itself everywhere; of such a one nothing is said.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
-from imubayes.algebra.arrays import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
 from imubayes.rig.formats import Table
-from imubayes.rig.inputs import GAP, Inputs
+from imubayes.rig.inputs import GAP, Inputs, Source
 from imubayes.rig.plans import EARTH_RATE
+from imubayes.units import counted
 
 LARGEST = 1e100
 """In the file's own unit: beyond it a number is a placeholder, and its square leaves double precision."""
@@ -139,3 +151,210 @@ def earth_left_out(procedure: str, inputs: Inputs, axes: str = "ijk") -> tuple[s
             return ()
     note = "the Earth's rate across the table's axis (15 deg/h x cos latitude) is not in w"
     return (note,) if w.any() else ()
+
+
+Stretches = NDArray[np.int64]
+
+LEVELS = 32
+"""With fewer distinct values than this the output is too coarse to tell the end of a range from rest."""
+
+BESIDE = 3
+"""Values next to the extreme one that it is held against."""
+
+PILED = 3.0
+"""Samples at the extreme value over those at the `BESIDE` next to it, at the end of a range. A sine has 1."""
+
+STUCK = 3.0
+"""Input's span over that of an output of few values, from which on the output does not follow."""
+
+REPEATED = 1.0 / 3.0
+"""Share of samples that repeat the one before, away from the extremes, above which an output is coarse: white
+noise of 0.8 steps."""
+
+NEAR = 10
+"""Samples between two at the end of the range, from which on they are kept: fewer are what noise brought back
+from beyond, and their mean is not that of the output."""
+
+LEAST = 0.1
+"""Share of the samples that must be left: a run nearly all of which is beyond the range tests little."""
+
+LISTED = 3
+"""Stretches of rows that are listed."""
+
+
+@dataclass(slots=True, eq=False)
+class Levels:
+    """How often an output has which value, gathered a part at a time.
+
+    Attributes
+    ----------
+    samples, repeats : samples, and those that repeat the one before.
+    ends : (value, samples, repeats) of the smallest and the largest `BESIDE` + 1 values, in order.
+    distinct : up to `LEVELS` of the values.
+    """
+
+    samples: int = 0
+    repeats: int = 0
+    ends: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    distinct: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def add(self, output: FloatArray) -> None:
+        """Add consecutive samples (n,)."""
+        values, counts = np.unique(output, return_counts=True)
+        again, times = np.unique(output[1:][output[1:] == output[:-1]], return_counts=True)
+        rows = np.column_stack((values, counts.astype(float), np.zeros(len(values))))
+        rows[np.searchsorted(values, again), 2] = times
+        self.samples += len(output)
+        self.repeats += int(times.sum())
+        self.distinct = np.unique(np.concatenate((self.distinct, values[:LEVELS])))[:LEVELS]
+        self.ends = _outermost(np.concatenate((self.ends, rows)))
+
+    def rails(self) -> tuple[float, ...]:
+        """Ends of the range: the smallest value, the largest, both or none."""
+        low, high = self.ends[0], self.ends[-1]
+        samples, repeats = self.samples - low[1] - high[1], self.repeats - low[2] - high[2]
+        if len(self.distinct) < LEVELS or repeats > REPEATED * samples:
+            return ()
+        sides = (self.ends[: BESIDE + 1], self.ends[: -BESIDE - 2 : -1])
+        return tuple(float(side[0, 0]) for side in sides if side[0, 1] >= PILED * side[1:, 1].sum())
+
+
+def _outermost(rows: FloatArray) -> FloatArray:
+    """Rows (value, ...) of the smallest and largest values; those of one value are added."""
+    values, which = np.unique(rows[:, 0], return_inverse=True)
+    sums = np.zeros((len(values), 3))
+    np.add.at(sums, which, rows)
+    sums[:, 0] = values
+    outer = np.r_[: min(BESIDE + 1, len(values)), max(len(values) - BESIDE - 1, 0) : len(values)]
+    return sums[np.unique(outer)]
+
+
+def rails_of(outputs: Iterable[FloatArray]) -> tuple[float, ...]:
+    """Ends of the range that an output reaches, given a part at a time.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).standard_normal(1000)
+    >>> rails_of([np.minimum(noise, 1.5)]), rails_of([noise]), rails_of([np.round(3.0 * noise)])
+    ((1.5,), (), ())
+    """
+    found = Levels()
+    for output in outputs:
+        found.add(output)
+    return found.rails()
+
+
+def refuse_stuck(file: str, column: Column, output: FloatArray, own: FloatArray) -> None:
+    """Refuse a coarse output that its own input moves far past: all of the run is beyond the range.
+
+    Of either, (n,) samples, all values and extremes are enough.
+
+    Raises
+    ------
+    DataError : if the output has less than `LEVELS` values, `STUCK` times closer together than the input's.
+    """
+    moved, told = float(np.ptp(own)), float(np.ptp(output))
+    if STUCK * told < moved and (values := len(np.unique(output))) < LEVELS:
+        told, moved = (span / abs(column.scale) for span in (told, moved))
+        raise DataError(
+            f"{file}: column '{column.address}' has only {counted(values, 'value')}, within"
+            f" {told:.3g} {column.unit}, while its input moves by {moved:.3g} {column.unit}:"
+            " expected an output that follows its input; test the sensor within its range, or"
+            " correct the column's unit, its scale or the axis of the input"
+        )
+
+
+def beyond(output: FloatArray, rails: Iterable[float]) -> BoolArray:
+    """Samples (n,) at one of the ends of the range, or among such that are fewer than `NEAR` apart."""
+    out = np.zeros(len(output), dtype=bool)
+    for rail in rails:
+        at = np.flatnonzero(output == rail)
+        close = np.diff(at) <= NEAR
+        opened = np.zeros(len(output) + 1, dtype=np.int64)
+        opened[at] += 1
+        opened[at + 1] -= 1
+        opened[at[:-1][close] + 1] += 1
+        opened[at[1:][close]] -= 1
+        out |= np.cumsum(opened[:-1]) > 0
+    return out
+
+
+def within_range(
+    file: str, outputs: Mapping[str, FloatArray], columns: Mapping[str, Column]
+) -> tuple[BoolArray, tuple[str, ...]]:
+    """Samples (n,) whose outputs are all within the range of the sensor, and what is left out, in words.
+
+    Parameters
+    ----------
+    file : for messages.
+    outputs : (n,) SI, by channel.
+    columns : of the file, by channel.
+
+    Raises
+    ------
+    DataError : if less than a tenth of the samples is left.
+    """
+    notes: list[str] = []
+    out = np.zeros(len(next(iter(outputs.values()))), dtype=bool)
+    for name, output in outputs.items():
+        if rails := rails_of([output]):
+            own = beyond(output, rails)
+            notes.append(saturation_note(columns[name], rails, stretches_of(own), len(own)))
+            out |= own
+    check_left(file, int(out.sum()), len(out), notes)
+    return ~out, tuple(notes)
+
+
+SATURATED = "is saturated"
+"""Words by which a note of this kind is known."""
+
+
+def saturated(sources: Mapping[str, Source]) -> tuple[str, ...]:
+    """Say what of several runs, by name, is left out as saturated."""
+    notes = (
+        f"{run}: {note}" for run, source in sources.items() for note in source.notes if SATURATED in note
+    )
+    return tuple(dict.fromkeys(notes))
+
+
+def saturation_note(column: Column, rails: tuple[float, ...], rows: Stretches, of: int) -> str:
+    """Say which channel is at the end of its range, where, and which of so many samples are left out."""
+    ends = " and ".join(f"{column.in_file(rail):.6g} {column.unit}".strip() for rail in rails)
+    count = int(np.sum(rows[:, 1] - rows[:, 0]))
+    return (
+        f"{column.channel} {SATURATED} at {ends}: {count:,} of {of:,} samples are left out,"
+        f" rows {_listed(rows)} counted from 0"
+    )
+
+
+def check_left(file: str, out: int, of: int, notes: Iterable[str]) -> None:
+    """Refuse a run of which less than a tenth is within the range.
+
+    Raises
+    ------
+    DataError : with the notes.
+    """
+    if of - out < LEAST * of:
+        raise DataError(
+            f"{file}: {'; '.join(notes)}: expected a tenth of the samples or more within the range of the"
+            " sensor; test it over a smaller range, or correct the column's scale"
+        )
+
+
+def stretches_of(out: BoolArray) -> Stretches:
+    """First row of each stretch that is out, and the one after its last: (k, 2).
+
+    Examples
+    --------
+    >>> stretches_of(np.array([False, True, True, False, True])).tolist()
+    [[1, 3], [4, 5]]
+    """
+    edges = np.diff(np.concatenate(([False], out, [False])).astype(np.int8))
+    return np.column_stack((np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)))
+
+
+def _listed(rows: Stretches) -> str:
+    texts = [f"{a:,}" if b == a + 1 else f"{a:,} to {b - 1:,}" for a, b in rows[:LISTED].tolist()]
+    more = len(rows) - len(texts)
+    texts += [f"{counted(more, 'more stretch')} up to {int(rows[-1, 1]) - 1:,}"] if more else []
+    return ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]

@@ -10,13 +10,12 @@ from stat import S_ISDIR
 from typing import BinaryIO, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import gaps, interval_jump
 from imubayes.rig.columns import Column, ColumnSpec, channel_unit
-from imubayes.rig.inputs import MOUNT, Inputs, Run, Section, Source
+from imubayes.rig.inputs import MOUNT, Run, Section, Source
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
@@ -162,50 +161,31 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
 
     Parameters
     ----------
-    run : with known inputs.
+    run : with known inputs, of a component, or of a whole IMU along the axes of the case.
     path : of the file, in a folder that exists.
-    kind : of the sensor; it says what unit the output has.
+    kind : of the sensor; it says what unit the output of a component has.
 
     Raises
     ------
     OSError : if the file cannot be written.
     """
-    _write({**_inputs(run.inputs), "output": run.output}, path, output_unit=OUTPUT_UNIT[kind])
-
-
-def write_imu_run(run: Run, path: Path) -> None:
-    """Write a run of a whole IMU as `write_run` does, the inputs along the axes of the case.
-
-    Raises
-    ------
-    OSError : if the file cannot be written.
-    """
-    outputs = dict(zip(COMPONENTS, np.ascontiguousarray(run.output.T), strict=True))
-    _write({**_inputs(run.inputs), **outputs}, path)
-
-
-def _inputs(inputs: Inputs) -> dict[str, NDArray]:
-    """Time, mounts, and the channels that reading does not derive."""
-    channels = {name: values for name, values in inputs.channels.items() if name not in DERIVED}
-    mount = {} if inputs.mount is None else {MOUNT: inputs.mount}
-    return {"t": inputs.t, **mount, **channels}
-
-
-def _write(columns: Mapping[str, NDArray], path: Path, *, output_unit: str = "") -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    header = ",".join(_header(name, channel_unit(name, output_unit)) for name in columns)
+    inputs, outputs = run.inputs, {"output": run.output}
+    if run.of_case:
+        outputs = dict(zip(COMPONENTS, np.ascontiguousarray(run.output.T), strict=True))
+    channels = {name: values for name, values in inputs.channels.items() if name not in DERIVED}
+    mount = {} if inputs.mount is None else {MOUNT: inputs.mount}
+    columns = {"t": inputs.t, **mount, **channels, **outputs}
+    units = {name: channel_unit(name, OUTPUT_UNIT[kind]) for name in columns}
+    header = ",".join(f"{name} [{unit}]" if unit else name for name, unit in units.items())
 
     def write(stream: BinaryIO) -> None:
         stream.write(f"{header}\n".encode())
-        csv.write_csv(pa.table(dict(columns)), stream, csv.WriteOptions(include_header=False))
+        csv.write_csv(pa.table(columns), stream, csv.WriteOptions(include_header=False))
 
     write_whole(path, write)
-
-
-def _header(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import check_output, earth_left_out
+from imubayes.rig.checks import SATURATED, check_output, earth_left_out, refuse_stuck, within_range
 from imubayes.rig.formats import Table, bare
 from imubayes.rig.inputs import MOUNT, Inputs, Run, Section, Source, sampling_interval, taken
 from imubayes.rig.recordings import (
@@ -25,7 +25,6 @@ from imubayes.rig.recordings import (
     sha256_of,
     source_of,
 )
-from imubayes.rig.saturation import SATURATED, refuse_stuck, within_range
 from imubayes.rig.stream_survey import read_long_run
 from imubayes.rig.streams import Rows, RunFile, Tell, opened, refuse_long, silent
 from imubayes.rig.thermal import temperature_rate

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError
-from imubayes.rig.containers import datasets_of, named
-from imubayes.rig.formats import Table
+from imubayes.rig.formats import Table, datasets_of, named
 from imubayes.rig.texts import Delimited, delimited, from_arrow, lines_of, parse_error, said
 
 if TYPE_CHECKING:

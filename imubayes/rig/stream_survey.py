@@ -12,10 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.rig.checks import JUMP, check_output, earth_left_out, gap_note, jump_note
+from imubayes.rig.checks import (
+    JUMP,
+    Levels,
+    Stretches,
+    check_left,
+    check_output,
+    earth_left_out,
+    gap_note,
+    jump_note,
+    refuse_stuck,
+    saturation_note,
+)
 from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps
 from imubayes.rig.recordings import RunSpec, assumed, frozen, source_of
-from imubayes.rig.saturation import Levels, Stretches, check_left, refuse_stuck, saturation_note
 from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns

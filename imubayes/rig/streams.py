@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import check_time, check_values
+from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import MOUNT, Part, durations, sampling_interval, thinned
-from imubayes.rig.saturation import NEAR, Stretches, beyond, stretches_of
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.units import counted
 

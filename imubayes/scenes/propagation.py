@@ -30,9 +30,8 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError
 from imubayes.inference.strapdown import cross_matrix
-from imubayes.rig.gravity import SEMI_MAJOR_AXIS
 from imubayes.rig.motion import vectors
-from imubayes.rig.plans import EARTH_RATE
+from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import FLOOR, flicker
 from imubayes.sensors.terms import Kind

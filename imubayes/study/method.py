@@ -55,8 +55,8 @@ from imubayes.ladder.problem import (
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, posterior_by
 from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
+from imubayes.rig.checks import saturated
 from imubayes.rig.inputs import Run
-from imubayes.rig.saturation import saturated
 from imubayes.selection.decision import Selection, loose_fit, posterior_draws, prior_draws, select
 from imubayes.selection.noise_choice import processes_of
 from imubayes.selection.panel import Panel, panel_of

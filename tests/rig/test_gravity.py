@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from imubayes.rig.gravity import normal_gravity
+from imubayes.rig.plans import normal_gravity
 
 
 @pytest.mark.parametrize(

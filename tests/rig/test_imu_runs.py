@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.errors import DataError
 from imubayes.rig.inputs import Section
-from imubayes.rig.recordings import RunSpec, write_imu_run
+from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.runs import read_imu_run
 from imubayes.rig.simulate import Made, plan_run, simulate_imu
 from imubayes.sensors.catalogue import sensor, typical_noise
@@ -36,7 +36,7 @@ def file_of(folder, header, n=30):
 
 def test_a_written_run_is_read_to_the_last_bit(tmp_path):
     (run,), _ = simulate_imu([TABLE], made(), np.random.default_rng(1))
-    write_imu_run(run, tmp_path / "run.csv")
+    write_run(run, tmp_path / "run.csv", kind="accelerometer")
     again = read_imu_run(RunSpec("table", "rate-table", tmp_path / "run.csv", "run.csv"))
     np.testing.assert_array_equal(again.output, run.output)
     np.testing.assert_array_equal(again.inputs.t, run.inputs.t)

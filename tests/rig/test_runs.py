@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from imubayes.errors import DataError, StudyError
+from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.runs import read_run
-from imubayes.rig.saturation import SATURATED
 from imubayes.rig.simulate import PROFILES, plan_run, simulate, simulate_runs
 from imubayes.rig.thermal import temperature_rate
 from imubayes.rig.tumbles import static, tumble

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.rig.saturation import NEAR, beyond, rails_of
+from imubayes.rig.checks import NEAR, beyond, rails_of
 
 RNG = np.random.default_rng(1)
 NOISE = RNG.standard_normal(20_000)

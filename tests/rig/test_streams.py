@@ -13,11 +13,11 @@ from pyarrow import parquet as pq
 
 from imubayes.errors import DataError
 from imubayes.rig import stream_files, streams
+from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import durations
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.rig.saturation import SATURATED
 from imubayes.sensors.terms import columns, library
 
 N, INTERVAL, TABLE = 20_000, 0.01, 700

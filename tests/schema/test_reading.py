@@ -8,7 +8,7 @@ import pytest
 
 from imubayes.campaign.study import Appendix, Sampling
 from imubayes.errors import StudyError
-from imubayes.rig.gravity import normal_gravity
+from imubayes.rig.plans import normal_gravity
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library

@@ -13,8 +13,7 @@ from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
 from imubayes.planning.menu import pauses, runs_of
-from imubayes.rig.inputs import Run
-from imubayes.rig.recordings import write_imu_run, write_run
+from imubayes.rig.recordings import write_run
 from imubayes.study.schema.run_tables import located
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         prefix = f"{sensor.id}-" if several else ""
         for run in runs:
             files.append(_free(folder / f"{file_name(prefix + run.name)}.csv", files))
-            _write(run, files[-1], sensor)
+            write_run(run, files[-1], kind=sensor.kind)
             _point(table, run.name, files[-1].name)
         _anchor(table, sensor)
     if not files:
@@ -93,13 +92,6 @@ def _run_lines(found: Proposal, table: dict[str, Any], offer: int, steps: list[S
             f"  # {', '.join(filter(None, (words.mount, words.at)))}"
         )
     yield "]"
-
-
-def _write(run: Run, file: Path, sensor: SensorSpec) -> None:
-    if run.of_case:
-        write_imu_run(run, file)
-    else:
-        write_run(run, file, kind=sensor.kind)
 
 
 def _make_absolute(tables: dict[str, Any], folder: Path) -> None:

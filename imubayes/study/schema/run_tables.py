@@ -10,8 +10,8 @@ from typing import Any
 
 from imubayes import units
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.gravity import normal_gravity
 from imubayes.rig.inputs import Section
+from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import (
     CASES,
     FERRARIS,

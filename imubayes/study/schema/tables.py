@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field
 
 from imubayes.campaign.fidelity import Method
 from imubayes.campaign.study import Sampling
-from imubayes.rig.gravity import normal_gravity
+from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import Procedure
 from imubayes.rig.sequences import Dwell
 from imubayes.rig.simulate import PROFILES
