@@ -99,17 +99,18 @@ class Case:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Told:
-    """What a run, or a part of it, says: its summary, rows, and channels (n,) that moved (see `Case`)."""
+    """What a run, or a part of it, says: its summary, rows, channels (n,) that moved, and components."""
 
     run: RunSummary
     rows: Linear
     inputs: dict[str, FloatArray]
+    of: Sequence[str]
 
 
 def case_of(
     told: Sequence[Told],
     triads: Sequence[Triad],
-    components: Sequence[Component],
+    facts: Mapping[str, Facts],
     extras: tuple[Extra, ...],
     *,
     sd: FloatArray,
@@ -121,11 +122,16 @@ def case_of(
     ----------
     told : of each part of each run.
     triads : of the components.
-    components : in the order of the columns.
+    facts : of each component.
     extras : columns that are no terms.
     sd : prior sds of all columns, SI.
     theta : coefficients of all columns, SI; by default the posterior mean of these rows.
     """
+    components = [
+        Component(name, lib, facts[name], tuple(k for k, one in enumerate(told) if name in one.of))
+        for triad in triads
+        for name, lib in zip(triad.components, triad.libraries, strict=True)
+    ]
     first = components[0]
     summary = joined([one.run for one in told], first.library, first.facts, extras)
     theta = posterior(summary.factor, sd)[0] if theta is None else theta
@@ -151,12 +157,6 @@ def own_rows(case: Case, component: Component) -> tuple[Linear, ...]:
 def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
     """Channels (n,) of vectors (n, 3) along the case axes."""
     return {f"{quantity}_{axis}": values[:, k] for k, axis in enumerate("ijk")}
-
-
-def components_of(triad: Triad, facts: Facts, parts: Mapping[str, Sequence[int]]) -> tuple[Component, ...]:
-    """Components of a triad, with the runs that each takes part in."""
-    named = zip(triad.components, triad.libraries, strict=True)
-    return tuple(Component(name, lib, facts, tuple(parts[name])) for name, lib in named)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.case import Asked, Case, Component, Told, along, case_of, components_of
+from imubayes.inference.case import Asked, Case, Told, along, case_of
 from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, widened
 from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
@@ -83,7 +83,12 @@ def solve_ferraris(
         for run in runs
     ]
     told = [_told(run, triad, k, asked, (extras, names)) for run, triad, k, asked in heard]
-    case = case_of(told, triads, tuple(_components(triads, len(runs))), extras, sd=sd)
+    facts = {
+        name: Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY)
+        for triad in triads
+        for name in triad.components
+    }
+    case = case_of(told, triads, facts, extras, sd=sd)
     ranges = [_ranges(run, triad.components[k], case.triads) for run, triad, k, _ in heard]
     summarized = [replace(one, ranges=ends) for one, ends in zip(case.summary.runs, ranges, strict=True)]
     return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
@@ -104,16 +109,7 @@ def _told(run: Run, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Ex
         stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in still),
         sampling=run.interval,
     )
-    return Told(summary, taken, _inputs(run, rows))
-
-
-def _components(triads: Sequence[Triad], runs: int) -> Iterator[Component]:
-    """Components in the order of the rows, of which each has as many parts as there are runs."""
-    for first, triad in enumerate(triads):
-        facts = Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY)
-        starts = range(3 * first * runs, 3 * (first + 1) * runs, runs)
-        parts = {name: range(k, k + runs) for name, k in zip(triad.components, starts, strict=True)}
-        yield from components_of(triad, facts, parts)
+    return Told(summary, taken, _inputs(run, rows), (triad.components[k],))
 
 
 def _check(runs: Sequence[Run]) -> None:

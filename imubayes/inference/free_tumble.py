@@ -17,7 +17,7 @@ for the gyroscopes too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -34,7 +34,7 @@ from imubayes.inference.between_stills import (
     turn_rows,
     turning,
 )
-from imubayes.inference.case import Asked, Case, Component, Told, along, case_of, components_of
+from imubayes.inference.case import Asked, Case, Told, along, case_of
 from imubayes.inference.linear import (
     Extra,
     Linear,
@@ -103,8 +103,8 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, gravity: Extra | Non
         for (run, stills), one in zip(held, found.noise, strict=True)
     ]
     facts = Facts("accelerometer", one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
-    components = components_of(triad, facts, dict.fromkeys(triad.components, range(len(runs))))
-    return case_of(told, [triad], components, extras, sd=sd, theta=found.place)
+    known = dict.fromkeys(triad.components, facts)
+    return case_of(told, [triad], known, extras, sd=sd, theta=found.place)
 
 
 def _check_stills(count: int) -> None:
@@ -172,7 +172,9 @@ def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], 
     ranges = spans("f", triad.compensate(run.force[index]))
     summary = run_summary(rows, found, run.source, ranges, stills=times_of(run.t, stills))
     summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
-    return Told(summary, rows, along("f", triad.compensate(means_of(run.force, stills))[still]))
+    return Told(
+        summary, rows, along("f", triad.compensate(means_of(run.force, stills))[still]), triad.components
+    )
 
 
 def solve_imu_tumble(
@@ -198,12 +200,17 @@ def solve_imu_tumble(
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
     # within a still nothing but the noise changes: averages tell of the coefficients what all samples do
     resting = [
-        (one, averaged(part), noise_by_rule(blocks_of(part), gyroscope.rule(one.run.name), gyroscope.sensor))
+        (
+            one,
+            name,
+            averaged(part),
+            noise_by_rule(blocks_of(part), gyroscope.rule(one.run.name), gyroscope.sensor),
+        )
         for one in seen
-        for part in rest_rows(one, gyroscopes)
+        for name, part in zip(gyroscopes.components, rest_rows(one, gyroscopes), strict=True)
     ]
-    known = [free.summary.factor, *(whitened_factor(part, found.noise)[0] for _, part, found in resting)]
-    usual = _usual([found.noise for _, _, found in resting])
+    known = [free.summary.factor, *(whitened_factor(part, found.noise)[0] for *_, part, found in resting)]
+    usual = _usual([found.noise for *_, found in resting])
     noises = [(run.noise, usual) for run in free.summary.runs]
     whole = reduce(add, (widened_factor(f, names) for f in known))
     turned = _turns(seen, noises, (whole, sd), gyroscopes, gyroscope)
@@ -211,11 +218,12 @@ def solve_imu_tumble(
     gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
     told = (
         *(_of_force(k, free, one, names) for k, one in enumerate(seen)),
-        *(_at_rest(one, widened(part, names), found) for one, part, found in resting),
+        *(_at_rest(one, name, widened(part, names), found) for one, name, part, found in resting),
         *map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen)),
     )
     triads = (free.triads[0], gyroscopes)
-    return case_of(told, triads, tuple(_components(free, gyroscopes, len(seen))), extras, sd=sd)
+    facts = {name: replace(free.summary.facts, kind=t.kind) for t in triads for name in t.components}
+    return case_of(told, triads, facts, extras, sd=sd)
 
 
 def _turns(
@@ -268,21 +276,22 @@ def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Tol
     run, rows = free.summary.runs[k], widened(averaged(free.rows[k]), names)
     made, reach = whitened_factor(rows, run.noise)
     run = replace(run, factor=made, reach=reach, interval=rows.interval, sampling=run.interval)
-    return Told(run, rows, _still_forces(seen))
+    return Told(run, rows, _still_forces(seen), free.triads[0].components)
 
 
-def _at_rest(seen: Directions, rows: Linear, found: NoiseEstimate) -> Told:
+def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
     """A gyroscope in the stills of a run."""
     index, _ = rows_of(seen.stills)
     ranges = spans("f", seen.force[index])
-    return Told(_part(seen, rows, found, ranges, len(index)), rows, _still_forces(seen))
+    part = _part(seen, rows, found, ranges, len(index))
+    return Told(part, rows, _still_forces(seen), (component,))
 
 
 def _of_turns(seen: Directions, rows: Linear, found: NoiseEstimate, gyroscopes: Triad) -> Told:
     """The turns of a run."""
     w, f = turning(seen, gyroscopes)
     run = _part(seen, rows, found, spans("w", w) | spans("f", f), len(rows))
-    return Told(run, rows, along("w", turn_rates(seen, gyroscopes)))
+    return Told(run, rows, along("w", turn_rates(seen, gyroscopes)), gyroscopes.components)
 
 
 def _part(
@@ -301,11 +310,3 @@ def _still_forces(seen: Directions) -> dict[str, FloatArray]:
     """Specific force of each block of the stills."""
     index, still = rows_of(seen.stills)
     return along("f", seen.f[still[block_edges(seen.run.t[index], seen.run.interval)]])
-
-
-def _components(free: Case, gyroscopes: Triad, runs: int) -> Iterator[Component]:
-    """Components: accelerometers in all of their runs, each gyroscope at rest and in the turns."""
-    yield from free.components
-    turns = range(4 * runs, 5 * runs)
-    parts = {name: (*range(runs + c, 4 * runs, 3), *turns) for c, name in enumerate(gyroscopes.components)}
-    yield from components_of(gyroscopes, replace(free.summary.facts, kind="gyroscope"), parts)

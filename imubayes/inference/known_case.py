@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
-from imubayes.inference.case import Asked, Case, Component, Told, case_of
+from imubayes.inference.case import Asked, Case, Told, case_of
 from imubayes.inference.linear import Extra, Linear, narrowed, widened, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
@@ -278,16 +278,10 @@ def _own(name: str, runs: Sequence[Run], asked: Asked) -> Iterator[tuple[Error, 
 
 def _case(problem: _Problem, found: Round) -> Case:
     """Components after their runs are summarized, at the coefficients of the full library."""
-    runs = [run for part in problem.parts for run in part.runs]
+    every = [(part, run) for part in problem.parts for run in part.runs]
     told = [
-        Told(summary, replace(rows, name=summary.name), dict(run.inputs.channels))
-        for summary, rows, run in zip(found.summary.runs, found.rows, runs, strict=True)
+        Told(summary, replace(rows, name=summary.name), dict(run.inputs.channels), (part.name,))
+        for summary, rows, (part, run) in zip(found.summary.runs, found.rows, every, strict=True)
     ]
     triads = [triad_of(problem.parts[k].library, referenced=True) for k in (0, 3)]
-    return case_of(told, triads, tuple(_components(problem)), problem.extras, sd=problem.sd)
-
-
-def _components(problem: _Problem) -> Iterator[Component]:
-    """Components in the order of the columns, each with a part of the rows a run."""
-    for part, numbers in zip(problem.parts, problem.numbers, strict=True):
-        yield Component(part.name, part.library, part.facts, tuple(numbers))
+    return case_of(told, triads, {p.name: p.facts for p in problem.parts}, problem.extras, sd=problem.sd)
