@@ -172,12 +172,13 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    inputs, outputs = run.inputs, {"output": run.output}
-    if run.of_case:
-        outputs = dict(zip(COMPONENTS, np.ascontiguousarray(run.output.T), strict=True))
-    channels = {name: values for name, values in inputs.channels.items() if name not in DERIVED}
-    mount = {} if inputs.mount is None else {MOUNT: inputs.mount}
-    columns = {"t": inputs.t, **mount, **channels, **outputs}
+    inputs = run.inputs
+    columns: dict[str, NDArray] = {"t": inputs.t}
+    if inputs.mount is not None:
+        columns[MOUNT] = inputs.mount
+    columns |= {name: values for name, values in inputs.channels.items() if name not in DERIVED}
+    outputs = np.ascontiguousarray(run.output.T) if run.of_case else [run.output]
+    columns |= zip(COMPONENTS if run.of_case else ("output",), outputs, strict=True)
     units = {name: channel_unit(name, OUTPUT_UNIT[kind]) for name in columns}
     header = ",".join(f"{name} [{unit}]" if unit else name for name, unit in units.items())
 
