@@ -10,6 +10,7 @@ from stat import S_ISDIR
 from typing import BinaryIO, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
