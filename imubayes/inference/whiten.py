@@ -223,13 +223,13 @@ def whiten_on(
 
 
 def apart(t: FloatArray, duration: FloatArray, before: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Gap before each row (n,), none where rows overlap by rounding, and step from centre to centre, s.
+    """Gap before each row (n,) and step from centre to centre, s.
 
-    `before` are end and centre of the row before the first.
+    Rows at one time, of which axes see different components, have a gap of minus their duration. `before` are
+    end and centre of the row before the first.
     """
     half = 0.5 * duration
-    gap = t - half - np.concatenate(([before[0]], (t + half)[:-1]))
-    return np.maximum(gap, 0.0), np.diff(t, prepend=before[1])
+    return t - half - np.concatenate(([before[0]], (t + half)[:-1])), np.diff(t, prepend=before[1])
 
 
 def padded(width: int) -> int:

@@ -39,10 +39,23 @@ def three_axes():
     return Rows(rows.t, rows.duration, np.random.default_rng(4).normal(size=(90, 3)))
 
 
+def two_at_a_time():
+    """Two rows at one time, as a turn has, that see components across each other, which do not covary."""
+    rng, start = np.random.default_rng(5), np.cumsum(np.random.default_rng(6).uniform(8.0, 20.0, 45))
+    axes = np.concatenate([np.linalg.qr(rng.normal(size=(3, 3)))[0][:2] for _ in start])
+    return Rows(np.repeat(start, 2), np.repeat(rng.uniform(4.0, 6.0, 45), 2), axes)
+
+
 _nodes, _weights = np.polynomial.legendre.leggauss(40)
 LAGS, LAG_WEIGHTS = 0.5 + 0.5 * _nodes, 0.5 * _weights
 
-ROWS = {"equal": equal_rows, "gaps": rows_with_gaps, "unequal": unequal_rows, "axes": three_axes}
+ROWS = {
+    "equal": equal_rows,
+    "gaps": rows_with_gaps,
+    "unequal": unequal_rows,
+    "axes": three_axes,
+    "two at a time": two_at_a_time,
+}
 
 
 def dense(noise, rows, parts):
