@@ -33,6 +33,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.selection.kernels import invert
 
 SWEEPS = 8
 """Sweeps over the columns in the semidefinite programme; what they leave, the slack makes up."""
@@ -71,18 +72,6 @@ def has_bit(words, column):
 def within(words, others):
     """Whether all columns of a model are in another."""
     return (words[0] & ~others[0]) == 0 and (words[1] & ~others[1]) == 0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def invert(A, r, W):
-    """Write the inverse of the leading r columns of the triangular factor A to the upper triangle of W."""
-    for j in range(r):
-        W[j, j] = 1.0 / A[j, j]
-        for i in range(j - 1, -1, -1):
-            total = 0.0
-            for k in range(i + 1, j + 1):
-                total += A[i, k] * W[k, j]
-            W[i, j] = -total / A[i, i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

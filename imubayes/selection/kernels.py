@@ -250,6 +250,18 @@ def submodel(R, inside):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def invert(A, r, W):
+    """Write the inverse of the leading r columns of the triangular factor A to the upper triangle of W."""
+    for j in range(r):
+        W[j, j] = 1.0 / A[j, j]
+        for i in range(j - 1, -1, -1):
+            total = 0.0
+            for k in range(i + 1, j + 1):
+                total += A[i, k] * W[k, j]
+            W[i, j] = -total / A[i, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def solutions(R, inside):
     """Least-squares coefficients and unscaled variances of submodels (m, p); zero where a column is out.
 
@@ -264,14 +276,9 @@ def solutions(R, inside):
         k = len(columns)
         rss[m] = T[k, k] ** 2
         inverse = np.zeros((k, k))
+        invert(T, k, inverse)
         for c in range(k):
-            inverse[c, c] = 1.0 / T[c, c]
             log_det[m] += np.log(abs(T[c, c]))
-            for r in range(c - 1, -1, -1):
-                total = 0.0
-                for i in range(r + 1, c + 1):
-                    total += T[r, i] * inverse[i, c]
-                inverse[r, c] = -total / T[r, r]
         for r in range(k):
             for c in range(r, k):
                 mean[m, columns[r]] += inverse[r, c] * T[c, k]

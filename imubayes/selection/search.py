@@ -20,7 +20,7 @@ from imubayes.selection.spaces import listed
 if TYPE_CHECKING:
     from imubayes.selection.bounds import Problem
     from imubayes.selection.branching import Listing
-    from imubayes.selection.chains import Walked
+    from imubayes.selection.model_walk import Walked
 
 WordArray = NDArray[np.uint64]
 
@@ -266,7 +266,7 @@ def _next_step(passes: list[_Pass], effort: float) -> float | None:
 
 def _walk(T: FloatArray, problem: Problem, found: Found, limits: _Limits, rng: np.random.Generator) -> Found:
     """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
-    from imubayes.selection.chains import walk_models
+    from imubayes.selection.model_walk import walk_models
 
     p = T.shape[0] - 1
     first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)

@@ -25,7 +25,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import invert_triangular, solve_triangular
 from imubayes.selection.abreast import LANE_BITS, decide, prefix, ready, shape_of, started
 from imubayes.selection.evidence import Curves
-from imubayes.selection.kernels import cubic, ones, submodel
+from imubayes.selection.kernels import cubic, invert, ones, submodel
 from imubayes.selection.mixture import Candidates, Components
 from imubayes.selection.spaces import pieces
 
@@ -234,10 +234,7 @@ def _covariance(R, inside, weight):
         T, columns = submodel(R, inside[m])
         k = len(columns)
         inverse = np.zeros((k, k))
-        for c in range(k):
-            inverse[c, c] = 1.0 / T[c, c]
-            for r in range(c - 1, -1, -1):
-                inverse[r, c] = -np.sum(T[r, r + 1 : c + 1] * inverse[r + 1 : c + 1, c]) / T[r, r]
+        invert(T, k, inverse)
         for r in range(k):
             for s in range(k):
                 shared = np.sum(inverse[r, max(r, s) :] * inverse[s, max(r, s) :])
