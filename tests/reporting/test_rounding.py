@@ -133,7 +133,7 @@ def test_range_holds_its_value_as_it_is_printed(middle: float, below: float, abo
 
 @given(MAGNITUDES)
 def test_share_of_a_budget_is_never_a_percentage_of_four_digits(value: float) -> None:
-    assert ("times" in share(value)) == (float(f"{value:.1e}") >= 2.0)
+    assert ("times" in share(value)) == (half_up(value, 1) >= 2.0)
 
 
 @pytest.mark.parametrize("empty", [math.nan, math.inf])
