@@ -34,7 +34,6 @@ def made():
         ("99 % (83 to 100)", "99 % (83 to 99)"),
         ("session 1 by 603", "session 2 by 603"),
         ("2 of 3 sessions off", "3 of 3 sessions off"),
-        ("3800 ppm from unit", "3900 ppm from unit"),
         ("48 more parameters", "47 more parameters"),
         ("1 of 10 parameters", "2 of 10 parameters"),
         ("88% of the scatter", "89% of the scatter"),
