@@ -39,10 +39,11 @@ class Flight:
     pull: float
 
 
-def flight(t, angles, velocity, *, level):
+def flight(t, angles, velocity, *, level, follows=False):
     """Force and rate of a flight with (yaw, pitch, roll) (n, 3) and a velocity (n, 3) in the level frame.
 
     level : whether over a round Earth that turns, at 45 degrees north; else in free space.
+    follows : whether the angles are against the level at each place, which turns on the way there.
     """
     h = t[1] - t[0]
     yaw, pitch, roll = (turned(np.eye(3)[k] * angles[:, [c]]) for c, k in enumerate((2, 1, 0)))
@@ -50,7 +51,11 @@ def flight(t, angles, velocity, *, level):
     earth = EARTH * np.array([0.5**0.5, 0.0, 0.5**0.5]) * level
     place = np.vstack((np.zeros(3), np.cumsum(0.5 * h * (velocity[1:] + velocity[:-1]), axis=0)))
     down = (place * [1.0, 1.0, 0.0] / R + [0.0, 0.0, 1.0]) * -G * level
-    felt = np.gradient(velocity, h, axis=0) - down + 2.0 * np.cross(earth, velocity)
+    carried = np.zeros_like(velocity)
+    if follows:
+        north, west = velocity[:, 0], velocity[:, 1]
+        carried, down = np.column_stack((-west, north, -west)) / R, np.array([0.0, 0.0, -G])
+    felt = np.gradient(velocity, h, axis=0) - down + np.cross(2.0 * earth + carried, velocity)
     step = np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]
     skew = 0.5 * np.stack((step[:, 2, 1] - step[:, 1, 2], step[:, 0, 2] - step[:, 2, 0],
                            step[:, 1, 0] - step[:, 0, 1]), axis=1)  # fmt: skip
@@ -58,7 +63,7 @@ def flight(t, angles, velocity, *, level):
     turn = skew * np.where(size > 0.0, np.arcsin(size) / np.where(size > 0.0, size, 1.0), 1.0) / h
     rate = np.vstack((turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]))
     in_case = np.swapaxes(attitude, 1, 2)
-    rate = rate + np.einsum("nij,j->ni", in_case, earth)
+    rate = rate + np.einsum("nij,nj->ni", in_case, earth + carried)
     return Flight(t, attitude, velocity, np.einsum("nij,nj->ni", in_case, felt), rate, earth, G / R * level)
 
 
