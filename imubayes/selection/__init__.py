@@ -1,1 +1,11 @@
-"""Which terms are there: the evidence of every submodel, and one verdict per term."""
+"""Which terms the data need: the models, the decision on them, and what other methods say of it.
+
+==========  ==========================================================================================
+models      `model_prior`, `spaces`, `mixture`, `models`, `evidence`, `enumerate`; beyond enumeration
+            `search`, with `bounds`, `branching` and `model_walk`; compiled `kernels`, `abreast`
+decision    `verdicts`, the rule; `decision`, on one component; `digits` that can be trusted
+opinions    `criteria`, `predictive`, `effects`, `sindy`, `sensitivity`, `reduced`; `panel` asks them
+            all, `votes` puts them side by side, `causes` says why they differ
+noise       `noise_choice`: which processes a run shows
+==========  ==========================================================================================
+"""

@@ -287,6 +287,23 @@ def solutions(R, inside):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def covariance(R, inside, weight):
+    """Weighted sum (p, p) of ``(T'T)^-1`` over submodels (m, p), zero where a column is out."""
+    p = R.shape[0] - 1
+    total = np.zeros((p, p))
+    for m in range(len(inside)):
+        T, columns = submodel(R, inside[m])
+        k = len(columns)
+        inverse = np.zeros((k, k))
+        invert(T, k, inverse)
+        for r in range(k):
+            for s in range(k):
+                shared = np.sum(inverse[r, max(r, s) :] * inverse[s, max(r, s) :])
+                total[columns[r], columns[s]] += weight[m] * shared
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def g_integrals(unexplained, size, dof, g, log_weight):
     """Integrals over g of each model's Bayes factor against the null.
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.digits import Digits
+from imubayes.algebra.factor import solve_triangular
 from imubayes.selection.digits import digits_of
 from imubayes.selection.mixture import (
     Candidates,
@@ -265,10 +266,61 @@ def _moments(c: Candidates, parts: Components) -> tuple[FloatArray, FloatArray]:
     mean, sd = parts.moments()
     a = len(c.always)
     if a and np.isnan(mean[:a]).all():
-        from imubayes.selection.total_moments import always_moments
-
-        mean[:a], sd[:a] = always_moments(c, parts)
+        mean[:a], sd[:a] = _always_moments(c, parts)
     return mean, sd
+
+
+def _always_moments(c: Candidates, parts: Components) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (a,) of the columns that are always in, under physical priors, over the components.
+
+    They come first in the factor and are integrated out before the candidates are looked at. Given the
+    candidates' coefficients they are ``u - B theta`` with ``u = T_aa^-1 z_a`` and ``B = T_aa^-1 T_ap``, and
+    noise of covariance ``sigma^2 (T_aa' T_aa)^-1``.
+    """
+    a = len(c.always)
+    back = np.broadcast_to(c.unit, len(c.whole))[:-1] - c.response_unit
+    theta = np.ldexp(parts.mean[:, a:], back[a:])
+    middle = parts.weight @ theta
+    scales, which = np.unique(parts.scale, return_inverse=True)
+    nodes = [_node(c, math.ldexp(float(scale), -c.response_unit)) for scale in scales]
+    shares = np.bincount(which, parts.weight)
+    levels = np.array([node.u - node.B @ middle for node in nodes])
+    moved = [(parts.weight * (which == q)) @ (theta - middle) for q in range(len(nodes))]
+    steps = np.array([node.B @ step for node, step in zip(nodes, moved, strict=True)])
+    mean = shares @ levels - steps.sum(axis=0)
+    variance = np.zeros(a)
+    for q, node in enumerate(nodes):
+        mine, off = which == q, levels[q] - mean
+        variance += shares[q] * (off**2 + node.alone) - 2.0 * off * steps[q]
+        variance += _around(node, theta[mine] - middle, parts.weight[mine], parts.inside[mine])
+    given = c.given(np.pad((mean, np.sqrt(variance)), ((0, 0), (0, len(c.names)))))[:, :a]
+    return given[0], given[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Node:
+    """What holds at one noise scale: u (a,), B (a, p), variance given the candidates (a,), their factor S."""
+
+    scale: float
+    u: FloatArray
+    B: FloatArray
+    alone: FloatArray
+    S: FloatArray
+
+
+def _node(c: Candidates, scale: float) -> _Node:
+    a, p, T = len(c.always), len(c.names), c.at(scale)
+    solved = solve_triangular(T[:a, :a], np.column_stack((T[:a, a:], np.eye(a))))
+    alone = scale**2 * np.sum(solved[:, p + 1 :] ** 2, axis=1)
+    return _Node(scale, solved[:, p], solved[:, :p], alone, np.ascontiguousarray(T[a:, a:]))
+
+
+def _around(node: _Node, off: FloatArray, weight: FloatArray, inside: BoolArray) -> FloatArray:
+    """Weighted second moment (a,) of ``B theta`` about a centre that the means (m, p) are `off` from."""
+    from imubayes.selection.kernels import covariance
+
+    second = (off * weight[:, None]).T @ off + node.scale**2 * covariance(node.S, inside, weight)
+    return np.sum((node.B @ second) * node.B, axis=1)
 
 
 def _best(
