@@ -98,6 +98,11 @@ class Linear:
         return np.ones(len(self), dtype=np.int64) if self.stream is None else self.stream.counts
 
     @property
+    def sampling(self) -> float:
+        """Averaging time of one sample of the run, held or not, s."""
+        return self.interval if self.stream is None else self.stream.interval
+
+    @property
     def X(self) -> FloatArray:  # noqa: N802 - the letter of the algebra
         """All columns (n, p)."""
         return self.columns(0, len(self))
@@ -177,8 +182,10 @@ def _streamed_rows(run: Run, lib: Library, stream: Stream) -> Linear:
     )
 
 
-def stretch_of(stream: Stream, rows: Linear) -> Linear:
-    """Rows of the stretch at full rate, of the model that the averages `rows` are rows of."""
+def stretch_of(rows: Linear) -> Linear:
+    """Rows at full rate, of the same model: of a stream its stretch, else the rows themselves."""
+    if (stream := rows.stream) is None:
+        return rows
     part, table = stream.stretch, np.empty((len(stream.stretch), len(rows.names) + 1))
     stream.fill(part, slice(0, len(part)), table)
     fine = replace(rows, t=part.t, duration=part.duration, interval=stream.interval, stream=None)

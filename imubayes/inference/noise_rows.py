@@ -51,7 +51,7 @@ class NoiseRows:
     @property
     def interval(self) -> float:
         """Averaging time of the samples, s."""
-        return self.means.interval if self.means.stream is None else self.means.stream.interval
+        return self.means.sampling
 
 
 def noise_rows(rows: Linear) -> NoiseRows:
@@ -62,7 +62,7 @@ def noise_rows(rows: Linear) -> NoiseRows:
     rows : of the run, with the library's columns. Of one that is read a part at a time, a stretch at full
         rate has pieces of many lengths, and the blocks beside it are taken as they are.
     """
-    fine = rows if rows.stream is None else stretch_of(rows.stream, rows)
+    fine = stretch_of(rows)
     edges, levels = piece_edges(fine.t, fine.interval)
     means = averages(fine, edges)
     if rows.stream is not None:
@@ -84,7 +84,7 @@ def noise_blocks(rows: Linear) -> Linear:
     """
     if rows.stream is None:
         return blocks_of(rows)
-    fine = stretch_of(rows.stream, rows)
+    fine = stretch_of(rows)
     return _around_stretch(rows, rows.stream, averages(fine, _ladder(len(fine))))
 
 

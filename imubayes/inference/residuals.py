@@ -19,7 +19,7 @@ from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, Rows, block_edges, residuals, stretch_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import whiten
-from imubayes.rig.inputs import Run, Stream
+from imubayes.rig.inputs import Run
 from imubayes.sensors.noise import allan_variance
 
 LAGS = 20
@@ -115,16 +115,16 @@ def check_residuals(
     level : probability of a false alarm of each test.
     """
     fitted = int(np.count_nonzero(summary.factor.column_norms))
-    own = summary if rows.stream is None else replace(summary, interval=rows.interval)
+    own = replace(summary, interval=rows.interval)
     check = judge(residuals(rows, theta), rows.rows, own, fitted=fitted, level=level)
-    return check if rows.stream is None else _with_samples(check, rows, rows.stream, theta, summary)
+    return check if rows.stream is None else _with_samples(check, rows, theta, summary)
 
 
 def _with_samples(
-    check: ResidualCheck, rows: Linear, stream: Stream, theta: FloatArray, summary: RunSummary
+    check: ResidualCheck, rows: Linear, theta: FloatArray, summary: RunSummary
 ) -> ResidualCheck:
     """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
-    held = stretch_of(stream, rows)
+    held = stretch_of(rows)
     fine = judge(residuals(held, theta), held.rows, summary)
     return replace(
         check,

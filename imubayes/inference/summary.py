@@ -254,7 +254,7 @@ def run_summary(
         procedure=rows.procedure,
         samples=rows.samples if samples is None else samples,
         duration=float(rows.t[-1] - rows.t[0]),
-        interval=rows.interval if rows.stream is None else rows.stream.interval,
+        interval=rows.sampling,
         noise=found.noise,
         noise_sd=found.sd,
         noise_prior=found.prior,

@@ -57,13 +57,7 @@ def rows_in(path: Path) -> int:
 
 
 def tables_of(path: Path, shown: str, wanted: Wanted) -> Iterator[Table]:
-    """Read a file as consecutive tables.
-
-    Parameters
-    ----------
-    path : of a file that `rows_in` counts.
-    shown : name for messages.
-    wanted : what is read of it.
+    """Read what is wanted of a file that `rows_in` counts as consecutive tables; `shown` is for messages.
 
     Raises
     ------

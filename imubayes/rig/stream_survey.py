@@ -47,15 +47,7 @@ TILE = 8192
 
 
 def read_long_run(spec: RunSpec, file: RunFile, kind: Kind, lib: Library, *, sha256: str) -> Run:
-    """Read a run a part at a time, and keep what fits.
-
-    Parameters
-    ----------
-    spec : of the run.
-    file : with its channels.
-    kind : of the sensor.
-    lib : terms whose columns are averaged over the blocks.
-    sha256 : of the file.
+    """Read a run a part at a time, and keep what fits: columns of `lib` are averaged over the blocks.
 
     Raises
     ------

@@ -59,10 +59,8 @@ def design_factor(rows: Sequence[Linear]) -> Factor:
     def parts() -> Iterator[FloatArray]:
         for run in rows:
             for a in range(0, len(run), CHUNK):
-                part = run.columns(a, min(a + CHUNK, len(run)))
-                if run.stream is not None:
-                    # an average stands for all of its samples
-                    part = part * np.sqrt(run.counts[a : a + CHUNK])[:, None]
+                # an average stands for all of its samples
+                part = run.columns(a, min(a + CHUNK, len(run))) * np.sqrt(run.counts[a : a + CHUNK])[:, None]
                 yield from (part[i:j] for i, j in algebra.row_blocks(len(part)))
 
     names = rows[0].names
