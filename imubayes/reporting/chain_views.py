@@ -12,7 +12,7 @@ import numpy as np
 from imubayes.algebra.factor import add, with_prior_rows
 from imubayes.campaign.fidelity import rung_of
 from imubayes.inference.mcmc.ensembles import STILL
-from imubayes.reporting.blocks import Prose, Section, Table, quiet
+from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result.values import RungChoice, published
 from imubayes.reporting.rounding import duration, measured, minus, per_unit, pretty, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
@@ -22,6 +22,7 @@ from imubayes.sensors.imu import COMPONENTS
 if TYPE_CHECKING:
     from imubayes.campaign.fidelity import Choice
     from imubayes.campaign.study import ExtraPosterior, SensorResult
+    from imubayes.inference.mcmc.chains import Chains
 
 CHANGED = 0.02
 """Change of an inclusion probability that is worth a row."""
@@ -177,59 +178,29 @@ def published_choice(choice: Choice | None) -> RungChoice | None:
 
 
 def chain_sections(sensor: SensorResult) -> Iterator[Section]:
-    """Diagnostics of the chains with what each means; nothing for the exact method."""
+    """Diagnostics of the chains; nothing for the exact method."""
     if sensor.chains is not None:
-        rows = [(name, minus(value), quiet(meaning)) for name, value, meaning in diagnoses(sensor)]
-        table = Table(f"Diagnostics of the chains of {sensor.id}", (), rows, "ttw", PLOTS)
-        yield Section("The chains", [table])
+        yield Section("The chains", [Prose((diagnoses(sensor, sensor.chains), PLOTS), "note")])
 
 
-def diagnoses(sensor: SensorResult) -> Iterator[tuple[str, str, str]]:
-    """Diagnostics of the chains: what, its value, and how to read it."""
-    chains = sensor.chains
-    if chains is None:
-        return
-    found = chains.diagnostics
+def diagnoses(sensor: SensorResult, chains: Chains) -> str:
+    """How well the chains mixed, and what evidence they give."""
+    found, (value, sd) = chains.diagnostics, chains.log_evidence
     low, high = int(found.ess.argmin()), int(found.rhat.argmax())
-    yield (
-        "smallest effective sample size",
-        f"{found.ess[low]:,.0f} ({_said(found.parameters[low])})",
-        "how many independent draws the chains are worth; 1,000 place a mean within 0.03 sd",
+    noisy, exact = set(found.parameters) - set(chains.names), exact_evidence(sensor)
+    held = "the bridge is lower by what the noise's prior costs" if noisy else "the bridge must agree"
+    at = "estimated" if noisy else "given"
+    closed = "" if exact is None else f"; {minus(f'{exact:.2f}')} in closed form at the {at} noise: {held}"
+    return (
+        f"{found.ensembles} ensembles of {found.walkers} walkers, {found.steps:,} steps each: {found.text};"
+        f" {found.seconds:.1f} s. Smallest effective sample size {found.ess[low]:,.0f}"
+        f" ({_said(found.parameters[low])}), largest R-hat {found.rhat[high]:.3f}"
+        f" ({_said(found.parameters[high])}), longest autocorrelation time {found.tau.max():.3g} steps,"
+        f" {found.acceptance:.0%} of the proposals accepted, log density interpolated to"
+        f" {chains.interpolation_error:.2g} nats. Log evidence of the full library"
+        f"{', averaged over the prior of the noise' if noisy else ''}: {minus(f'{value:.2f}')} ± {sd:.2f} by"
+        f" bridge sampling{closed}."
     )
-    yield (
-        "largest R-hat",
-        f"{found.rhat[high]:.3f} ({_said(found.parameters[high])})",
-        "spread of all draws over the spread within half an ensemble; below 1.01 they agree",
-    )
-    yield (
-        "longest autocorrelation time",
-        f"{found.tau.max():.3g} steps",
-        "steps after which a walker has forgotten where it was",
-    )
-    yield (
-        "accepted proposals",
-        f"{found.acceptance:.0%}",
-        "near 0 the walkers stand still; high is good for proposals from the posterior itself",
-    )
-    yield (
-        "chains",
-        f"{found.ensembles} ensembles of {found.walkers} walkers, {found.steps:,} steps each",
-        f"{found.text}; {found.seconds:.1f} s",
-    )
-    yield (
-        "interpolation error",
-        f"{chains.interpolation_error:.2g} nats",
-        "largest error of the log density from whitenings between computed ones; 0 where none was needed",
-    )
-    value, sd = chains.log_evidence
-    noisy = set(found.parameters) - set(chains.names)
-    over = ", averaged over the prior of the noise" if noisy else ""
-    told = f"of the full library{over}, from the chains"
-    yield "log evidence by bridge sampling", f"{value:.2f} ± {sd:.2f}", told
-    if (exact := exact_evidence(sensor)) is not None:
-        held = "the bridge is lower by what the noise's prior costs" if noisy else "the bridge must agree"
-        at = "estimated" if noisy else "given"
-        yield "log evidence, exact", f"{exact:.2f}", f"of the full library at the {at} noise: {held}"
 
 
 def exact_evidence(sensor: SensorResult) -> float | None:

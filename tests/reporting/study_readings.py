@@ -274,6 +274,13 @@ def _moved(sensor: Found, match: Match) -> Iterable[Meant]:
     return [len(moved) if re.match(r"\d", match[1]) else moved]
 
 
+def _mixed(sensor: Found, match: Match) -> Iterable[Meant]:
+    """Diagnostics of the chains; the reasons and names between are the result's own words."""
+    keys = ("ensembles", "walkers", "steps", "", "seconds", "ess_min", "", "rhat_max", "", "tau_max",
+            "acceptance", "interpolation_error")  # fmt: skip
+    return [sensor["mcmc"].get(key) for key in keys]
+
+
 NAMES = rf"({TERM}(?:(?:, | and ){TERM})*)"
 LISTED = r"(?: \(([^()]*(?:\([^()]*\))?[^()]*)\))?"
 COUNTS = {
@@ -285,6 +292,13 @@ COUNTS = {
 READINGS = readings(
     COUNTS
     | {
+        rf"^({NUM}) ensembles of ({NUM}) walkers, ({NUM}) steps each: (.*?); ({NUM}) s\. Smallest effective"
+        rf" sample size ({NUM}) \((.*?)\), largest R-hat ({NUM}) \((.*?)\), longest autocorrelation time"
+        rf" ({NUM}) steps, ({SHARE}) of the proposals accepted, log density interpolated to ({NUM}) nats":
+            _mixed,
+        rf"by bridge sampling; ({NUM}) in closed form": lambda s, m: [s["mcmc"]["log_evidence"]["exact"]],
+        rf"the full library(?:, averaged over the prior of the noise)?: ({NUM}) ± ({NUM}) by bridge":
+            lambda s, m: [s["mcmc"]["log_evidence"][key] for key in ("value", "sd")],
         rf"(\d+) of (\d+) terms? (?:is|are) needed(?:: {NAMES})?": lambda s, m: [
             len(found := verdicts(s, "needed")), len(s["terms"]), found
         ],
