@@ -53,10 +53,10 @@ FEATURES: Mapping[str, Callable[[Size], float]] = {
 """What the seconds of a rung are a sum over."""
 
 REFERENCE: CostLaw = {
-    "means": {"fixed": 0.02, "rows": 3.5e-8},
+    "means": {"fixed": 0.035, "rows": 3.5e-8},
     "sparse": {"runs": 0.05, "rows": 1.3e-7, "streamed": 4e-8},
     "plug-in": {"fixed": 0.15, "runs": 0.07, "rows": 1.3e-7, "streamed": 4e-8, "models": 4e-6},
-    "averaged": {"fixed": 0.15, "blocks": 1.1e-5, "rows": 1.8e-6, "streamed": 1.1e-6, "models": 8e-6},
+    "averaged": {"fixed": 0.4, "blocks": 1.1e-5, "rows": 1.8e-6, "streamed": 1.1e-6, "models": 8e-6},
     "collapsed": {
         "fixed": 0.3, "runs": 1.2, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
     },
@@ -67,7 +67,7 @@ REFERENCE: CostLaw = {
 }  # fmt: skip
 """Seconds by unit of each feature, on a machine whose speeds are those of `USUAL`."""
 
-USUAL = {"small": 1.2e-3, "large": 1.0e-2, "models": 1.8e-3}
+USUAL = {"small": 6.5e-4, "large": 6.6e-3, "models": 1.8e-3}
 """Seconds of each kind of work on that machine."""
 
 KIND = {"fixed": "small", "runs": "small", "blocks": "small", "rows": "large", "streamed": "large",
@@ -91,7 +91,7 @@ def foreseen(rung: RungName, size: Size, law: CostLaw) -> float:
     --------
     >>> size = Size(rows=36_000, columns=20, candidates=17, runs=2)
     >>> [round(foreseen(name, size, REFERENCE), 1) for name in ("means", "averaged")]
-    [0.0, 3.2]
+    [0.1, 3.4]
     """
     return sum(constant * FEATURES[name](size) for name, constant in law[rung].items())
 
