@@ -37,6 +37,7 @@ from imubayes.reporting.posterior import write_posterior
 from imubayes.reporting.results import command, result_json
 from imubayes.reporting.rounding import duration, minus, pretty
 from imubayes.reporting.rows import range_texts
+from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.reporting.session_views import session_section, session_sentence
 from imubayes.reporting.views import (
     MANY,
@@ -50,7 +51,7 @@ from imubayes.reporting.views import (
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import Appendix, SensorResult, StudyResult
+    from imubayes.campaign.study import Appendix, Mission, SensorResult, StudyResult
     from imubayes.inference.summary import RunSummary
     from imubayes.sensors.terms import Kind
 
@@ -125,6 +126,7 @@ def report_page(result: StudyResult) -> Page:
                 for one in sensors
             ),
             *([appendix_section(study.appendices)] if study.appendices else []),
+            *([_scenes(study.scenes)] if study.scenes else []),
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
         ],
@@ -175,6 +177,12 @@ def _drawn_note(sensors: Sequence[Shown]) -> Prose:
     drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     return Prose(said.format(len(drawn), len(sensors), Markup(", ").join(drawn)), "note")
+
+
+def _scenes(missions: Sequence[Mission]) -> Section:
+    """What the case meets in each scene."""
+    each = [Section(one.name, [history_figure(one, f"met{k}")]) for k, one in enumerate(missions)]
+    return Section("The scenes", [Prose(HISTORY_NOTE, "note"), *each], "scenes")
 
 
 def data_section(result: StudyResult) -> Section:

@@ -28,11 +28,12 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.rounding import per_unit, percent, pretty, share
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
-from imubayes.units import counted
+from imubayes.units import STANDARD_GRAVITY, counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.recovered import Recovered
+    from imubayes.scenes.record import History
     from imubayes.scenes.relevance import Relevance
     from imubayes.selection.verdicts import TermVerdict
 
@@ -296,6 +297,54 @@ def _paint_scene(
     axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {unit}")
     few_ticks(axes, 6, counts=True)
     log_scale(axes, "y", 5)
+
+
+def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
+    """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
+    last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
+    unit, size = next(((u, s) for limit, u, s in _CLOCK if last < limit), ("h", 3600.0))
+    t, g, deg = found.t / size, found.force / STANDARD_GRAVITY, math.radians(1.0)
+    heading = found.heading / deg
+    told = (
+        ("force", f"Force {_ends(g)} g", "force, g", g),
+        ("rate", f"Rate {_ends(found.rate / deg)} deg/s", "rate, deg/s", found.rate / deg),
+        (
+            "tilt",
+            f"Tilt {_ends(found.tilt / deg)} deg, heading {_ends(heading)} deg",
+            "deg",
+            found.tilt / deg,
+        ),
+    )
+
+    def paint(axes: Axes, label: str, band: FloatArray) -> None:
+        axes.fill_between(t, band[:, 0], band[:, 1], color=ACCENT, linewidth=0.6, alpha=0.5)
+        if label == "deg":
+            axes.plot(t, heading, color=INK, linewidth=0.8)
+        axes.set(xlabel=f"time, {unit}", ylabel=label)
+        few_ticks(axes, 5, 3)
+
+    return tuple(
+        draw(
+            lambda axes, label=label, band=band: paint(axes, label, band),
+            title=pretty(title),
+            alt=f"{title} over a record of {last / size:.3g} {unit}: the {name} from time to time",
+            key=f"{key}{name}",
+            height=120,
+            margins=Margins(left=58),
+        )
+        for name, title, label, band in told
+    )
+
+
+_CLOCK = ((600.0, "s", 1.0), (36_000.0, "min", 60.0))
+"""Length of a record below which its time is in this unit and not in hours, and the unit's size, s."""
+
+
+def _ends(values: FloatArray) -> str:
+    """Lowest and highest, in words: ``0.8 to 1.3``."""
+    ends = (float(np.min(values)), float(np.max(values)))
+    low, high = (f"{end:.2g}" if abs(end) < 99.5 else f"{end:.0f}" for end in ends)
+    return low if low == high else f"{low} to {high}"
 
 
 def _term_ticks(axes: Axes, names: tuple[str, ...]) -> None:

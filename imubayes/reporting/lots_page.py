@@ -85,6 +85,7 @@ from imubayes.reporting.rounding import (
     share,
     share_range,
 )
+from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.reporting.terminal import terminal
 from imubayes.sensors.catalogue import prior_sd
 
@@ -196,14 +197,19 @@ def _scenes(result: LotResult) -> Section:
     each = [
         Section(
             capitalised(scene_name(mission.name)),
-            [Figure([scene_matrix(result, k, f"scene{k}")]), Prose(scene_sentences(result, k), "list")],
+            [
+                Figure([scene_matrix(result, k, f"scene{k}")]),
+                Prose(scene_sentences(result, k), "list"),
+                history_figure(mission, f"met{k}"),
+            ],
             slug("scene", mission.name),
             budget(mission, result.study.kind),
             listed=scene_name(mission.name),
         )
         for k, mission in enumerate(result.study.missions)
     ]
-    return Section("Which terms each scene requires", [Prose(SCENES_KEY, "note"), *each], "scenes")
+    key = Prose(Markup("{} {}").format(SCENES_KEY, HISTORY_NOTE), "note")
+    return Section("Which terms each scene requires", [key, *each], "scenes")
 
 
 def _basic(result: LotResult) -> Section:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import Figure, Prose, Section, Table, quiet
-from imubayes.reporting.figures import scene_path
+from imubayes.reporting.figures import scene_histories, scene_path
 from imubayes.reporting.result.entries import Scene, TermInScene
 from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
@@ -26,11 +26,13 @@ from imubayes.reporting.rounding import (
     pretty,
     share,
 )
+from imubayes.scenes.record import history
 from imubayes.scenes.relevance import QUADRANTS
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.campaign.study import Mission
     from imubayes.scenes.relevance import CaseRelevance, Relevance, TermRelevance
     from imubayes.sensors.terms import Kind
 
@@ -52,6 +54,12 @@ ASSUMED = (
     " compensated with their posterior means, and take up what they can of the others over the scene"
 )
 
+
+HISTORY_NOTE = (
+    "Over time is drawn what the case meets in one record of the scene, from lowest to highest: size of the"
+    " specific force without vibration, and of the rate; angle of the case's z axis to the vertical. The line"
+    " is the heading of its x axis, from north towards west."
+)
 
 HEAD = (
     "term", "symbol", "inclusion", "rms effect", "error", "of the budget", "90 % interval", "could take",
@@ -260,6 +268,11 @@ def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
         "✓ kept" if term.kept else "left out",
         Markup('<span aria-hidden="true">{}</span> {}').format(SIGNS[term.quadrant], term.quadrant),
     )
+
+
+def history_figure(mission: Mission, key: str) -> Figure:
+    """What the case meets in a scene."""
+    return Figure(scene_histories(history(mission.scene), key))
 
 
 def published_scene(found: Relevance, sensor: str) -> Scene:

@@ -125,6 +125,53 @@ class Scene:
         return Course(self.inputs.t - self.inputs.t[0], logged)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """What a case meets over a scene's record, from cell to cell of time: (m, 2) are lowest and highest.
+
+    Attributes
+    ----------
+    t : (m,) middle of the cells, s.
+    force : (m, 2) size of the specific force without vibration, m/s^2.
+    rate : (m, 2) size of the rate, rad/s.
+    tilt : (m, 2) angle of the case's z axis to the vertical, rad.
+    heading : (m,) of its x axis from north towards west, rad, without jumps.
+    """
+
+    t: FloatArray
+    force: FloatArray
+    rate: FloatArray
+    tilt: FloatArray
+    heading: FloatArray
+
+
+def history(scene: Scene, cells: int = 80) -> History:
+    """What the case meets over a scene's record, in at most so many cells.
+
+    Examples
+    --------
+    >>> up = np.tile([0.0, 0.0, 9.8], (300, 1))
+    >>> seen = history(recorded("desk", np.arange(300.0), up, np.zeros((300, 3))), 3)
+    >>> seen.t.tolist(), seen.force[0].tolist()
+    ([49.5, 149.5, 249.5], [9.8, 9.8])
+    """
+    motion = scene.mean_motion
+    n = len(motion)
+    starts = np.unique(np.linspace(0, n, min(cells, n), endpoint=False).astype(int))
+    counts = np.diff(np.append(starts, n))
+
+    def ends(values: FloatArray) -> FloatArray:
+        return np.column_stack((np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)))
+
+    attitude = np.tile(np.eye(3), (n, 1, 1)) if scene.attitude is None else scene.attitude
+    heading = np.unwrap(np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0]))
+    force, rate = (np.linalg.norm(vectors(motion.channels, what, n), axis=1) for what in ("f", "w"))
+    t, heading = (np.add.reduceat(values, starts) / counts for values in (motion.t - motion.t[0], heading))
+    return History(
+        t, ends(force), ends(rate), ends(np.arccos(np.clip(attitude[:, 2, 2], -1.0, 1.0))), heading
+    )
+
+
 def recorded(
     name: str,
     t: FloatArray,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 from fleets_found import fleet_result
 from lots_found import lot_library, lot_result
 from populations_found import class_found
@@ -19,7 +20,7 @@ from scenes_found import a_case, a_relevance
 from test_case_views import recovered
 from trades_found import traded
 
-from imubayes.campaign.study import StudyResult
+from imubayes.campaign.study import Mission, StudyResult
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
 from imubayes.reporting.blocks import page_html
@@ -33,6 +34,8 @@ from imubayes.reporting.results import result_json
 from imubayes.reporting.tables import terminal_summary
 from imubayes.reporting.terminal import terminal_page
 from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
+from imubayes.scenes.ranges import scene_named
+from imubayes.scenes.trajectories import generated
 from imubayes.study.schema.reading import read_plan
 
 
@@ -64,7 +67,10 @@ def _sensors(name: str) -> Made:
     first = replace(first, panel=panel, misfit=misfit)
     other = sensor_result(f"{name}-2", lib=lot_library(), runs=("rates",))
     scene = replace(a_relevance(), scene=name)
-    return _study(replace(study_result(first, other, title=name), scenes=((first.id, scene),)))
+    found = replace(study_result(first, other, title=name), scenes=((first.id, scene),))
+    met = generated(scene_named("quadrotor"), np.random.default_rng(1), duration=60.0)
+    mission = Mission(name, met, scene.budget)
+    return _study(replace(found, study=replace(found.study, scenes=(mission,))))
 
 
 def _chains(name: str) -> Made:

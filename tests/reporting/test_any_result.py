@@ -142,6 +142,12 @@ def _of_scene(found: Any) -> Panels:
     return (figures.scene_path(found, "m", 1.0, "p"),)
 
 
+def _history() -> SimpleNamespace:
+    t = np.linspace(0.0, 700.0, 9)
+    ends = np.column_stack((np.sin(t), np.sin(t) + 1.0))
+    return SimpleNamespace(t=t, force=9.8 * ends, rate=ends, tilt=ends, heading=t)
+
+
 FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "case": (recovered, lambda one: (figures.recovered(one, "r"),)),
     "digits": (_digits, lambda outcomes: (extremes_figures.digits_panel(outcomes, "x"),)),
@@ -154,6 +160,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "quality": (cache(made_quality), _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
+    "history": (_history, lambda found: figures.scene_histories(found, "h")),
     "sessions": (repeatability, _of_sessions),
     "speed": (made_speed, _of_speed),
     "trade": (traded, _of_trade),
