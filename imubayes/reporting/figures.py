@@ -305,34 +305,30 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
     unit, size = next(((u, s) for limit, u, s in _CLOCK if last < limit), ("h", 3600.0))
     t, g, deg = found.t / size, found.force / STANDARD_GRAVITY, math.radians(1.0)
     heading = found.heading / deg
+    rate, tilt = found.rate / deg, found.tilt / deg
     told = (
-        ("force", f"Force {_ends(g)} g", "force, g", g),
-        ("rate", f"Rate {_ends(found.rate / deg)} deg/s", "rate, deg/s", found.rate / deg),
-        (
-            "tilt",
-            f"Tilt {_ends(found.tilt / deg)} deg, heading {_ends(heading)} deg",
-            "deg",
-            found.tilt / deg,
-        ),
+        ("force", f"Force {_ends(g)} g", g),
+        ("rate", f"Rate {_ends(rate)} deg/s", rate),
+        ("tilt", f"Tilt {_ends(tilt)} deg, heading {_ends(heading)} deg", tilt),
     )
 
-    def paint(axes: Axes, label: str, band: FloatArray) -> None:
+    def paint(axes: Axes, name: str, band: FloatArray) -> None:
         axes.fill_between(t, band[:, 0], band[:, 1], color=ACCENT, linewidth=0.6, alpha=0.5)
-        if label == "deg":
+        if name == "tilt":
             axes.plot(t, heading, color=INK, linewidth=0.8)
-        axes.set(xlabel=f"time, {unit}", ylabel=label)
+        axes.set_xlabel(f"time, {unit}")
         few_ticks(axes, 5, 3)
 
     return tuple(
         draw(
-            lambda axes, label=label, band=band: paint(axes, label, band),
+            lambda axes, name=name, band=band: paint(axes, name, band),
             title=pretty(title),
             alt=f"{title} over a record of {last / size:.3g} {unit}: the {name} from time to time",
             key=f"{key}{name}",
             height=120,
             margins=Margins(left=58),
         )
-        for name, title, label, band in told
+        for name, title, band in told
     )
 
 
@@ -343,7 +339,7 @@ _CLOCK = ((600.0, "s", 1.0), (36_000.0, "min", 60.0))
 def _ends(values: FloatArray) -> str:
     """Lowest and highest, in words: ``0.8 to 1.3``."""
     ends = (float(np.min(values)), float(np.max(values)))
-    low, high = (f"{end:.2g}" if abs(end) < 99.5 else f"{end:.0f}" for end in ends)
+    low, high = (f"{end:.2g}" if abs(end) < 99.5 else f"{end:,.0f}" for end in ends)
     return low if low == high else f"{low} to {high}"
 
 
