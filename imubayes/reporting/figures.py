@@ -303,27 +303,26 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
     """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
     last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
     unit, size = next(((u, s) for limit, u, s in _CLOCK if last < limit), ("h", 3600.0))
-    t, g, deg = found.t / size, found.force / STANDARD_GRAVITY, math.radians(1.0)
-    heading = found.heading / deg
-    rate, tilt = found.rate / deg, found.tilt / deg
+    t, deg = found.t / size, math.radians(1.0)
     told = (
-        ("force", f"Force {_ends(g)} g", g),
-        ("rate", f"Rate {_ends(rate)} deg/s", rate),
-        ("tilt", f"Tilt {_ends(tilt)} deg, heading {_ends(heading)} deg", tilt),
+        ("force", "Specific force, g", found.force / STANDARD_GRAVITY),
+        ("rate", "Rate, deg/s", found.rate / deg),
+        ("tilt", "Tilt (band) and heading (line), deg", found.tilt / deg),
     )
 
     def paint(axes: Axes, name: str, band: FloatArray) -> None:
         axes.fill_between(t, band[:, 0], band[:, 1], color=ACCENT, linewidth=0.6, alpha=0.5)
         if name == "tilt":
-            axes.plot(t, heading, color=INK, linewidth=0.8)
+            axes.plot(t, found.heading / deg, color=INK, linewidth=0.8)
         axes.set_xlabel(f"time, {unit}")
         few_ticks(axes, 5, 3)
+        axes.ticklabel_format(style="plain")
 
     return tuple(
         draw(
             lambda axes, name=name, band=band: paint(axes, name, band),
             title=pretty(title),
-            alt=f"{title} over a record of {last / size:.3g} {unit}: the {name} from time to time",
+            alt=f"{title}, over one record of the scene: from lowest to highest in each part of it",
             key=f"{key}{name}",
             height=120,
             margins=Margins(left=58),
@@ -334,13 +333,6 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
 
 _CLOCK = ((600.0, "s", 1.0), (36_000.0, "min", 60.0))
 """Length of a record below which its time is in this unit and not in hours, and the unit's size, s."""
-
-
-def _ends(values: FloatArray) -> str:
-    """Lowest and highest, in words: ``0.8 to 1.3``."""
-    ends = (float(np.min(values)), float(np.max(values)))
-    low, high = (f"{end:.2g}" if abs(end) < 99.5 else f"{end:,.0f}" for end in ends)
-    return low if low == high else f"{low} to {high}"
 
 
 def _term_ticks(axes: Axes, names: tuple[str, ...]) -> None:
