@@ -106,11 +106,14 @@ def of_budget(taken: float) -> str:
 
 
 def budget(mission: Mission, kind: Kind) -> str:
-    """Duration and budget of a scene in words."""
+    """Duration, draws and budget of a scene in words."""
     quantity, limit = mission.budget.quantity, mission.budget.limit
     unit, size = budget_unit(quantity, kind)
     what = "rms error of the output" if quantity == "output" else quantity
-    return f"{duration(mission.scene.duration)}, budget {limit / size:.4g} {pretty(unit)} of {what}"
+    times = len(mission.scene.draws)
+    counting = "all rows" if quantity == "output" else "the largest error"
+    drawn = f"{counting} of {times} draws, " if times > 1 else ""
+    return f"{duration(mission.scene.duration)}, {drawn}budget {limit / size:.4g} {pretty(unit)} of {what}"
 
 
 def amid(found: Share) -> str:

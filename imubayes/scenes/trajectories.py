@@ -171,10 +171,11 @@ def drawn(ranges: Ranges, seeds: Sequence[Sequence[int]], *, duration: float | N
     >>> from imubayes.scenes.ranges import scene_named
     >>> hover = drawn(scene_named("quadrotor"), [(1, 1), (1, 2), (1, 3)], duration=60.0)
     >>> len(hover.draws), hover.notes[-1]
-    (3, 'the largest error of 3 draws counts')
+    (3, 'the largest error of 3 draws counts, of the output the rms over all of them')
     """
     first, *others = (generated(ranges, np.random.default_rng(seed), duration=duration) for seed in seeds)
-    said = (f"the largest error of {1 + len(others)} draws counts",) if others else ()
+    counting = f"the largest error of {1 + len(others)} draws counts, of the output the rms over all of them"
+    said = (counting,) if others else ()
     return replace(first, others=tuple(others), notes=(*first.notes, *said))
 
 

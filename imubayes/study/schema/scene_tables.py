@@ -103,7 +103,7 @@ class SceneTable:
     )
     draws: Annotated[int, Limits(ge=1, le=20)] | None = key(
         "of a catalogue scene: how often it is generated, each time with other phases; the largest error of"
-        " all counts",
+        " all counts, of the output the rms over all",
         5,
         None,
         f"{DRAWS}; a log is one",
