@@ -220,6 +220,8 @@ def _problem(
     if study.aim == "scene" and effects is not None and study.mission is not None:
         G = _in_scene(bench, effects, study.mission)
         kind = "worst" if effects.components else "rms"
+        if effects.components:  # a plan is sought over the first draw, and judged over all
+            G = G[: len(G) // len(study.mission.scene.draws)]
     return Problem(bench.menus, start_of(bench), Aim(kind, G), study.time)
 
 
