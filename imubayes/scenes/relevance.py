@@ -14,7 +14,7 @@ draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -217,12 +217,14 @@ def weigh(
             f"draws of shape {knowledge.draws.shape}: expected (m, {len(lib.terms)}), a column for each term"
         )
     output, effects = exposed.output, exposed.budgeted
-    (keep,), path = smallest_model([Weighed(effects, output, knowledge)], budget.limit)
+    part = Weighed(effects, output, knowledge)
+    calibrated = half_and_most(effects.sized(_unknown([part])))
+    (keep,), path = smallest_model([part], budget.limit, calibrated[1])
     theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
     left_out = left_over(output, keep, theta)
     as_tested: dict[str, Any] = {}
     if tested is not None:
-        (held,), _ = smallest_model([Weighed(effects, tested, knowledge)], budget.limit)
+        (held,), _ = smallest_model([part._replace(over=tested)], budget.limit, calibrated[1])
         lost = half_and_most(effects.size(left_over(tested, held, theta)))
         as_tested = {"tested_model": names_of(lib, held), "tested_left_out": lost}
     return Relevance(
@@ -233,11 +235,11 @@ def weigh(
         budget=budget,
         terms=_terms(output, effects, knowledge, budget.limit, keep),
         model=names_of(lib, keep),
-        met=path[0][2] <= budget.limit,
+        met=calibrated[1] <= budget.limit,
         left=half_and_most(effects.size(theta - mean + left_over(output, keep, mean))),
         left_out=half_and_most(effects.size(left_out)),
         left_out_rms=_rms(output.size(left_out)),
-        calibrated=half_and_most(effects.size(theta - mean)),
+        calibrated=calibrated,
         uncompensated=half_and_most(effects.size(theta)),
         path=path,
         noise=exposed.noise_of(noise),
@@ -353,11 +355,11 @@ def weigh_case(
             "a budget of the output is one component's: expected one of attitude, velocity, position"
         )
     parts = [Weighed(one.budgeted, one.output, knowledge[name]) for name, one in exposed.items()]
-    keep, path = smallest_model(parts, limit)
-    m = min(len(one.knowledge.draws) for one in parts)
-    each = [_errors(part, kept, m) for part, kept in zip(parts, keep, strict=True)]
-    unknown, lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
-    sized = first.budgeted.sized
+    sized, unknown = first.budgeted.sized, _unknown(parts)
+    calibrated = half_and_most(sized(unknown))
+    keep, _ = smallest_model(parts, limit, calibrated[1])
+    each = [_errors(part, kept, len(unknown)) for part, kept in zip(parts, keep, strict=True)]
+    lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
     grown = [one.noise_of(noise[name]) for name, one in exposed.items()]
     white, flicker, walk = np.linalg.norm(grown, axis=0).tolist()
     return CaseRelevance(
@@ -368,18 +370,25 @@ def weigh_case(
             name: names_of(one.lib, kept) for (name, one), kept in zip(exposed.items(), keep, strict=True)
         },
         candidates=sum(len(one.lib.terms) for one in exposed.values()),
-        met=path[0][2] <= limit,
+        met=calibrated[1] <= limit,
         left=half_and_most(sized(unknown + means)),
         left_out=half_and_most(sized(lost)),
-        calibrated=half_and_most(sized(unknown)),
+        calibrated=calibrated,
         uncompensated=half_and_most(sized(whole)),
         noise=(white, flicker, walk),
     )
 
 
+def _unknown(parts: Sequence[Weighed]) -> FloatArray:
+    """Error (m, q) of all components together where every term is kept: what the calibrations do not know."""
+    m = min(len(one.knowledge.draws) for one in parts)
+    each = [(k.draws[:m] - k.draws.mean(axis=0)) @ effects.rows.T for effects, _, k in parts]
+    return np.sum(each, axis=0)
+
+
 def _errors(part: Weighed, keep: BoolArray, m: int) -> tuple[FloatArray, ...]:
-    """Errors (m, q) of a component: unknown, left out, the mean (q,) of that, and without compensation."""
-    (effects, over, knowledge), mean = part, part.knowledge.draws.mean(axis=0)
-    theta = knowledge.draws[:m]
-    sides = theta - mean, left_over(over, keep, theta), left_over(over, keep, mean), theta
+    """Errors (m, q) of a component: left out, the mean (q,) of that, and without compensation."""
+    effects, over, knowledge = part
+    theta, mean = knowledge.draws[:m], knowledge.draws.mean(axis=0)
+    sides = left_over(over, keep, theta), left_over(over, keep, mean), theta
     return tuple(side @ effects.rows.T for side in sides)

@@ -51,7 +51,7 @@ class Weighed(NamedTuple):
 
 
 def smallest_model(
-    components: Sequence[Weighed], limit: float
+    components: Sequence[Weighed], limit: float, least: float
 ) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...]]:
     """Drop the term that costs least, one after the other, until the budget would be exceeded.
 
@@ -63,6 +63,7 @@ def smallest_model(
     ----------
     components : one, or those of a case.
     limit : of this error, SI. Where the calibration alone exceeds it, it is the limit of the terms left out.
+    least : what the calibration leaves of all terms, with 95 %, SI.
 
     Returns
     -------
@@ -73,12 +74,9 @@ def smallest_model(
     --------
     >>> e = SceneEffects(("a", "b", "c"), np.eye(3), components=1)
     >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
-    >>> smallest_model([Weighed(e, e, k)], 1.0)[0][0].tolist()
+    >>> smallest_model([Weighed(e, e, k)], 1.0, 0.0)[0][0].tolist()
     [True, False, True]
     """
-    m = min(len(one.knowledge.draws) for one in components)
-    unknown = sum((k.draws[:m] - k.draws.mean(axis=0)) @ e.rows.T for e, _, k in components)
-    least = float(np.quantile(components[0].effects.sized(np.asarray(unknown)), SURE))
     room = limit - least if least <= limit else limit
     keep = [np.ones(len(one.effects.names), dtype=bool) for one in components]
     left = [np.zeros(len(one.effects.rows)) for one in components]

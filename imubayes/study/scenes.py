@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -44,16 +45,13 @@ def required(
     found: list[tuple[str, Relevance]] = []
     cases: list[tuple[str, CaseRelevance]] = []
     for mission in missions:
-        exposed: dict[tuple[str, Library], Exposure] = {}
+        expose = cache(partial(exposure, mission.scene, budget=mission.budget))
         for spec, components in results:
-            seen: dict[str, Exposure] = {}
-            for one in components:
-                if mission.kind in (None, one.kind):
-                    key = _axis(mission, spec, one), component_library(spec, one)
-                    if key not in exposed:
-                        exposed[key] = exposure(mission.scene, key[1], mission.budget, axis=key[0])
-                    seen[one.id] = exposed[key]
-                    found.append((one.id, _required(mission, exposed[key], one)))
+            asked = [one for one in components if mission.kind in (None, one.kind)]
+            seen = {
+                one.id: expose(component_library(spec, one), axis=_axis(mission, spec, one)) for one in asked
+            }
+            found += [(one.id, _required(mission, seen[one.id], one)) for one in asked]
             if len(seen) > 1 and mission.budget.quantity != "output":
                 cases.append((spec.id, _case(mission, seen, components)))
     return tuple(found), tuple(cases)

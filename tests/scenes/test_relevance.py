@@ -83,7 +83,7 @@ def test_errors_of_the_terms_left_out_add_as_vectors() -> None:
         (across, 1, [0.75, 0.9], 0),
     ):
         effects = SceneEffects(("a", "b"), rows, components)
-        (keep,), _ = smallest_model([Weighed(effects, NONE, certain(np.array(theta)))], 1.0)
+        (keep,), _ = smallest_model([Weighed(effects, NONE, certain(np.array(theta)))], 1.0, 0.0)
         assert keep.sum() == kept
 
 
@@ -92,7 +92,7 @@ def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_int
     for _ in range(20):
         theta, limit = rng.exponential(size=7), 1.2
         effects = SceneEffects(tuple("abcdefg"), np.diag(rng.uniform(0.5, 2.0, 7)))
-        (keep,), _ = smallest_model([Weighed(effects, effects, certain(theta))], limit)
+        (keep,), _ = smallest_model([Weighed(effects, effects, certain(theta))], limit, 0.0)
         sizes = [
             k
             for k in range(8)
