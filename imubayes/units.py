@@ -174,7 +174,8 @@ def _examples(like: str) -> str:
     return known.get(like, "ppm, ug/g^2, deg/h/g, ug/sqrt(Hz)")
 
 
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+_SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = re.compile(rf"\s*([-+]?{_SIZE})(?:\s*/\s*({_SIZE}))?\s*(.*?)\s*$")
 
 
 def quantity(text: str, like: str = "") -> float:
@@ -182,7 +183,8 @@ def quantity(text: str, like: str = "") -> float:
 
     Parameters
     ----------
-    text : number and unit; the unit may be absent where `like` is a pure number.
+    text : number, or a fraction such as ``1/16384``, and unit; the unit may be absent where `like` is a pure
+        number.
     like : a unit that it must be convertible to. ``K`` takes ``25 degC`` as a temperature.
 
     Raises
@@ -199,8 +201,10 @@ def quantity(text: str, like: str = "") -> float:
     match = _QUANTITY.match(text)
     if match is None:
         raise UnitError(f"'{text}' is not a quantity: expected a number and a unit like '{like}'")
-    unit = match[2]
-    value = float(match[1]) * factor(unit, like) + offset(unit, like)
+    unit, divisor = match[3], float(match[2] or 1.0)
+    if divisor == 0.0:
+        raise UnitError(f"'{text}' is divided by zero: expected a finite quantity like '{like or '1'}'")
+    value = float(match[1]) / divisor * factor(unit, like) + offset(unit, like)
     if not math.isfinite(value):
         raise UnitError(
             f"'{text}' is too large for a number: expected a finite quantity like '{like or '1'}'"

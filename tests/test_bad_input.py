@@ -136,8 +136,8 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
         ("run.csv", "output [m/s^2]"),
     ),
     "garbage in a text after a good start": (
-        _file(_csv(header="t output", rows=["0 1"] * 2000).encode() + b"250 \xff\xfe\n", "run.txt"),
-        ("run.txt, line 2002: column 1",),
+        _file(_csv(header="t[s] output[g]", rows=[f"{k} 1" for k in range(2000)]).encode() + b"250 \xff\xfe\n", "run.txt"),
+        ("run.txt, line 2002: column 'output[g]'",),
     ),
     "garbage as Parquet": (_file(b"\x00garbage" * 99, "run.parquet"), ("run.parquet", "Parquet")),
     "garbage as HDF5": (_file(b"\x00garbage" * 99, "run.h5"), ("run.h5", "HDF5")),

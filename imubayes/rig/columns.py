@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,12 @@ _OWN_UNITS = {
 """SI units of the channels that are no input, and no output of a single component; a count needs none."""
 
 
+_CONVERTER = ("count", "LSB", "V", "mV", "uV", "A", "mA")
+"""Units that an output may have only with a scale."""
+
+SAME_SIZE = 1e-9
+"""Relative difference by which the ratio of two units of time is whole."""
+
 _CONVERTED = ("", "V", "A")
 """Units of what an analogue or a digital output gives."""
 
@@ -55,6 +62,8 @@ class ColumnSpec:
     scale : SI per file unit; None for the factor of the unit.
     offset : in file units, subtracted before scaling; None for 0.
     wraps : in file units, where a clock starts again from its lowest value; None for one that does not.
+    rate : of a clock that the file does not have, in rows a second; 0 for one that it has.
+    parts : of a clock that is the sum of several columns, such as seconds and nanoseconds; else none.
     """
 
     column: str | int | None = None
@@ -62,6 +71,8 @@ class ColumnSpec:
     scale: float | None = None
     offset: float | None = None
     wraps: float | None = None
+    rate: float = 0.0
+    parts: tuple[ColumnSpec, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +87,8 @@ class Column:
     raw : (n,) the file's numbers, in the file's own type.
     scale, offset, zero : SI value of a number x is ``(x - offset) * scale + zero``.
     wraps : in the file's unit, where a clock starts again; None for one that does not.
+    parts : (name in the file, its size in `unit`) of each column of a sum; the size is 0 where only its rows
+        count. None of a column by itself.
     """
 
     channel: str
@@ -86,6 +99,21 @@ class Column:
     offset: float
     zero: float
     wraps: float | None = None
+    parts: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in the file of what it is made of."""
+        return tuple(name for name, _ in self.parts) or (self.address,)
+
+    def read(self, table: Table) -> Column:
+        """Read the same channel of another table of the file."""
+        found = [_whole(table.locate(name, self.channel)[1]) for name in self.names]
+        raw = found[0] if not self.parts else np.arange(table.first, table.first + len(found[0]))
+        if self.parts and self.parts[0][1]:
+            sizes = [int(size) if size == int(size) else size for _, size in self.parts]
+            raw = np.sum([values * size for values, size in zip(found, sizes, strict=True)], axis=0)
+        return replace(self, raw=raw)
 
     def si(self) -> FloatArray:
         """Return the column in SI, a fresh array."""
@@ -94,40 +122,6 @@ class Column:
     def in_file(self, value: float) -> float:
         """Return the file's number for a value in SI."""
         return (value - self.zero) / self.scale + self.offset
-
-
-def unwrapped(table: Table, column: Column) -> tuple[Column, int]:
-    """Let a clock that wraps around count on: each step is taken modulo the wrap.
-
-    Parameters
-    ----------
-    table : the file, for messages.
-    column : a clock of finite numbers; integers stay integers, so that no step is rounded.
-
-    Returns
-    -------
-    (column, count) : the clock without wraps, and how often it wrapped.
-
-    Raises
-    ------
-    DataError : if the clock goes further than its wrap allows, or counts integers to a wrap that is none.
-    """
-    if column.wraps is None or len(column.raw) < 2:
-        return column, 0
-    whole = column.raw.dtype.kind in "iu"
-    wraps = int(column.wraps) if whole else column.wraps
-    low, high = column.raw.min().item(), column.raw.max().item()
-    if wraps != column.wraps or high - low >= wraps:
-        raise DataError(
-            f"{table.file}: clock '{column.address}' runs from {low:.15g} to {high:.15g}"
-            f"{' in integers' if whole else ''}, so that it cannot wrap around at {column.wraps:.15g}: "
-            "correct 'wraps' in the study"
-        )
-    clock = column.raw.astype(np.int64 if whole else np.float64)
-    # a sum of whole wraps on top of the file's own numbers, which keeps these as they are
-    steps = np.diff(clock)
-    turns = np.concatenate(([0], np.cumsum(steps < 0)))
-    return replace(column, raw=clock + turns * wraps), int(turns[-1])
 
 
 def channel_unit(channel: str, output_unit: str) -> str:
@@ -167,11 +161,17 @@ def resolve(
         of a channel that is not there.
     """
     found = {}
+    clock = specs.get("t", ColumnSpec())
+    made = bool(clock.rate or clock.parts)
     for channel in (*required, *optional):
         if channel in specs or channel in required or _has(table, channel):
             spec = specs.get(channel, ColumnSpec())
-            found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
-    known = {column.address for column in found.values()} | {*required, *optional, *ignore}
+            if channel != "t" or not made:
+                found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
+    if made:
+        other = next(iter(found.values())).address
+        found = {"t": _counted(table, other, clock.rate) if clock.rate else _sum(table, clock)} | found
+    known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
     left = [name for name in table.columns if not {name, bare(name)} & known]
     missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
     _refuse_nearly(table.file, left, missing)
@@ -226,18 +226,58 @@ def _has(table: Table, channel: str) -> bool:
     return any(bare(name) == channel for name in table.columns)
 
 
+def _whole(values: NDArray[Any]) -> NDArray[Any]:
+    """Time of time stamps as whole numbers; other columns as they are."""
+    return values.astype(np.int64) if values.dtype.kind == "m" else values
+
+
+def _counted(table: Table, beside: str, rate: float) -> Column:
+    """Clock of a file without one, whose rows, those of the column `beside`, come at a rate in Hz."""
+    clock = Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=((beside, 0.0),))
+    return clock.read(table)
+
+
+def _sum(table: Table, spec: ColumnSpec) -> Column:
+    """Clock that is the sum of columns, in the finest of their units: whole numbers stay whole."""
+    parts = [_column(table, "t", part, "s") for part in spec.parts]
+    finest = min(parts, key=lambda part: part.scale)
+    sizes = [part.scale / finest.scale for part in parts]
+    rounded = [round(size) if abs(size / round(size) - 1.0) < SAME_SIZE else size for size in sizes]
+    names = tuple(zip((part.address for part in parts), rounded, strict=True))
+    return replace(finest, address=" + ".join(part.address for part in parts), parts=names).read(table)
+
+
 def _column(table: Table, channel: str, spec: ColumnSpec, like: str) -> Column:
     address, raw = table.locate(channel if spec.column is None else spec.column, channel)
-    unit = spec.unit or bracketed(address)
+    stamped = raw.dtype.kind == "m"
+    unit = "ns" if stamped else spec.unit or bracketed(address)
     if unit is None and like:
         raise DataError(
             f"{table.file}: column '{address}' has no unit: write it in the header, "
             f"'{bare(address)} [{like}]', "
             f'or in the study, {channel} = {{ column = "{address}", unit = "{like}" }}'
+            f"{_of_counts(channel, address, raw, like)}"
         )
     try:
         scale = units.factor(unit or "", like) if spec.scale is None else spec.scale
     except UnitError as error:
-        raise DataError(f"{table.file}: column '{address}', channel {channel}: {error}") from None
+        how = f";{_scaled(channel, address, unit or '', like)}" if unit in _CONVERTER else ""
+        raise DataError(f"{table.file}: column '{address}', channel {channel}: {error}{how}") from None
     zero = units.offset(unit or "", like) if spec.scale is None else 0.0
-    return Column(channel, address, unit or "", raw, scale, spec.offset or 0.0, zero, spec.wraps)
+    return Column(channel, address, unit or "", _whole(raw), scale, spec.offset or 0.0, zero, spec.wraps)
+
+
+def _of_counts(channel: str, address: str, raw: NDArray[np.generic], like: str) -> str:
+    """Say how counts get their scale, where a column holds whole numbers."""
+    if channel == "t" or raw.dtype.kind not in "iu":
+        return ""
+    return f"; it holds whole numbers: counts need a scale,{_scaled(channel, address, 'count', like)}"
+
+
+def _scaled(channel: str, address: str, unit: str, like: str) -> str:
+    """Example of a scale."""
+    scale = {"m/s^2": "1/16384 g", "rad/s": "1/131 deg/s", "s": "1/64e6 s"}.get(like, f"0.01 {like}")
+    return (
+        f' such as {channel} = {{ column = "{address}", unit = "{unit}", scale = "{scale}/{unit}" }}'
+        " with the scale of the data sheet"
+    )

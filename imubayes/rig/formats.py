@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError
-from imubayes.rig.texts import Text, from_arrow, line_of, read_delimited, read_spaced, said
+from imubayes.rig.texts import STAMP, Text, from_arrow, line_of, read_text, said
 
 Array = NDArray[np.generic]
 
@@ -72,6 +72,11 @@ class Table:
     header: bool = True
     first: int = 0
 
+    def rows(self, which: slice) -> Table:
+        """Consecutive ones of its rows."""
+        first = self.first + (which.start or 0)
+        return replace(self, arrays=tuple(values[which] for values in self.arrays), first=first)
+
     def place(self, row: int) -> str:
         """Name the place of a row (of the arrays, counted from 0) as a person finds it."""
         if self.text is None:
@@ -88,7 +93,8 @@ class Table:
 
         Returns
         -------
-        (name, values) : the name in the file and an (n,) array of numbers.
+        (name, values) : the name in the file and an (n,) array of numbers; of a clock ``t`` that has time
+            stamps, (n,) time in ns since 1970 or midnight, of type ``timedelta64[ns]``.
 
         Raises
         ------
@@ -99,6 +105,8 @@ class Table:
         values = self.arrays[index]
         if rest:
             values = _entry(self.file, values, rest, name)
+        if channel == "t" and values.dtype.kind in "MO" and values.ndim == 1 and len(values):
+            return name, self._stamps(name, values)
         return name, self._numeric(name, values)
 
     def _index(self, wanted: str | int, channel: str) -> tuple[int, tuple[int, ...]]:
@@ -148,8 +156,26 @@ class Table:
         if values.dtype.kind == "b":
             raise DataError(f"{self.file}: column '{name}' holds true and false where numbers were expected")
         if values.dtype.kind not in "iuf":
-            return self._parsed(name, values)
+            return self._parsed(name, values.astype(str) if values.dtype.kind == "M" else values)
         return values
+
+    def _stamps(self, name: str, values: Array) -> Array:
+        """Time of ISO time stamps, dates or times of day; numbers where these are none."""
+        if values.dtype.kind == "O" and not STAMP.match(str(values[0])):
+            return self._parsed(name, values)
+        texts = values if values.dtype.kind == "M" else [f"{value}" for value in values]
+        times = np.empty(len(values), dtype="M8[ns]")
+        for row, text in enumerate(texts):
+            try:
+                times[row] = f"1970-01-01T{text}" if f"{text}"[2:3] == ":" else text
+            except ValueError:
+                times[row] = "NaT"
+            if np.isnat(times[row]):
+                raise DataError(
+                    f"{self.file}, {self.place(row)}: column '{name}' holds {str(values[row])[:40]!r} where a"
+                    " time stamp was expected, such as 2026-01-31T12:00:00.125: correct the entry"
+                )
+        return times - np.datetime64(0, "ns")
 
     def _parsed(self, name: str, values: Array) -> Array:
         """Numbers of a column that came as text: all of them, or the place of the first that is none."""
@@ -170,8 +196,8 @@ def read_table(path: Path, shown: str = "") -> Table:
 
     Parameters
     ----------
-    path : CSV (comma, semicolon or tab), whitespace text, Parquet, HDF5, MATLAB (any version, or text), NumPy
-        archive; the suffix says which.
+    path : text (separated by comma, semicolon, tab or blanks), Parquet, HDF5, MATLAB (any version, or text),
+        NumPy; the suffix says which.
     shown : name for messages; empty for the path.
 
     Raises
@@ -243,11 +269,11 @@ def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Text:
         return named(_hdf5(path, shown, transpose=True))
     if head.startswith(_MATLAB_BINARY):
         return _matlab5(path, shown)
-    return read_spaced(path, shown)
+    return read_text(path, shown)
 
 
 def read_numpy(path: Path, shown: str) -> Mapping[str, Array]:
-    """Arrays of a NumPy archive. Pickled objects are never loaded.
+    """Arrays of a NumPy archive, or the one of a ``.npy`` file by the file's name; pickles are never loaded.
 
     Raises
     ------
@@ -255,6 +281,9 @@ def read_numpy(path: Path, shown: str) -> Mapping[str, Array]:
     """
     import zipfile
 
+    if path.suffix.lower() == ".npy":
+        with _reading(shown, "a NumPy array"):
+            return dict(_flat("", {path.stem: np.load(path, allow_pickle=False)}))
     if not zipfile.is_zipfile(path):
         raise DataError(
             f"{shown}: is not a NumPy archive: expected a file written by numpy.savez with plain arrays"
@@ -308,8 +337,24 @@ def _flat(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Array]
 
 
 def _columnar(values: Array) -> Array:
-    """MATLAB's and HDF5's single rows and columns as plain vectors."""
-    return values.reshape(-1) if values.ndim == 2 and 1 in values.shape else values
+    """MATLAB's and HDF5's single rows and columns as plain vectors, and channels x n as n x channels."""
+    if values.ndim == 2 and 1 in values.shape:
+        return values.reshape(-1)
+    return values.T if lies_down(values.shape) else values
+
+
+CHANNELS_AT_MOST, ROWS_A_CHANNEL = 16, 10
+
+
+def lies_down(shape: tuple[int, ...]) -> bool:
+    """Tell whether an array has channels as its rows: few of them, and far more columns.
+
+    Examples
+    --------
+    >>> lies_down((3, 1000)), lies_down((1000, 3)), lies_down((3, 6))
+    (True, False, False)
+    """
+    return len(shape) == 2 and shape[0] <= CHANNELS_AT_MOST and shape[1] >= ROWS_A_CHANNEL * shape[0]
 
 
 def _hdf5(path: Path, shown: str, *, transpose: bool) -> dict[str, Array]:
@@ -370,14 +415,12 @@ def _read_parquet(path: Path, shown: str) -> Text:
 Reader = Callable[[Path, str], "Text | Mapping[str, Array]"]
 
 FORMATS: dict[str, Reader] = {
-    ".csv": read_delimited,
-    ".tsv": read_delimited,
-    ".txt": read_spaced,
-    ".dat": read_spaced,
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), read_text),
     ".parquet": _read_parquet,
     ".h5": read_hdf5,
     ".hdf5": read_hdf5,
     ".mat": read_matlab,
     ".npz": read_numpy,
+    ".npy": read_numpy,
 }
 """Suffix -> reader."""

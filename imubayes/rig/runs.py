@@ -129,6 +129,7 @@ def _opened(
         ignore=spec.ignore,
         tell=tell,
         check=check,
+        cut=not spec.sections,  # these count the rows of the file
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError
-from imubayes.rig.formats import Table, datasets_of, named
+from imubayes.rig.formats import Table, datasets_of, lies_down, named
 from imubayes.rig.texts import Delimited, delimited, from_arrow, lines_of, parse_error, said
 
 if TYPE_CHECKING:
@@ -37,11 +37,12 @@ class Wanted:
     Attributes
     ----------
     columns : names as in the file, without blanks around them; empty for all.
-    clock : the one whose whole numbers stay whole, so that no step of a large one is rounded.
+    clock : those that make up the time, whose whole numbers stay whole, so that no step of a large one is
+        rounded.
     """
 
     columns: Collection[str] = ()
-    clock: str = ""
+    clock: Collection[str] = ()
 
     def __contains__(self, name: str) -> bool:
         return not self.columns or name.strip() in self.columns
@@ -92,12 +93,13 @@ def _counted(batches: Any, shown: str, text: Path | None = None, *, header: bool
     for batch in batches:
         if batch.num_rows:
             read = from_arrow(pa.Table.from_batches([batch]), shown, lines=text is not None)
-            names = read.columns if header else tuple(name[1:] for name in read.columns)
-            yield Table(shown, names, read.arrays, ordered=True, text=text, header=header, first=first)
+            yield Table(shown, read.columns, read.arrays, ordered=True, text=text, header=header, first=first)
             first += batch.num_rows
 
 
 def _text_rows(path: Path) -> int:
+    if delimited(path, "").separator == " ":
+        return 0
     with path.open("rb") as stream:
         head = stream.read(SAMPLED)
     return round(path.stat().st_size * head.count(b"\n") / max(len(head), 1))
@@ -109,12 +111,12 @@ def _text(path: Path, shown: str, wanted: Wanted) -> Iterator[Table]:
     layout = delimited(path, shown)
     first = 0
     try:
-        for table in _counted(_batches(path, layout, wanted), shown, path, header=not layout.headless):
+        for table in _counted(_batches(path, layout, wanted), shown, path, header=not layout.names):
             first = table.first + len(table.arrays[0])
             yield table
     except pa.ArrowInvalid as error:
         raise _strange(path, shown, layout, wanted, first) or parse_error(
-            path, shown, layout.separator, error
+            path, shown, layout, error
         ) from None
 
 
@@ -126,9 +128,7 @@ def _batches(path: Path, layout: Delimited, wanted: Wanted) -> Iterator[pa.Recor
     def opened(names: list[str], types: dict[str, pa.DataType]) -> csv.CSVStreamingReader:
         return csv.open_csv(
             path,
-            read_options=csv.ReadOptions(
-                autogenerate_column_names=layout.headless, skip_rows=layout.skipped, block_size=TEXT_BLOCK
-            ),
+            read_options=layout.read_options(block_size=TEXT_BLOCK),
             parse_options=csv.ParseOptions(delimiter=layout.separator),
             convert_options=csv.ConvertOptions(
                 decimal_point=layout.decimal, null_values=[""], include_columns=names, column_types=types
@@ -137,32 +137,32 @@ def _batches(path: Path, layout: Delimited, wanted: Wanted) -> Iterator[pa.Recor
 
     with opened([], {}) as peek:
         schema = peek.schema
-    said_names = {name: name[1:] if layout.headless else name for name in schema.names}
-    names = [name for name, said_name in said_names.items() if said_name in wanted]
+    names = [name for name in schema.names if name in wanted]
     types = {
         name: pa.float64()
         for name in names
-        if wanted.columns and not (said_names[name].strip() == wanted.clock and _is_whole(schema, name))
+        if wanted.columns and not (name.strip() in wanted.clock and not _is_fraction(schema, name))
     }
     with opened(names, types) as reader:
         yield from reader
 
 
-def _is_whole(schema: pa.Schema, name: str) -> bool:
+def _is_fraction(schema: pa.Schema, name: str) -> bool:
     import pyarrow as pa
 
-    return pa.types.is_integer(schema.field(name).type)
+    return pa.types.is_floating(schema.field(name).type)
 
 
 def _strange(path: Path, shown: str, layout: Delimited, wanted: Wanted, first: int) -> DataError | None:
     """Name the first entry from row `first` on that is no number; None if all are."""
     lines = lines_of(path)
-    header = None if layout.headless else next(lines)[1].split(layout.separator)
+    header = layout.names or next(lines)[1].split(layout.separator)
     for row, (number, line) in enumerate(lines):
         fields = line.split(layout.separator) if row >= first else []
         for k, field in enumerate(fields):
-            name = str(k) if header is None else header[min(k, len(header) - 1)].strip().strip('"')
-            if name in wanted and not _is_number(field.replace(layout.decimal, ".")):
+            name = header[min(k, len(header) - 1)].strip().strip('"')
+            asked = name in wanted and name not in wanted.clock
+            if asked and not _is_number(field.replace(layout.decimal, ".")):
                 return DataError(
                     f"{shown}, line {number}: column '{name}' holds {field.strip()[:40]!r} "
                     "where a number was expected: correct the entry, or name another column in the study"
@@ -204,6 +204,8 @@ def _slice(node: Any, start: int, stop: int) -> NDArray[np.generic]:
     """Rows of a dataset; a single row or column counts as a vector."""
     if len(node.shape) == 2 and node.shape[0] == 1:
         return node[0, start:stop]
+    if lies_down(node.shape):
+        return node[:, start:stop].T
     values = node[start:stop]
     return values.reshape(-1) if values.ndim == 2 and node.shape[1] == 1 else values
 

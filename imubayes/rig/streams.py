@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
-from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
+from imubayes.rig.clocks import between_set_backs, spread, unwrapped
+from imubayes.rig.columns import Column, ColumnSpec, resolve
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import MOUNT, Part, durations, sampling_interval, thinned
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
@@ -57,6 +58,7 @@ class RunFile:
     rows : about so many; 0 where the format does not say.
     held : all of a short file; None of one that is read a part at a time.
     tell : is told of progress.
+    notes : what is to be said of its clock.
     """
 
     path: Path
@@ -65,18 +67,20 @@ class RunFile:
     rows: int
     held: Table | None = None
     tell: Tell = silent
+    notes: tuple[str, ...] = ()
 
     def tables(self) -> Iterator[Table]:
         """Read the columns that the run uses."""
         if self.held is not None:
             return iter([self.held])
-        names = {column.address.partition("[:")[0].strip() for column in self.columns.values()}
-        return tables_of(self.path, self.shown, Wanted(names, self.columns["t"].address))
+        wanted = [*self.columns.values(), self.columns["t"]]
+        *names, clock = ({name.partition("[:")[0].strip() for name in one.names} for one in wanted)
+        return tables_of(self.path, self.shown, Wanted(set().union(*names), clock))
 
     def found(self, table: Table, channel: str) -> Column:
         """Find a channel in a table."""
         column = self.columns[channel]
-        return column if table is self.held else replace(column, raw=table.locate(column.address, channel)[1])
+        return column if table is self.held else column.read(table)
 
     def values(self, clock: Clock) -> Iterator[Rows]:
         """Values a table at a time, whose `clock` starts with the first."""
@@ -94,7 +98,7 @@ class RunFile:
         joined = parts[0] if len(parts) == 1 else _joined(parts)
         for one in (joined.t, *joined.values.values()):
             one.setflags(write=False)
-        return joined, clock.notes
+        return joined, (*self.notes, *clock.notes)
 
 
 def opened(
@@ -108,8 +112,11 @@ def opened(
     ignore: Collection[str] = (),
     tell: Tell = silent,
     check: Callable[[Table], None] = lambda table: None,
+    cut: bool = True,
 ) -> RunFile:
     """Find the channels of a run in a file, as `imubayes.rig.columns.resolve` does, after a `check`.
+
+    A short file whose clock is set back is cut there, unless `cut` forbids it.
 
     Raises
     ------
@@ -122,7 +129,13 @@ def opened(
     columns = resolve(
         table, specs, required=required, optional=optional, output_unit=output_unit, ignore=ignore
     )
-    return RunFile(path, shown, columns, rows, held, tell)
+    if held is None:
+        return RunFile(path, shown, columns, rows, held, tell)
+    check_values(held, columns["t"])
+    part, notes = between_set_backs(held, columns["t"]) if cut else (slice(None), ())
+    columns = {name: replace(column, raw=column.raw[part]) for name, column in columns.items()}
+    columns["t"], more = spread(columns["t"])
+    return RunFile(path, shown, columns, rows, held.rows(part), tell, (*notes, *more))
 
 
 def refuse_long(file: RunFile, what: str, instead: str) -> None:

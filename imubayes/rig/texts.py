@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from codecs import getincrementaldecoder
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE, getincrementaldecoder
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from imubayes.errors import DataError
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from pyarrow import csv
 
 Array = NDArray[np.generic]
 
@@ -23,6 +24,9 @@ SEPARATORS = ",;\t"
 _COMMENT = ("#", "%")
 _SNIFFED = 4096
 """Bytes that tell text from binary."""
+_NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+STAMP = re.compile(r"\s*\"?(?:\d{4}-\d\d-\d\d(?:[T ].*)?|\d\d:\d\d:\d\d.*)$")
+"""Date, time of day, or both."""
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*$")
 
 
@@ -53,48 +57,36 @@ def line_of(path: Path, row: int, *, header: bool) -> int:
     return wanted + 1
 
 
-def read_delimited(path: Path, shown: str) -> Text:
-    """Read a text whose columns are separated by comma, semicolon or tab.
-
-    The first line names the columns, unless it holds numbers only. With semicolons a decimal comma is
-    read as such.
-
-    Raises
-    ------
-    DataError : if it is not text, or a line has more or fewer fields than the first.
-    """
-    import pyarrow as pa
-    from pyarrow import csv
-
-    found = delimited(path, shown)
-    try:
-        table = csv.read_csv(
-            path,
-            read_options=csv.ReadOptions(autogenerate_column_names=found.headless, skip_rows=found.skipped),
-            parse_options=csv.ParseOptions(delimiter=found.separator),
-            convert_options=csv.ConvertOptions(decimal_point=found.decimal, null_values=[""]),
-        )
-    except pa.ArrowInvalid as error:
-        raise parse_error(path, shown, found.separator, error) from None
-    read = from_arrow(table, shown, lines=True)
-    return _numbered(read.arrays) if found.headless else read
-
-
 @dataclass(frozen=True, slots=True)
 class Delimited:
     """How a text separates its columns.
 
     Attributes
     ----------
-    separator, decimal : characters.
+    separator, decimal : characters; a blank stands for any number of them.
     skipped : lines before the first that counts.
-    headless : whether that line holds numbers already.
+    names : of the columns where that line holds numbers already: those of the comment above it, or 0, 1, ...;
+        none where it is the header.
+    encoding : of the file.
     """
 
     separator: str
     decimal: str
     skipped: int
-    headless: bool
+    names: tuple[str, ...]
+    encoding: str
+
+    def fields(self, line: str) -> list[str]:
+        """Split a line."""
+        return line.split(None if self.separator == " " else self.separator)
+
+    def read_options(self, **options: int) -> csv.ReadOptions:
+        """Say to Arrow where the columns begin, and what they are called."""
+        from pyarrow import csv
+
+        return csv.ReadOptions(
+            column_names=list(self.names), skip_rows=self.skipped, encoding=self.encoding, **options
+        )
 
 
 def delimited(path: Path, shown: str) -> Delimited:
@@ -104,50 +96,91 @@ def delimited(path: Path, shown: str) -> Delimited:
     ------
     DataError : if it is not text.
     """
-    skipped, first, second = _first_two(path, shown)
+    encoding = _encoding(path, shown)
+    lines = lines_of(path)
+    number, first = next(lines, (1, ""))
+    _, second = next(lines, (0, ""))
+    if not first:
+        raise DataError(f"{shown}: has no rows: expected a header and at least 2 samples")
     separator = max(SEPARATORS, key=first.count)
-    headless = all(_NUMBER.match(field) for field in first.split(separator))
+    if separator not in first and len(second.split()) == len(_names(first, " ")) > 1:
+        separator = " "
     comma = separator == ";" and "," in second and "." not in second
-    return Delimited(separator, "," if comma else ".", skipped, headless)
+    fields = _names(first, separator)
+    headless = all(_NUMBER.match(field) or STAMP.match(field) for field in fields)
+    names = _names_above(path, number, separator, len(fields)) if headless else ()
+    return Delimited(separator, "," if comma else ".", number - 1, names, encoding)
 
 
-def read_spaced(path: Path, shown: str) -> Text:
-    """Read a text whose columns are separated by blanks; a text with separators is read as such.
+def _names(line: str, separator: str) -> list[str]:
+    """Names of a header; a unit in brackets belongs to the name before it."""
+    return _NAME.findall(line) if separator == " " else [name.strip() for name in line.split(separator)]
 
-    The first line names the columns (without blanks in a name), unless it holds numbers only; lines
-    that start with ``#`` or ``%`` are comments.
+
+def _names_above(path: Path, number: int, separator: str, width: int) -> tuple[str, ...]:
+    """Names of columns in the comment right above line `number`; 0, 1, ... if there are none."""
+    above = ""
+    with path.open(encoding=_codec(path), errors="replace") as stream:
+        for _, line in zip(range(number - 1), stream, strict=False):
+            above = line.strip() or above
+    names = _names(above.lstrip("".join(_COMMENT) + " "), separator)
+    if len(names) == width and not any(_NUMBER.match(name) or not name for name in names):
+        return tuple(names)
+    return tuple(str(k) for k in range(width))
+
+
+def read_text(path: Path, shown: str) -> Text:
+    """Read a text whose columns are separated by comma, semicolon, tab or blanks.
+
+    The first line names the columns, unless it holds numbers only; then a comment right above it may. With
+    semicolons a decimal comma is read as such. Lines that start with ``#`` or ``%`` are comments.
 
     Raises
     ------
-    DataError : if it is not text, an entry is not a number, or a line has another number of entries.
+    DataError : if it is not text, or a line has more or fewer fields than the first.
     """
-    _, first, _ = _first_two(path, shown)
-    if any(separator in first for separator in SEPARATORS):
-        return read_delimited(path, shown)
-    names = re.sub(r"\s+(?=[\[(])", "", first).split()
-    headless = all(_NUMBER.match(field) for field in names)
-    width = len(names)
-    rows = _spaced_rows(path, shown, width, skip=not headless)
-    values = np.fromiter((x for row in rows for x in row), dtype=np.float64).reshape(-1, width)
-    _require_rows(len(values), shown)
-    arrays = tuple(np.ascontiguousarray(values.T))
-    return _numbered(arrays) if headless else Text(tuple(names), arrays)
+    import pyarrow as pa
+    from pyarrow import csv
+
+    found = delimited(path, shown)
+    spaced = found.separator == " "
+    try:
+        table = csv.read_csv(
+            _single_blanks(path) if spaced else path,
+            read_options=replace(found, skipped=0, encoding="utf-8").read_options()
+            if spaced
+            else found.read_options(),
+            parse_options=csv.ParseOptions(delimiter=found.separator),
+            convert_options=csv.ConvertOptions(decimal_point=found.decimal, null_values=[""]),
+        )
+    except pa.ArrowInvalid as error:
+        raise parse_error(path, shown, found, error) from None
+    return replace(from_arrow(table, shown, lines=True), header=not found.names)
+
+
+def _single_blanks(path: Path) -> pa.BufferReader:
+    """Make one blank stand between entries, so that one reader serves every text."""
+    import pyarrow as pa
+
+    lines = (line for _, line in lines_of(path))
+    header = next(lines, "")
+    first = " ".join(re.sub(r"\s+", "", name) for name in _NAME.findall(header))
+    return pa.BufferReader("\n".join([first, *(" ".join(line.split()) for line in lines)]).encode())
 
 
 def from_arrow(table: pa.Table, shown: str, *, lines: bool) -> Text:
-    """Columns of an Arrow table; what is missing in a column of numbers becomes NaN."""
+    """Columns of an Arrow table; what is missing becomes NaN among numbers, NaT among time stamps."""
     import pyarrow as pa
 
     _require_rows(table.num_rows, shown)
-    arrays = []
-    for column in table.columns:
-        numeric = pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
-        arrays.append(column.to_numpy() if numeric else np.array(column.to_pylist(), dtype=object))
-    return Text(tuple(str(name).strip() for name in table.column_names), tuple(arrays), lines)
-
-
-def _numbered(arrays: tuple[Array, ...]) -> Text:
-    return Text(tuple(str(k) for k in range(len(arrays))), arrays, header=False)
+    plain = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp, pa.types.is_date)
+    arrays = tuple(
+        column.to_numpy()
+        if any(known(column.type) for known in plain)
+        else np.array(column.to_pylist(), dtype=object)
+        for column in table.columns
+    )
+    return Text(tuple(str(name).strip() for name in table.column_names), arrays, lines)
 
 
 def _require_rows(n: int, shown: str) -> None:
@@ -157,57 +190,41 @@ def _require_rows(n: int, shown: str) -> None:
 
 def lines_of(path: Path) -> Iterator[tuple[int, str]]:
     """Lines with their number, without empty ones and comments."""
-    with path.open(encoding="utf-8-sig", errors="replace") as stream:
+    with path.open(encoding=_codec(path), errors="replace") as stream:
         for number, line in enumerate(stream, start=1):
             if line.strip() and not line.lstrip().startswith(_COMMENT):
                 yield number, line.rstrip("\r\n")
 
 
-def _first_two(path: Path, shown: str) -> tuple[int, str, str]:
-    """Count the lines before the first that counts; that line and the next. Only text passes."""
+def _codec(path: Path) -> str:
+    """Name of a text's encoding: its first bytes say that it is UTF-16, as spreadsheets write it."""
+    with path.open("rb") as stream:
+        return "utf-16" if stream.read(2) in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig"
+
+
+def _encoding(path: Path, shown: str) -> str:
+    """Encoding of a text, for its reader. Only text passes."""
+    codec = _codec(path)
     with path.open("rb") as stream:
         head = stream.read(_SNIFFED)
-    if b"\0" in head or not _is_text(head):
+    if (codec == "utf-8-sig" and b"\0" in head) or not _is_text(head, codec):
         raise DataError(f"{shown}: is not a text in UTF-8: expected columns of numbers under a header")
-    lines = lines_of(path)
-    number, first = next(lines, (1, ""))
-    _, second = next(lines, (0, ""))
-    if not first:
-        raise DataError(f"{shown}: has no rows: expected a header and at least 2 samples")
-    return number - 1, first, second
+    return "utf-8" if codec == "utf-8-sig" else codec
 
 
-def _is_text(head: bytes) -> bool:
+def _is_text(head: bytes, codec: str) -> bool:
     try:
-        getincrementaldecoder("utf-8")().decode(head)
+        getincrementaldecoder(codec)().decode(head)
     except UnicodeDecodeError:
         return False
     return True
 
 
-def _spaced_rows(path: Path, shown: str, width: int, *, skip: bool) -> Iterator[list[float]]:
-    lines = lines_of(path)
-    if skip:
-        next(lines)
-    for number, line in lines:
-        fields = line.split()
-        if len(fields) != width:
-            raise _ragged(shown, number, width, len(fields))
-        try:
-            yield [float(field) for field in fields]
-        except ValueError:
-            bad = next(k for k, field in enumerate(fields) if not _NUMBER.match(field))
-            raise DataError(
-                f"{shown}, line {number}: column {bad} holds {fields[bad][:40]!r} where a number "
-                "was expected: correct the entry"
-            ) from None
-
-
-def parse_error(path: Path, shown: str, separator: str, error: Exception) -> DataError:
+def parse_error(path: Path, shown: str, layout: Delimited, error: Exception) -> DataError:
     """Name the line that the parser stumbled on."""
     width = None
     for number, line in lines_of(path):
-        fields = line.count(separator) + 1
+        fields = len(_names(line, " ") if width is None and layout.separator == " " else layout.fields(line))
         width = width or fields
         if fields != width:
             return _ragged(shown, number, width, fields)

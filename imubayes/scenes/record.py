@@ -20,11 +20,10 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
-from imubayes.rig.checks import check_time, check_values
-from imubayes.rig.columns import Column, ColumnSpec, resolve, unwrapped
-from imubayes.rig.formats import Table, read_table
+from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs, sampling_interval
 from imubayes.rig.motion import vectors
+from imubayes.rig.streams import opened
 from imubayes.scenes.attitude import at_rest, followed, from_angles, from_quaternions, upright
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -245,19 +244,15 @@ def read_scene(
     ------
     DataError : if the file cannot be used, or has neither force nor rate; names the file and the place.
     """
-    table = read_table(path)
     optional = (*_LOGGED, "T", *ANGLES, *QUATERNION)
-    found = resolve(table, columns or {}, required=("t",), optional=optional, output_unit="", ignore=ignore)
-    t = _clock(table, found.pop("t"))
-    for one in found.values():
-        check_values(table, one)
-    channels = {channel: one.si() for channel, one in found.items()}
-    if any(len(values) != len(t) for values in channels.values()):
-        raise DataError(f"{path}: columns of unequal length: expected {len(t)} rows in each, as in the time")
+    file = opened(path, str(path), columns or {}, required=("t",), optional=optional, ignore=ignore)
+    rows, clock = file.whole()
+    t, channels = rows.t - rows.t[0], rows.values
     if not any(channel[0] in "fw" for channel in channels):
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
     attitude = _logged_attitude(path, channels)
-    return _of_channels(name or path.stem, t, channels, duration, (f"record of {path.name}",), attitude)
+    notes = (f"record of {path.name}", *clock)
+    return _of_channels(name or path.stem, t, channels, duration, notes, attitude)
 
 
 def _of_channels(
@@ -304,16 +299,6 @@ def _agreement(angle: FloatArray) -> tuple[str, ...]:
         return ("the case is never at rest: nothing shows how well force and attitude agree",)
     rows = counted(len(angle), "row")
     return (f"at rest ({rows}) the force lies within {np.degrees(angle.max()):.2g} deg of the vertical",)
-
-
-def _clock(table: Table, found: Column) -> FloatArray:
-    check_values(table, found)
-    running, _ = unwrapped(table, found)
-    # differences before scaling: a clock that counts from an epoch loses its last digits otherwise
-    first = running.raw[0].item()
-    t = (running.raw - first).astype(np.float64) * running.scale
-    check_time(table, found, t)
-    return t
 
 
 def in_case(inputs: Inputs, axis: str) -> Inputs:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from imubayes.errors import DataError
 from imubayes.rig import stream_files, streams
-from imubayes.rig.columns import ColumnSpec, nearly, resolve, unwrapped
+from imubayes.rig.clocks import unwrapped
+from imubayes.rig.columns import ColumnSpec, nearly, resolve
 from imubayes.rig.formats import Table
 from imubayes.rig.recordings import INPUTS, RunSpec
 from imubayes.rig.runs import read_imu_run, read_run

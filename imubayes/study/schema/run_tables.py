@@ -171,11 +171,23 @@ def columns_of(
         here = place.at(channel)
         if channel not in known:
             raise here.error(f"is not a channel of this file: {hint(channel, list(known))}")
-        table = shaped(ColumnTable, entry if isinstance(entry, dict) else {"column": entry}, here)
-        if table.wraps and channel != "t":
-            raise here.at("wraps").error("only the clock, channel t, wraps around: leave it out")
-        columns[channel] = _column(table, channel_unit(channel, output_unit), here)
+        columns[channel] = _channel(entry, channel, channel_unit(channel, output_unit), here)
     return columns
+
+
+def _channel(entry: object, channel: str, like: str, place: Place) -> ColumnSpec:
+    """Check what the study says of a channel: a column, its table, or those that add up to a clock."""
+    if isinstance(entry, list) and channel == "t" and len(entry) > 1:
+        return ColumnSpec(parts=tuple(_channel(one, "t", like, place.at(k)) for k, one in enumerate(entry)))
+    table = shaped(ColumnTable, entry if isinstance(entry, dict) else {"column": entry}, place)
+    for name, does in (("wraps", "wraps around"), ("rate", "comes at a rate")):
+        if getattr(table, name) and channel != "t":
+            raise place.at(name).error(f"only the clock, channel t, {does}: leave it out")
+    if table.rate is None:
+        return _column(table, like, place)
+    if table.column is not None or table.unit is not None:
+        raise place.at("rate").error("is of a file without a clock: expected it alone")
+    return ColumnSpec(rate=quantity(table.rate, "Hz", place.at("rate"), positive=True))
 
 
 def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:

@@ -169,9 +169,14 @@ class ColumnTable:
         "4294967296 count",
         None,
     )
+    rate: Annotated[Any, Holds(quantities("Hz"))] = key(
+        "of `t` only, alone: of a file without a clock, whose rows come at a constant rate", "100 Hz", None
+    )
 
 
-Columns = Annotated[Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, many="name")]
+Columns = Annotated[
+    Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, {"type": "array"}, many="name")
+]
 
 
 @shape
