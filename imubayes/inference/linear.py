@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.rig.inputs import Run, Stream, between_gaps, durations
+from imubayes.rig.inputs import Run, Stream, between_gaps
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
 
@@ -149,7 +149,7 @@ def linear_of(run: Run, lib: Library) -> Linear:
         procedure=run.procedure,
         names=lib.names,
         t=run.inputs.t,
-        duration=durations(run.inputs.t, run.inputs.interval),
+        duration=run.inputs.durations,
         interval=run.inputs.interval,
         y=deviation(run, lib),
         columns=lambda start, stop: library_rows(run, lib, start, stop),

@@ -20,7 +20,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear
 from imubayes.inference.whiten import whiten
-from imubayes.rig.inputs import Run, durations
+from imubayes.rig.inputs import Run
 from imubayes.sensors.imu import case_channel, kind_of
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Factor as Input
@@ -122,7 +122,7 @@ def _rows(run: Run, name: str, lib: Library, whole: Together) -> Linear:
         procedure=run.procedure,
         names=tuple(f"{name}.{term}" for term in lib.names),
         t=run.inputs.t,
-        duration=durations(run.inputs.t, run.inputs.interval),
+        duration=run.inputs.durations,
         interval=run.inputs.interval,
         y=one.output - one.inputs.channels.get(lib.own, 0.0),
         columns=lambda start, stop: whole.of(name, whole.columns(start, stop)),

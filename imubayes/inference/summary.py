@@ -274,7 +274,9 @@ def _summarize_run(run: Run, rows: Linear, found: NoiseEstimate, *, sharp: bool)
     white = found.origin == "white"
     unit = replace(found, noise=Noise(1.0, 0.0, 0.0)) if white else found
     ranges = {name: (float(v.min()), float(v.max())) for name, v in run.extremes.items()}
-    made = run_summary(rows, unit, run.source, ranges, samples=run.samples, sharp=sharp)
+    sampling = run.inputs.sampling
+    samples = round(float(rows.duration.sum()) / sampling) if sampling else run.samples
+    made = run_summary(rows, unit, run.source, ranges, samples=samples, sampling=sampling, sharp=sharp)
     made = replace(made, duration=float(run.inputs.t[-1] - run.inputs.t[0]))
     if not white:
         return made

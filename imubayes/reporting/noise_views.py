@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from imubayes.inference.intervals import SIDE
@@ -36,7 +37,7 @@ from imubayes.reporting.rounding import (
     pretty,
     signed,
 )
-from imubayes.reporting.rows import noise_cells, noise_origin
+from imubayes.reporting.rows import noise_cells, noise_draws, noise_origin
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.noise import NAMES
 
@@ -130,8 +131,8 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
 def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
     """Noise processes of the runs of a component that were asked for them."""
     for k, found in enumerate(sensor.processes):
-        title, rows = f"Noise processes of {found.choice.run}", list(_rows(found, sensor.kind))
-        said = [Prose(said_of(found, sensor.kind)), Table(title, HEAD, rows, "ttnntnnt")]
+        title, rows = f"Noise processes of {found.choice.run}", list(_rows(found, sensor))
+        said = [Prose(said_of(found, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
         panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn and found.curve else None
         yield Section(title, [*said, *([Figure([panel])] if panel else [])])
     if sensor.processes:
@@ -142,36 +143,51 @@ def process_answers(sensor: SensorResult) -> Iterator[Prose]:
     """Noise processes of each run, for the top of the page."""
     for found in sensor.processes:
         title = f"Noise of {sensor.id}, {found.choice.run}."
-        yield Prose(joined(strong(title), said_of(found, sensor.kind)), "answer")
+        yield Prose(joined(strong(title), said_of(found, sensor)), "answer")
 
 
-def said_of(found: NoiseFound, kind: Kind) -> str:
+def said_of(found: NoiseFound, sensor: SensorResult) -> str:
     """What a run shows, with the real signs."""
-    return pretty(process_sentence(found.choice, kind).replace("+-", "±"))
+    return pretty(process_sentence(found.choice, sensor).replace("+-", "±"))
 
 
 def glance_table(sensors: Sequence[SensorResult]) -> Table:
     """Noise processes of many runs side by side."""
     rows = [
-        (sensor.id, found.choice.run, *(_told(found, symbol, sensor.kind) for symbol in SYMBOLS))
+        (sensor.id, found.choice.run, *(_told(found, symbol, sensor) for symbol in SYMBOLS))
         for sensor in sensors
         for found in sensor.processes
     ]
     return Table("Noise processes by component", ("noise of", "run", *SYMBOLS), rows, "t", GLANCE)
 
 
-def _told(found: NoiseFound, symbol: str, kind: Kind) -> str:
+def _told(found: NoiseFound, symbol: str, sensor: SensorResult) -> str:
     """Size of a process that a run shows, else its verdict."""
-    for size in found.choice.sizes:
+    for size in decided_sizes(found.choice, sensor):
         if size.name == symbol:
-            return in_unit(_size(size, kind)) if size.verdict == "needed" else shape(size.verdict)
+            return in_unit(_size(size, sensor.kind)) if size.verdict == "needed" else shape(size.verdict)
     return ""
 
 
-def process_sentence(choice: NoiseChoice, kind: Kind) -> str:
+def decided_sizes(choice: NoiseChoice, sensor: SensorResult) -> tuple[ProcessSize, ...]:
+    """Sizes of a run's processes: N, B and K are those that its coefficients were decided by, where drawn."""
+    every = (noise_draws(run, sensor.chains) for run in sensor.runs if run.name == choice.run)
+    draws = next(every, None)
+    if draws is None:
+        return choice.sizes
+    sizes = zip(draws.mean(axis=0).tolist(), draws.std(axis=0, ddof=1).tolist(), strict=True)
+    told = dict(zip("NBK", sizes, strict=True))
+    return tuple(
+        replace(size, mean=told[size.name][0], sd=told[size.name][1]) if size.name in told else size
+        for size in choice.sizes
+    )
+
+
+def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
     """What a run shows of its noise processes, in words and numbers."""
+    sizes = {size.name: size for size in decided_sizes(choice, sensor)}
     needed = ["N", *choice.identified]
-    told = listed(f"{NAMES[name]} {name} = {size_text(choice.size(name), kind)}" for name in needed)
+    told = listed(f"{NAMES[name]} {name} = {size_text(sizes[name], sensor.kind)}" for name in needed)
     words = [f"The run shows {told}."]
     words += [f"It shows one of {listed(group)}, and cannot say which." for group in _groups(choice)]
     for word, text in _WORDS.items():
@@ -203,9 +219,9 @@ def size_text(size: ProcessSize, kind: Kind) -> str:
     return str(_size(size, kind))
 
 
-def _rows(found: NoiseFound, kind: Kind) -> Iterator[tuple[Text, ...]]:
-    units = process_units(kind)
-    for size in found.choice.sizes:
+def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:
+    kind, units = sensor.kind, process_units(sensor.kind)
+    for size in decided_sizes(found.choice, sensor):
         is_tau = size.name == "tau"
         if is_tau and not found.choice.noise.G > 0.0:
             continue

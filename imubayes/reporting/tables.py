@@ -41,6 +41,7 @@ from imubayes.reporting.words import (
     weighed_text,
 )
 from imubayes.rig.checks import saturated
+from imubayes.rig.filtering import MEANS
 from imubayes.rig.recordings import ABSENT
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.standards import symbols
@@ -118,16 +119,21 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     if sensor.panel:
         yield from map(indented, unasked_sentences(sensor.panel.unasked))
     yield from map(indented, saturated({run.name: run.source for run in sensor.runs}))
-    for run in sensor.runs[:MOST_RUNS]:
+    # one value each: what is estimated apart from the processes of a run would be a second one
+    told_below = () if sensor.chains else {found.choice.run for found in sensor.processes}
+    for run in (run for run in sensor.runs[:MOST_RUNS] if run.name not in told_below):
         cells = zip("NBK", noise_cells(run, sensor.kind, sensor.chains), strict=True)
         told = ", ".join(f"{name} {'below ' if limit else ''}{cell}" for name, (cell, limit) in cells)
         yield indented(f"noise, {run.name}: {told} ({noise_origin(run, sensor.chains)})")
     if len(sensor.runs) > MOST_RUNS:
         yield indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
     for found in sensor.processes[:MOST_RUNS]:
-        yield indented(f"{found.choice.run}: {process_sentence(found.choice, sensor.kind)}")
+        yield indented(f"{found.choice.run}: {process_sentence(found.choice, sensor)}")
     yield from (
-        indented(f"{run.name}: {note}") for run in sensor.runs for note in run.source.notes if ABSENT in note
+        indented(f"{run.name}: {note}")
+        for run in sensor.runs
+        for note in run.source.notes
+        if MEANS in note or ABSENT in note
     )
     yield indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
     yield Text()

@@ -41,12 +41,16 @@ class Inputs:
     interval : averaging time of one sample, s.
     mount : (n,) number of each row's plane (tumble) or mount (rate table, centrifuge): between rows of one
         number the case stayed in its fixture; None for one mounting of the whole run.
+    averaged : (n,) averaging time of each row, s, where rows are means of samples; None where they are not.
+    sampling : interval of those samples, s; 0 where the rows are samples.
     """
 
     t: FloatArray
     channels: Mapping[str, FloatArray]
     interval: float
     mount: NDArray[np.int64] | None = None
+    averaged: FloatArray | None = None
+    sampling: float = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -54,8 +58,13 @@ class Inputs:
     def kept(self, rows: NDArray[np.bool_]) -> Inputs:
         """Inputs of some of the rows (n,)."""
         channels = {name: taken(values, rows) for name, values in self.channels.items()}
-        mount = None if self.mount is None else taken(self.mount, rows)
-        return replace(self, t=taken(self.t, rows), channels=channels, mount=mount)
+        mount, averaged = (None if v is None else taken(v, rows) for v in (self.mount, self.averaged))
+        return replace(self, t=taken(self.t, rows), channels=channels, mount=mount, averaged=averaged)
+
+    @property
+    def durations(self) -> FloatArray:
+        """Averaging time (n,) of each row, s."""
+        return durations(self.t, self.interval) if self.averaged is None else self.averaged
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +103,7 @@ class Run:
     gravity : local gravity, m/s^2, of a run of which only |f| = g is known while it is at rest; 0 where its
         inputs are known.
     sections : the parts of such a run whose inputs are known; none for a free tumble.
+    record : the samples of a run of means, where nothing but quantization shows in them; None else.
     """
 
     name: str
@@ -104,6 +114,7 @@ class Run:
     stream: Stream | None = None
     gravity: float = 0.0
     sections: tuple[Section, ...] = ()
+    record: Run | None = None
 
     @property
     def samples(self) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import SATURATED, check_output, earth_left_out, refuse_stuck, within_range
+from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
 from imubayes.rig.inputs import MOUNT, Inputs, Run, Section, Source, sampling_interval, taken
 from imubayes.rig.recordings import (
@@ -151,7 +152,8 @@ def _known(spec: RunSpec, file: RunFile, here: tuple[str, ...], *, kind: Kind | 
     if spec.gyroscope_file is not None:
         rate, kept, source = _rates(spec, spec.gyroscope_file, (rows.t, kept), source)
         output = np.hstack((output, rate))
-    return Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)
+    run = Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)
+    return as_means(run, kind or "accelerometer")
 
 
 def _inputs(rows: Rows) -> tuple[Inputs, tuple[str, ...]]:

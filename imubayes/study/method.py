@@ -34,7 +34,7 @@ from imubayes.campaign.study import (
 )
 from imubayes.errors import UnobservableError
 from imubayes.inference.case import Case, rows_at_rest
-from imubayes.inference.linear import drive
+from imubayes.inference.linear import drive, linear_of
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
@@ -229,7 +229,12 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
     told = _Told(found.selection, checks, panel, _misfit(job, ready, inputs))
-    processes = processes_of(job.study.noise, ready.rows, spec.sensor_class, theta=theta, **_told_to(job))
+    # an average no longer shows the quantization that it is made for
+    fine = [
+        rows if run.record is None or ready.summary.extras else linear_of(run.record, spec.library)
+        for run, rows in zip(ready.runs, ready.rows, strict=True)
+    ]
+    processes = processes_of(job.study.noise, fine, spec.sensor_class, theta=theta, **_told_to(job))
     result = _result(job, spec.id, ready, found.posterior, told, time.perf_counter() - start)
     return replace(result, processes=processes, method_reason=reason)
 

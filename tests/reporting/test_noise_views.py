@@ -52,11 +52,13 @@ def gyro():
     y = noise.N * np.random.default_rng(1).normal(size=1000)
     curve = allan_curve(y, np.arange(1000.0), 1.0, noise)
     fit = AllanFit(("N", "B"), (0.151 * ARW, 1.9 * DPH), (0.01, 0.1), 10.0, 9)
-    return SimpleNamespace(kind="gyroscope", processes=(NoiseFound(choice, curve, fit),))
+    return SimpleNamespace(
+        kind="gyroscope", runs=(), chains=None, processes=(NoiseFound(choice, curve, fit),)
+    )
 
 
 def test_sentence_says_what_is_there_in_data_sheet_units_and_what_cannot_be_told(gyro):
-    text = process_sentence(gyro.processes[0].choice, "gyroscope")
+    text = process_sentence(gyro.processes[0].choice, gyro)
     assert "white noise N = 0.150 +- 0.015 deg/sqrt(h) and bias instability B = 2.00 +- 0.20 deg/h" in text
     assert "one of K and R, and cannot say which" in text
     assert "Not there: Q." in text

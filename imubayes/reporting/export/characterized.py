@@ -189,9 +189,11 @@ def _terms(sensor: Sensor, model: str, scene: Scene | None) -> list[Term]:
 
 
 def _noise(sensor: Sensor) -> tuple[tuple[str, ...], Noise]:
-    """Largest N, B and K over the static runs, or over all where there is none."""
+    """Largest N, B and K over the static runs, or over all where there is none: posterior means, if drawn."""
     static = [run.name for run in sensor.runs if run.procedure == "static"]
-    found = [(name, sensor.noise[name]) for name in static or sensor.noise if name in sensor.noise]
+    draws = sensor.noise_posterior.items()
+    known = sensor.noise | {run: {key: sizes[key]["mean"] for key in "NBK"} for run, sizes in draws}
+    found = [(name, known[name]) for name in static or known if name in known]
     N, B, K = (max((one[key] for _, one in found if math.isfinite(one[key])), default=0.0) for key in "NBK")
     return tuple(name for name, _ in found), Noise(N, B, K)
 

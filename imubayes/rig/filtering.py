@@ -1,0 +1,221 @@
+"""Samples that the sensor's own filter or its quantization has coloured enter as means.
+
+White noise, bias instability and random walk make T times the Allan variance at the averaging time T
+``N^2 + b T + k T^2`` (`imubayes.sensors.noise`). A low-pass filter with the correlation time c takes
+``3 c N^2 / (2 T)`` from it, a quantized angle adds ``3 Q^2 / T``. Where the sum is not enough from single
+samples on, its fourth part is fitted, and samples are averaged over so long that what is left of it changes N
+by less than half its error bar.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.rig.inputs import Inputs, Run, between_gaps
+from imubayes.rig.recordings import frozen
+from imubayes.sensors.imu import COMPONENTS, kind_of
+from imubayes.sensors.terms import Kind
+
+OCTAVES = 7
+"""Averaging times, each twice the one before, over which the sum is to hold."""
+
+FEWEST = 5
+"""Averaging times without which nothing is said: the sum has three parts."""
+
+PAIRS = 12
+"""Pairs of neighbouring means from which an Allan variance is taken into account."""
+
+UNLIKELY = 0.01
+"""Probability of a misfit by chance below which a sum does not hold."""
+
+SHARE = 0.5
+"""Of the error bar of N^2 that filter or quantization may still change it by."""
+
+MEANS = "samples enter as means of"
+"""How the note of a run goes on whose rows are means."""
+
+ROWS = 100
+"""Means that are left at least: fewer tell nothing of bias instability."""
+
+STEADY = 0.01
+"""Change of an input within a mean, as a share of its largest size: its square is then right to 1e-4."""
+
+
+@dataclass(frozen=True, slots=True)
+class Colour:
+    """What is wrong with samples that come at an interval.
+
+    Attributes
+    ----------
+    samples : of one mean that neither filter nor quantization shows in; 1 where single samples do not either.
+    correlation : of the white noise, s: what a filter of first order has for its time constant; negative
+        where neighbouring samples take turns, as quantization makes them.
+    quantized : whether quantization is all that is wrong, from single samples on.
+    """
+
+    samples: int
+    correlation: float = 0.0
+    quantized: bool = False
+
+    def text(self, interval: float) -> str:
+        """Say what was found and done."""
+        means = f"{MEANS} {self.samples * interval:.2g} s"
+        if self.correlation < 0.0:
+            return f"neighbouring samples take turns, as quantization makes them: {means}"
+        rate = _corner(self.correlation, interval)
+        return f"filtered above about {float(f'{rate:.1g}'):g} Hz: {means}"
+
+
+WHITE = Colour(1)
+
+
+def colour_of(parts: Sequence[FloatArray], interval: float, longest: int) -> Colour:
+    """Look for a filter or quantization in what is said at constant inputs.
+
+    Parameters
+    ----------
+    parts : (n,) samples of each stretch without a gap or a change of inputs.
+    interval : of the samples, s.
+    longest : samples of a mean at most.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> white = rng.standard_normal(100_001)
+    >>> colour_of([white], 0.01, 1000).samples
+    1
+    >>> colour_of([white[1:] + 0.5 * white[:-1]], 0.01, 1000).text(0.01)
+    'filtered above about 20 Hz: samples enter as means of 0.45 s'
+    """
+    levels = _levels(parts)
+    if len(levels) < FEWEST or _sum_of(levels[:OCTAVES], fourth=False)[1] > UNLIKELY:
+        return WHITE
+    for first in range(len(levels) - FEWEST + 1):
+        (white, more, less), likely = _sum_of(levels[first : first + OCTAVES], fourth=True)
+        if likely > UNLIKELY and white > 0.0:
+            ratio = (more - less) / white
+            needed = (abs(ratio) / SHARE) ** (2.0 / 3.0) * (0.5 * sum(map(len, parts))) ** (1.0 / 3.0)
+            samples = min(math.ceil(needed), longest)
+            return Colour(samples, -ratio * interval / 1.5, first == 0 and ratio > 0.0)
+    return WHITE
+
+
+def _levels(parts: Sequence[FloatArray]) -> FloatArray:
+    """Length in samples, that times the Allan variance, and number of pairs, of every octave (m, 3)."""
+    means, length, found = list(parts), 1.0, []
+    while True:
+        means = [part[: len(part) // 2 * 2].reshape(-1, 2) for part in means if len(part) > 1]
+        pairs = sum(len(part) for part in means)
+        if pairs < PAIRS:
+            return np.array(found).reshape(-1, 3)
+        square = sum(float(np.sum((part[:, 1] - part[:, 0]) ** 2)) for part in means)
+        found.append((length, 0.5 * length * square / pairs, pairs))
+        means, length = [part.mean(axis=1) for part in means], 2.0 * length
+
+
+def _sum_of(levels: FloatArray, *, fourth: bool) -> tuple[tuple[float, float, float], float]:
+    """White noise, what falls and what rises as 1/T, in samples, and how likely their misfit is."""
+    from scipy.optimize import nnls
+    from scipy.special import gammaincc
+
+    length, found, pairs = levels.T
+    if not found.min() > 0.0:
+        return (0.0, 0.0, 0.0), 0.0
+    basis = np.column_stack((np.ones_like(length), length, length**2))
+    if fourth:
+        basis = np.column_stack((basis, 1.0 / length, -1.0 / length))
+    expected = found
+    for _ in range(3):  # errors are a share of what is expected, not of what was found
+        weight = np.sqrt(0.5 * pairs) / expected
+        sizes, left = nnls(basis * weight[:, None], found * weight)
+        expected = np.maximum(basis @ sizes, 0.1 * found)
+    free = len(length) - int(np.count_nonzero(sizes))
+    more, less = sizes[3:].tolist() if fourth else (0.0, 0.0)
+    return (float(sizes[0]), more, less), float(gammaincc(0.5 * max(free, 1), 0.5 * left**2))
+
+
+def _corner(correlation: float, interval: float) -> float:
+    """Half-power frequency, Hz, of the first-order filter whose samples have this correlation time, s."""
+    share = correlation / interval
+    return -math.log((math.sqrt(1.0 + share**2) - 1.0) / share) / (2.0 * math.pi * interval)
+
+
+def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
+    """Run whose noise no filter shows in: as it is, or as means; its notes say which, and how long these are.
+
+    Parameters
+    ----------
+    run : of a component of a kind, or of all those of a case, with known inputs and all rows held. Rows
+        between which an input jumps stay apart.
+    """
+    edges, inputs = _steady_edges(run.inputs), run.inputs
+    own = {"accelerometer": "f_i", "gyroscope": "w_i"}
+    every = [(run.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(run, kind)]
+    left = [one.output - one.inputs.channels.get(own[kind], 0.0) for one, kind in every]
+    longest = min(len(inputs) // ROWS, int(np.median(np.diff(edges))))
+    found = [colour_of(np.split(values, edges[1:-1]), inputs.interval, max(1, longest)) for values in left]
+    worst = max(found, key=lambda colour: colour.samples)
+    return run if worst.samples == 1 else _averaged(run, _pieces(inputs, edges, worst.samples), worst)
+
+
+def _steady_edges(inputs: Inputs) -> NDArray[np.int64]:
+    """First row of each stretch without a gap, a new mount or a jump of an input, and the number of rows."""
+    new = np.zeros(len(inputs) + 1, dtype=bool)
+    new[[a for a, _ in between_gaps(inputs.t, inputs.interval)]] = new[-1] = True
+    if inputs.mount is not None:
+        new[1:-1] |= np.diff(inputs.mount) != 0
+    for values, allowed in _moving(inputs):
+        new[1:-1] |= np.abs(np.diff(values)) > allowed
+    return np.flatnonzero(new)
+
+
+def _moving(inputs: Inputs) -> Iterator[tuple[FloatArray, float]]:
+    """Forces and rates (n,), and how much each may change within a mean, SI."""
+    for name, values in inputs.channels.items():
+        if name[0] in "fw":
+            yield values, STEADY * float(np.max(np.abs(values)))
+
+
+def _pieces(inputs: Inputs, edges: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
+    """First rows of the means, of so many samples at most, and halved where inputs change too much within."""
+    cut: list[NDArray[np.int64]] = []
+    for a, b in pairwise(edges.tolist()):
+        cut.append(np.linspace(a, b, math.ceil((b - a) / samples), endpoint=False).astype(np.int64))
+    first = np.concatenate(cut)
+    for values, allowed in _moving(inputs):
+        while True:
+            change = np.maximum.reduceat(values, first) - np.minimum.reduceat(values, first)
+            lengths = np.diff(first, append=len(values))
+            wide = (change > allowed) & (lengths > 1)
+            if not wide.any():
+                break
+            first = np.sort(np.concatenate((first, first[wide] + lengths[wide] // 2)))
+    return first
+
+
+def _averaged(run: Run, first: NDArray[np.int64], colour: Colour) -> Run:
+    """Means over the rows from each of `first` (m,) to the next, with the averaging time of each."""
+    inputs, counts = run.inputs, np.diff(first, append=len(run.inputs))
+
+    def means(values: FloatArray) -> FloatArray:
+        return frozen((np.add.reduceat(values, first, axis=0).T / counts).T)
+
+    averaged = Inputs(
+        means(inputs.t),
+        {name: means(values) for name, values in inputs.channels.items()},
+        colour.samples * inputs.interval,
+        None if inputs.mount is None else inputs.mount[first],
+        frozen(np.add.reduceat(inputs.durations, first)),
+        inputs.interval,
+    )
+    note = f"{colour.text(inputs.interval)}, {len(first):,} of {len(inputs):,} samples"
+    source = replace(run.source, notes=(*run.source.notes, note))
+    record = run if colour.quantized else None
+    return replace(run, inputs=averaged, output=means(run.output), source=source, record=record)
