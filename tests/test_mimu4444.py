@@ -17,9 +17,10 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
-from imubayes.inference.triad import COMPONENTS, triad_of
+from imubayes.inference.triad import triad_of
 from imubayes.population.sessions import SessionVerdict, repeatability
 from imubayes.rig.inputs import Run
+from imubayes.sensors.imu import ACCELEROMETERS as COMPONENTS
 from imubayes.study.method import run
 from imubayes.study.schema import read_runs, read_study
 

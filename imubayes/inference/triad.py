@@ -30,10 +30,19 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior_root
 from imubayes.errors import ConvergenceError
 from imubayes.inference.summary import Summary
-from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES, PERMUTATION
+from imubayes.sensors.imu import (
+    ACCELEROMETERS,
+    COMPONENTS,
+    GYROSCOPES,
+    PERMUTATION,
+    Component,
+    Imu,
+    ideal,
+    kind_of,
+    signals,
+)
+from imubayes.sensors.imu_compensation import inverted, missed
 from imubayes.sensors.terms import Kind, Library, columns
-
-COMPONENTS = ACCELEROMETERS
 
 BELOW_DIAGONAL = ((), ("m_k",), ("m_j", "m_k"))
 """Misalignments that the choice of the case axes sets to zero."""
@@ -95,38 +104,29 @@ class Triad:
         ends = np.cumsum([len(lib.terms) for lib in self.libraries])[:-1]
         return np.split(self.theta, ends)
 
-    def deviation(self, own: FloatArray, other: FloatArray | None = None) -> FloatArray:
-        """Output minus input (m, 3) at inputs (m, 3), as `regressors` takes them."""
-        parts = zip(self.regressors(own, other), self.parts(), strict=True)
-        return np.column_stack([X @ theta for X, theta in parts])
-
     def compensate(self, y: FloatArray, other: FloatArray | None = None) -> FloatArray:
-        """Own input (m, 3) of outputs y (m, 3), by fixed-point iteration; `other` as in `regressors`.
+        """Own input (m, 3) of outputs y (m, 3); `other` as in `regressors`.
 
         Raises
         ------
         ConvergenceError : if it does not settle: the nominal scale is far off, or the coefficients are.
         """
-        own = last = y
-        for _ in range(ROUNDS):
-            new = y - self.deviation(own, other)
-            if np.max(np.abs(new - own)) <= 1e-13 * np.max(np.abs(y)):
-                return new
-            own, last = new, own
-        if np.max(np.abs(own - last)) <= 2.0 * self._jump():
-            # an input smaller than the jump at its change of sign is met from both sides
-            return 0.5 * (own + last)
+        beside = np.zeros_like(y) if other is None else other
+        pair = (y, beside) if self.kind == "accelerometer" else (beside, y)
+        imu, outputs = self._imu(), signals(*pair)
+        x = inverted(imu, outputs, np.full(6, np.inf), ROUNDS)
+        own = np.ascontiguousarray(np.hsplit(x, 2)[0 if pair[0] is y else 1])
+        if missed(imu, outputs, x) <= 1e-13 * np.max(np.abs(y), initial=0.0):
+            return own
         raise ConvergenceError(
             "the compensation of the triad does not settle: check scale and offset of its columns", own
         )
 
-    def _jump(self) -> float:
-        """Largest step of an output where its input changes sign."""
-        parts = zip(self.libraries, self.parts(), strict=True)
-        sizes = [
-            abs(x) for lib, theta in parts for name, x in zip(lib.names, theta, strict=True) if name == "b0p"
-        ]
-        return max(sizes, default=0.0)
+    def _imu(self) -> Imu:
+        """The triad in its case, beside an ideal one of the other kind."""
+        parts = zip(self.components, self.libraries, self.parts(), strict=True)
+        own = {name: Component(lib, theta) for name, lib, theta in parts}
+        return Imu(tuple(own.get(name) or ideal(kind_of(name)) for name in COMPONENTS), np.zeros((3, 3)))
 
     def gain(self) -> FloatArray:
         """I + M, (3, 3): the linear response along the case axes."""

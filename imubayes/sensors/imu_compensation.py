@@ -1,8 +1,8 @@
 """The inverse of an IMU's model: true inputs from outputs, proved over a stated range, and what is left then.
 
-The basic model (bias, scale factor, misalignment) is inverted in closed form, ``x = (I + M)^-1 (y - b)``.
-Every other one by the fixed point ``x <- y - D(clip(x))``, whose convergence and uniqueness over the range
-`imubayes.sensors.imu_range` proves. Forces and rates are solved for together: the accelerometers' spin terms
+By the fixed point ``x <- y - D(clip(x))``, whose convergence and uniqueness over the range
+`imubayes.sensors.imu_range` proves; of the basic model (bias, scale factor, misalignment) that is
+``x = (I + M)^-1 (y - b)``. Forces and rates are solved for together: the accelerometers' spin terms
 use the compensated rate, and the gyroscopes' g-sensitivity the compensated specific force.
 
 A bias asymmetry b0' jumps at zero. With b0' > 0 no input gives an output inside the gap; such outputs are
@@ -27,13 +27,11 @@ from imubayes.sensors.imu import (
     axes_of,
     case_columns,
     component_channels,
+    forward,
     table_of,
 )
 from imubayes.sensors.imu_range import InputRange, described, rounds
 from imubayes.sensors.terms import Factor, Term, column, columns
-
-BASIC = ("b0", "b1", "m_j", "m_k")
-"""Terms of the basic model."""
 
 ROUNDING = 1e-9
 """Relative; how far outside of the range an input may come out by rounding."""
@@ -68,26 +66,26 @@ def compensate(imu: Imu, outputs: Signals, within: InputRange) -> Signals:
     [[0.1, 0.2, 9.8]]
     """
     _check_known(outputs, within)
-    x = _closed_form(imu, outputs) if is_basic(imu) else _fixed_point(imu, outputs, within)
+    x = inverted(imu, outputs, within.ends[:6], rounds(split_jumps(imu)[0], within))
     _check_inside(x, within, overlaps(imu, outputs))
     return replace(outputs, f=np.ascontiguousarray(x[:, :3]), w=np.ascontiguousarray(x[:, 3:]))
 
 
-def is_basic(imu: Imu) -> bool:
-    """Whether the IMU has bias, scale factor and misalignment only."""
-    names = {name for component in imu.components for name in component.library.names}
-    return names <= set(BASIC) and not imu.levers.any()
+def inverted(imu: Imu, outputs: Signals, ends: FloatArray, steps: int) -> FloatArray:
+    """Inputs (n, 6), f and w, after at most so many steps; the deviations are held beyond ends (6,)."""
+    from imubayes.sensors.imu_kernel import compensate_rows
+
+    smooth, jumps = split_jumps(imu)
+    rows = case_columns(outputs)
+    return compensate_rows(table_of(smooth), imu.levers, ends, steps, rows, _jumps(jumps, outputs))
 
 
-def basic_model(imu: Imu) -> tuple[FloatArray, FloatArray]:
-    """Linear response (6, 6) and bias (6,) of f and w along the case axes, of the basic terms alone."""
-    response, bias = np.eye(6), np.zeros(6)
-    for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True)):
-        known = dict(zip(component.library.names, component.theta, strict=True))
-        bias[c] = known.get("b0", 0.0)
-        for axis, term in zip(axes_of(name), BASIC[1:], strict=True):
-            response[c, axis + 3 * (c // 3)] += known.get(term, 0.0)
-    return response, bias
+def missed(imu: Imu, outputs: Signals, x: FloatArray) -> float:
+    """By how much the outputs at inputs x (n, 6) miss given ones at most, beside what jumps leave open."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = forward(imu, replace(outputs, f=x[:, :3], w=x[:, 3:]))
+        left = np.abs(np.hstack([found.f - outputs.f, found.w - outputs.w]))
+    return float(np.max(left - 2.0 * np.abs(_jumps(split_jumps(imu)[1], outputs)), initial=0.0))
 
 
 def jumps_at_zero(term: Term) -> bool:
@@ -105,26 +103,6 @@ def split_jumps(imu: Imu) -> tuple[Imu, Imu]:
 def overlaps(imu: Imu, outputs: Signals) -> FloatArray:
     """Size (n, 6) of each negative asymmetry at the rows' temperatures, zero where it is positive."""
     return np.maximum(-_jumps(split_jumps(imu)[1], outputs), 0.0)
-
-
-def _fixed_point(imu: Imu, outputs: Signals, within: InputRange) -> FloatArray:
-    from imubayes.sensors.imu_kernel import compensate_rows
-
-    smooth, jumps = split_jumps(imu)
-    steps = rounds(smooth, within)
-    rows = case_columns(outputs)
-    return compensate_rows(table_of(smooth), imu.levers, within.ends[:6], steps, rows, _jumps(jumps, outputs))
-
-
-def _closed_form(imu: Imu, outputs: Signals) -> FloatArray:
-    response, bias = basic_model(imu)
-    y = np.hstack([outputs.f, outputs.w]) - bias
-    try:
-        return np.asarray(np.linalg.solve(response, y.T).T, dtype=np.float64)
-    except np.linalg.LinAlgError:
-        raise InputError(
-            "the linear response of the IMU is singular: expected scale factors near 1; check b1, m_j and m_k"
-        ) from None
 
 
 def _part(component: Component, *, jumping: bool) -> Component:

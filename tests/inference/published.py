@@ -109,7 +109,8 @@ def _rest_rows(found: Found, force: Triad, rate: Triad, nominal) -> Iterator[tup
     run: Run = found.run
     stills = find_stills(run)[:1]
     f = directions(force, run, stills).f
-    at_rest = rate.deviation(np.zeros((1, 3)), f)[0]
+    X = rate.regressors(np.zeros((1, 3)), f)
+    at_rest = [float(x[0] @ theta) for x, theta in zip(X, rate.parts(), strict=True)]
     for c, name in enumerate(rate.components):
         (scale, offset), (_, sd) = nominal[c], found.terms[f"{name}.b0"]
         here = at_rest[c] / scale + offset

@@ -189,7 +189,7 @@ def test_xsens_rests_at_the_biases_that_imu_tk_published(xsens):
     """imu_tk's bias is the output in the first still, z up: bias and g-sensitivity, within a count."""
     case = solve_imu_tumble([xsens], asked(OF_FORCE), asked(only(OF_RATE, (*LINEAR, "g_i", "g_j", "g_k"))))
     first = directions(case.triads[0], xsens, find_stills(xsens)[:1]).f
-    at_rest = case.triads[1].deviation(np.zeros((1, 3)), first)[0] / SCALES[1] + 32768.0
+    at_rest = hands.deviation(case.triads[1], np.zeros((1, 3)), first)[0] / SCALES[1] + 32768.0
     np.testing.assert_allclose(at_rest, [bias for bias, _ in PUBLISHED], rtol=0.0, atol=1.0)
     # bias alone is 7 counts off: g-sensitivity is needed
     assert abs(case.triads[1].parts()[0][0] / SCALES[1] + 32768.0 - PUBLISHED[0][0]) > 5.0

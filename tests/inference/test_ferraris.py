@@ -143,7 +143,7 @@ def on_a_table(faces=0.0, seed=1):
         n += count
     f, w = np.concatenate(force), np.concatenate(rate)
     white = [noise.N / np.sqrt(dt) * rng.normal(size=(n, 3)) for noise in NOISES]
-    outputs = (f + triads[0].deviation(f) + white[0], w + triads[1].deviation(w, f) + white[1])
+    outputs = (f + hands.deviation(triads[0], f) + white[0], w + hands.deviation(triads[1], w, f) + white[1])
     inputs = Inputs(dt * np.arange(n), {}, dt)
     return Run("bench", "ferraris", inputs, np.hstack(outputs), gravity=9.81, sections=tuple(sections))
 

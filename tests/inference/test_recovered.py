@@ -70,7 +70,7 @@ def positions(truth, seed):
     noisy = [
         np.column_stack([hands.synthesise(noise, t, dt, rng) for _ in range(3)]) for noise in hands.NOISES
     ]
-    outputs = (f + truth[0].deviation(f) + noisy[0], w + truth[1].deviation(w, f) + noisy[1])
+    outputs = (f + hands.deviation(truth[0], f) + noisy[0], w + hands.deviation(truth[1], w, f) + noisy[1])
     inputs = Inputs(t, {}, dt)
     return Run(
         "bench",

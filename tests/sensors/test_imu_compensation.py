@@ -14,10 +14,8 @@ from imubayes.scenes.ranges import Ranges, catalogue_scenes
 from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals
 from imubayes.sensors.imu_compensation import (
-    basic_model,
     compensate,
     error_covariance,
-    is_basic,
     jacobian,
     sensed,
     split_jumps,
@@ -120,36 +118,23 @@ def test_the_number_of_steps_brings_the_slowest_contraction_to_rounding():
     np.testing.assert_allclose(found.f, inputs.f, rtol=0.0, atol=1e-11)
 
 
-def test_the_basic_model_is_inverted_in_closed_form_and_by_the_fixed_point_alike():
-    imu, within = tactical(7), input_range(50.0, 5.0)
+def test_the_basic_model_is_inverted_by_its_matrix():
+    """``(I + M)^-1 (y - b)``, M of rows (i, j, k) = xyz, yzx, zxy, against the fixed point."""
+    rng, within = np.random.default_rng(7), input_range(50.0, 5.0)
+    b, M = 0.1 * rng.normal(size=3), 0.02 * rng.normal(size=(3, 3))
+    lib = library("gyroscope", powers=1, asymmetry=-1)
+    rows = {"gx": (0, 1, 2), "gy": (1, 2, 0), "gz": (2, 0, 1)}
+    theta = {
+        name: dict(zip(("b0", "b1", "m_j", "m_k"), (b[order[0]], *M[order[0], order]), strict=True))
+        for name, order in rows.items()
+    }
     basic = imu_of(
-        {
-            name: Component(
-                c.library, np.where(np.isin(c.library.names, ["b0", "b1", "m_j", "m_k"]), c.theta, 0.0)
-            )
-            for name, c in zip(COMPONENTS, imu.components, strict=True)
-        }
+        {name: Component(lib, np.array([of.get(n, 0.0) for n in lib.names])) for name, of in theta.items()}
     )
-    short = {}
-    for name, c in zip(COMPONENTS, basic.components, strict=True):
-        kept = [k for k, term in enumerate(c.library.names) if term in ("b0", "b1", "m_j", "m_k")]
-        lib = type(c.library)(c.library.kind, tuple(c.library.terms[k] for k in kept))
-        short[name] = Component(lib, c.theta[kept])
-    outputs = forward(basic, inside(within, 8))
-    assert is_basic(imu_of(short)) and not is_basic(basic)
-    by_steps, closed = compensate(basic, outputs, within), compensate(imu_of(short), outputs, within)
-    np.testing.assert_allclose(closed.f, by_steps.f, rtol=0.0, atol=50.0 * ROUND_TRIP)
-    np.testing.assert_allclose(closed.w, by_steps.w, rtol=0.0, atol=5.0 * ROUND_TRIP)
-
-
-def test_the_closed_form_is_the_slides_matrix():
-    b1, m_xy, m_xz, b0 = 0.02, 3e-3, -1e-3, 0.4
-    lib = library("accelerometer", powers=1, asymmetry=-1)
-    lib = type(lib)(lib.kind, lib.terms[:4])
-    response, bias = basic_model(imu_of({"ax": Component(lib, np.array([b0, b1, m_xy, m_xz]))}))
-    assert lib.names == ("b0", "b1", "m_j", "m_k")
-    np.testing.assert_allclose(response[0, :3], [1.0 + b1, m_xy, m_xz], rtol=1e-15)
-    assert bias.tolist() == [b0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    y = forward(basic, inside(within, 8)).w
+    found = compensate(basic, signals(np.zeros_like(y), y), within).w
+    expected = np.linalg.solve(np.eye(3) + M, (y - b).T).T
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.0 * ROUND_TRIP)
 
 
 def test_a_gyroscope_is_compensated_with_the_compensated_force():
@@ -211,15 +196,6 @@ def test_a_polynomial_that_folds_back_is_refused_and_the_part_that_does_not_is_n
     with pytest.raises(InputError, match=r"az: .*steepest terms are b2.* 0\.5 of that range"):
         compensate(fold, signals([[0.0, 0.0, 1.0]]), input_range(100.0, 1.0))
     assert _back(fold, input_range(49.0, 1.0), 1)[0].max() < 49.0 * ROUND_TRIP
-
-
-def test_a_singular_basic_model_is_refused():
-    lib = library("accelerometer", powers=1, asymmetry=-1)
-    short = type(lib)(lib.kind, lib.terms[:2])
-    with pytest.raises(InputError, match="singular"):
-        compensate(
-            imu_of({"ax": Component(short, np.array([0.0, -1.0]))}), signals([[0.0, 0, 0]]), input_range(1, 1)
-        )
 
 
 WITHIN = input_range(50.0, 5.0, dw=20.0)

@@ -2,7 +2,7 @@
 
 ::
 
-    f~ = (I + M) f + b,      f^ = (I + M)^-1 (f~ - b)
+    f~ = (I + M) f + b,      f^ = (I + M)^-1 (f~ - b)    (`imubayes.sensors.imu_compensation`)
 
 Row x of M is the component with (i, j, k) = (x, y, z), row y has (y, z, x), row z has (z, x, y): ``m_xy`` is
 the m_j of x, and ``m_yx`` the m_k of y. Basic to generalized is exact, the rest is zero. The way back is a
@@ -12,7 +12,7 @@ bias, scale and misalignment can, and the rms that is lost is stated. Leaving te
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,9 +27,6 @@ from imubayes.sensors.terms import Kind, Library
 
 TERMS = ("b0", "b1", "m_j", "m_k")
 """The generalized terms of one component of the triad."""
-
-ROLES = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
-"""(i, j, k) of the components x, y and z among (x, y, z)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,22 +48,6 @@ class Component:
     m_k: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Triad:
-    """Three components in one case.
-
-    Attributes
-    ----------
-    kind : accelerometer or gyroscope.
-    M : (3, 3) scale errors on the diagonal, m_xy and so on beside it; axes x, y, z.
-    b : (3,) biases, m/s^2 or rad/s.
-    """
-
-    kind: Kind
-    M: FloatArray
-    b: FloatArray
-
-
 def indicated(p: Component, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
     """Indicated input of one component, m/s^2 or rad/s.
 
@@ -79,24 +60,6 @@ def indicated(p: Component, channels: Mapping[str, FloatArray], n: int) -> Float
     return p.b + (1.0 + p.s) * i + p.m_j * j + p.m_k * k
 
 
-def measured(triad: Triad, inputs: FloatArray) -> FloatArray:
-    """Output of the triad, (n, 3), for inputs (n, 3) along x, y, z."""
-    return np.asarray(inputs + inputs @ triad.M.T + triad.b, dtype=np.float64)
-
-
-def compensated(triad: Triad, outputs: FloatArray) -> FloatArray:
-    """Inputs (n, 3) from outputs (n, 3): the exact inverse of `measured`.
-
-    Examples
-    --------
-    >>> triad = Triad("gyroscope", np.diag([0.0, 1.0, 3.0]), np.array([0.0, 0.0, 4.0]))
-    >>> compensated(triad, np.array([[1.0, 2.0, 8.0]])).tolist()
-    [[1.0, 1.0, 1.0]]
-    """
-    inputs = np.linalg.solve(np.eye(3) + triad.M, (outputs - triad.b).T).T
-    return np.asarray(inputs, dtype=np.float64)
-
-
 def to_general(p: Component) -> Coefficients:
     """Generalized coefficients of one component; exact."""
     return {"b0": p.b, "b1": p.s, "m_j": p.m_j, "m_k": p.m_k}
@@ -106,42 +69,6 @@ def from_general(kind: Kind, theta: Mapping[str, Any]) -> Component:
     """Read bias, scale and misalignment off; exact only where all else is zero, else use `project`."""
     b, s, m_j, m_k = (theta.get(name, 0.0) for name in TERMS)
     return Component(kind, b, s, m_j, m_k)
-
-
-def triad_to_general(triad: Triad) -> tuple[Coefficients, Coefficients, Coefficients]:
-    """Generalized coefficients of the components x, y and z; exact.
-
-    Examples
-    --------
-    >>> M = np.array([[0.0, 12.0, 13.0], [21.0, 0.0, 23.0], [31.0, 32.0, 0.0]])
-    >>> x, y, z = triad_to_general(Triad("accelerometer", M, np.zeros(3)))
-    >>> y["m_j"], y["m_k"]
-    (23.0, 21.0)
-    """
-    x, y, z = (
-        {"b0": float(triad.b[i]), "b1": float(triad.M[i, i]), "m_j": float(triad.M[i, j]),
-         "m_k": float(triad.M[i, k])}
-        for i, j, k in ROLES
-    )  # fmt: skip
-    return x, y, z
-
-
-def triad_of(components: Sequence[Component]) -> Triad:
-    """Triad of the components x, y and z.
-
-    Raises
-    ------
-    TermError : if they are not three of one kind.
-    """
-    kinds = {p.kind for p in components}
-    if len(components) != 3 or len(kinds) != 1:
-        raise TermError(
-            f"a triad needs three components of one kind, got {len(components)} of {', '.join(sorted(kinds))}"
-        )
-    M = np.zeros((3, 3))
-    for p, (i, j, k) in zip(components, ROLES, strict=True):
-        M[i, i], M[i, j], M[i, k] = p.s, p.m_j, p.m_k
-    return Triad(components[0].kind, M, np.array([p.b for p in components]))
 
 
 def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[Component, Projection]:

@@ -8,13 +8,7 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.sensors.equations.basic import (
     TERMS,
     Component,
-    Triad,
-    compensated,
-    indicated,
-    measured,
     project,
-    triad_of,
-    triad_to_general,
 )
 from imubayes.sensors.terms import columns, library
 
@@ -85,36 +79,3 @@ def test_a_scene_of_one_constant_input_cannot_tell_bias_from_scale():
 def test_factor_of_other_columns_is_refused():
     with pytest.raises(TermError, match=f"the library's {len(LIB.terms)} columns"):
         project(LIB, _theta(), factor_of(np.eye(3), np.zeros(3), ("b0", "b1", "b2")))
-
-
-def _triad(rng, kind="gyroscope"):
-    return Triad(kind, rng.normal(size=(3, 3)) * 0.05, rng.normal(size=3))
-
-
-def test_compensation_inverts_the_measurement():
-    rng = np.random.default_rng(4)
-    triad, inputs = _triad(rng), rng.normal(size=(50, 3))
-    np.testing.assert_allclose(compensated(triad, measured(triad, inputs)), inputs, rtol=0.0, atol=1e-14)
-
-
-def test_triad_is_its_three_components_in_their_own_axes():
-    """Component y has (i, j, k) = (y, z, x): the matrix form and the component equation give one output."""
-    rng = np.random.default_rng(5)
-    triad, inputs = _triad(rng), rng.normal(size=(50, 3))
-    whole = measured(triad, inputs)
-    for axis, theta in enumerate(triad_to_general(triad)):
-        p = Component("gyroscope", theta["b0"], theta["b1"], theta["m_j"], theta["m_k"])
-        own = {f"w_{name}": inputs[:, (axis + n) % 3] for n, name in enumerate("ijk")}
-        np.testing.assert_allclose(indicated(p, own, 50), whole[:, axis], rtol=1e-14, atol=1e-15)
-
-
-def test_triad_and_its_components_go_there_and_back():
-    triad = _triad(np.random.default_rng(6))
-    rows = [Component("gyroscope", *theta.values()) for theta in triad_to_general(triad)]
-    np.testing.assert_array_equal(triad_of(rows).M, triad.M)
-    np.testing.assert_array_equal(triad_of(rows).b, triad.b)
-
-
-def test_triad_of_mixed_components_is_refused():
-    with pytest.raises(TermError, match="three components of one kind"):
-        triad_of([Component("gyroscope"), Component("accelerometer"), Component("gyroscope")])
