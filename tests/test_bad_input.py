@@ -136,7 +136,10 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
         ("run.csv", "output [m/s^2]"),
     ),
     "garbage in a text after a good start": (
-        _file(_csv(header="t[s] output[g]", rows=[f"{k} 1" for k in range(2000)]).encode() + b"250 \xff\xfe\n", "run.txt"),
+        _file(
+            _csv(header="t[s] output[g]", rows=[f"{k} 1" for k in range(2000)]).encode() + b"250 \xff\xfe\n",
+            "run.txt",
+        ),
         ("run.txt, line 2002: column 'output[g]'",),
     ),
     "garbage as Parquet": (_file(b"\x00garbage" * 99, "run.parquet"), ("run.parquet", "Parquet")),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.rig.inputs import Inputs, Run, between_gaps
+from imubayes.rig.inputs import Inputs, Part, Run, between_gaps, joined_parts
 from imubayes.rig.recordings import frozen
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.terms import Kind
@@ -76,7 +76,7 @@ class Colour:
 WHITE = Colour(1)
 
 
-def colour_of(parts: Sequence[FloatArray], interval: float, longest: int) -> Colour:
+def colour_of(parts: Sequence[FloatArray], interval: float, longest: int, samples: int) -> Colour:
     """Look for a filter or quantization in what is said at constant inputs.
 
     Parameters
@@ -84,14 +84,15 @@ def colour_of(parts: Sequence[FloatArray], interval: float, longest: int) -> Col
     parts : (n,) samples of each stretch without a gap or a change of inputs.
     interval : of the samples, s.
     longest : samples of a mean at most.
+    samples : of the run, of which these may be a part.
 
     Examples
     --------
     >>> rng = np.random.default_rng(1)
     >>> white = rng.standard_normal(100_001)
-    >>> colour_of([white], 0.01, 1000).samples
+    >>> colour_of([white], 0.01, 1000, 100_001).samples
     1
-    >>> colour_of([white[1:] + 0.5 * white[:-1]], 0.01, 1000).text(0.01)
+    >>> colour_of([white[1:] + 0.5 * white[:-1]], 0.01, 1000, 100_000).text(0.01)
     'filtered above about 20 Hz: samples enter as means of 0.45 s'
     """
     levels = _levels(parts)
@@ -101,9 +102,10 @@ def colour_of(parts: Sequence[FloatArray], interval: float, longest: int) -> Col
         (white, more, less), likely = _sum_of(levels[first : first + OCTAVES], fourth=True)
         if likely > UNLIKELY and white > 0.0:
             ratio = (more - less) / white
-            needed = (abs(ratio) / SHARE) ** (2.0 / 3.0) * (0.5 * sum(map(len, parts))) ** (1.0 / 3.0)
-            samples = min(math.ceil(needed), longest)
-            return Colour(samples, -ratio * interval / 1.5, first == 0 and ratio > 0.0)
+            needed = (abs(ratio) / SHARE) ** (2.0 / 3.0) * (0.5 * samples) ** (1.0 / 3.0)
+            return Colour(
+                min(math.ceil(needed), longest), -ratio * interval / 1.5, first == 0 and ratio > 0.0
+            )
     return WHITE
 
 
@@ -152,17 +154,42 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
 
     Parameters
     ----------
-    run : of a component of a kind, or of all those of a case, with known inputs and all rows held. Rows
-        between which an input jumps stay apart.
+    run : of a component of a kind, or of all those of a case, with known inputs. Rows between which an input
+        jumps stay apart. Of a run that is read a part at a time the stretch at full rate is looked at, and
+        its means are held.
     """
-    edges, inputs = _steady_edges(run.inputs), run.inputs
+    held = run if run.stream is None else _held(run, run.stream.stretch)
+    edges, inputs = _steady_edges(held.inputs), held.inputs
     own = {"accelerometer": "f_i", "gyroscope": "w_i"}
-    every = [(run.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(run, kind)]
+    every = [(held.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(held, kind)]
     left = [one.output - one.inputs.channels.get(own[kind], 0.0) for one, kind in every]
-    longest = min(len(inputs) // ROWS, int(np.median(np.diff(edges))))
-    found = [colour_of(np.split(values, edges[1:-1]), inputs.interval, max(1, longest)) for values in left]
+    most = max(1, min(run.samples // ROWS, int(np.median(np.diff(edges)))))
+    found = [colour_of(np.split(values, edges[1:-1]), inputs.interval, most, run.samples) for values in left]
     worst = max(found, key=lambda colour: colour.samples)
-    return run if worst.samples == 1 else _averaged(run, _pieces(inputs, edges, worst.samples), worst)
+    if worst.samples == 1:
+        return run
+    parts = [held] if run.stream is None else (_held(run, part) for part in run.stream.parts("means"))
+    means = joined_parts([_averaged(part.inputs, part.output, worst) for part in parts])
+    note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
+    lasting = worst.samples * inputs.interval
+    channels = {name: frozen(values) for name, values in means.channels.items()}
+    return replace(
+        run,
+        inputs=Inputs(
+            frozen(means.t), channels, lasting, means.mount, frozen(means.duration), inputs.interval
+        ),
+        output=frozen(means.output),
+        source=replace(run.source, notes=(*run.source.notes, note)),
+        stream=None,
+        record=run if worst.quantized else None,
+    )
+
+
+def _held(run: Run, part: Part) -> Run:
+    """Some rows of a run that is read a part at a time, at full rate."""
+    interval = run.interval if run.stream is None else run.stream.interval
+    inputs = Inputs(part.t, part.channels, interval, part.mount, part.duration)
+    return replace(run, inputs=inputs, output=part.output, stream=None)
 
 
 def _steady_edges(inputs: Inputs) -> NDArray[np.int64]:
@@ -178,9 +205,10 @@ def _steady_edges(inputs: Inputs) -> NDArray[np.int64]:
 
 def _moving(inputs: Inputs) -> Iterator[tuple[FloatArray, float]]:
     """Forces and rates (n,), and how much each may change within a mean, SI."""
-    for name, values in inputs.channels.items():
-        if name[0] in "fw":
-            yield values, STEADY * float(np.max(np.abs(values)))
+    for quantity in ("f_", "w_"):
+        moved = [values for name, values in inputs.channels.items() if name.startswith(quantity)]
+        allowed = STEADY * max((float(np.max(np.abs(values))) for values in moved), default=0.0)
+        yield from ((values, allowed) for values in moved)
 
 
 def _pieces(inputs: Inputs, edges: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
@@ -200,22 +228,20 @@ def _pieces(inputs: Inputs, edges: NDArray[np.int64], samples: int) -> NDArray[n
     return first
 
 
-def _averaged(run: Run, first: NDArray[np.int64], colour: Colour) -> Run:
-    """Means over the rows from each of `first` (m,) to the next, with the averaging time of each."""
-    inputs, counts = run.inputs, np.diff(first, append=len(run.inputs))
+def _averaged(inputs: Inputs, output: FloatArray, colour: Colour) -> Part:
+    """Means of rows over so many samples at most, with the averaging time of each."""
+    first = _pieces(inputs, _steady_edges(inputs), colour.samples)
+    counts = np.diff(first, append=len(inputs))
 
     def means(values: FloatArray) -> FloatArray:
-        return frozen((np.add.reduceat(values, first, axis=0).T / counts).T)
+        return (np.add.reduceat(values, first, axis=0).T / counts).T
 
-    averaged = Inputs(
+    return Part(
+        0,
+        np.nan,
         means(inputs.t),
+        np.add.reduceat(inputs.durations, first),
         {name: means(values) for name, values in inputs.channels.items()},
-        colour.samples * inputs.interval,
+        means(output),
         None if inputs.mount is None else inputs.mount[first],
-        frozen(np.add.reduceat(inputs.durations, first)),
-        inputs.interval,
     )
-    note = f"{colour.text(inputs.interval)}, {len(first):,} of {len(inputs):,} samples"
-    source = replace(run.source, notes=(*run.source.notes, note))
-    record = run if colour.quantized else None
-    return replace(run, inputs=averaged, output=means(run.output), source=source, record=record)

@@ -196,6 +196,20 @@ class Part:
         return Part(first, before, self.t[rows], self.duration[rows], channels, self.output[rows], mount)
 
 
+def joined_parts(parts: Sequence[Part]) -> Part:
+    """Parts that follow each other as one."""
+
+    def joined(values: Callable[[Part], NDArray]) -> NDArray:
+        return np.concatenate([values(part) for part in parts])
+
+    first = parts[0]
+    channels = {name: joined(lambda part, name=name: part.channels[name]) for name in first.channels}
+    t, output = joined(lambda part: part.t), joined(lambda part: part.output)
+    duration = joined(lambda part: part.duration)
+    mount = None if first.mount is None else joined(lambda part: np.asarray(part.mount))
+    return Part(first.first, first.before, t, duration, channels, output, mount)
+
+
 def thinned(parts: Iterable[tuple[Part, NDArray[np.bool_]]]) -> Iterator[Part]:
     """Parts with those of their rows (k,) that are kept, numbered anew."""
     first, before = 0, np.nan

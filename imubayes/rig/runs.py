@@ -72,7 +72,7 @@ def read_run(spec: RunSpec, kind: Kind, lib: Library | None = None, *, tell: Tel
     optional, unit = (*INPUTS, MOUNT), OUTPUT_UNIT[kind]
     file = _opened(spec, path, ("t", "output"), optional, unit=unit, tell=tell)
     if file.held is None and lib is not None:
-        return read_long_run(spec, file, kind, lib, sha256=sha256_of(path))
+        return as_means(read_long_run(spec, file, kind, lib, sha256=sha256_of(path)), kind)
     refuse_long(file, *BENCH_WHOLE)
     return _known(spec, file, ("output",), kind=kind)
 

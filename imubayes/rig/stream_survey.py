@@ -24,7 +24,7 @@ from imubayes.rig.checks import (
     refuse_stuck,
     saturation_note,
 )
-from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps
+from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps, joined_parts
 from imubayes.rig.recordings import RunSpec, assumed, frozen, source_of
 from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
@@ -290,16 +290,9 @@ def _notes(found: _Survey, samples: int, stretch: Part) -> tuple[str, ...]:
 
 def _stretch(found: _Survey) -> Part:
     """Longest part of the first rows that no gap interrupts."""
-
-    def joined(values: Callable[[Part], NDArray]) -> NDArray:
-        return np.concatenate([values(part) for part in found.kept])
-
-    t, first = joined(lambda part: part.t), found.kept[0]
-    a, b = max(between_gaps(t, found.reader.interval), key=lambda part: part[1] - part[0])
-    channels = {name: joined(lambda part, name=name: part.channels[name]) for name in first.channels}
-    duration, output = joined(lambda part: part.duration), joined(lambda part: part.output)
-    mount = None if first.mount is None else joined(lambda part: np.asarray(part.mount))
-    return Part(0, np.nan, t, duration, channels, output, mount).some(slice(a, b), a, np.nan)
+    rows = joined_parts(found.kept)
+    a, b = max(between_gaps(rows.t, found.reader.interval), key=lambda part: part[1] - part[0])
+    return rows.some(slice(a, b), a, np.nan)
 
 
 def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:

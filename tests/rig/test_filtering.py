@@ -50,6 +50,19 @@ def test_rows_tell_the_noise_below_the_filter_and_beyond_the_quantum(tmp_path, o
     assert MEANS in run.source.notes[-1]
 
 
+def test_a_long_file_is_read_as_the_means_that_a_short_one_is(tmp_path, monkeypatch):
+    output, t = filtered(1, 30, 0, seed=1), INTERVAL * np.arange(SAMPLES)
+    np.savetxt(tmp_path / "quiet.csv", np.column_stack((t, output))[: SAMPLES // 4], delimiter=",", fmt="%.9g",
+               header="t [s],output [rad/s]", comments="")  # fmt: skip
+    spec = RunSpec("quiet", "static", tmp_path / "quiet.csv")
+    held = read_run(spec, "gyroscope", LIB)
+    monkeypatch.setattr("imubayes.rig.streams.STREAMED", 1000)
+    long = read_run(spec, "gyroscope", LIB)
+    assert long.stream is None
+    assert np.isclose(len(long.inputs), len(held.inputs), rtol=0.3)
+    assert np.isclose(long.inputs.durations @ long.output, held.inputs.durations @ held.output)
+
+
 def test_samples_of_white_noise_stay_as_they_are():
     run = Run("quiet", "static", Inputs(INTERVAL * np.arange(SAMPLES), {}, INTERVAL), filtered(0, 0, 0, 1))
     assert as_means(run, "gyroscope") is run

@@ -174,9 +174,7 @@ class ColumnTable:
     )
 
 
-Columns = Annotated[
-    Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, {"type": "array"}, many="name")
-]
+Columns = Annotated[Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, {"type": "array"}, many="name")]
 
 
 @shape
