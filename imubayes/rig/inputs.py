@@ -55,8 +55,8 @@ class Inputs:
     def __len__(self) -> int:
         return len(self.t)
 
-    def kept(self, rows: NDArray[np.bool_]) -> Inputs:
-        """Inputs of some of the rows (n,)."""
+    def kept(self, rows: NDArray[np.bool_] | slice) -> Inputs:
+        """Inputs of some of the rows (n,), or of a slice of them."""
         channels = {name: taken(values, rows) for name, values in self.channels.items()}
         mount, averaged = (None if v is None else taken(v, rows) for v in (self.mount, self.averaged))
         return replace(self, t=taken(self.t, rows), channels=channels, mount=mount, averaged=averaged)
@@ -335,7 +335,7 @@ def case_inputs(inputs: Inputs) -> Inputs:
     return replace(inputs, channels=told)
 
 
-def taken(values: NDArray[Number], rows: NDArray[np.bool_]) -> NDArray[Number]:
+def taken(values: NDArray[Number], rows: NDArray[np.bool_] | slice) -> NDArray[Number]:
     """Some of the rows of an array, read-only."""
     chosen = values[rows]
     chosen.setflags(write=False)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import row_blocks, triangular
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.shaking import mean_columns
-from imubayes.scenes.propagation import Budget, Propagation, errors_at, propagation
+from imubayes.scenes.propagation import Budget, Propagation, propagation
 from imubayes.scenes.record import Scene, in_case
 from imubayes.sensors.terms import Factor, Kind, Library, columns, tied
 
@@ -79,9 +80,7 @@ def output_effects(scene: Scene, lib: Library, axis: str = "x") -> SceneEffects:
     return SceneEffects(lib.names, triangular(blocks, len(lib.terms)) / np.sqrt(sum(map(len, drawn))))
 
 
-def budget_effects(
-    scene: Scene, lib: Library, budget: Budget, axis: str = "x", passed: Sequence[Propagation] = ()
-) -> SceneEffects:
+def budget_effects(scene: Scene, lib: Library, budget: Budget, axis: str = "x") -> SceneEffects:
     """Effect on what is budgeted, over a scene.
 
     Parameters
@@ -90,7 +89,6 @@ def budget_effects(
     lib : of the component.
     budget : what it may come to.
     axis : case axis of the component's input.
-    passed : how errors pass through the records of its draws, where it is known already.
 
     Returns
     -------
@@ -100,29 +98,30 @@ def budget_effects(
     """
     if budget.quantity == "output":
         return output_effects(scene, lib, axis)
-    passed = passed or propagations(lib.kind, scene, axis, budget)
+    passed = propagations(lib.kind, scene, budget.schuler)
     rows = [_errors(one, lib, axis, along) for one, along in zip(scene.draws, passed, strict=True)]
     read = passed[0].read(budget.quantity)
     J = read @ np.concatenate(rows)
     return SceneEffects(lib.names, tied(lib, J.reshape(-1, len(lib.terms))), len(read))
 
 
-def propagations(kind: Kind, scene: Scene, axis: str, budget: Budget) -> tuple[Propagation, ...]:
-    """How errors of a component pass through the records of a scene's draws."""
-    return tuple(propagation(kind, one, axis, schuler=budget.schuler) for one in scene.draws)
+@lru_cache(maxsize=2)  # the axes of a case follow one another
+def propagations(kind: Kind, scene: Scene, schuler: bool) -> tuple[Propagation, ...]:
+    """How errors of a component pass through a mission in each of a scene's draws, at `TIMES` times of it."""
+    times = (scene.duration * np.arange(1, TIMES + 1) / TIMES).tolist()
+    return tuple(propagation(kind, one, times, schuler=schuler) for one in scene.draws)
 
 
 def _errors(scene: Scene, lib: Library, axis: str, passed: Propagation) -> FloatArray:
     """Errors (TIMES, 9, p) per unit of each coefficient over one draw of a scene."""
     inputs = in_case(scene.mean_motion, axis)
-    times = (scene.duration * np.arange(1, TIMES + 1) / TIMES).tolist()
     heated = np.array([any(_is_heat(factor) for factor in term.factors) for term in lib.terms])
-    still = _mean_motion(scene, _some(lib, ~heated), inputs)
+    still = _some(lib, ~heated)
     J = np.empty((TIMES, 9, len(lib.terms)))
-    J[..., ~heated] = errors_at(passed, lambda _: still, times, repeated=True)
+    J[..., ~heated] = passed.errors(axis, lambda _, rows: _mean_motion(scene, still, inputs, rows))
     if heated.any():
         columns_of = _warming(scene, _some(lib, heated), inputs)
-        J[..., heated] = errors_at(passed, columns_of, times, repeated=False)
+        J[..., heated] = passed.errors(axis, columns_of, repeated=False)
     return J
 
 
@@ -134,20 +133,25 @@ def _some(lib: Library, chosen: BoolArray) -> Library:
     return Library(lib.kind, tuple(term for term, one in zip(lib.terms, chosen, strict=True) if one))
 
 
-def _mean_motion(scene: Scene, lib: Library, inputs: Inputs) -> FloatArray:
-    """Columns (n, p) of terms without temperature, averaged over the scene's vibration."""
-    return mean_columns(lib, inputs, scene.vibration if scene.slow else 0.0)
+def _mean_motion(scene: Scene, lib: Library, inputs: Inputs, rows: slice) -> FloatArray:
+    """Columns (m, p) of terms without temperature in some rows, averaged over the scene's vibration."""
+    return mean_columns(lib, inputs.kept(rows), scene.vibration if scene.slow else 0.0)
 
 
-def _warming(scene: Scene, lib: Library, inputs: Inputs) -> Callable[[int], FloatArray]:
-    """Columns (n, p) of terms with temperature in each repetition of the record: a product of two.
+def _warming(scene: Scene, lib: Library, inputs: Inputs) -> Callable[[int, slice], FloatArray]:
+    """Columns (m, p) of terms with temperature in rows of each repetition of the record: products of two.
 
     The motion is the record's, the temperature that of the mission.
     """
-    moving = _mean_motion(scene, _factored(lib, heat=False), inputs)
-    warm, course, start = _factored(lib, heat=True), scene.temperature, inputs.t - inputs.t[0]
+    moving, warm = (_factored(lib, heat=heat) for heat in (False, True))
+    start, course = inputs.t - inputs.t[0], scene.temperature
     length = float(start[-1]) + inputs.interval
-    return lambda record: moving * columns(warm, course.at(start + record * length), len(start))
+
+    def columns_of(record: int, rows: slice) -> FloatArray:
+        heat = course.at(start[rows] + record * length)
+        return _mean_motion(scene, moving, inputs, rows) * columns(warm, heat, len(start[rows]))
+
+    return columns_of
 
 
 def _factored(lib: Library, *, heat: bool) -> Library:

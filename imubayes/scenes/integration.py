@@ -5,93 +5,82 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-BLOCK = 256
-"""Rows of columns that are laid side by side at a time."""
-
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def forward(t, along, force, gyro, earth, back, drive, start, at):
-    """Errors (k, 9, p) at rows `at` (k,), increasing, of columns with errors `drive` (m, p).
+def backward(t, attitude, force, gyro, earth, back, first, last):
+    """Errors at row `last` by unit errors of the output in each row from `first` on, along each case axis.
 
     Parameters
     ----------
-    t, along, force : (n + 1,) and (n + 1, 3), as in `Propagation`.
+    t : (n + 1,) times of the rows, and the end of the last, s.
+    attitude, force : (n, 3, 3) of the case and (n, 3) in the level frame, m/s^2, which hold to the end.
     gyro : whether the errors are those of a gyroscope.
     earth : (3,) rate of the level frame, rad/s.
     back : g/R, 1/s^2; 0 in free flight, where the vertical counts too.
-    drive : (m, p) errors of the output; the last row holds from there on.
-    start : (9, p) errors at the first row.
-    at : (k,).
+    first, last : rows.
+
+    Returns
+    -------
+    weights (3, last - first + 1, 9) of case axis, row and error, and the transition (9, 9) between the rows.
     """
-    x, out, k, last = start.copy(), np.empty((len(at), 9, start.shape[1])), 0, len(drive) - 1
-    part = np.empty((BLOCK + 1, drive.shape[1]))
-    for first in range(0, at[-1] + 1, BLOCK):
-        for j in range(drive.shape[1]):  # columns are in one piece each, rows are wanted
-            for i in range(BLOCK + 1):
-                part[i, j] = drive[min(max(first + i - 1, 0), last), j]
-        for i in range(first, min(first + BLOCK, at[-1] + 1)):
-            if i:
-                h, both, row = t[i] - t[i - 1], slice(i - 1, i + 1), i - first
-                _advance(x, h, along[both], force[both], part[row], part[row + 1], gyro, earth, back)
-            if k < len(at) and at[k] == i:
-                out[k] = x
-                k += 1
-    return out
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def backward(t, along, force, gyro, earth, back, end):
-    """Errors (9, end) at row `end` by unit errors of each row before, and the transition (9, 9) to it.
-
-    The error in the last row holds to its end.
-    """
-    moved, out = np.eye(9), np.zeros((9, end + 1))
-    unit, before, after = np.zeros((9, 11)), np.zeros(11), np.zeros(11)
-    before[9], after[10] = 1.0, 1.0
-    for i in range(end, 0, -1):
-        unit[:] = 0.0
-        for k in range(9):
-            unit[k, k] = 1.0
-        h = t[i] - t[i - 1]
-        _advance(unit, h, along[i - 1 : i + 1], force[i - 1 : i + 1], before, after, gyro, earth, back)
-        for r in range(9):
-            for k in range(9):
-                out[r, i - 1] += moved[r, k] * unit[k, 9]
-                out[r, i] += moved[r, k] * unit[k, 10]
-        moved = moved @ np.ascontiguousarray(unit[:, :9])
-    out[:, end - 1] += out[:, end]
-    return out[:, :end].copy(), moved
+    weights, answer = np.empty((3, last - first + 1, 9)), np.eye(9)
+    here, before, held = np.zeros((3, 9)), np.zeros((3, 9)), len(force) - 1
+    for i in range(last, first - 1, -1):
+        if i > first:
+            _go_back(
+                answer, t[i] - t[i - 1], force[i - 1], force[min(i, held)], before, here, gyro, earth, back
+            )
+        case = attitude[min(i, held)]
+        for axis in range(3):
+            x, y, z = case[0, axis], case[1, axis], case[2, axis]
+            for j in range(9):
+                weights[axis, i - first, j] = x * here[0, j] + y * here[1, j] + z * here[2, j]
+        here, before = before, here
+    return weights, answer.T.copy()
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
-def _advance(x, h, along, force, before, after, gyro, earth, back):
-    """Carry errors x (9, p) over a step, with errors of the output before and after it (p,)."""
-    cx, cy, cz, ex, ey, ez = along[0, 0], along[0, 1], along[0, 2], along[1, 0], along[1, 1], along[1, 2]
-    fx, fy, fz, gx, gy, gz = force[0, 0], force[0, 1], force[0, 2], force[1, 0], force[1, 1], force[1, 2]
-    wx, wy, wz = earth[0], earth[1], earth[2]
-    high = 0.0 if back > 0.0 else 1.0
-    turn, push, half = (0.5 * h, 0.0, 0.5 * h) if gyro else (0.0, 1.0, 0.5 * h)
-    for j in range(x.shape[1]):
-        u, w = before[j], after[j]
-        px, py, pz = x[0, j], x[1, j], x[2, j]
-        dx, dy, dz = turn * (cx * u + ex * w), turn * (cy * u + ey * w), turn * (cz * u + ez * w)
-        mx, my, mz = px + 0.5 * dx, py + 0.5 * dy, pz + 0.5 * dz
-        qx = px + dx - h * (wy * mz - wz * my)
-        qy = py + dy - h * (wz * mx - wx * mz)
-        qz = pz + dz - h * (wx * my - wy * mx)
-        vx, vy, vz, rx, ry, rz = x[3, j], x[4, j], x[5, j], x[6, j], x[7, j], x[8, j]
-        ax = py * fz - pz * fy - back * rx - 2.0 * (wy * vz - wz * vy) + push * cx * u
-        ay = pz * fx - px * fz - back * ry - 2.0 * (wz * vx - wx * vz) + push * cy * u
-        az = high * (px * fy - py * fx + push * cz * u)
-        ox, oy, oz = vx + h * ax, vy + h * ay, vz + h * az
-        bx = qy * gz - qz * gy - back * (rx + h * (vx + half * ax)) + push * ex * w
-        by = qz * gx - qx * gz - back * (ry + h * (vy + half * ay)) + push * ey * w
-        bx -= 2.0 * (wy * oz - wz * oy)
-        by -= 2.0 * (wz * ox - wx * oz)
-        bz = high * (qx * gy - qy * gx + push * ez * w)
-        x[0, j], x[1, j], x[2, j] = qx, qy, qz
-        x[3, j], x[4, j], x[5, j] = vx + half * (ax + bx), vy + half * (ay + by), vz + half * (az + bz)
-        third = h * h / 6.0
-        x[6, j] = rx + h * vx + third * (2.0 * ax + bx)
-        x[7, j] = ry + h * vy + third * (2.0 * ay + by)
-        x[8, j] = rz + h * vz + third * (2.0 * az + bz)
+def _go_back(answer, h, force, then, before, here, gyro, earth, back):
+    """Take what errors psi, v, r after a step come to (9, 9) to what those before it come to.
+
+    The step, from force f to force F, is that of Heun in v and exact in r where the acceleration is linear in
+    time. With u and U, the gyroscope's errors before and after, or e and E, the accelerometer's::
+
+        d = h (u + U) / 2
+        q = psi + d - h W x (psi + d / 2)
+        a = psi x f - back r_h - 2 W x v + e
+        b = q x F - back (r_h + h v + h^2 a / 2) - 2 W x (v + h a) + E
+        v + h (a + b) / 2,   r + h v + h^2 (2 a + b) / 6
+
+    Every line is gone through in reverse: what its result comes to says what its parts do. What u or e comes
+    to, along the axes of the level frame, goes into `before` (3, 9), and what U or E does is added to `here`.
+    """
+    wx, wy, wz, over = h * earth[0], h * earth[1], h * earth[2], 1.0 / h
+    fx, fy, fz, gx, gy, gz = force[0], force[1], force[2], then[0], then[1], then[2]
+    half, third, fed, high = 0.5 * h, h * h / 6.0, back * h, 0.0 if back > 0.0 else 1.0
+    for j in range(9):
+        qx, qy, qz = answer[0, j], answer[1, j], answer[2, j]
+        ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if j >= 3 and (j % 3 < 2 or high > 0.0):  # attitude has nothing of v and r, and height is aided
+            vx, vy, vz, rx, ry, rz = (
+                answer[3, j], answer[4, j], answer[5, j], answer[6, j], answer[7, j], answer[8, j],
+            )  # fmt: skip
+            bx, by, bz = half * vx + third * rx, half * vy + third * ry, high * (half * vz + third * rz)
+            ox, oy, oz = 2.0 * (wy * bz - wz * by), 2.0 * (wz * bx - wx * bz), 2.0 * (wx * by - wy * bx)
+            ax = bx + third * rx - fed * half * bx + ox
+            ay = by + third * ry - fed * half * by + oy
+            az = bz + high * (third * rz + oz)
+            answer[3, j] = vx + h * rx - fed * bx + (ox + 2.0 * (wy * az - wz * ay)) * over
+            answer[4, j] = vy + h * ry - fed * by + (oy + 2.0 * (wz * ax - wx * az)) * over
+            answer[5, j] = vz + h * rz + (oz + 2.0 * (wx * ay - wy * ax)) * over
+            answer[6, j], answer[7, j] = rx - back * (ax + bx), ry - back * (ay + by)
+            qx, qy, qz = qx + gy * bz - gz * by, qy + gz * bx - gx * bz, qz + gx * by - gy * bx
+        mx, my, mz = wy * qz - wz * qy, wz * qx - wx * qz, wx * qy - wy * qx
+        answer[0, j] = qx + mx + fy * az - fz * ay
+        answer[1, j] = qy + my + fz * ax - fx * az
+        answer[2, j] = qz + mz + fx * ay - fy * ax
+        if gyro:
+            ax, ay, az = half * (qx + 0.5 * mx), half * (qy + 0.5 * my), half * (qz + 0.5 * mz)
+            bx, by, bz = ax, ay, az
+        before[0, j], before[1, j], before[2, j] = ax, ay, az
+        here[0, j], here[1, j], here[2, j] = here[0, j] + bx, here[1, j] + by, here[2, j] + bz

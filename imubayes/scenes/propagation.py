@@ -23,6 +23,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate, pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -55,6 +57,9 @@ RATIO, SPANS = 4.0, 10.0
 
 CELLS = 2_000
 """Parts of a mission, about, in which a bias instability and a random walk are followed."""
+
+BLOCK = 8_192
+"""Rows of columns that are made at a time, at least."""
 
 COARSE = 40.0
 """s; longest step of the integration: a twentieth of a radian of Schuler's oscillation."""
@@ -91,59 +96,87 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Propagation:
-    """How the errors of one component pass through a record that a mission repeats.
+class Stretch:
+    """Part of a record from one row to a later one.
 
     Attributes
     ----------
-    kind : of the component.
-    schuler : whether the navigator keeps a local level.
-    t : (n + 1,) times of the rows, s since the first, and the end of the last.
-    along : (n + 1, 3) the component's axis in the level frame.
-    force : (n + 1, 3) specific force in the level frame, m/s^2.
+    first, last : rows.
+    weights : (3, m, 9) errors psi, v and r at the last row by a unit error of the output in each of m rows
+        from the first on, along each case axis. The record's own last row holds to its end.
+    moved : (9, 9) errors at the last row by those at the first.
     """
 
-    kind: Kind
+    first: int
+    last: int
+    weights: FloatArray
+    moved: FloatArray
+
+    @property
+    def stop(self) -> int:
+        """Row after the last that has a weight."""
+        return self.first + self.weights.shape[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Propagation:
+    """How errors of one kind of component pass through a record that a mission repeats.
+
+    Attributes
+    ----------
+    schuler : whether the navigator keeps a local level.
+    t : (n + 1,) times of the rows, s since the first, and the end of the last.
+    places : record and nearest row of each time of the mission that is looked at.
+    stretches : parts of the record that end at those rows, and at its end.
+    """
+
     schuler: bool
     t: FloatArray
-    along: FloatArray
-    force: FloatArray
+    places: tuple[tuple[int, int], ...]
+    stretches: tuple[Stretch, ...]
 
-    def row_at(self, time: float) -> int:
-        """Row nearest to a time of the record, s."""
-        after = min(int(np.searchsorted(self.t, time)), len(self.t) - 1)
-        return after - int(after > 0 and time - self.t[after - 1] < self.t[after] - time)
-
-    def driven(self, X: FloatArray, at: Sequence[int]) -> FloatArray:
-        """Errors that columns leave at given rows, from rest.
+    def errors(
+        self, axis: str, columns: Callable[[int, slice], FloatArray], *, repeated: bool = True
+    ) -> FloatArray:
+        """Errors (k, 9, p) at the times looked at, from rest: psi, v and r in the level frame.
 
         Parameters
         ----------
-        X : (n, p) columns of the output's error; the last row holds to its end.
-        at : k rows in increasing order, up to n.
-
-        Returns
-        -------
-        (k, 9, p): psi, v and r along the axes of the level frame.
+        axis : case axis that the component lies along.
+        columns : (m, p) columns of its output's error in repetition 0, 1, ... of the record, in m rows of it.
+        repeated : whether they are those of repetition 0 in all of them.
         """
-        from imubayes.scenes.integration import forward
+        ends = [one.last for one in self.stretches]
+        moved = list(accumulate((one.moved for one in self.stretches), lambda before, one: one @ before))
+        driven, carried, out = list[FloatArray](), np.zeros((9, 1)), list[FloatArray]()
+        for record in range(self.places[-1][0] + 1):
+            if not (record and repeated):
+                driven = self._driven("xyz".index(axis), partial(columns, record))
+            rows = [ends.index(row) for k, row in self.places if k == record]
+            out += [driven[k] + moved[k] @ carried for k in rows]
+            carried = driven[-1] + moved[-1] @ carried
+        return np.array(out)
 
-        X = np.asfortranarray(X)
-        return forward(*self._equations(), X, np.zeros((9, X.shape[1])), np.array(at, dtype=np.int64))
+    def _driven(self, axis: int, columns: Callable[[slice], FloatArray]) -> list[FloatArray]:
+        """Errors (9, p) at the end of each stretch of one record, from rest."""
+        state, block, X, out = np.zeros((9, 1)), slice(0), np.empty((0, 1)), list[FloatArray]()
+        for one in self.stretches:
+            if one.stop > block.stop:
+                block = slice(one.first, max(one.stop, one.first + BLOCK))
+                X = columns(block)
+            part = X[one.first - block.start : one.stop - block.start]
+            state = one.moved @ state + one.weights[axis].T @ part
+            out.append(state)
+        return out
 
-    def moved(self, at: Sequence[int]) -> FloatArray:
-        """Transitions (k, 9, 9) from the start to given rows, in increasing order."""
-        from imubayes.scenes.integration import forward
-
-        return forward(
-            *self._equations(), np.zeros((1, 9), order="F"), np.eye(9), np.array(at, dtype=np.int64)
-        )
-
-    def weights(self, end: int) -> tuple[FloatArray, FloatArray]:
-        """Errors (9, end) at row `end` by unit errors of the rows before, and the transition (9, 9) to it."""
-        from imubayes.scenes.integration import backward
-
-        return backward(*self._equations(), end)
+    def weights(self, axis: str, end: int) -> tuple[FloatArray, FloatArray]:
+        """Errors (9, end) at a stretch's last row by unit errors of the rows before, and the transition."""
+        out, moved = np.zeros((9, end + 1)), np.eye(9)
+        for one in reversed([one for one in self.stretches if one.last <= end]):
+            out[:, one.first : one.stop] += moved @ one.weights["xyz".index(axis)].T
+            moved = moved @ one.moved
+        out[:, end - 1] += out[:, end]
+        return out[:, :end], moved
 
     def read(self, quantity: Quantity) -> FloatArray:
         """Rows (d, 9) that read a quantity off psi, v and r: its two or three components."""
@@ -152,111 +185,89 @@ class Propagation:
         first = 3 * STATES.index(quantity)
         return np.eye(9)[first : first + (2 if self.schuler else 3)]
 
-    def _equations(self) -> tuple[FloatArray, FloatArray, FloatArray, bool, FloatArray, float]:
-        earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * self.schuler
-        back = STANDARD_GRAVITY / SEMI_MAJOR_AXIS * self.schuler
-        return self.t, self.along, self.force, self.kind == "gyroscope", earth, back
-
 
 _UP_CROSS = cross_matrix(np.array([0.0, 0.0, 1.0]))
 """``_UP_CROSS @ r = up x r``."""
 
 
-def propagation(kind: Kind, scene: Scene, axis: str, *, schuler: bool = True) -> Propagation:
-    """Lay out how errors of a component pass through a scene's record.
+def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bool = True) -> Propagation:
+    """Follow back how errors of a component pass through a scene's record, whichever axis it lies along.
 
     Parameters
     ----------
     kind : of the component.
     scene : with its attitude. Where nothing says what force acts, it is 1 g upwards.
-    axis : case axis that the component lies along.
+    times : of the mission at which errors are looked at, s since its start, increasing; beyond the record
+        they repeat it.
     schuler : whether the navigator keeps a local level.
 
     Raises
     ------
-    InputError : if rows are over 40 s apart, or the mission ends before the second of them.
+    InputError : if rows are over 40 s apart, the mission ends before the second of them, or the record would
+        be repeated more than 10,000 times.
 
     Examples
     --------
     >>> from imubayes.scenes.record import recorded
     >>> minute = recorded("level", np.arange(60.0), np.tile([0.0, 0.0, 10.0], (60, 1)), np.zeros((60, 3)))
-    >>> level = propagation("gyroscope", minute, "y", schuler=False)
-    >>> level.driven(np.ones((60, 1)), [60])[0, 6, 0].round(6).item()  # 10 t^3/6
+    >>> level = propagation("gyroscope", minute, [60.0], schuler=False)
+    >>> level.errors("y", lambda record, rows: np.ones((60, 1))[rows])[0, 6, 0].round(6).item()  # 10 t^3/6
     360000.0
     """
+    from imubayes.scenes.integration import backward
+
     motion = scene.mean_motion
     t = motion.t - motion.t[0]
     t = np.append(t, t[-1] + motion.interval)
+    _check(scene, t, times)
+    places = [_place(t, time) for time in times]
+    force = vectors(motion.channels, "f", len(motion))
+    attitude = np.tile(np.eye(3), (len(force), 1, 1)) if scene.attitude is None else scene.attitude
+    in_level = np.einsum("nij,nj->ni", attitude, force)
+    if not any(name.startswith("f_") for name in motion.channels):
+        in_level[:, 2] = STANDARD_GRAVITY
+    earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * schuler
+    back = STANDARD_GRAVITY / SEMI_MAJOR_AXIS * schuler
+    ends = sorted({row for _, row in places} | {len(motion)})
+    stretches = list[Stretch]()
+    for first, last in pairwise((0, *ends)):
+        weights, moved = backward(t, attitude, in_level, kind == "gyroscope", earth, back, first, last)
+        if last == len(motion):
+            weights[:, -2] += weights[:, -1]
+            weights = weights[:, :-1]
+        stretches.append(Stretch(first, last, weights, moved))
+    return Propagation(schuler, t, tuple(places), tuple(stretches))
+
+
+def _check(scene: Scene, t: FloatArray, times: Sequence[float]) -> None:
+    """Refuse rows too far apart to follow errors, and missions of less than a row or of too many records."""
     if (longest := float(np.diff(t).max())) > COARSE:
         raise InputError(
             f"scene '{scene.name}': rows are up to {longest:.3g} s apart: expected {COARSE:g} s at most, so"
             " that errors of attitude, velocity and position can be followed"
         )
-    if scene.duration < motion.interval:
+    if scene.duration < t[-1] - t[-2]:
         raise InputError(
             f"scene '{scene.name}': a mission of {scene.duration:.3g} s ends within the first row, of"
-            f" {motion.interval:.3g} s: expected a longer duration, or a log with finer rows"
+            f" {t[-1] - t[-2]:.3g} s: expected a longer duration, or a log with finer rows"
         )
-    force = vectors(motion.channels, "f", len(motion))
-    attitude = np.broadcast_to(np.eye(3), (len(force), 3, 3)) if scene.attitude is None else scene.attitude
-    in_level = np.einsum("nij,nj->ni", attitude, force)
-    if not any(name.startswith("f_") for name in motion.channels):
-        in_level[:, 2] = STANDARD_GRAVITY
-    along = attitude[:, :, "xyz".index(axis)]
-    held = (np.ascontiguousarray(np.vstack((v, v[-1:]))) for v in (along, in_level))
-    return Propagation(kind, schuler, t, *held)
-
-
-def errors_at(
-    passed: Propagation, columns: Callable[[int], FloatArray], times: Sequence[float], *, repeated: bool
-) -> FloatArray:
-    """Errors per unit of each coefficient at given times of a mission.
-
-    Parameters
-    ----------
-    passed : of the record; times beyond it repeat it.
-    columns : (n, p) columns in repetition 0, 1, ... of the record, SI.
-    times : m times, s since the start.
-    repeated : whether the columns are those of repetition 0 in all of them.
-
-    Returns
-    -------
-    (m, 9, p), at the rows nearest to the times.
-
-    Raises
-    ------
-    InputError : if the record would be repeated more than 10,000 times.
-    """
-    last, length = len(passed.t) - 1, float(passed.t[-1])
-    records = [max(math.ceil(time / length * (1.0 - ROUNDED)) - 1, 0) for time in times]
-    rows = [passed.row_at(time - k * length) for time, k in zip(times, records, strict=True)]
-    if max(records) > MOST_RECORDS:
+    if (records := _place(t, max(times))[0]) > MOST_RECORDS:
         raise InputError(
-            f"a mission of {max(times):.4g} s repeats its record of {length:.4g} s {max(records):,} times:"
-            f" expected {MOST_RECORDS:,} at most; give a longer log, or a shorter duration"
+            f"scene '{scene.name}': a mission of {max(times):.4g} s repeats its record of {t[-1]:.4g} s"
+            f" {records:,} times: expected {MOST_RECORDS:,} at most; give a longer log, or a shorter duration"
         )
-    wanted = sorted({*rows, last})
-    place = [wanted.index(row) for row in rows]
-    X = columns(0)
-    driven = passed.driven(X, wanted)
-    if not max(records):
-        return driven[place]
-    moved = passed.moved(wanted)
-    weights = None if repeated else passed.weights(last)[0]
-    carried, out = np.zeros(driven.shape[1:]), np.empty((len(times), *driven.shape[1:]))
-    for record in range(max(records) + 1):
-        if record and not repeated:
-            X = columns(record)
-            driven = passed.driven(X, wanted) if record in records else driven
-        for k in (k for k, at in enumerate(records) if at == record):
-            out[k] = driven[place[k]] + moved[place[k]] @ carried
-        left = driven[-1] if weights is None else weights @ X
-        carried = left + moved[-1] @ carried
-    return out
 
 
-def noise_growth(passed: Propagation, quantity: Quantity, time: float) -> tuple[float, float, float]:
-    """Standard deviation per unit of N, B and K at the end of a mission, SI: of all components together.
+def _place(t: FloatArray, time: float) -> tuple[int, int]:
+    """Repetition of a record with rows at `t` that a time of the mission lies in, and the nearest row."""
+    record = max(math.ceil(time / t[-1] * (1.0 - ROUNDED)) - 1, 0)
+    within = time - record * t[-1]
+    after = min(int(np.searchsorted(t, within)), len(t) - 1)
+    return record, after - int(after > 0 and within - t[after - 1] < t[after] - within)
+
+
+def noise_growth(passed: Propagation, axis: str, quantity: Quantity) -> tuple[float, float, float]:
+    """Standard deviation per unit of N, B and K at the last of the times, SI: of all components together.
 
     In straight and level flight, short of the Schuler period, these are sqrt(t) in velocity and t^1.5/sqrt(3)
     in position for the white noise of an accelerometer, g t^2.5/sqrt(20) in position for that of a gyroscope,
@@ -265,19 +276,17 @@ def noise_growth(passed: Propagation, quantity: Quantity, time: float) -> tuple[
     Parameters
     ----------
     passed : how errors pass through the record that the mission repeats.
+    axis : case axis of the component.
     quantity : that is budgeted, not the output.
-    time : s, end of the mission.
     """
-    length, last = float(passed.t[-1]), len(passed.t) - 1
-    whole = int(time / length * (1.0 + ROUNDED))
-    rest = passed.row_at(time - whole * length)
+    last, (whole, rest) = len(passed.t) - 1, passed.places[-1]
     reach, white, told = passed.read(quantity), 0.0, list[tuple[FloatArray, FloatArray]]()
     span = 0.5 * (np.diff(passed.t, prepend=0.0)[:-1] + np.diff(passed.t))  # that a row stands for
     size = max(1, math.ceil((whole * last + rest) / CELLS))
     for end, times in ((rest, 1), (last, whole)):
         if not end * times:
             continue
-        weights, moved = passed.weights(end)
+        weights, moved = passed.weights(axis, end)
         density = (weights / span[:end]) @ weights.T
         starts = np.arange(0, end, size)
         cells = np.add.reduceat(weights, starts, axis=1)
@@ -291,6 +300,7 @@ def noise_growth(passed: Propagation, quantity: Quantity, time: float) -> tuple[
     answer = np.append(np.cumsum(weights[:, ::-1], axis=1)[:, ::-1], np.zeros((len(weights), 1)), axis=1)
     square = np.sum(answer**2, axis=0)
     walked = float(np.sum(0.5 * lasting * (square[:-1] + square[1:])))
+    time = float(whole * passed.t[-1] + passed.t[rest])
     return math.sqrt(white), _flicker_growth(weights, time), math.sqrt(walked)
 
 
@@ -314,14 +324,3 @@ def output_noise(time: float) -> tuple[float, float, float]:
     time : s, of the mission: for the rms of the random walk.
     """
     return 1.0 / math.sqrt(OUTPUT_TIME), FLOOR, math.sqrt(0.5 * time)
-
-
-def budget_unit(kind: Kind, quantity: Quantity) -> str:
-    """SI unit of a budget.
-
-    Examples
-    --------
-    >>> budget_unit("gyroscope", "output"), budget_unit("gyroscope", "position")
-    ('rad/s', 'm')
-    """
-    return BUDGET_UNITS.get(quantity, "m/s^2" if kind == "accelerometer" else "rad/s")

@@ -1,7 +1,7 @@
 """Which terms a scene requires: what each costs there, and the smallest model that stays within a budget.
 
 Everything is linear in the coefficients. With ``A`` the rows of what is budgeted (the scene's factor over
-``sqrt(n)`` for an error of the output, `propagation.errors_at` times over the mission for attitude, velocity
+``sqrt(n)`` for an error of the output, `Propagation.errors` at times over the mission for attitude, velocity
 and position), a sensor whose coefficients are theta and that is compensated with the posterior mean m of the
 terms of a model S is left with ``A (theta - m_S)``. Of the terms that are left out, those that are kept take
 up what they can: a smaller model is calibrated as such, at best over the very scene, or as this test would
@@ -166,9 +166,9 @@ def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> 
     output = output_effects(scene, lib, axis)
     if budget.quantity == "output":
         return Exposure(scene, lib, budget, axis, output, output, output_noise(scene.duration))
-    passed = propagations(lib.kind, scene, axis, budget)
-    budgeted = budget_effects(scene, lib, budget, axis, passed)
-    grown = [noise_growth(one, budget.quantity, scene.duration) for one in passed]
+    budgeted = budget_effects(scene, lib, budget, axis)
+    passed = propagations(lib.kind, scene, budget.schuler)
+    grown = [noise_growth(one, axis, budget.quantity) for one in passed]
     white, flicker, walk = np.max(grown, axis=0).tolist()
     return Exposure(scene, lib, budget, axis, output, budgeted, (white, flicker, walk))
 

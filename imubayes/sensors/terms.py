@@ -16,8 +16,10 @@ Technologies and Performance Grades", JNC 2023.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Annotated, Literal
 
 import numpy as np
@@ -217,12 +219,10 @@ def tied(lib: Library, X: FloatArray) -> FloatArray:
 
 def column(term: Term, channels: Mapping[str, FloatArray]) -> FloatArray | float:
     """One term's regressor; a scalar where it does not depend on the inputs given."""
-    value: FloatArray | float = 1.0
-    for factor in term.factors:
-        if factor.channel not in channels:
-            return 0.0
-        value = value * _power(channels[factor.channel], factor)
-    return value
+    if any(factor.channel not in channels for factor in term.factors):
+        return 0.0
+    powers = (_power(channels[factor.channel], factor) for factor in term.factors)
+    return reduce(operator.mul, powers) if term.factors else 1.0
 
 
 def angles(gain: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -271,10 +271,12 @@ def gains(s: float, alpha_j: float, alpha_k: float) -> tuple[float, float, float
 def _power(values: FloatArray, factor: Factor) -> FloatArray:
     if factor.channel == "T":
         values = values - REFERENCE_TEMPERATURE
-    value = np.ones_like(values) if factor.power == 0 else values
+    if factor.power == 0:
+        return np.sign(values) if factor.signed else np.ones_like(values)
+    value = np.abs(values) if factor.signed else values
     for _ in range(factor.power - 1):
         value = value * values
-    return value * np.sign(values) if factor.signed else value
+    return value
 
 
 def _check_orders(kind: str, powers: int, asymmetry: int, temperature: int, set: str) -> None:

@@ -19,8 +19,6 @@ from imubayes.scenes.effects import budget_effects
 from imubayes.scenes.propagation import (
     STATES,
     Budget,
-    budget_unit,
-    errors_at,
     noise_growth,
     output_noise,
     propagation,
@@ -44,10 +42,15 @@ def level(n, step=1.0, force=G):
 def one(kind, scene, quantity, times, schuler=True, axis=None, X=None):
     """Size (m,) of a quantity by a unit error: of a gyroscope about west, of an accelerometer northwards."""
     axis = axis or ("y" if kind == "gyroscope" else "x")
-    passed = propagation(kind, scene, axis, schuler=schuler)
+    passed = propagation(kind, scene, times, schuler=schuler)
     X = np.ones((len(scene.inputs), 1)) if X is None else X
-    found = passed.read(quantity) @ errors_at(passed, lambda _: X, times, repeated=True)
+    found = passed.read(quantity) @ passed.errors(axis, always(X))
     return np.linalg.norm(found, axis=1)[:, 0]
+
+
+def always(X):
+    """Columns (n, p) as those of every repetition of a record."""
+    return lambda _, rows: X[rows]
 
 
 def flown(kind_of_path, schuler, seconds=300.0, step=0.1):
@@ -66,11 +69,11 @@ def test_every_term_on_every_axis_comes_to_what_a_full_navigator_makes_of_it(kin
     truth, scene = flown(kind_of_path, schuler)
     lib, n, at = library(kind, set="extended"), len(truth.t), [1000, 3000]
     drive, expected = [], []
+    passed = propagation(kind, scene, truth.t[at].tolist(), schuler=schuler)
     for axis in "xyz":
         X = columns(lib, in_case(scene.inputs, axis).channels, n)
         sizes = {"gyroscope": 1e-7, "accelerometer": 1e-3}[kind] / np.maximum(np.abs(X).max(axis=0), 1e-12)
-        passed = propagation(kind, scene, axis, schuler=schuler)
-        found = errors_at(passed, lambda _, X=X: X, truth.t[at].tolist(), repeated=True) * sizes
+        found = passed.errors(axis, always(X)) * sizes
         expected.append([passed.read(quantity) @ found for quantity in STATES])
         drive.append(np.einsum("np,p,a->npa", X, sizes, np.eye(3)["xyz".index(axis)]))
     error = np.concatenate(drive, axis=1)
@@ -182,41 +185,38 @@ def test_repeated_record_is_the_record_written_out(kind, schuler) -> None:
     _, scene = flown("turns", schuler, 59.95)
     n, times = len(scene.inputs), [30.0, 60.0, 130.0, 600.0, 615.0]
     X = np.random.default_rng(2).normal(size=(n, 3)) + 1.0
-    passed = propagation(kind, scene, "y", schuler=schuler)
-    repeated = errors_at(passed, lambda _: X, times, repeated=True)
+    passed = propagation(kind, scene, times, schuler=schuler)
+    repeated = passed.errors("y", always(X))
     written = {name: np.tile(values, 11) for name, values in scene.inputs.channels.items()}
     t = scene.inputs.interval * np.arange(11 * n)
     long = Scene(
         "long", Inputs(t, written, scene.inputs.interval), 660.0, attitude=np.tile(scene.attitude, (11, 1, 1))
     )
-    found = errors_at(
-        propagation(kind, long, "y", schuler=schuler), lambda _: np.tile(X, (11, 1)), times, repeated=True
-    )
+    found = propagation(kind, long, times, schuler=schuler).errors("y", always(np.tile(X, (11, 1))))
     # the last row of each record is held to its end, there it goes over into the first
     assert np.abs(repeated - found).max(axis=(0, 2)) == pytest.approx(0.0, abs=2e-3 * np.abs(found).max())
-    own = errors_at(passed, lambda _: X, times, repeated=False)
+    own = passed.errors("y", always(X), repeated=False)
     assert own == pytest.approx(repeated, rel=1e-9, abs=1e-9 * np.abs(repeated).max())
 
 
 def test_record_that_would_be_repeated_too_often_or_has_too_few_rows_is_refused() -> None:
-    passed = propagation("accelerometer", level(2), "x")
     with pytest.raises(InputError, match="expected 10,000 at most"):
-        errors_at(passed, lambda _: np.ones((2, 1)), [30_000.0], repeated=True)
+        propagation("accelerometer", level(2), [30_000.0])
     with pytest.raises(InputError, match="rows are up to 60 s apart: expected 40 s at most"):
-        propagation("accelerometer", level(2, 60.0), "x")
+        propagation("accelerometer", level(2, 60.0), [60.0])
 
 
 def test_mission_that_ends_within_the_first_row_is_refused() -> None:
     short = replace(level(60), duration=0.3)
     with pytest.raises(InputError, match=r"a mission of 0\.3 s ends within the first row, of 1 s: expected"):
-        propagation("gyroscope", short, "y")
+        propagation("gyroscope", short, [0.3])
 
 
 def test_noise_grows_as_the_formulas_of_straight_flight_say() -> None:
     t, scene = 600.0, level(2000, 0.3)
 
     def of(kind, quantity):
-        return noise_growth(propagation(kind, scene, "y", schuler=False), quantity, t)
+        return noise_growth(propagation(kind, scene, [t], schuler=False), "y", quantity)
 
     assert of("accelerometer", "velocity")[0] == pytest.approx(t**0.5, rel=1e-3)
     assert of("accelerometer", "position")[0] == pytest.approx(t**1.5 / 3**0.5, rel=1e-3)
@@ -236,10 +236,10 @@ def test_noise_growth_is_the_spread_of_simulated_missions_that_turn(kind, which)
     rng = np.random.default_rng(10 + which)
     t = 0.5 * np.arange(1200)
     drawn = np.column_stack([synthesise(noise, t, 0.5, rng) for _ in range(missions)])
-    passed = propagation(kind, scene, "y")
-    last = errors_at(passed, lambda k: drawn[400 * k : 400 * (k + 1)], [time], repeated=False)[0]
+    passed = propagation(kind, scene, [time])
+    last = passed.errors("y", lambda k, rows: drawn[400 * k : 400 * (k + 1)][rows], repeated=False)[0]
     for quantity in STATES:
-        expected = noise_growth(passed, quantity, time)[which] * 1e-4
+        expected = noise_growth(passed, "y", quantity)[which] * 1e-4
         size = math.sqrt(np.mean(np.sum((passed.read(quantity) @ last) ** 2, axis=0)))
         # time constants of the flicker lie elsewhere there: 3 % beside the chance of 500 draws
         assert size == pytest.approx(expected, rel=4.0 / math.sqrt(2.0 * missions) + 0.03)
@@ -254,4 +254,3 @@ def test_budget_that_leaves_nothing_or_that_nobody_knows_is_refused() -> None:
         Budget("position", 0.0)
     with pytest.raises(StudyError, match="expected output, attitude, velocity, position"):
         Budget("altitude", 1.0)
-    assert budget_unit("accelerometer", "output") == "m/s^2" and budget_unit("gyroscope", "attitude") == "rad"

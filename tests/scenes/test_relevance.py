@@ -205,7 +205,7 @@ def test_relevance_does_not_depend_on_the_order_of_the_terms(flown) -> None:
 
 def test_noise_stands_beside_in_the_unit_of_the_budget(flown) -> None:
     found, scene, _, budget, noise = flown
-    by_unit = noise_growth(propagation("accelerometer", scene, "x"), "position", scene.duration)
+    by_unit = noise_growth(propagation("accelerometer", scene, [scene.duration]), "x", "position")
     assert found.noise == pytest.approx(np.array(by_unit) * (noise.N, noise.B, noise.K), rel=1e-12)
     assert relevance(desk(), LIB, certain(np.zeros(P)), budget).noise == (0.0, 0.0, 0.0)
 

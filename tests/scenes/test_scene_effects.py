@@ -10,7 +10,7 @@ import pytest
 from scipy.io import loadmat
 
 from imubayes.scenes.effects import TIMES, budget_effects, output_effects
-from imubayes.scenes.propagation import Budget, errors_at, propagation
+from imubayes.scenes.propagation import Budget, propagation
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.record import AXES, Course, Scene, recorded
 from imubayes.scenes.trajectories import generated
@@ -147,9 +147,8 @@ def test_temperature_runs_on_while_the_motion_repeats(kind, ends) -> None:
     wanted |= {f"{name}*T2": values * T**2 for name, values in motion.items()}
     wanted |= {f"{name}*dT": motion[name] * dT for name in ("b0", "b1")} | motion
     X = np.column_stack(list(wanted.values()))
-    passed = propagation(kind, scene, "x")
-    records = lambda k: X[40 * k : 40 * (k + 1)]  # noqa: E731  columns of a repetition
-    direct = errors_at(passed, records, [scene.duration], repeated=False)[0]
+    passed = propagation(kind, scene, [scene.duration])
+    direct = passed.errors("x", lambda k, rows: X[40 * k : 40 * (k + 1)][rows], repeated=False)[0]
     for quantity in ("attitude", "velocity", "position"):
         rows, read = budget_effects(scene, lib, Budget(quantity, 1.0)).rows, passed.read(quantity)
         found = rows[-len(read) :, [lib.names.index(name) for name in wanted]]
