@@ -38,14 +38,12 @@ def runs_of(
 ) -> tuple[Run, ...]:
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
-    Long files are read a part at a time, unless a latency needs the rows beside each; `tell` is told how far
-    that is.
+    Long files are read a part at a time; `tell` is told how far that is.
     """
-    lib = None if "latency" in spec.reference else spec.library
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
     def read(one: RunSpec) -> Run:
-        return read_imu_run(one) if spec.gyroscope else read_run(one, spec.kind, lib, tell=tell)
+        return read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
 
     return tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
 

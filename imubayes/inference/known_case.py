@@ -35,6 +35,7 @@ from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Facts, Run, facts_of
 from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
+from imubayes.rig.stream_survey import renewed
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -105,7 +106,7 @@ def _without(part: _Part, trusted: Trusted) -> _Part:
     """A component in the runs that are trusted; the first of them says what did not go as usual."""
     first, *others = trusted.runs
     source = replace(first.source, notes=(*first.source.notes, *trusted.notes))
-    return _among(part, (replace(first, source=source), *others))
+    return _among(part, [renewed(run) for run in (replace(first, source=source), *others)])
 
 
 def _among(part: _Part, runs: Sequence[Run]) -> _Part:
@@ -178,7 +179,7 @@ class _Problem:
     def linearised(self, taken: Taken) -> At:
         """Linearise the rows of all components, of which `taken` says which are taken."""
         places, first = [self.where(part) for part in self.parts], self.parts[0]
-        shared = self.runs and not self.extras
+        shared = self.runs and not self.extras and all(run.stream is None for run in self.runs)
         whole = shared_rows(self.runs, {p.name: p.library for p in self.parts}) if shared else None
 
         def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:

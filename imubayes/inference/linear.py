@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.rig.inputs import Run, Stream, between_gaps
+from imubayes.rig.inputs import Part, Run, Stream, between_gaps
+from imubayes.rig.stream_survey import averaged_parts, fill
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
 
@@ -52,6 +54,9 @@ class Rows:
         return float(self.t[-1] - self.t[0] + 0.5 * (self.duration[-1] + self.duration[0]))
 
 
+Fill = Callable[[Part, slice, FloatArray], None]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
     """Rows of a linear model.
@@ -67,6 +72,8 @@ class Linear:
     columns : gives the columns (stop - start, p) of the rows from start to stop.
     axes : (n, a) weights of alike and independent components in each row; None for a single component.
     stream : the rows behind these, which are averages over blocks of them; None where these are all.
+    fill : writes columns and, last, the response of some rows of a part of the stream into a table.
+    reach : (p,) largest size of each column over the stream.
     shared : gives what `whitened_factor` does, where the work is shared with other components; None else.
     kept : what was made of these rows and is asked for again (see `once`).
     """
@@ -81,6 +88,8 @@ class Linear:
     columns: Callable[[int, int], FloatArray]
     axes: FloatArray | None = None
     stream: Stream | None = None
+    fill: Fill | None = None
+    reach: FloatArray | None = None
     shared: Callable[[Noise], tuple[Factor, FloatArray]] | None = None
     kept: dict[object, object] = field(default_factory=dict, init=False)
 
@@ -157,37 +166,44 @@ def linear_of(run: Run, lib: Library) -> Linear:
 
 
 def _streamed_rows(run: Run, lib: Library, stream: Stream) -> Linear:
-    """Averages over the blocks of a run as rows of a linear model, with the stream behind them.
+    """Averages over the blocks of a run as rows of a linear model, with the stream behind them."""
+    means, reach = _averages(stream, lib)
+    return streamed(run, stream, lib.names, (means, reach), partial(fill, lib))
 
-    Raises
-    ------
-    ValueError : if the run was read for another library.
-    """
-    if stream.library != lib:
-        raise ValueError(
-            f"run '{run.name}' is read a part at a time, for the terms {', '.join(stream.library.names)}:"
-            " read it again for another library"
-        )
-    own = run.inputs.channels.get(lib.own, 0.0)
+
+def _averages(stream: Stream, lib: Library) -> tuple[FloatArray, FloatArray]:
+    """Columns and response averaged over the blocks, and their largest sizes: one pass, once."""
+    if lib not in stream.averages:
+        stream.averages[lib] = averaged_parts(stream, partial(fill, lib), len(lib.names) + 1)
+    return stream.averages[lib]
+
+
+def streamed(
+    run: Run, stream: Stream, names: tuple[str, ...], averages: tuple[FloatArray, FloatArray], fill: Fill
+) -> Linear:
+    """Rows that are `averages` (m, p + 1) of columns and response over blocks; with them largest sizes."""
+    means, reach = averages
     return Linear(
         name=run.name,
         procedure=run.procedure,
-        names=lib.names,
+        names=names,
         t=run.inputs.t,
         duration=stream.duration,
         interval=run.inputs.interval,
-        y=run.output - own,
-        columns=lambda start, stop: stream.X[start:stop],
+        y=means[:, -1],
+        columns=lambda start, stop: means[start:stop, :-1],
         stream=stream,
+        fill=fill,
+        reach=reach[:-1],
     )
 
 
 def stretch_of(rows: Linear) -> Linear:
     """Rows at full rate, of the same model: of a stream its stretch, else the rows themselves."""
-    if (stream := rows.stream) is None:
+    if (stream := rows.stream) is None or rows.fill is None:
         return rows
     part, table = stream.stretch, np.empty((len(stream.stretch), len(rows.names) + 1))
-    stream.fill(part, slice(0, len(part)), table)
+    rows.fill(part, slice(0, len(part)), table)
     fine = replace(rows, t=part.t, duration=part.duration, interval=stream.interval, stream=None)
     return with_columns(fine, table[:, :-1], table[:, -1])
 
@@ -205,7 +221,9 @@ def deviation(run: Run, lib: Library) -> FloatArray:
 
 def swing_of(run: Run, lib: Library) -> float:
     """Largest size of output minus own input, SI."""
-    return float(np.max(np.abs(deviation(run, lib)))) if run.stream is None else run.stream.swing
+    if run.stream is not None:
+        return float(_averages(run.stream, lib)[1][-1])
+    return float(np.max(np.abs(deviation(run, lib))))
 
 
 def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
@@ -229,8 +247,8 @@ def once(rows: Linear, key: object, make: Callable[[], Made]) -> Made:
 
 def reach_of(rows: Linear) -> FloatArray:
     """Largest size (p,) of each column."""
-    if rows.stream is not None:
-        return rows.stream.reach
+    if rows.stream is not None and rows.reach is not None:
+        return rows.reach
     starts = range(0, len(rows), CHUNK)
     parts = (rows.columns(a, min(a + CHUNK, len(rows))) for a in starts)
     return np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
@@ -340,17 +358,34 @@ def widened(rows: Linear, names: Sequence[str]) -> Linear:
         whole[:, where] = part
         return whole
 
-    return replace(rows, names=tuple(names), columns=columns)
+    return _among(replace(rows, names=tuple(names), columns=columns), rows, where, range(len(where)))
+
+
+def _among(made: Linear, rows: Linear, places: Sequence[int], taken: Sequence[int]) -> Linear:
+    """Rows with the columns `taken` of other ones in some places; of a stream too."""
+    if rows.fill is None or rows.reach is None:
+        return made
+    first, p, reach = rows.fill, len(rows.names), np.zeros(len(made.names))
+    reach[list(places)] = rows.reach[list(taken)]
+
+    def fill(part: Part, inside: slice, table: FloatArray) -> None:
+        own = np.empty((len(table), p + 1))
+        first(part, inside, own)
+        table[:, : len(made.names)] = 0.0
+        table[:, list(places)], table[:, len(made.names)] = own[:, list(taken)], own[:, p]
+
+    return replace(made, fill=fill, reach=reach)
 
 
 def narrowed(rows: Linear, where: Sequence[int]) -> Linear:
     """Rows with some of their columns alone, by their numbers."""
     kept = list(where)
-    return replace(
+    made = replace(
         rows,
         names=tuple(rows.names[k] for k in kept),
         columns=lambda start, stop: rows.columns(start, stop)[:, kept],
     )
+    return _among(made, rows, range(len(kept)), kept)
 
 
 def widened_factor(f: Factor, names: Sequence[str]) -> Factor:

@@ -97,7 +97,7 @@ def _around_stretch(rows: Linear, stream: Stream, inside: Linear) -> Linear:
         return np.concatenate((coarse[:first], fine, coarse[first:][~touched[first:]]))
 
     times = replace(rows, t=joined(rows.t, inside.t), duration=joined(rows.duration, inside.duration))
-    return with_columns(times, joined(stream.X, inside.X), joined(rows.y, inside.y))
+    return with_columns(times, joined(rows.X, inside.X), joined(rows.y, inside.y))
 
 
 def _stretched(stream: Stream) -> NDArray[np.bool_]:

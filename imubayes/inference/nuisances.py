@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
-from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, with_columns
+from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, streamed
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import At, Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
@@ -246,20 +246,18 @@ def tangent(
 def _streamed(run: Run, stream: Stream, place: _Place) -> Linear:
     """Averages of the linearised rows over the blocks of a run that is read a part at a time: one pass."""
     p, bench = len(place.theta), bench_of(run, {error.kind for error in place.errors})
+    seen = replace(stream, margin=place.margin(stream.interval))
 
     def fill(part: Part, inside: slice, table: FloatArray) -> None:
-        few = part.some(inside, part.first, part.before)
+        few = part.around(inside, seen.margin) if seen.margin else part.some(inside, part.first, part.before)
         inputs = Inputs(few.t, few.channels, stream.interval, few.mount)
-        rows = _parts(replace(run, inputs=inputs), place, bench)(0, len(few))
+        rows = _parts(replace(run, inputs=inputs), place, bench)(few.own.start, few.own.stop)
         width = rows.shape[1]
         table[:, : width - 1] = rows[:, 1:]
-        table[:, width - 1] = few.output + rows[:, 1 + p :] @ place.nu - rows[:, 0]
+        table[:, width - 1] = part.output[inside] + rows[:, 1 + p :] @ place.nu - rows[:, 0]
 
-    means, reach = averaged_parts(stream, fill, p + len(place.nu) + 1)
-    seen = replace(stream, X=means[:, :-1], reach=reach[:-1], fill=fill)
-    plain = replace(linear_of(run, place.lib), stream=seen)
-    names = (*plain.names, *(error.name for error in place.errors))
-    return with_columns(replace(plain, names=names), seen.X, means[:, -1])
+    names = (*place.lib.names, *(error.name for error in place.errors))
+    return streamed(run, seen, names, averaged_parts(seen, fill, len(names) + 1), fill)
 
 
 def _parts(run: Run, place: _Place, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
@@ -302,6 +300,11 @@ class _Place:
     theta: FloatArray
     nu: FloatArray
     leaning: FloatArray
+
+    def margin(self, interval: float) -> float:
+        """Time, s, by which a latency has rows look beyond themselves; 0 without one."""
+        sizes = [abs(nu) for error, nu in zip(self.errors, self.nu, strict=True) if error.kind == "latency"]
+        return max(sizes) + interval if sizes else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

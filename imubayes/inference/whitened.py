@@ -18,7 +18,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, dwells_of, stacked
-from imubayes.inference.linear import CHUNK, Linear, Rows, block_edges, blocks_of, once
+from imubayes.inference.linear import CHUNK, Linear, Rows, block_edges, blocks_of, once, reach_of
 from imubayes.inference.whiten import Carry, Processes, begin, mattering, padded, states_of, whiten, whiten_on
 from imubayes.sensors.noise import Noise
 
@@ -42,7 +42,7 @@ def whitened_factor(
     if rows.shared is not None and parts is None:
         return rows.shared(noise)
     if rows.stream is not None:
-        return _streamed_factor(rows, noise, parts), rows.stream.reach
+        return _streamed_factor(rows, noise, parts), reach_of(rows)
     table = _table(rows)
     n, p = len(rows), len(rows.names)
     blocks = tuple(algebra.row_blocks(n))
@@ -140,9 +140,9 @@ def _tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]
     The table is used again for the next tile.
     """
     p, whole = len(rows.names), np.zeros((TILE, padded(len(rows.names) + 1)))
-    for first, taken, fill in _parts(rows, purpose):
-        for a in range(0, len(taken.t), TILE):
-            inside = slice(a, min(a + TILE, len(taken.t)))
+    for first, own, taken, fill in _parts(rows, purpose):
+        for a in own[::TILE]:
+            inside = slice(a, min(a + TILE, own.stop))
             table, axes = whole[: inside.stop - a], None if taken.axes is None else taken.axes[inside]
             fill(inside, table)
             table[:, p + 1 :] = 0.0
@@ -152,13 +152,13 @@ def _tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]
 Fill = Callable[[slice, FloatArray], None]
 
 
-def _parts(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, Fill]]:
-    """All rows of a run in parts, memory being one: number of the first, when, and what fills some in."""
-    if rows.stream is None:
-        yield 0, rows.rows, partial(_fill, rows)
+def _parts(rows: Linear, purpose: str) -> Iterator[tuple[int, range, Rows, Fill]]:
+    """All rows of a run in parts, memory being one: number of the first, which, when, what fills."""
+    if rows.stream is None or rows.fill is None:
+        yield 0, range(len(rows)), rows.rows, partial(_fill, rows)
     else:
-        for part in rows.stream.parts(purpose):
-            yield part.first, Rows(part.t, part.duration), partial(rows.stream.fill, part)
+        for part in rows.stream.read(purpose):
+            yield part.first, part.own, Rows(part.t, part.duration), partial(rows.fill, part)
 
 
 def _fill(rows: Linear, inside: slice, table: FloatArray) -> None:

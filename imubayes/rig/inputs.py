@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import TypeVar
 
@@ -161,7 +163,8 @@ class Run:
     def component(self, name: str) -> Run:
         """Run of one component of a case, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
         output = self.output[:, COMPONENTS.index(name)]
-        return replace(self, inputs=own_inputs(self.inputs, name), output=output)
+        stream = None if self.stream is None else self.stream.component(name)
+        return replace(self, inputs=own_inputs(self.inputs, name), output=output, stream=stream)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,8 +177,9 @@ class Part:
     before : time of the row before, s; NaN for the first part.
     t, duration : (k,) time and averaging time, s.
     channels : (k,) inputs by name.
-    output : (k,) what the component said.
+    output : (k,) what the component said, or (k, c) what each of several did, as in `Run`.
     mount : (k,) number of each row's mount, as in `Inputs`.
+    lead, tail : so many of the rows, at its ends, are those of its neighbours.
     """
 
     first: int
@@ -185,9 +189,29 @@ class Part:
     channels: Mapping[str, FloatArray]
     output: FloatArray
     mount: NDArray[np.int64] | None = None
+    lead: int = 0
+    tail: int = 0
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def own(self) -> range:
+        """Numbers of the rows that are none of a neighbour's, among its own."""
+        return range(self.lead, len(self) - self.tail)
+
+    def component(self, name: str) -> Part:
+        """Rows of one component of a case, as `Run.component` has them."""
+        output = self.output[:, COMPONENTS.index(name)]
+        return replace(self, channels=own_channels(self.channels, name), output=output)
+
+    def around(self, rows: slice, margin: float) -> Part:
+        """Some of the rows, with those within `margin`, s, of them, and `BESIDE` more, as neighbours'."""
+        reach = self.t[rows.start] - margin, self.t[rows.stop - 1] + margin
+        first, last = np.searchsorted(self.t, reach).tolist()
+        first, last = max(first - BESIDE, 0), min(last + BESIDE, len(self))
+        wide = self.some(slice(first, last), self.first + first, np.nan)
+        return replace(wide, lead=rows.start - first, tail=last - rows.stop)
 
     def some(self, rows: NDArray[np.bool_] | slice, first: int, before: float) -> Part:
         """Some of the rows, numbered from `first` on."""
@@ -217,6 +241,26 @@ def thinned(parts: Iterable[tuple[Part, NDArray[np.bool_]]]) -> Iterator[Part]:
         if kept.any():
             yield part.some(kept, first, before)
             first, before = first + int(kept.sum()), float(part.t[kept][-1])
+
+
+BESIDE = 3
+"""Rows beyond a margin that settle the slopes of the inputs at its end."""
+
+
+def overlapping(parts: Iterator[Part], margin: float) -> Iterator[Part]:
+    """Parts with as much of their neighbours as is within `margin`, s, and `BESIDE` rows more."""
+    held: list[Part] = []
+    ahead: deque[Part] = deque()
+    while (part := ahead.popleft() if ahead else next(parts, None)) is not None:
+        end = part.t[-1] + margin
+        while sum(int(np.count_nonzero(one.t > end)) for one in ahead) < BESIDE:
+            if (more := next(parts, None)) is None:
+                break
+            ahead.append(more)
+        before = sum(len(one) for one in held)
+        wide = joined_parts([*held, part, *ahead]).around(slice(before, before + len(part)), margin)
+        yield wide
+        held = [wide.some(slice(0, wide.own.stop), wide.first, np.nan)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,32 +298,42 @@ class Stream:
     parts : reads the rows, a part at a time; is told what for.
     samples : n rows.
     interval : averaging time of one sample, s.
-    library : of the p columns below.
     counts : (m,) rows of each block that was averaged.
     duration : (m,) s, averaging time of each.
-    X : (m, p) averages of the library's columns over the blocks.
-    reach : (p,) largest size of each column.
-    swing : largest size of output minus own input, SI.
     extremes : rows (inputs and ``output``) with the largest and smallest of each, and of the force.
     stretch : consecutive rows without a gap, at full rate.
-    fill : writes columns and, last, the response of some rows of a part into the first columns of a table.
+    margin : s by which a part is to overlap its neighbours: what a latency reaches for.
+    averages : by library, columns and, last, the response: averages (m, p + 1) over the blocks, and largest
+        sizes (p + 1,), once they were asked for.
     """
 
     parts: Callable[[str], Iterator[Part]]
     samples: int
     interval: float
-    library: Library
     counts: NDArray[np.int64]
     duration: FloatArray
-    X: FloatArray
-    reach: FloatArray
-    swing: float
     extremes: Mapping[str, FloatArray]
     stretch: Part
-    fill: Callable[[Part, slice, FloatArray], None]
+    margin: float = 0.0
+    averages: dict[Library, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
+
+    def read(self, purpose: str) -> Iterator[Part]:
+        """Read the rows, a part at a time, with the margin on both sides of it."""
+        parts = self.parts(purpose)
+        return overlapping(parts, self.margin) if self.margin else parts
+
+    def component(self, name: str) -> Stream:
+        """Rows of one component of a case."""
+        output = self.extremes["output"][:, COMPONENTS.index(name)]
+        return replace(
+            self,
+            parts=partial(_of_component, self.parts, name),
+            extremes={**own_channels(self.extremes, name), "output": output},
+            stretch=self.stretch.component(name),
+        )
 
     def left(self, kept: NDArray[np.bool_]) -> Stream:
-        """The rows of the blocks (m,) that are `kept`; reach, extremes and swing are those of all."""
+        """The rows of the blocks (m,) that are `kept`; extremes are those of all."""
         parts, counts = Kept(self.parts, self.counts, kept), self.counts[kept]
         return replace(
             self,
@@ -287,9 +341,12 @@ class Stream:
             samples=int(counts.sum()),
             counts=counts,
             duration=self.duration[kept],
-            X=self.X[kept],
             stretch=parts.stretch(self.stretch),
         )
+
+
+def _of_component(parts: Callable[[str], Iterator[Part]], name: str, purpose: str) -> Iterator[Part]:
+    return (part.component(name) for part in parts(purpose))
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,9 +381,13 @@ def own_inputs(inputs: Inputs, component: str) -> Inputs:
     >>> list(own_inputs(along_x, "ay").channels), list(own_inputs(along_x, "gz").channels)
     (['f_k'], ['f_j'])
     """
+    return replace(inputs, channels=own_channels(inputs.channels, component))
+
+
+def own_channels(channels: Mapping[str, FloatArray], component: str) -> dict[str, FloatArray]:
+    """Channels along the case axes as those of a component, along its axes."""
     places = {channel: case_channel(component, channel) for channel in CHANNELS}
-    told = {own: inputs.channels[place] for own, place in places.items() if place in inputs.channels}
-    return replace(inputs, channels=told)
+    return {own: channels[place] for own, place in places.items() if place in channels}
 
 
 def case_inputs(inputs: Inputs) -> Inputs:

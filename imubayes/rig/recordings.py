@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import gaps, interval_jump
-from imubayes.rig.columns import Column, ColumnSpec, channel_unit
-from imubayes.rig.inputs import MOUNT, Run, Section, Source
+from imubayes.rig.columns import ColumnSpec, channel_unit
+from imubayes.rig.inputs import MOUNT, Run, Section
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
@@ -107,12 +107,6 @@ def assumed(kind: Kind, channels: Collection[str], axes: str = "ijk") -> tuple[s
         f"{family}_{axis}" for family in families for axis in axes if f"{family}_{axis}" not in channels
     ]
     return (f"{ABSENT}: {', '.join(absent)}",) if absent else ()
-
-
-def source_of(file: str, sha256: str, columns: Mapping[str, Column], notes: tuple[str, ...]) -> Source:
-    """Say where a run came from: file, the columns that were used by channel, and notes."""
-    used = tuple((column.address, channel, column.unit) for channel, column in columns.items())
-    return Source(file, sha256, used, notes)
 
 
 ABSENT = "not in the file, taken as zero"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.arrays import BoolArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import SATURATED, check_output, earth_left_out, refuse_stuck, within_range
 from imubayes.rig.filtering import as_means
@@ -23,36 +23,22 @@ from imubayes.rig.recordings import (
     existing,
     frozen,
     notes_of,
-    sha256_of,
-    source_of,
 )
 from imubayes.rig.stream_survey import read_long_run
-from imubayes.rig.streams import Rows, RunFile, Tell, opened, refuse_long, silent
+from imubayes.rig.streams import Rows, RunFile, Tell, abreast, any_table, opened, silent
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
-from imubayes.sensors.terms import Kind, Library
-
-SAME_TIME = 0.01
-"""Share of the interval by which time stamps of two files of one run may differ."""
-
-BENCH_WHOLE = (
-    "with a latency of the sensor (reference) a run",
-    "leave it out of the study, or average the file",
-)
-IMU_WHOLE = "a run of a whole IMU", "average the file, or list the components as sensors of their own"
-"""What is read as a whole, and what to do instead."""
+from imubayes.sensors.terms import Kind
 
 
-def read_run(spec: RunSpec, kind: Kind, lib: Library | None = None, *, tell: Tell = silent) -> Run:
+def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
     """Read and check the file of a run of one component, or of a triad in a free tumble.
 
     Parameters
     ----------
     spec : of the run, with a file.
     kind : of the sensor; it says what unit the output has.
-    lib : its terms, of which averages are held of a long file (see `imubayes.rig.streams.STREAMED`); None
-        holds all rows of every file.
-    tell : is told of the progress of a long one.
+    tell : is told of the progress of a long file (see `imubayes.rig.streams.STREAMED`).
 
     Returns
     -------
@@ -67,17 +53,13 @@ def read_run(spec: RunSpec, kind: Kind, lib: Library | None = None, *, tell: Tel
     """
     path = _path(spec)
     if spec.procedure in CASES:
-        t, output, kept, source = _outputs(spec, path, ACCELEROMETERS)
-        return _partly_known(spec, (t, output, kept), source)
+        return _partly_known(spec, _opened(spec, path, ("t", *ACCELEROMETERS), tell=tell))
     optional, unit = (*INPUTS, MOUNT), OUTPUT_UNIT[kind]
     file = _opened(spec, path, ("t", "output"), optional, unit=unit, tell=tell)
-    if file.held is None and lib is not None:
-        return as_means(read_long_run(spec, file, kind, lib, sha256=sha256_of(path)), kind)
-    refuse_long(file, *BENCH_WHOLE)
-    return _known(spec, file, ("output",), kind=kind)
+    return _known(spec, file, kind)
 
 
-def read_imu_run(spec: RunSpec) -> Run:
+def read_imu_run(spec: RunSpec, *, tell: Tell = silent) -> Run:
     """Read and check the file of a run of a whole IMU, or the two files.
 
     Raises
@@ -85,16 +67,17 @@ def read_imu_run(spec: RunSpec) -> Run:
     DataError : as `read_run` does; if two files do not have the same time stamps; if a section is not in the
         file; if a reference is not along the axes of the case.
     """
-    path = _path(spec)
-    if spec.procedure in CASES:
-        t, force, within, source = _outputs(spec, path, ACCELEROMETERS)
-        rate, kept, whole = _rates(spec, spec.gyroscope_file or path, (t, within), source)
-        return _partly_known(spec, (t, np.hstack((force, rate)), kept), whole)
+    path, known = _path(spec), spec.procedure not in CASES
+    inputs = (*CASE_CHANNELS, MOUNT) if known else ()
+    check = _refuse_component_axes if known else any_table
     here = COMPONENTS if spec.gyroscope_file is None else ACCELEROMETERS
-    file = _opened(spec, path, ("t", *here), (*CASE_CHANNELS, MOUNT), check=_refuse_component_axes)
-    _check_references(file)
-    refuse_long(file, *IMU_WHOLE)
-    return _known(spec, file, here)
+    file = _opened(spec, path, ("t", *here), inputs, tell=tell, check=check)
+    if known:
+        _check_references(file)
+    if spec.gyroscope_file is not None:
+        other = existing(spec.gyroscope_file, _shown(spec, spec.gyroscope_file), spec.origin)
+        file = abreast(file, _opened(spec, other, ("t", *GYROSCOPES), tell=tell))
+    return _known(spec, file) if known else _partly_known(spec, file)
 
 
 def _path(spec: RunSpec) -> Path:
@@ -118,7 +101,7 @@ def _opened(
     *,
     unit: str = "",
     tell: Tell = silent,
-    check: Callable[[Table], None] = lambda table: None,
+    check: Callable[[Table], None] = any_table,
 ) -> RunFile:
     return opened(
         path,
@@ -134,53 +117,46 @@ def _opened(
     )
 
 
-def _known(spec: RunSpec, file: RunFile, here: tuple[str, ...], *, kind: Kind | None = None) -> Run:
-    """Run with known inputs of the outputs `here`: of a component of a kind, of an IMU without one."""
-    rows, clock = file.whole()
-    outputs, axes = {name: rows.values.pop(name) for name in here}, "ijk" if kind else "xyz"
-    for name, output in outputs.items():
-        check_output(file.shown, file.columns[name], output)
-    inputs, derived = _inputs(rows)
+def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
+    """Run with known inputs: of a component of a kind, of an IMU without one."""
+    if file.held is None:
+        return as_means(read_long_run(spec, file, kind), kind or "accelerometer")
+    rows, kept, found = _outputs(file)
+    inputs, derived = _inputs(file, rows)
     if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
-        refuse_stuck(file.shown, file.columns["output"], outputs["output"], inputs.channels[own])
-    kept, lost = within_range(file.shown, outputs, file.columns)
-    lost = (*lost, *(earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()))
-    zeros = assumed(kind or "accelerometer", file.columns, axes)
-    notes = (*clock, *notes_of(rows.t), *lost, *zeros, *derived)
-    source = source_of(file.shown, sha256_of(file.path), file.columns, notes)
-    output = outputs["output"] if kind else np.column_stack(list(outputs.values()))
-    if spec.gyroscope_file is not None:
-        rate, kept, source = _rates(spec, spec.gyroscope_file, (rows.t, kept), source)
-        output = np.hstack((output, rate))
-    run = Run(spec.name, spec.procedure, inputs.kept(kept), taken(output, kept), source)
+        refuse_stuck(file.shown, file.columns["output"], rows.values["output"], inputs.channels[own])
+    axes = "ijk" if kind else "xyz"
+    lost = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
+    notes = (*found, *lost, *assumed(kind or "accelerometer", file.columns, axes), *derived)
+    source = file.source(notes)
+    output = taken(file.output(rows.values), kept)
+    run = Run(spec.name, spec.procedure, inputs.kept(kept), output, source)
     return as_means(run, kind or "accelerometer")
 
 
-def _inputs(rows: Rows) -> tuple[Inputs, tuple[str, ...]]:
+def _inputs(file: RunFile, rows: Rows) -> tuple[Inputs, tuple[str, ...]]:
     """Known inputs of a run, and what was derived for them."""
-    channels, notes = dict(rows.values), ()
+    channels, notes = {name: v for name, v in rows.values.items() if name not in file.outputs}, ()
     if "T" in channels and "dT" not in channels:
         channels["dT"] = frozen(temperature_rate(rows.t, channels["T"]))
         notes = ("dT/dt is the smoothed derivative of the recorded temperature",)
     return Inputs(rows.t, channels, sampling_interval(rows.t), rows.mount), notes
 
 
-def _outputs(
-    spec: RunSpec, path: Path, components: tuple[str, ...]
-) -> tuple[FloatArray, FloatArray, BoolArray, Source]:
-    """Time (n,), outputs (n, 3), which of them are within range (n,), and source of components in a file."""
-    file = _opened(spec, existing(path, _shown(spec, path), spec.origin), ("t", *components))
+def _outputs(file: RunFile) -> tuple[Rows, BoolArray, tuple[str, ...]]:
+    """All rows of a file, which of them (n,) are within the range of every output, and notes."""
     rows, clock = file.whole()
-    for name in components:
-        check_output(file.shown, file.columns[name], rows.values[name])
-    kept, lost = within_range(file.shown, rows.values, file.columns)
-    source = source_of(file.shown, sha256_of(path), file.columns, (*clock, *notes_of(rows.t), *lost))
-    return rows.t, np.column_stack([rows.values[name] for name in components]), kept, source
+    outputs = {name: rows.values[name] for name in file.outputs}
+    for name, output in outputs.items():
+        check_output(file.shown, file.columns[name], output)
+    kept, lost = within_range(file.shown, outputs, file.columns)
+    return rows, kept, (*clock, *notes_of(rows.t), *lost)
 
 
-def _partly_known(spec: RunSpec, within: tuple[FloatArray, FloatArray, BoolArray], source: Source) -> Run:
-    """Run of which gravity is known and perhaps sections: time, outputs, and the rows `within` range."""
-    t, output, kept = within
+def _partly_known(spec: RunSpec, file: RunFile) -> Run:
+    """Run of which gravity is known and perhaps sections."""
+    rows, kept, notes = _outputs(file)
+    t, source = rows.t, file.source(notes)
     for section in spec.sections:
         if not 0 <= section.start < section.stop <= len(t):
             raise DataError(
@@ -192,7 +168,7 @@ def _partly_known(spec: RunSpec, within: tuple[FloatArray, FloatArray, BoolArray
         spec.name,
         spec.procedure,
         Inputs(taken(t, kept), {}, sampling_interval(t)),
-        taken(output, kept),
+        taken(file.output(rows.values), kept),
         source,
         gravity=spec.gravity or 0.0,
         sections=sections,
@@ -209,29 +185,6 @@ def _among(section: Section, kept: BoolArray, run: str, source: Source) -> Secti
         )
     before = int(np.count_nonzero(~kept[: section.start]))
     return replace(section, start=section.start - before, stop=section.stop - before)
-
-
-def _rates(
-    spec: RunSpec, path: Path, beside: tuple[FloatArray, BoolArray], source: Source
-) -> tuple[FloatArray, BoolArray, Source]:
-    """Outputs (n, 3) of the gyroscopes `beside` time and rows (n,) within range; rows and source of both."""
-    (t, within), (t_too, rate, kept, other) = beside, _outputs(spec, path, GYROSCOPES)
-    if len(t) != len(t_too) or np.max(np.abs(t - t_too)) > SAME_TIME * sampling_interval(t):
-        raise DataError(
-            f"{source.file} and {other.file}: expected the same time stamps in both, for accelerometers and"
-            f" gyroscopes of one run; came {len(t)} and {len(t_too)} rows"
-        )
-    return rate, within & kept, _both(source, other, spec)
-
-
-def _both(source: Source, other: Source, spec: RunSpec) -> Source:
-    """Source of a run whose gyroscopes may have a file of their own."""
-    columns = tuple(dict.fromkeys((*source.columns, *other.columns)))
-    notes = tuple(dict.fromkeys((*source.notes, *other.notes)))
-    if spec.gyroscope_file is None:
-        return Source(source.file, source.sha256, columns, notes)
-    files, digests = f"{source.file}, {other.file}", f"{source.sha256}, {other.sha256}"
-    return Source(files, digests, columns, notes)
 
 
 def _refuse_component_axes(table: Table) -> None:

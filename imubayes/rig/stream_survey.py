@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.checks import (
@@ -25,7 +23,7 @@ from imubayes.rig.checks import (
     saturation_note,
 )
 from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps, joined_parts
-from imubayes.rig.recordings import RunSpec, assumed, frozen, source_of
+from imubayes.rig.recordings import RunSpec, assumed, frozen
 from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
@@ -46,37 +44,43 @@ TILE = 8192
 """Rows whose columns are made at a time: they fit the cache."""
 
 
-def read_long_run(spec: RunSpec, file: RunFile, kind: Kind, lib: Library, *, sha256: str) -> Run:
-    """Read a run a part at a time, and keep what fits: columns of `lib` are averaged over the blocks.
+def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> Run:
+    """Read a run of a component of a kind, or of a case, a part at a time, and keep what fits.
 
     Raises
     ------
     DataError : as `imubayes.rig.runs.read_run` does.
     """
     interval = first_interval(file)
-    found = _surveyed(Reader(file, interval), lib)
+    found = _surveyed(Reader(file, interval))
     usual, rate = float(np.median([seen.interval for seen in found.seen])), None
-    if len(found.levels.distinct) == 1:
-        check_output(file.shown, file.columns["output"], found.levels.distinct)
-    elif lib.own in file.columns:
-        refuse_stuck(file.shown, file.columns["output"], found.levels.distinct, found.extremes[lib.own])
+    for name, levels in zip(file.outputs, found.levels, strict=True):
+        if len(levels.distinct) == 1:
+            check_output(file.shown, file.columns[name], levels.distinct)
+    if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
+        refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
     if rate is not None or abs(usual - interval) > STEADY * interval:
         interval = usual
-        found = _surveyed(Reader(file, interval, rate), lib)
-    if rails := found.levels.rails():
+        found = _surveyed(Reader(file, interval, rate))
+    if any(rails := tuple(levels.rails() for levels in found.levels)):
         found = _without(Reader(file, interval, rate, rails), found)
-    return _run(spec, kind, found, sha256)
+    return _run(spec, kind, found)
 
 
 def _without(reader: Reader, found: _Survey) -> _Survey:
-    """Pass over a run again, without the samples at the ends of the output's range."""
-    column, of, lost = reader.file.columns["output"], found.levels.samples, []
-    again = _surveyed(reader, found.lib, lost)
-    note = saturation_note(column, reader.rails, np.concatenate(lost), of)
-    check_left(reader.file.shown, of - again.levels.samples, of, [note])
-    again.seen, again.saturated = found.seen, note
+    """Pass over a run again, without the samples at the ends of an output's range."""
+    file, of = reader.file, found.levels[0].samples
+    lost: list[list[Stretches]] = [[] for _ in file.outputs]
+    again = _surveyed(reader, lost)
+    again.saturated = tuple(
+        saturation_note(file.columns[name], rails, np.concatenate(stretches), of)
+        for name, rails, stretches in zip(file.outputs, reader.rails, lost, strict=True)
+        if rails
+    )
+    check_left(file.shown, of - again.levels[0].samples, of, again.saturated)
+    again.seen = found.seen
     return again
 
 
@@ -93,52 +97,63 @@ class _Seen:
 
 @dataclass(slots=True, eq=False)
 class _Survey:
-    """What a pass over a run gathers. Sums (m, q) and extremes are of the quantities `names` (q)."""
+    """What a pass over a run gathers. Sums (m, q) are of time, duration, channels `names`, and outputs."""
 
-    lib: Library
     names: tuple[str, ...]
     reader: Reader
     longest: int
     clock: Clock
+    levels: tuple[Levels, ...]
     sums: list[FloatArray] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
     mounts: list[int] = field(default_factory=list)
     outermost: list[FloatArray] = field(default_factory=list)
     seen: list[_Seen] = field(default_factory=list)
     kept: list[Part] = field(default_factory=list)
-    reach: FloatArray = field(default_factory=lambda: np.zeros(0))
-    swing: float = 0.0
-    levels: Levels = field(default_factory=Levels)
-    saturated: str = ""
+    saturated: tuple[str, ...] = ()
 
     def mean(self, name: str) -> FloatArray:
-        """Averages (m,) of a quantity over the blocks; the duration of the blocks is a sum."""
-        return np.array([row[self.names.index(name)] for row in self.sums]) / np.array(self.counts)
+        """Averages (m,) of time or of a channel over the blocks."""
+        return np.array([row[("t", "duration", *self.names).index(name)] for row in self.sums]) / self.counts
+
+    @property
+    def output(self) -> FloatArray:
+        """Averages (m,) or (m, c) of the outputs."""
+        means = np.array([row[2 + len(self.names) :] for row in self.sums]) / np.array(self.counts)[:, None]
+        return _as_output(means)
 
     @property
     def extremes(self) -> dict[str, FloatArray]:
         """Rows (r,) that hold the extremes of each channel and of the output, by their names."""
-        held = self.names[2 : self.names.index("output") + 1]
-        return dict(zip(held, np.concatenate(self.outermost).T, strict=True))
+        return _named(self.names, self.outermost[0])
 
 
-def _surveyed(reader: Reader, lib: Library, lost: list[Stretches] | None = None) -> _Survey:
-    """Pass over a run; `lost` gets the rows that the reader leaves out."""
+def _as_output(values: FloatArray) -> FloatArray:
+    """Outputs (n, c) as a run has them: (n,) of a single component."""
+    return values[:, 0] if values.shape[1] == 1 else values
+
+
+def _named(names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
+    """Rows (r, q) of channels and, after them, outputs."""
+    return dict(zip(names, rows.T, strict=False)) | {"output": _as_output(rows[:, len(names) :])}
+
+
+def _surveyed(reader: Reader, lost: list[list[Stretches]] | None = None) -> _Survey:
+    """Pass over a run; `lost` gets the rows of each output that the reader leaves out."""
     found: _Survey | None = None
     clock = Clock()
     for part in reader("reading", lost, clock):
-        names = ("t", "duration", *part.channels, "output", *lib.names)
         if found is None:
             longest = max(1, math.ceil(reader.file.rows / BLOCKS))
-            found = _Survey(lib, names, reader, longest, clock, reach=np.zeros(len(lib.names)))
+            levels = tuple(Levels() for _ in reader.file.outputs)
+            found = _Survey(tuple(part.channels), reader, longest, clock, levels)
         if sum(len(one) for one in found.kept) < STRETCH:
             found.kept.append(part)
         _average(found, part)
-        found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), tuple(part.channels))]
+        found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), found.names)]
         found.seen.append(_look(part, reader.interval))
-        found.levels.add(part.output)
-        own = part.channels.get(lib.own, 0.0)
-        found.swing = max(found.swing, float(np.max(np.abs(part.output - own))))
+        for levels, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
+            levels.add(output)
     if found is None:
         raise ValueError("a run without rows is refused when it is opened")
     return found
@@ -152,8 +167,7 @@ def _average(found: _Survey, part: Part) -> None:
     if mounts is not None:
         fresh = (np.flatnonzero(np.diff(mounts)) + len(part) + 1 - len(mounts)).tolist()
     starts = block_starts(part, count, found.longest, found.reader.interval, fresh)
-    table = _quantities(part, found.lib)
-    found.reach = np.maximum(found.reach, np.abs(table[:, -len(found.reach) :]).max(axis=0))
+    table = np.column_stack((part.t, part.duration, _held(part)))
     opening = bool(starts) and starts[0] == 0
     first = starts if opening else [0, *starts]
     sums = np.add.reduceat(table, first, axis=0)
@@ -191,17 +205,6 @@ def block_starts(part: Part, count: int, longest: int, interval: float, fresh: l
     return starts
 
 
-def _quantities(part: Part, lib: Library) -> FloatArray:
-    """Time, duration, channels, output, columns of the library: (k, q)."""
-    table = np.empty((len(part), 3 + len(part.channels) + len(lib.names)))
-    table[:, : -len(lib.names)] = np.column_stack((part.t, part.duration, _held(part)))
-    for a in range(0, len(part), TILE):
-        inside = slice(a, min(a + TILE, len(part)))
-        channels = {name: values[inside] for name, values in part.channels.items()}
-        columns(lib, channels, inside.stop - a, out=table[inside, -len(lib.names) :])
-    return table
-
-
 def fill(lib: Library, part: Part, inside: slice, table: FloatArray) -> None:
     """Write columns of a library and, beside them, the response of some rows of a part into a table."""
     p = len(lib.names)
@@ -216,9 +219,9 @@ def averaged_parts(
     """Averages (m, width) over the blocks of a run of what is `filled` in, and the largest size (width,)."""
     ends = np.cumsum(stream.counts)
     sums, reach = np.zeros((len(ends), width)), np.zeros(width)
-    for part in stream.parts("averages"):
-        for a in range(0, len(part), TILE):
-            inside = slice(a, min(a + TILE, len(part)))
+    for part in stream.read("averages"):
+        for a in part.own[::TILE]:
+            inside = slice(a, min(a + TILE, part.own.stop))
             table = np.empty((inside.stop - a, width))
             filled(part, inside, table)
             block = np.searchsorted(ends, part.first + np.arange(inside.start, inside.stop), "right")
@@ -229,19 +232,14 @@ def averaged_parts(
 
 
 def renewed(run: Run) -> Run:
-    """Run of which rows are left out, with reach, swing and extremes of those that remain: two passes."""
+    """Run of which rows are left out, with the extremes of those that remain: one pass."""
     if (stream := run.stream) is None:
         return run
-    _, largest = averaged_parts(stream, stream.fill, len(stream.reach) + 1)
-    outermost = np.zeros((0, 0))
+    names = [name for name in stream.extremes if name != "output"]
+    outermost: list[FloatArray] = []
     for part in stream.parts("extremes of what is left"):
-        held = _held(part)
-        outermost = _outermost(
-            np.concatenate([outermost, held]) if len(outermost) else held, tuple(part.channels)
-        )
-    extremes = dict(zip(stream.extremes, outermost.T, strict=True))
-    left = replace(stream, reach=largest[:-1], swing=float(largest[-1]), extremes=extremes)
-    return replace(run, stream=left)
+        outermost = [_outermost(np.concatenate([*outermost, _held(part)]), names)]
+    return replace(run, stream=replace(stream, extremes=_named(names, outermost[0])))
 
 
 def _held(part: Part) -> FloatArray:
@@ -277,7 +275,7 @@ def _notes(found: _Survey, samples: int, stretch: Part) -> tuple[str, ...]:
         *found.clock.notes,
         gap_note(sum(one.gaps for one in seen), worst.longest, worst.at),
         jump_note(away[0].interval, away[0].t, usual) if away else "",
-        found.saturated,
+        *found.saturated,
         f"{samples:,} rows are read a part at a time: every row counts in the coefficients, while figures"
         f" and tests have averages over {len(found.counts):,} blocks, and {len(stretch):,} rows at"
         f" full rate from t = {stretch.t[0]:.6g} s on",
@@ -295,29 +293,24 @@ def _stretch(found: _Survey) -> Part:
     return rows.some(slice(a, b), a, np.nan)
 
 
-def _run(spec: RunSpec, kind: Kind, found: _Survey, sha256: str) -> Run:
-    names = found.names[2 : found.names.index("output")]
+def _run(spec: RunSpec, kind: Kind | None, found: _Survey) -> Run:
     counts, stretch = np.array(found.counts), _stretch(found)
-    samples = int(counts.sum())
+    samples, axes = int(counts.sum()), "ijk" if kind else "xyz"
     duration = np.array([row[1] for row in found.sums])
     stream = Stream(
         parts=found.reader,
         samples=samples,
         interval=found.reader.interval,
-        library=found.lib,
         counts=counts,
         duration=duration,
-        X=np.array([row[-len(found.reach) :] for row in found.sums]) / counts[:, None],
-        reach=found.reach,
-        swing=found.swing,
         extremes=found.extremes,
         stretch=stretch,
-        fill=partial(fill, found.lib),
     )
-    channels = {name: frozen(found.mean(name)) for name in names}
+    channels = {name: frozen(found.mean(name)) for name in found.names}
     mount = np.array(found.mounts) if found.mounts else None
     inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount)
-    left_out = earth_left_out(spec.procedure, inputs) if kind == "gyroscope" else ()
-    notes = (*_notes(found, samples, stretch), *left_out, *assumed(kind, channels))
-    source = source_of(found.reader.file.shown, sha256, found.reader.file.columns, notes)
-    return Run(spec.name, spec.procedure, inputs, frozen(found.mean("output")), source, stream)
+    left_out = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
+    zeros = assumed(kind or "accelerometer", channels, axes)
+    notes = (*_notes(found, samples, stretch), *left_out, *zeros)
+    source = found.reader.file.source(notes)
+    return Run(spec.name, spec.procedure, inputs, frozen(found.output), source, stream)

@@ -20,7 +20,8 @@ from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_value
 from imubayes.rig.clocks import between_set_backs, spread, unwrapped
 from imubayes.rig.columns import Column, ColumnSpec, resolve
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import MOUNT, Part, durations, sampling_interval, thinned
+from imubayes.rig.inputs import MOUNT, Part, Source, durations, sampling_interval, thinned
+from imubayes.rig.recordings import sha256_of
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.units import counted
 
@@ -30,8 +31,8 @@ STREAMED = 1_000_000
 """Rows from which a file is read a part at a time: a study of so many in memory, with twenty terms, peaks at
 0.9 GB; of five times as many at 2.3 GB."""
 
-MOST_WHOLE = 30_000_000
-"""Rows of a run that is held as a whole because something needs all of them at once: some 15 GB."""
+SAME_TIME = 0.01
+"""Share of the interval by which time stamps of two files of one run may differ."""
 
 SAID_EVERY = 0.5
 """s between two messages of progress."""
@@ -57,6 +58,8 @@ class RunFile:
     columns : of the first table, by channel: names, units, scales.
     rows : about so many; 0 where the format does not say.
     held : all of a short file; None of one that is read a part at a time.
+    outputs : channels of what was measured, one or of the components of a case.
+    beside : two files whose rows these are, side by side; none where they are those of one file.
     tell : is told of progress.
     notes : what is to be said of its clock.
     """
@@ -68,6 +71,8 @@ class RunFile:
     held: Table | None = None
     tell: Tell = silent
     notes: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ("output",)
+    beside: tuple[RunFile, ...] = ()
 
     def tables(self) -> Iterator[Table]:
         """Read the columns that the run uses."""
@@ -84,12 +89,31 @@ class RunFile:
 
     def values(self, clock: Clock) -> Iterator[Rows]:
         """Values a table at a time, whose `clock` starts with the first."""
+        if self.beside:
+            clock.other = Clock()
+            first, second = self.beside
+            yield from _abreast(self.shown, first.values(clock), second.values(clock.other))
+            return
         for table in self.tables():
             t, before = clock.read(self, table)
             columns = {name: self.found(table, name) for name in self.columns if name != "t"}
             values = {name: _checked(table, column, len(t)) for name, column in columns.items()}
             mount = whole_numbers(table, columns[MOUNT], values.pop(MOUNT)) if MOUNT in values else None
             yield Rows(table.first, before, t, values, mount)
+
+    def output(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Outputs among values (k,) by channel as a run has them: (k,), or (k, c) of several."""
+        first, *others = (values[name] for name in self.outputs)
+        return np.column_stack((first, *others)) if others else first
+
+    def source(self, notes: tuple[str, ...]) -> Source:
+        """Where the rows came from, the columns that were used by channel, and notes."""
+        if self.beside:
+            one, other = (file.source(notes) for file in self.beside)
+            columns = tuple(dict.fromkeys((*one.columns, *other.columns)))
+            return Source(self.shown, f"{one.sha256}, {other.sha256}", columns, notes)
+        used = tuple((column.address, channel, column.unit) for channel, column in self.columns.items())
+        return Source(self.shown, sha256_of(self.path), used, notes)
 
     def whole(self) -> tuple[Rows, tuple[str, ...]]:
         """All rows, and what is to be said of the clock."""
@@ -99,6 +123,10 @@ class RunFile:
         for one in (joined.t, *joined.values.values()):
             one.setflags(write=False)
         return joined, (*self.notes, *clock.notes)
+
+
+def any_table(table: Table) -> None:
+    """Take a file as it is."""
 
 
 def opened(
@@ -111,7 +139,7 @@ def opened(
     output_unit: str = "",
     ignore: Collection[str] = (),
     tell: Tell = silent,
-    check: Callable[[Table], None] = lambda table: None,
+    check: Callable[[Table], None] = any_table,
     cut: bool = True,
 ) -> RunFile:
     """Find the channels of a run in a file, as `imubayes.rig.columns.resolve` does, after a `check`.
@@ -129,21 +157,54 @@ def opened(
     columns = resolve(
         table, specs, required=required, optional=optional, output_unit=output_unit, ignore=ignore
     )
+    outputs = tuple(name for name in required if name != "t")
     if held is None:
-        return RunFile(path, shown, columns, rows, held, tell)
+        return RunFile(path, shown, columns, rows, held, tell, outputs=outputs)
     check_values(held, columns["t"])
     part, notes = between_set_backs(held, columns["t"]) if cut else (slice(None), ())
     columns = {name: replace(column, raw=column.raw[part]) for name, column in columns.items()}
     columns["t"], more = spread(columns["t"])
-    return RunFile(path, shown, columns, rows, held.rows(part), tell, (*notes, *more))
+    return RunFile(path, shown, columns, rows, held.rows(part), tell, (*notes, *more), outputs)
 
 
-def refuse_long(file: RunFile, what: str, instead: str) -> None:
-    """Refuse a file with more rows than are held at a time."""
-    if file.rows > MOST_WHOLE:
+def abreast(file: RunFile, other: RunFile) -> RunFile:
+    """Two files of one run on one clock, as one: both are held, or read a part at a time."""
+    return replace(
+        file,
+        shown=f"{file.shown}, {other.shown}",
+        columns={**other.columns, **file.columns},
+        rows=max(file.rows, other.rows),
+        held=file.held if other.held is not None else None,
+        notes=tuple(dict.fromkeys((*file.notes, *other.notes))),
+        outputs=(*file.outputs, *other.outputs),
+        beside=(file, other),
+    )
+
+
+def _abreast(shown: str, one: Iterator[Rows], other: Iterator[Rows]) -> Iterator[Rows]:
+    """Rows of two files, as many at a time as were read of both.
+
+    Raises
+    ------
+    DataError : if they do not have the same time stamps.
+    """
+    a, b = next(one, None), next(other, None)
+    while a is not None and b is not None:
+        k = min(len(a.t), len(b.t))
+        if np.max(np.abs(a.t[:k] - b.t[:k])) > SAME_TIME * sampling_interval(a.t[:k]):
+            break
+        first = a.some(slice(0, k))
+        yield replace(first, values={**first.values, **b.some(slice(0, k)).values})
+        a = a.some(slice(k, None)) if k < len(a.t) else next(one, None)
+        b = b.some(slice(k, None)) if k < len(b.t) else next(other, None)
+    if a is not None or b is not None:
+        ends = [
+            sum((len(rows.t) for rows in rest), 0 if left is None else left.first + len(left.t))
+            for left, rest in ((a, one), (b, other))
+        ]
         raise DataError(
-            f"{file.shown}: has about {file.rows:,} rows: {what} is read as a whole, and has at most"
-            f" {MOST_WHOLE:,}; {instead}"
+            f"{shown.replace(', ', ' and ')}: expected the same time stamps in both, for accelerometers and"
+            f" gyroscopes of one run; came {ends[0]} and {ends[1]} rows"
         )
 
 
@@ -159,6 +220,13 @@ class Rows:
     t: FloatArray
     values: dict[str, FloatArray]
     mount: NDArray[np.int64] | None
+
+    def some(self, rows: slice) -> Rows:
+        """Some of the rows, which lie together."""
+        values = {name: values[rows] for name, values in self.values.items()}
+        before = float(self.t[rows.start - 1]) if rows.start else self.before
+        mount = None if self.mount is None else self.mount[rows]
+        return Rows(self.first + rows.start, before, self.t[rows], values, mount)
 
 
 def _joined(parts: list[Rows]) -> Rows:
@@ -180,12 +248,14 @@ class Clock:
     turns: int = 0
     origin: float | None = None
     late: bool = False
+    other: Clock | None = None
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of the clock."""
+        """What is to be said of the clock, and of that of the file beside."""
         turned = (f"the clock wrapped around {counted(self.turns, 'time')}",) if self.turns else ()
-        return (*turned, "time is counted from the first sample") if self.late else turned
+        own = (*turned, "time is counted from the first sample") if self.late else turned
+        return own if self.other is None else tuple(dict.fromkeys((*own, *self.other.notes)))
 
     def read(self, file: RunFile, table: Table) -> tuple[FloatArray, float]:
         """Time in s of the rows of the next table, and that of the row before."""
@@ -256,65 +326,65 @@ class Reader:
     interval : averaging time of one sample, s.
     rate : times in s and rates of temperature in K/s, between which ``dT`` is interpolated; None leaves it
         out where the file has none.
-    rails : ends of the output's range, SI, at which samples are left out.
+    rails : ends of each output's range, SI, at which samples are left out.
     """
 
     file: RunFile
     interval: float
     rate: tuple[FloatArray, FloatArray] | None = None
-    rails: tuple[float, ...] = ()
+    rails: tuple[tuple[float, ...], ...] = ()
 
     def __call__(
-        self, purpose: str, lost: list[Stretches] | None = None, clock: Clock | None = None
+        self, purpose: str, lost: list[list[Stretches]] | None = None, clock: Clock | None = None
     ) -> Iterator[Part]:
         """Read the rows from the first on; `purpose` is told with the progress, `lost` what is left out."""
-        parts = _parts(self.file.values(clock or Clock()), self.interval, self.rate)
-        within = thinned(_within(parts, self.rails, [] if lost is None else lost)) if self.rails else parts
+        parts = self._parts(self.file.values(clock or Clock()))
+        kept = lost or [[] for _ in self.rails]
+        within = thinned(_within(parts, self.rails, kept)) if self.rails else parts
         return _told(self.file, purpose, _prefetched(within))
 
     def __reduce__(self) -> tuple[type[Reader], tuple[object, ...]]:
         """Another process reads the same rows; whoever is told of progress stays in this one."""
         return Reader, (replace(self.file, tell=silent), self.interval, self.rate, self.rails)
 
-
-def _parts(
-    tables: Iterator[Rows], interval: float, rate: tuple[FloatArray, FloatArray] | None
-) -> Iterator[Part]:
-    """Parts; each waits for the next, whose first row says how long its last one lasts."""
-    held: Rows | None = None
-    for rows in tables:
+    def _parts(self, tables: Iterator[Rows]) -> Iterator[Part]:
+        """Parts; each waits for the next, whose first row says how long its last one lasts."""
+        held: Rows | None = None
+        for rows in tables:
+            if held is not None:
+                yield self._part(held, float(rows.t[0]))
+            held = rows
         if held is not None:
-            yield _part(held, float(rows.t[0]), interval, rate)
-        held = rows
-    if held is not None:
-        yield _part(held, np.nan, interval, rate)
+            yield self._part(held, np.nan)
+
+    def _part(self, rows: Rows, after: float) -> Part:
+        around = np.concatenate(([rows.before], rows.t, [after]))
+        known = np.isfinite(around)
+        lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
+        channels = {name: values for name, values in rows.values.items() if name not in self.file.outputs}
+        output = self.file.output(rows.values)
+        if self.rate is not None and "dT" not in channels:
+            channels["dT"] = np.interp(rows.t, *self.rate)
+        return Part(rows.first, rows.before, rows.t, lasting, channels, output, rows.mount)
 
 
 def _within(
-    parts: Iterator[Part], rails: tuple[float, ...], lost: list[Stretches]
+    parts: Iterator[Part], rails: tuple[tuple[float, ...], ...], lost: list[list[Stretches]]
 ) -> Iterator[tuple[Part, BoolArray]]:
-    """Parts, and which samples are not at the ends of the range; a few rows on both sides tell."""
+    """Parts, and which samples are not at the ends of a range; a few rows on both sides tell."""
     ahead = next(parts, None)
-    held = np.zeros(0)
+    held: FloatArray | None = None
     while (part := ahead) is not None:
         ahead = next(parts, None)
-        after = np.zeros(0) if ahead is None else ahead.output[:NEAR]
-        around = np.concatenate((held, part.output, after))
-        kept = ~beyond(around, rails)[len(held) : len(held) + len(part)]
+        before = part.output[:0] if held is None else held
+        after = part.output[:0] if ahead is None else ahead.output[:NEAR]
+        around, kept = np.concatenate((before, part.output, after)), np.ones(len(part), dtype=bool)
+        for output, ends, out in zip(np.atleast_2d(around.T), rails, lost, strict=True):
+            own = beyond(output, ends)[len(before) : len(before) + len(part)]
+            out.append(part.first + stretches_of(own))
+            kept &= ~own
         held = part.output[-NEAR:]
-        lost.append(part.first + stretches_of(~kept))
         yield part, kept
-
-
-def _part(rows: Rows, after: float, interval: float, rate: tuple[FloatArray, FloatArray] | None) -> Part:
-    around = np.concatenate(([rows.before], rows.t, [after]))
-    known = np.isfinite(around)
-    lasting = durations(around[known], interval)[int(known[0]) : int(known[0]) + len(rows.t)]
-    channels = dict(rows.values)
-    output = channels.pop("output")
-    if rate is not None and "dT" not in channels:
-        channels["dT"] = np.interp(rows.t, *rate)
-    return Part(rows.first, rows.before, rows.t, lasting, channels, output, rows.mount)
 
 
 def _prefetched(parts: Iterator[Part]) -> Iterator[Part]:

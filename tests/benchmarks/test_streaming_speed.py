@@ -53,7 +53,7 @@ def run(tmp_path_factory):
     write(path, ROWS, np.random.default_rng(1))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streams, "STREAMED", 1000)
-        return read_run(RunSpec("r", "other", file=path), "accelerometer", LIB)
+        return read_run(RunSpec("r", "other", file=path), "accelerometer")
 
 
 def peer(run) -> float:
@@ -151,7 +151,7 @@ from imubayes.inference.summary import summarize
 from imubayes.rig.runs import read_run
 from imubayes.rig.recordings import RunSpec
 write(Path({file!r}), 6_000_000, np.random.default_rng(1))
-run = read_run(RunSpec("r", "other", file=Path({file!r})), "accelerometer", LIB)
+run = read_run(RunSpec("r", "other", file=Path({file!r})), "accelerometer")
 assert run.stream is not None
 assert summarize([run], LIB).factor.n == 6_000_000
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

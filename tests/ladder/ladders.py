@@ -54,7 +54,7 @@ def in_memory_and_streamed(folder: Path, n: int = 9000) -> tuple[Problem, Proble
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streams, "STREAMED", 1000)
         patch.setattr(stream_files, "ROWS", 2048)
-        return whole, problem_of(spec, [read_run(spec.runs[0], spec.kind, spec.library)])
+        return whole, problem_of(spec, [read_run(spec.runs[0], spec.kind)])
 
 
 def ground(one: Problem, seed: int = 2) -> Ground:

@@ -88,7 +88,7 @@ def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(mo
     pq.write_table(pa.table(columns), tmp_path / "run.parquet")
     spec = replace(one.spec, runs=(RunSpec("r", "tumble", file=tmp_path / "run.parquet"),))
     monkeypatch.setattr(streams, "STREAMED", 100)
-    streamed = problem_of(spec, [read_run(spec.runs[0], spec.kind, spec.library)])
+    streamed = problem_of(spec, [read_run(spec.runs[0], spec.kind)])
     monkeypatch.setattr(table, "measured", in_this_process)
     asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in", "raw"), missions=())
     found = table.measure(asked)

@@ -6,7 +6,7 @@ from fleet_studies import TUMBLE, first_part, fleet, recorded
 
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import prepare
-from imubayes.errors import InputError, StudyError
+from imubayes.errors import StudyError
 from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.population import records
 from imubayes.population.fleet import ALARM, answer
@@ -118,22 +118,12 @@ def test_long_file_of_a_unit_is_read_a_part_at_a_time_and_says_the_same(tmp_path
     (part,) = parts_of(study, None)
     whole = unit_record(study, part[0])
     monkeypatch.setattr(streams, "STREAMED", 1000)
-    monkeypatch.setattr(streams, "MOST_WHOLE", 1000)
     streamed = unit_record(study, part[0])
     assert streamed.samples == whole.samples == 6000
     assert streamed.verdicts == whole.verdicts
     np.testing.assert_allclose((streamed.full_mean - whole.full_mean) / whole.full_sd, 0.0, atol=1e-4)
     # of 6000 rows, ten stand for columns that were not excited; whether they count for the noise is open
     np.testing.assert_allclose(streamed.full_sd / whole.full_sd, 1.0, rtol=1e-2)
-
-
-def test_long_file_is_refused_where_all_of_its_rows_are_asked_for(tmp_path, monkeypatch):
-    study = recorded(tmp_path, ("A1", "A2"))
-    (part,) = parts_of(study, None)
-    monkeypatch.setattr(streams, "STREAMED", 10)
-    monkeypatch.setattr(streams, "MOST_WHOLE", 10)
-    with pytest.raises(InputError, match=r"latency of the sensor \(reference\)"):
-        unit_record(replace(study, spec=replace(study.spec, reference={"latency": 1e-3})), part[0])
 
 
 def test_unit_that_is_asked_for_alone_says_what_is_wrong():

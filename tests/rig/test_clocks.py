@@ -9,7 +9,6 @@ from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.scenes.record import read_scene
-from imubayes.sensors.terms import library
 from imubayes.study.schema.run_tables import columns_of
 from imubayes.study.schema.shapes import Place
 
@@ -58,7 +57,7 @@ def test_time_is_that_of_even_samples(lines, header, t, part, tmp_path, monkeypa
     np.testing.assert_allclose(run.t - run.t[0], 0.01 * np.arange(N), rtol=0, atol=1e-9)
     if part < N:
         parts = RunSpec("log", "static", path, path.name, columns=specs(**columns))
-        stream = read_run(parts, "accelerometer", library("accelerometer")).stream
+        stream = read_run(parts, "accelerometer").stream
         t = np.concatenate([one.t for one in stream.parts("")])
         np.testing.assert_allclose(t - t[0], 0.01 * np.arange(N), rtol=0, atol=1e-9)
 

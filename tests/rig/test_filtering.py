@@ -55,9 +55,9 @@ def test_a_long_file_is_read_as_the_means_that_a_short_one_is(tmp_path, monkeypa
     np.savetxt(tmp_path / "quiet.csv", np.column_stack((t, output))[: SAMPLES // 4], delimiter=",", fmt="%.9g",
                header="t [s],output [rad/s]", comments="")  # fmt: skip
     spec = RunSpec("quiet", "static", tmp_path / "quiet.csv")
-    held = read_run(spec, "gyroscope", LIB)
+    held = read_run(spec, "gyroscope")
     monkeypatch.setattr("imubayes.rig.streams.STREAMED", 1000)
-    long = read_run(spec, "gyroscope", LIB)
+    long = read_run(spec, "gyroscope")
     assert long.stream is None
     assert np.isclose(len(long.inputs), len(held.inputs), rtol=0.3)
     assert np.isclose(long.inputs.durations @ long.output, held.inputs.durations @ held.output)

@@ -12,6 +12,7 @@ from pyarrow import csv
 from pyarrow import parquet as pq
 
 from imubayes.errors import DataError
+from imubayes.inference.linear import linear_of, reach_of, swing_of
 from imubayes.rig import stream_files, streams
 from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
@@ -69,10 +70,17 @@ def hdf5(table, folder):
 FORMATS = {"parquet": parquet, "text": text, "hdf5": hdf5}
 
 
-def both(path, specs=None, lib=LIB):
+def held(spec):
+    """A run as a whole."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(streams, "STREAMED", 10**9)
+        return read_run(spec, "accelerometer")
+
+
+def both(path, specs=None):
     """A run as a whole, and a part at a time."""
     spec = RunSpec("r", "other", file=path, shown="run", columns=specs or {})
-    return read_run(spec, "accelerometer"), read_run(spec, "accelerometer", lib)
+    return held(spec), read_run(spec, "accelerometer")
 
 
 def joined(run):
@@ -91,9 +99,7 @@ def message(call):
 
 def messages(path, specs=None):
     spec = RunSpec("r", "other", file=path, shown="run", columns=specs or {})
-    return message(lambda: read_run(spec, "accelerometer")), message(
-        lambda: read_run(spec, "accelerometer", LIB)
-    )
+    return message(lambda: held(spec)), message(lambda: read_run(spec, "accelerometer"))
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -119,11 +125,14 @@ def test_averages_are_those_of_the_rows_and_never_reach_across_a_long_gap(form, 
     assert stream.counts.sum() == N
     assert N // 3 in first
     size = np.abs(X).max(axis=0)
-    off = np.add.reduceat(X, first, axis=0) / stream.counts[:, None] - stream.X
+    rows = linear_of(run, LIB)
+    off = np.add.reduceat(X, first, axis=0) / stream.counts[:, None] - rows.X
     assert np.all(np.abs(off) <= 1e-13 * size)
-    assert np.array_equal(stream.reach, size)
+    assert np.array_equal(reach_of(rows), size)
     assert run.inputs.t == pytest.approx(np.add.reduceat(whole.inputs.t, first) / stream.counts, rel=1e-14)
-    assert stream.swing == pytest.approx(np.abs(whole.output - whole.inputs.channels["f_i"]).max(), rel=1e-15)
+    assert swing_of(run, LIB) == pytest.approx(
+        np.abs(whole.output - whole.inputs.channels["f_i"]).max(), rel=1e-15
+    )
 
 
 def test_extremes_of_the_inputs_are_those_of_all_rows(tmp_path):
@@ -215,25 +224,18 @@ def test_the_rate_of_a_recorded_temperature_is_that_of_the_whole_run(tmp_path):
     table = recording()
     t = table["t [s]"]
     table["T [K]"] = 300.0 + 10.0 * np.sin(2.0 * np.pi * t / 400.0)
-    whole, run = both(parquet(table, tmp_path), lib=library("accelerometer", temperature=1))
+    whole, run = both(parquet(table, tmp_path))
     rate = joined(run)[3]["dT"]
     usual = np.sqrt(np.mean(whole.inputs.channels["dT"] ** 2))
     # both are parabolas through windows that a regressor's noise below 1/20 chose
     assert np.sqrt(np.mean((rate - whole.inputs.channels["dT"]) ** 2)) < 0.05 * usual
 
 
-def test_a_file_that_must_be_read_as_a_whole_and_is_too_long_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(streams, "MOST_WHOLE", 10_000)
-    path = parquet(recording(), tmp_path)
-    with pytest.raises(DataError, match=r"20,000 rows: with a latency of the sensor .* at most 10,000"):
-        read_run(RunSpec("r", "other", file=path, shown="run"), "accelerometer")
-
-
 def test_progress_is_told_with_rows_a_second(tmp_path, monkeypatch):
     monkeypatch.setattr(streams, "SAID_EVERY", 0.0)
     said: list[str] = []
     spec = RunSpec("r", "other", file=parquet(recording(), tmp_path))
-    read_run(spec, "accelerometer", LIB, tell=said.append)
+    read_run(spec, "accelerometer", tell=said.append)
     assert said[-1].startswith("reading: 20,000 of about 20,000 rows, ")
     assert said[-1].endswith(" rows/s")
 
@@ -241,7 +243,7 @@ def test_progress_is_told_with_rows_a_second(tmp_path, monkeypatch):
 def test_another_process_reads_the_same_rows(tmp_path):
     said: list[str] = []
     run = read_run(
-        RunSpec("r", "other", file=parquet(recording(), tmp_path)), "accelerometer", LIB, tell=said.append
+        RunSpec("r", "other", file=parquet(recording(), tmp_path)), "accelerometer", tell=said.append
     )
     sent = pickle.loads(pickle.dumps(run))
     for part, other in zip(run.stream.parts("reading"), sent.stream.parts("reading"), strict=True):
@@ -257,7 +259,7 @@ def test_run_that_is_beyond_the_range_everywhere_is_refused(written, tmp_path, m
     if not streamed:
         monkeypatch.setattr(streams, "STREAMED", 10**9)
     with pytest.raises(DataError, match=r"only 2 values, within 0\.02 m/s\^2, while its input moves by"):
-        read_run(RunSpec("log", "other", written(table, tmp_path)), "accelerometer", LIB)
+        read_run(RunSpec("log", "other", written(table, tmp_path)), "accelerometer")
 
 
 @pytest.mark.parametrize("written", [parquet, text, hdf5])
@@ -265,9 +267,9 @@ def test_saturated_samples_of_a_long_file_are_those_of_the_whole(written, tmp_pa
     table = recording()
     table["output [m/s^2]"] = np.minimum(table["output [m/s^2]"], 7.0)
     spec = RunSpec("log", "other", written(table, tmp_path))
-    part = read_run(spec, "accelerometer", LIB)
+    part = read_run(spec, "accelerometer")
     monkeypatch.setattr(streams, "STREAMED", 10**9)
-    whole = read_run(spec, "accelerometer", LIB)
+    whole = read_run(spec, "accelerometer")
     assert whole.stream is None and part.samples == whole.samples < N
     rows = list(part.stream.parts("rows"))
     np.testing.assert_array_equal(np.concatenate([one.output for one in rows]), whole.output)

@@ -222,7 +222,7 @@ def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_pat
     monkeypatch.setattr(streams, "STREAMED", 1000)
     monkeypatch.setattr(stream_survey, "STRETCH", 4096)
     lib = library("gyroscope", powers=1, asymmetry=-1)
-    run = read_run(RunSpec("log", "static", file=tmp_path / "log.parquet"), "gyroscope", lib)
+    run = read_run(RunSpec("log", "static", file=tmp_path / "log.parquet"), "gyroscope")
     rows = linear_of(run, lib)
     candidates = ("B", "K", "Q")
     theta = np.zeros(len(lib.names))
