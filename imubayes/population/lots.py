@@ -19,6 +19,7 @@ from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
 from imubayes.rig.recordings import RunSpec
+from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.scenes.smallest import SURE, Knowledge, left_over
 from imubayes.sensors.catalogue import coupled
@@ -105,6 +106,7 @@ class MissionFound:
     mission : name of the scene.
     terms : every term of the library.
     order : number of terms that a unit's own smallest model has: median and 90 % range over units.
+    tested_order : the same where the terms kept take up the others over the inputs of the unit's test.
     within : share of the units for which a model within the budget was found.
     noise_share : noise's share of the budget, median over units.
     basic_share : median share of the budget that a triad of twelve parameters leaves; NaN where not asked.
@@ -113,6 +115,7 @@ class MissionFound:
     mission: str
     terms: tuple[MissionTerm, ...]
     order: Share
+    tested_order: Share
     within: float
     noise_share: float
     basic_share: float
@@ -266,13 +269,22 @@ def missions(
 
 
 def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: bool) -> MissionFound:
-    weighed = [weigh(seen, _knowledge(unit), noise=Noise(*unit.noise)) for unit in units]
+    weighed = [
+        weigh(
+            seen,
+            _knowledge(unit),
+            noise=Noise(*unit.noise),
+            tested=SceneEffects(seen.lib.names, unit.R[:-1, :-1]),
+        )
+        for unit in units
+    ]
     limit = mission.budget.limit
     left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         mission=mission.name,
         terms=_terms(units, weighed, seen),
         order=over_units([len(one.model) for one in weighed]),
+        tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
         within=float(np.mean([one.met for one in weighed])),
         noise_share=float(np.median([math.hypot(*one.noise) for one in weighed])) / limit,
         basic_share=float(np.median(left)),

@@ -236,7 +236,8 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
         said.append(f"{UNSHOWN}: {listed(would)}.")
     said.append(
         f"Counted unit by unit, the smallest model has {amid(scene.order)} terms (median, and 90{NARROW}% of"
-        " the units), shown or not."
+        f" the units), shown or not; with a calibration over the inputs of the test"
+        f" {amid(scene.tested_order)}."
     )
     said.append(f"Noise comes to {of_budget(scene.noise_share)}; {_staying(scene.within)}.")
     if not math.isnan(scene.basic_share):

@@ -85,7 +85,7 @@ def _mission(lib: Library, name: str, size: float, basic: bool) -> MissionFound:
     terms = tuple(_in_scene(term.name, size) for term in lib.terms)
     order = float(sum(term.required >= 0.5 for term in terms))
     return MissionFound(
-        name, terms, Share(order, order, order + 1.0), 1.0, 0.2, 3.0 * size if basic else np.nan
+        name, terms, *2 * (Share(order, order, order + 1.0),), 1.0, 0.2, 3.0 * size if basic else np.nan
     )
 
 

@@ -278,6 +278,8 @@ OF_PAIR = readings(
             lambda of, m: [found := of[0].inside(*of[1], "needed"), len(found)],
         rf"the smallest model has ({NUM}) \(({NUM}) to ({NUM})\) terms \(median, and (90) % of the units\)":
             lambda of, m: [*_range_of(of[0].scenes[of[1]]["order"]), 90],
+        rf"with a calibration over the inputs of the test ({NUM}) \(({NUM}) to ({NUM})\)\.":
+            lambda of, m: [*_range_of(of[0].scenes[of[1]]["tested_order"])],
         rf"Noise comes to ({SHARE}) (?:of )?the budget":
             lambda of, m: [of[0].scenes[of[1]]["noise_share_of_budget"]],
         rf"({NUM} %) of the units have a model that stays within the budget with (95) %":

@@ -181,6 +181,9 @@ class ClassInScene:
     basic_share_of_budget: Annotated[Number, says(
         "that a triad of twelve parameters leaves, median over units; null where not asked"
     )]
+    tested_order: Annotated[Interval | None, says(
+        "as `order`, where the terms kept take up the others over the inputs of the unit's test"
+    )] = None
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)
