@@ -17,7 +17,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, posterior, reorder, with_prior_rows
-from imubayes.inference.linear import Extra, Linear, narrowed, residuals
+from imubayes.inference.linear import Extra, Linear, narrowed
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.stills import Stills, find_stills, means_of, still_rows
@@ -81,7 +81,7 @@ class Case:
     rows : of each of the summary's runs.
     components : in the order of the columns.
     triads : accelerometers, and gyroscopes where there are some, at the coefficients of the full library.
-    residuals : (n,) of each of the summary's runs, SI.
+    theta : (p,) coefficients of all columns, SI.
     inputs : channels (n,) of each of the summary's runs, for the figures and the search for what is missing.
     angles : how the axes of triads lie, where directions were known.
     distrusted : dwells that a component goes on without, by the names of the summary's runs.
@@ -91,7 +91,7 @@ class Case:
     rows: tuple[Linear, ...]
     components: tuple[Component, ...]
     triads: tuple[Triad, ...]
-    residuals: tuple[FloatArray, ...]
+    theta: FloatArray
     inputs: tuple[dict[str, FloatArray], ...]
     angles: tuple[Angle, ...] = ()
     distrusted: tuple[Distrusted, ...] = ()
@@ -141,7 +141,7 @@ def case_of(
         rows=tuple(one.rows for one in told),
         components=tuple(components),
         triads=tuple(replace(t, theta=part) for t, part in zip(triads, np.split(theta, ends), strict=False)),
-        residuals=tuple(residuals(one.rows, theta) for one in told),
+        theta=theta,
         inputs=tuple(one.inputs for one in told),
     )
 

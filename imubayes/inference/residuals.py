@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import reorder
 from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, Rows, block_edges, residuals, stretch_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import whiten
-from imubayes.rig.inputs import Run
 from imubayes.sensors.noise import allan_variance
 
 LAGS = 20
@@ -102,21 +102,28 @@ def level_of(share: int, runs: int) -> float:
 
 
 def check_residuals(
-    run: Run, rows: Linear, theta: FloatArray, summary: RunSummary, *, level: float = SUSPECT
+    rows: Linear,
+    theta: FloatArray,
+    summary: RunSummary,
+    *,
+    cov: FloatArray | None = None,
+    level: float = SUSPECT,
 ) -> ResidualCheck:
     """Test the residuals of a run under the coefficients `theta` (p,) of all columns.
 
     Parameters
     ----------
-    run : with known inputs.
     rows : of the run, with the columns in the order of `theta`.
     theta : coefficients, SI.
     summary : of the same run, for its noise.
+    cov : (p, p) of coefficients that the run takes part in determining, which takes ``tr(X cov X')`` degrees
+        of freedom of its whitened rows X; None where they are known from elsewhere.
     level : probability of a false alarm of each test.
     """
-    fitted = int(np.count_nonzero(summary.factor.column_norms))
+    R = reorder(summary.factor, rows.names).R[:-1, :-1]
+    fitted = 0.0 if cov is None else float(np.sum((R @ cov) * R))
     own = replace(summary, interval=rows.interval)
-    check = judge(residuals(rows, theta), rows.rows, own, fitted=fitted, level=level)
+    check = _judged(residuals(rows, theta), rows.rows, own, fitted, level)
     return check if rows.stream is None else _with_samples(check, rows, theta, summary)
 
 
@@ -125,7 +132,7 @@ def _with_samples(
 ) -> ResidualCheck:
     """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
     held = stretch_of(rows)
-    fine = judge(residuals(held, theta), held.rows, summary)
+    fine = _judged(residuals(held, theta), held.rows, summary, 0.0, SUSPECT)
     return replace(
         check,
         sample_scale=fine.sample_scale,
@@ -136,31 +143,15 @@ def _with_samples(
     )
 
 
-def judge(
-    raw: FloatArray,
-    rows: Rows,
-    summary: RunSummary,
-    *,
-    fitted: int = 0,
-    level: float = SUSPECT,
-) -> ResidualCheck:
-    """Test raw residuals (n,) of rows against the noise of a run.
-
-    Parameters
-    ----------
-    raw : residuals, SI.
-    rows : when they were taken.
-    summary : of the run.
-    fitted : coefficients that the rows themselves have determined; they take as many degrees of freedom.
-    level : probability of a false alarm of each test.
-    """
+def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, level: float) -> ResidualCheck:
+    """Test raw residuals (n,) of rows, SI, of which a fit took so many degrees of freedom."""
     from scipy.stats import norm
 
     white = whiten(summary.noise, rows, raw[:, None].copy())[0][:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
     counts = np.diff(np.append(edges, len(white)))
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)
-    dof = max(len(shown) - fitted, 1)
+    dof = max(len(shown) - fitted, 1.0)
     scale = math.sqrt(float(shown @ shown) / dof)
     errors = max(STANDARD_ERRORS, float(norm.isf(0.5 * level)))
     tolerated = max(OFF, errors / math.sqrt(2.0 * dof))

@@ -14,10 +14,10 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.dwells import Pieces, always
-from imubayes.inference.linear import Linear, residuals
+from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.residuals import SUSPECT, judge
+from imubayes.inference.residuals import SUSPECT, check_residuals
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
 from imubayes.inference.whitened import pieces_of
@@ -256,6 +256,4 @@ def coloured(
     asked = [(rows[k], summary.runs[k]) for k in parts or range(len(rows))]
     white = [(r, run) for r, run in asked if run.noise_origin == "white"]
     theta, _ = loose_fit(summary, prior)
-    return tuple(
-        run.name for r, run in white if judge(residuals(r, theta), r.rows, run).whiteness_p < SUSPECT
-    )
+    return tuple(run.name for r, run in white if check_residuals(r, theta, run).whiteness_p < SUSPECT)

@@ -39,7 +39,7 @@ from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.observability import Observability, carried, observe
-from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, judge, level_of
+from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, level_of
 from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import (
@@ -221,11 +221,8 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     found, reason = by_method(job.study.sampling.method, ground)
     ready = found.ready or plainly_prepared(ground.problem)
     job.tell("residuals")
-    theta, _ = loose_fit(ready.summary, ready.prior)
-    checks = tuple(
-        check_residuals(run, rows, theta, summary, level=level_of(job.share, len(ready.runs)))
-        for run, rows, summary in zip(ready.runs, ready.rows, ready.summary.runs, strict=True)
-    )
+    theta, cov = loose_fit(ready.summary, ready.prior)
+    checks = _checks(job, ready, theta, cov)
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
     told = _Told(found.selection, checks, panel, _misfit(job, ready, inputs))
@@ -284,10 +281,8 @@ def _components(
     """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
-    checks = [
-        judge(left, rows.rows, run, level=level_of(job.share, len(case.rows)))
-        for left, rows, run in zip(case.residuals, case.rows, case.summary.runs, strict=True)
-    ]
+    root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
+    checks = _checks(job, ready, case.theta, root @ root.T)
     told: list[_Told] = []
     for one in case.components:
         job.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name}")
@@ -296,6 +291,15 @@ def _components(
         panel = _panel(job, own, chains, selection, one.parts)
         told.append(_Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts]))
     return told
+
+
+def _checks(job: _Job, ready: Prepared, theta: np.ndarray, cov: np.ndarray) -> tuple[ResidualCheck, ...]:
+    """Residuals of every run, at coefficients (p,) of a fit to all of them, of covariance (p, p)."""
+    level = level_of(job.share, len(ready.rows))
+    return tuple(
+        check_residuals(rows, theta, run, cov=cov, level=level)
+        for rows, run in zip(ready.rows, ready.summary.runs, strict=True)
+    )
 
 
 def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:

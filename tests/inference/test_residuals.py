@@ -1,11 +1,13 @@
 """Residual checks: runs that the model fits pass, and what it lacks is told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.linear import Rows, linear_of
-from imubayes.inference.residuals import FAMILIES, SUSPECT, check_residuals, judge, level_of
+from imubayes.inference.linear import linear_of
+from imubayes.inference.residuals import FAMILIES, SUSPECT, check_residuals, level_of
 from imubayes.inference.summary import summarize
 from imubayes.rig.inputs import Run
 from imubayes.rig.simulate import synthesise
@@ -32,7 +34,9 @@ def checked(run, lib=LIBRARY, rule=ESTIMATED):
     theta, seen = np.zeros(len(norms)), norms > 0.0
     # 15 columns on a sphere have rank 14: the smallest of all solutions leaves the same residuals
     theta[seen] = np.linalg.lstsq(R[:-1, :-1][:, seen] / norms[seen], R[:-1, -1], rcond=1e-9)[0] / norms[seen]
-    return check_residuals(run, linear_of(run, lib), theta, summary.runs[0])
+    cov = np.zeros((len(norms), len(norms)))
+    cov[np.ix_(seen, seen)] = np.linalg.pinv(R[:-1, :-1][:, seen].T @ R[:-1, :-1][:, seen])
+    return check_residuals(linear_of(run, lib), theta, summary.runs[0], cov=cov)
 
 
 def at_rest(values, noise, interval=0.1, level=SUSPECT):
@@ -41,7 +45,8 @@ def at_rest(values, noise, interval=0.1, level=SUSPECT):
     plan = ib.static(len(t) * interval, 1.0 / interval)
     (run,) = ib.simulate(INDUSTRIAL, [plan], seed=1, truth={}, noise=noise)
     summary = summarize([run], LIBRARY, rules={"static": NoiseRule("fixed", noise)}).runs[0]
-    return judge(values, Rows(t, np.full(len(t), interval)), summary, level=level)
+    rows = replace(linear_of(run, LIBRARY), y=values)
+    return check_residuals(rows, np.zeros(len(rows.names)), summary, level=level)
 
 
 def test_model_that_made_the_data_fits_them():

@@ -236,7 +236,7 @@ def test_residuals_of_a_stream_are_tested_by_averages_and_by_samples(runs):
     theta = np.zeros(len(LIB.names))
     for name, value in (("b0", 1e-3), ("b1", 2e-4), ("S_ij", 1e-4)):
         theta[LIB.names.index(name)] = value
-    check = check_residuals(runs[1], rows, theta, summary.runs[0])
+    check = check_residuals(rows, theta, summary.runs[0])
     # chi-squares of about 360 averages and of 6,000 samples: four standard errors
     assert abs(check.scale - 1.0) < 4.0 / np.sqrt(2.0 * 340)
     assert abs(check.sample_scale - 1.0) < 4.0 / np.sqrt(2.0 * 5000)

@@ -154,7 +154,7 @@ def test_wrong_sign_or_unit_strains_the_prior(mistake):
 def test_run_without_its_own_input_does_not_fit_and_needs_no_term():
     run = _wrong(_run(), "input left out")
     summary, selection = _decided(run)
-    assert not check_residuals(run, linear_of(run, LIBRARY), selection.free, summary.runs[0]).fits
+    assert not check_residuals(linear_of(run, LIBRARY), selection.free, summary.runs[0]).fits
     assert all(term.verdict != "needed" for term in selection.terms)
 
 
@@ -165,7 +165,7 @@ def test_unit_far_outside_its_class_is_needed_named_and_still_explained(name, si
     (term,) = [term for term in selection.terms if term.name == name]
     assert term.strain == pytest.approx(size / term.prior_sd, rel=0.05)
     assert term.inclusion > 0.99
-    checked = check_residuals(run, linear_of(run, LIBRARY), selection.free, summary.runs[0])
+    checked = check_residuals(linear_of(run, LIBRARY), selection.free, summary.runs[0])
     assert checked.scale == pytest.approx(1.0, abs=0.3)
 
 
