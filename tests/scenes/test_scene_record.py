@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import re
+import tomllib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from imubayes.errors import DataError, InputError
+from imubayes.errors import DataError, InputError, Place
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes.record import AXES, Scene, in_case, read_scene, recorded
+from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.units import STANDARD_GRAVITY
 
 FUSION = {
@@ -124,3 +130,40 @@ def test_log_whose_columns_differ_in_length_is_refused(tmp_path) -> None:
     np.savez(path, **{"t [s]": np.arange(3.0), "f_i [g]": np.ones(2)})
     with pytest.raises(DataError, match="has 2 rows where the time has 3"):
         read_scene(path)
+
+
+DOCS = Path(__file__).parents[2] / "docs" / "study.md"
+LOGS = {
+    "log_sensor_combined_0.csv": (
+        "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,accelerometer_timestamp_relative,"
+        "accelerometer_m_s2[0],accelerometer_m_s2[1],accelerometer_m_s2[2],accelerometer_clipping",
+        lambda k: (112_233_445 + 10_000 * k, 0.0, 0.0, 0.1, 4000, 0, 0.0, 0.0, -9.8, 0),
+    ),
+    "data.csv": (
+        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+        "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]",
+        lambda k: (1_403_636_579_758_555_392 + 10_000_000 * k, 0.1, 0.0, 0.0, 9.8, 0.0, 0.0),
+    ),
+    "drive.csv": (
+        "ax,ay,az,gx,gy,gz,roll,pitch,yaw",
+        lambda k: (0.0, 0.0, 9.8 / STANDARD_GRAVITY, 0.0, 0.0, math.degrees(0.1), 0.0, 0.0, 90.0),
+    ),
+}
+
+
+def test_logs_of_autopilot_and_data_set_and_a_plain_one_are_read_as_the_documentation_says(tmp_path) -> None:
+    """Each turns about the vertical at 0.1 rad/s, a hundred rows a second."""
+    examples = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)
+    tables = tomllib.loads(next(block for block in examples if block.startswith("[[scene]]")))["scene"]
+    assert {table["file"] for table in tables} == set(LOGS)
+    for table in tables:
+        header, row = LOGS[table["file"]]
+        lines = [",".join(map(str, row(k))) for k in range(300)]
+        (tmp_path / table["file"]).write_text("\n".join((header, *lines)), encoding="utf-8")
+    for mission in scenes_of(tables, tmp_path, Place(tmp_path / "study.toml").at("scene"), 0, ()):
+        scene = mission.scene
+        assert scene.duration == pytest.approx(3.0, rel=1e-6)
+        up = np.einsum("nij,jn->ni", scene.attitude, force(scene))
+        assert up == pytest.approx(np.tile([0.0, 0.0, 9.8], (300, 1)), abs=1e-6)
+        rate = np.linalg.norm([scene.inputs.channels[f"w_{axis}"] for axis in "ijk"], axis=0)
+        assert rate == pytest.approx(0.1, rel=1e-6)
