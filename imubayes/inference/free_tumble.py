@@ -116,8 +116,14 @@ def _check_stills(count: int) -> None:
 
 
 def _start(run: Run, stills: Stills, asked: Asked) -> NoiseEstimate:
-    """Noise that the study gives, or white noise from the scatter within the stills to start from."""
+    """Noise that the study gives, or white noise from the scatter within the stills to start from.
+
+    Means have none: the class's is as good a start.
+    """
     rule = asked.rule(run.name)
+    if run.inputs.averaged is not None and asked.sensor:
+        typical = Noise(*(median for median, _ in noise_prior(asked.sensor)))
+        return NoiseEstimate(rule.value or typical, origin=ORIGIN[rule.rule])
     within = [run.force[a:b] - run.force[a:b].mean(axis=0) for a, b in stills]
     variance = sum(float(np.sum(part**2)) for part in within) / sum(part.size - 3 for part in within)
     scatter = Noise(float(np.sqrt(variance * run.interval)), 0.0, 0.0)
@@ -158,7 +164,7 @@ def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] 
         procedure=run.procedure,
         names=(*triad.names, *(extra.name for extra in extras)),
         t=t,
-        duration=durations(t, run.interval),
+        duration=durations(t, run.interval) if run.inputs.averaged is None else run.inputs.averaged,
         interval=run.interval,
         y=base[still] + np.einsum("na,na->n", w[still], run.force[index] - means[still]),
         columns=lambda start, stop: X[still[start:stop]],
@@ -170,7 +176,7 @@ def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], 
     """All samples of the stills, at the settled linearisation."""
     rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
     ranges = spans("f", triad.compensate(run.force[index]))
-    summary = run_summary(rows, found, run.source, ranges, stills=times_of(run.t, stills))
+    summary = run_summary(rows, found, run.source, ranges, stills=times_of(run, stills))
     summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
     return Told(
         summary, rows, along("f", triad.compensate(means_of(run.force, stills))[still]), triad.components
@@ -302,7 +308,7 @@ def _part(
     samples: int,
 ) -> RunSummary:
     run = seen.run
-    stills = times_of(run.t, seen.stills)
+    stills = times_of(run, seen.stills)
     return run_summary(rows, found, run.source, ranges, samples=samples, stills=stills, sampling=run.interval)
 
 

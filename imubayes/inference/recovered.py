@@ -163,7 +163,7 @@ def _mean(rows: Linear, values: FloatArray, inside: Sequence[NDArray[np.intp]]) 
 def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
     """Stills of a free tumble, and the turns between them."""
     stills = find_stills(run)
-    times = times_of(run.t, stills)
+    times = times_of(run, stills)
     values = [_tumbled(run, stills, those) for those in triads]
     spreads = [_column(judge.spread(run.name, times))]
     if run.rate.size:

@@ -46,10 +46,14 @@ def find_stills(run: Run) -> Stills:
     of each still are trimmed by half a window, so that the result hardly depends on it. A slow turn, or one
     about the direction of gravity, hardly changes the force: gyroscopes in the case see it.
 
+    Each row of a table of means is one.
+
     Raises
     ------
     UnobservableError : if the record has no rest, or nothing but rest.
     """
+    if run.inputs.averaged is not None:
+        return tuple((k, k + 1) for k in range(len(run.t)))
     width = max(FEWEST_IN_WINDOW, round(WINDOW / run.interval))
     if len(run.t) < 3 * width:
         raise UnobservableError(
@@ -111,9 +115,10 @@ def means_of(values: FloatArray, stills: Stills) -> FloatArray:
     return np.array([values[a:b].mean(axis=0) for a, b in stills])
 
 
-def times_of(t: FloatArray, stills: Stills) -> tuple[tuple[float, float], ...]:
+def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:
     """(start, stop) of each still, s."""
-    return tuple((float(t[a]), float(t[b - 1])) for a, b in stills)
+    t, half = run.t, np.zeros(len(run.t)) if run.inputs.averaged is None else 0.5 * run.inputs.averaged
+    return tuple((float(t[a] - half[a]), float(t[b - 1] + half[b - 1])) for a, b in stills)
 
 
 def _quiet(run: Run, width: int) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from imubayes import units
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, UnitError
 from imubayes.rig.formats import Table, bare, bracketed
+from imubayes.rig.inputs import DWELL
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.terms import CHANNEL_UNITS
 
@@ -32,6 +33,7 @@ CALLED = {
 
 _OWN_UNITS = {
     "t": "s",
+    DWELL: "s",
     "mount": "",
     **dict.fromkeys(ACCELEROMETERS, "m/s^2"),
     **dict.fromkeys(GYROSCOPES, "rad/s"),
@@ -143,6 +145,7 @@ def resolve(
     optional: tuple[str, ...],
     output_unit: str,
     ignore: Collection[str] = (),
+    dwell: float = 0.0,
 ) -> dict[str, Column]:
     """Find the channels of a run in a file.
 
@@ -153,6 +156,8 @@ def resolve(
     required, optional : channels to look for; an optional one that is in neither is left out.
     output_unit : SI unit of the sensor's outputs.
     ignore : names in the file, with or without unit, of columns that are no channel.
+    dwell : s, time of a row of a table of means, whose rows follow each other where it has no clock, as they
+        do where a column says it; 0 where the rows are samples.
 
     Raises
     ------
@@ -162,15 +167,20 @@ def resolve(
     """
     found = {}
     clock = specs.get("t", ColumnSpec())
-    made = bool(clock.rate or clock.parts)
+    means = "t" not in specs and not _has(table, "t") and (dwell or DWELL in specs or _has(table, DWELL))
+    made = bool(clock.rate or clock.parts or (means and "t" in required))
     for channel in (*required, *optional):
-        if channel in specs or channel in required or _has(table, channel):
+        if channel in specs or channel in required or (_has(table, channel) and channel not in ignore):
             spec = specs.get(channel, ColumnSpec())
             if channel != "t" or not made:
                 found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
     if made:
         other = next(iter(found.values())).address
-        found = {"t": _counted(table, other, clock.rate) if clock.rate else _sum(table, clock)} | found
+        rate = 1.0 / dwell if means and dwell else clock.rate
+        if means and DWELL in found:
+            found = {"t": _after_each_other(found[DWELL])} | found
+        else:
+            found = {"t": _counted(table, other, rate) if rate else _sum(table, clock)} | found
     known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
     left = [name for name in table.columns if not {name, bare(name)} & known]
     missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
@@ -235,6 +245,12 @@ def _counted(table: Table, beside: str, rate: float) -> Column:
     """Clock of a file without one, whose rows, those of the column `beside`, come at a rate in Hz."""
     clock = Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=((beside, 0.0),))
     return clock.read(table)
+
+
+def _after_each_other(dwell: Column) -> Column:
+    """Clock of a table of means without one: the middles of dwells that follow each other."""
+    lasting = dwell.si()
+    return Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0)
 
 
 def _sum(table: Table, spec: ColumnSpec) -> Column:

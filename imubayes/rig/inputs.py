@@ -21,6 +21,9 @@ Number = TypeVar("Number", bound=np.generic)
 MOUNT = "mount"
 """Column with the number of each row's plane or mount."""
 
+DWELL, SCATTER = "dwell", "sd"
+"""Columns of a table of means: how long each row was averaged, and its standard deviation."""
+
 GAP = 1.5
 """A step of more than so many sampling intervals is a gap."""
 
@@ -44,7 +47,7 @@ class Inputs:
     mount : (n,) number of each row's plane (tumble) or mount (rate table, centrifuge): between rows of one
         number the case stayed in its fixture; None for one mounting of the whole run.
     averaged : (n,) averaging time of each row, s, where rows are means of samples; None where they are not.
-    sampling : interval of those samples, s; 0 where the rows are samples.
+    sampling : interval of those samples, s; 0 where the rows are samples, or those of a table of means.
     """
 
     t: FloatArray

@@ -16,7 +16,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import gaps, interval_jump
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.inputs import MOUNT, Run, Section
+from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
@@ -51,10 +51,10 @@ CASES = (FREE_TUMBLE, FERRARIS)
 
 INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
 
-KNOWN_IMU_CHANNELS = (*IMU_CHANNELS, *CASE_CHANNELS, MOUNT)
+KNOWN_IMU_CHANNELS = (*IMU_CHANNELS, *CASE_CHANNELS, MOUNT, DWELL)
 """Columns of a run of a whole IMU with known inputs, which are along the axes x, y, z of the case."""
 
-RUN_CHANNELS = ("t", "output", *INPUTS, MOUNT)
+RUN_CHANNELS = ("t", "output", *INPUTS, MOUNT, DWELL, SCATTER)
 """Columns of a run with known inputs."""
 
 
@@ -78,6 +78,8 @@ class RunSpec:
         as the study gives it.
     sections : of an IMU: the parts of the run whose inputs are known.
     ignore : columns of the file that are no channel, though their names are nearly those of one.
+    dwell : s, of a table of means of which each row is one over so long; 0 where the file says it, or the
+        rows are samples.
     """
 
     name: str
@@ -93,6 +95,7 @@ class RunSpec:
     gyroscope_shown: str = ""
     sections: tuple[Section, ...] = ()
     ignore: tuple[str, ...] = ()
+    dwell: float = 0.0
 
 
 def notes_of(t: FloatArray) -> tuple[str, ...]:

@@ -8,12 +8,22 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import SATURATED, check_output, earth_left_out, refuse_stuck, within_range
 from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
-from imubayes.rig.inputs import MOUNT, Inputs, Run, Section, Source, sampling_interval, taken
+from imubayes.rig.inputs import (
+    DWELL,
+    MOUNT,
+    SCATTER,
+    Inputs,
+    Run,
+    Section,
+    Source,
+    sampling_interval,
+    taken,
+)
 from imubayes.rig.recordings import (
     CASES,
     INPUTS,
@@ -29,6 +39,12 @@ from imubayes.rig.streams import Rows, RunFile, Tell, abreast, any_table, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.terms import Kind
+
+MEANS = {DWELL, SCATTER}
+"""Columns that only a table of means has."""
+
+ALMOST = 0.01
+"""Share of a dwell by which times that were written down may lie too close."""
 
 
 def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
@@ -53,8 +69,8 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
     """
     path = _path(spec)
     if spec.procedure in CASES:
-        return _partly_known(spec, _opened(spec, path, ("t", *ACCELEROMETERS), tell=tell))
-    optional, unit = (*INPUTS, MOUNT), OUTPUT_UNIT[kind]
+        return _partly_known(spec, _opened(spec, path, ("t", *ACCELEROMETERS), (DWELL,), tell=tell))
+    optional, unit = (*INPUTS, MOUNT, DWELL, SCATTER), OUTPUT_UNIT[kind]
     file = _opened(spec, path, ("t", "output"), optional, unit=unit, tell=tell)
     return _known(spec, file, kind)
 
@@ -68,12 +84,17 @@ def read_imu_run(spec: RunSpec, *, tell: Tell = silent) -> Run:
         file; if a reference is not along the axes of the case.
     """
     path, known = _path(spec), spec.procedure not in CASES
-    inputs = (*CASE_CHANNELS, MOUNT) if known else ()
+    inputs = (*CASE_CHANNELS, MOUNT, DWELL) if known else (DWELL,)
     check = _refuse_component_axes if known else any_table
     here = COMPONENTS if spec.gyroscope_file is None else ACCELEROMETERS
     file = _opened(spec, path, ("t", *here), inputs, tell=tell, check=check)
     if known:
         _check_references(file)
+    elif spec.dwell or DWELL in file.columns:
+        raise DataError(
+            f"{file.shown}: a table of means does not hold the turns between them: expected all samples of an"
+            " IMU, or its accelerometers alone as a free tumble"
+        )
     if spec.gyroscope_file is not None:
         other = existing(spec.gyroscope_file, _shown(spec, spec.gyroscope_file), spec.origin)
         file = abreast(file, _opened(spec, other, ("t", *GYROSCOPES), tell=tell))
@@ -114,15 +135,16 @@ def _opened(
         tell=tell,
         check=check,
         cut=not spec.sections,  # these count the rows of the file
+        dwell=spec.dwell,
     )
 
 
 def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     """Run with known inputs: of a component of a kind, of an IMU without one."""
-    if file.held is None:
+    if file.held is None and not (spec.dwell or MEANS & file.columns.keys()):
         return as_means(read_long_run(spec, file, kind), kind or "accelerometer")
     rows, kept, found = _outputs(file)
-    inputs, derived = _inputs(file, rows)
+    inputs, derived = _inputs(spec, file, rows)
     if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
         refuse_stuck(file.shown, file.columns["output"], rows.values["output"], inputs.channels[own])
     axes = "ijk" if kind else "xyz"
@@ -131,16 +153,47 @@ def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     source = file.source(notes)
     output = taken(file.output(rows.values), kept)
     run = Run(spec.name, spec.procedure, inputs.kept(kept), output, source)
-    return as_means(run, kind or "accelerometer")
+    return run if inputs.averaged is not None else as_means(run, kind or "accelerometer")
 
 
-def _inputs(file: RunFile, rows: Rows) -> tuple[Inputs, tuple[str, ...]]:
+def _inputs(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[Inputs, tuple[str, ...]]:
     """Known inputs of a run, and what was derived for them."""
-    channels, notes = {name: v for name, v in rows.values.items() if name not in file.outputs}, ()
+    lasting, notes = _lasting(spec, file, rows)
+    channels = {name: v for name, v in rows.values.items() if name not in {*file.outputs, *MEANS}}
     if "T" in channels and "dT" not in channels:
         channels["dT"] = frozen(temperature_rate(rows.t, channels["T"]))
-        notes = ("dT/dt is the smoothed derivative of the recorded temperature",)
-    return Inputs(rows.t, channels, sampling_interval(rows.t), rows.mount), notes
+        notes = (*notes, "dT/dt is the smoothed derivative of the recorded temperature")
+    interval = sampling_interval(rows.t) if lasting is None else float(np.median(lasting))
+    return Inputs(rows.t, channels, interval, rows.mount, averaged=lasting), notes
+
+
+def _lasting(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Averaging time (n,) of each row of a table of means, s, and a note; None where rows are samples.
+
+    With standard deviations of the means, a row counts as one over a time as short as these say.
+    """
+    dwell, sd = rows.values.get(DWELL), rows.values.get(SCATTER)
+    if dwell is None and sd is None and not spec.dwell:
+        return None, ()
+    for name, values in ((DWELL, dwell), (SCATTER, sd)):
+        if values is not None and not values.min() > 0.0:
+            raise DataError(f"{file.shown}: column '{file.columns[name].address}': expected more than zero")
+    if dwell is None:
+        dwell = np.full(len(rows.t), spec.dwell or sampling_interval(rows.t))
+    middles = 0.5 * (dwell[1:] + dwell[:-1])
+    late = np.diff(rows.t) >= (1.0 - ALMOST) * middles
+    if not late.all():
+        row = int(np.argmin(late))
+        step, over = rows.t[row + 1] - rows.t[row], f"{dwell[row]:.4g} s and {dwell[row + 1]:.4g} s"
+        raise DataError(
+            f"{file.shown}: row {row + 1} counted from 0 is {step:.4g} s after the one before, and means over"
+            f" {over} overlap: expected t at their middles; correct 'dwell', or leave the time out:"
+            " the rows then follow each other"
+        )
+    if sd is None:
+        return frozen(dwell), ("rows are means, each weighted by its averaging time",)
+    # none counts as longer than it is: rows that overlap would not be independent
+    return frozen(np.min(dwell * sd**2) / sd**2), ("rows are means, weighted by one over sd squared",)
 
 
 def _outputs(file: RunFile) -> tuple[Rows, BoolArray, tuple[str, ...]]:
@@ -156,18 +209,20 @@ def _outputs(file: RunFile) -> tuple[Rows, BoolArray, tuple[str, ...]]:
 def _partly_known(spec: RunSpec, file: RunFile) -> Run:
     """Run of which gravity is known and perhaps sections."""
     rows, kept, notes = _outputs(file)
-    t, source = rows.t, file.source(notes)
+    lasting, means = _lasting(spec, file, rows)
+    t, source = rows.t, file.source((*notes, *means))
     for section in spec.sections:
         if not 0 <= section.start < section.stop <= len(t):
             raise DataError(
                 f"run '{spec.name}': rows {section.start} to {section.stop} are no section of a file of"
                 f" {len(t)} rows: expected first and last of them, counted from 0"
             )
+    interval = sampling_interval(t) if lasting is None else float(np.median(lasting))
     sections = tuple(_among(section, kept, spec.name, source) for section in spec.sections)
     return Run(
         spec.name,
         spec.procedure,
-        Inputs(taken(t, kept), {}, sampling_interval(t)),
+        Inputs(t, {}, interval, averaged=lasting).kept(kept),
         taken(file.output(rows.values), kept),
         source,
         gravity=spec.gravity or 0.0,

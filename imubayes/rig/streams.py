@@ -141,6 +141,7 @@ def opened(
     tell: Tell = silent,
     check: Callable[[Table], None] = any_table,
     cut: bool = True,
+    dwell: float = 0.0,
 ) -> RunFile:
     """Find the channels of a run in a file, as `imubayes.rig.columns.resolve` does, after a `check`.
 
@@ -155,7 +156,13 @@ def opened(
     table = next(tables_of(path, shown, Wanted())) if held is None else held
     check(table)
     columns = resolve(
-        table, specs, required=required, optional=optional, output_unit=output_unit, ignore=ignore
+        table,
+        specs,
+        required=required,
+        optional=optional,
+        output_unit=output_unit,
+        ignore=ignore,
+        dwell=dwell,
     )
     outputs = tuple(name for name in required if name != "t")
     if held is None:

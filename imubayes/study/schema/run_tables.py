@@ -10,7 +10,7 @@ from typing import Any
 
 from imubayes import units
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.inputs import Section
+from imubayes.rig.inputs import DWELL, Section
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import (
     CASES,
@@ -76,6 +76,7 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
         gyroscope_shown=run.gyroscope_file or "",
         ignore=run.ignore,
+        dwell=0.0 if run.dwell is None else quantity(run.dwell, "s", place.at("dwell"), positive=True),
         sections=tuple(_section(one, place.at("sections").at(k)) for k, one in enumerate(run.sections)),
     )
 
@@ -137,13 +138,15 @@ def located(file: str, folder: Path) -> Path:
 
 
 def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:
+    if run.simulate is not None and run.dwell:
+        raise place.error("a simulated run is no table of means: leave 'dwell' out of it")
     if run.simulate is not None and (run.columns or run.ignore):
         raise place.error("a simulated run has no file whose columns could differ: leave it out")
     if imu:
         known = IMU_CHANNELS if run.procedure in CASES else KNOWN_IMU_CHANNELS
         _refuse_component_axes(run.columns, known, place)
     else:
-        known = ("t", *TRIAD) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
+        known = ("t", *TRIAD, DWELL) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
     return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
 
 

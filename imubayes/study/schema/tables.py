@@ -217,6 +217,12 @@ class RunTable:
         None,
     )
     columns: Columns = key("`[sensor.run.columns]`", {"output": "adc [g]"}, dict, "the file's own")
+    dwell: Annotated[Any, Holds(quantities("s"))] = key(
+        "of a [table of means](#a-table-of-means): how long each row was averaged",
+        "60 s",
+        None,
+        "column `dwell`, else rows are samples",
+    )
     ignore: Texts = key(
         "columns of the file that are no channel, though their names are nearly those of one that the file"
         " does not have",
