@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.errors import StudyError
+from imubayes.errors import ConvergenceError, StudyError
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble
@@ -16,6 +16,7 @@ from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
+from imubayes.inference.recovered import recover
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import angles_of, calibration, triad_of
@@ -26,6 +27,7 @@ from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
 from imubayes.rig.stream_survey import renewed
+from imubayes.selection.decision import Selection
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -323,3 +325,22 @@ def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[d
             replace(triad, theta=mean), [nominal_columns(spec, name) for name in triad.components]
         )
     ]
+
+
+def of_case(
+    spec: SensorSpec, case: Case, ready: Prepared, selections: Sequence[Selection]
+) -> list[dict[str, object]]:
+    """Fields of `SensorResult` that the components of a decided case have for being in one."""
+    terms = [(one, term) for one in selections for term in one.terms]
+    kept = [
+        # of what is unresolved the data say nothing of their own
+        term.mean if term.name in one.model and term.verdict != "unresolved" else 0.0
+        for one, term in terms
+    ]
+    runs = [run for run in ready.runs if not run.known]
+    try:
+        found = recover(case, runs, ready.prior.sd, np.array(kept))
+    except ConvergenceError:  # data and prior disagree, which the report says first of all
+        found = ()
+    rows = compensation(spec, case, [term.mean for _, term in terms])
+    return [{"calibration": row, "recovered": found} for row in rows]

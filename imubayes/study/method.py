@@ -20,6 +20,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import (
     Prepared,
     before_fit,
+    of_case,
     prepare_case,
     runs_of,
 )
@@ -53,7 +54,7 @@ from imubayes.ladder.problem import (
     size_of,
 )
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, posterior_by
-from imubayes.population.classes import in_common
+from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.checks import saturated
 from imubayes.rig.inputs import Run
@@ -61,7 +62,6 @@ from imubayes.selection.decision import Selection, loose_fit, posterior_draws, p
 from imubayes.selection.noise_choice import processes_of
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.terms import Library
-from imubayes.study.case import of_case
 from imubayes.study.scenes import required
 from imubayes.units import counted
 
@@ -262,16 +262,18 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     ground.shared["factor"] = (ready, 0.0)
     posterior, reason = posterior_by(study.sampling.method, ground)
     told = _components(job, case, ready, asked_of(ground.problem, posterior), posterior.chains)
-    shared = of_case(spec, case, ready, [one.selection for one in told])
+    selections = [one.selection for one in told]
+    shared = of_case(spec, case, ready, selections)
+    pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
     resting, asking = rows_at_rest(runs, case), _told_to(job)
     seconds = (time.perf_counter() - start) / len(told)
     results = []
     for one, said, fields in zip(case.components, told, shared, strict=True):
-        own = replace(job, spec=spec.of(one.library.kind))
-        part = _part(ready, one.parts)
-        found = _result(own, f"{spec.id}.{one.name}", part, posterior, said, seconds)
+        kind = one.library.kind
+        own = replace(job, spec=spec.of(kind))
+        found = _result(own, f"{spec.id}.{one.name}", _part(ready, one.parts), posterior, said, seconds)
         noises = processes_of(study.noise, resting[one.name], own.spec.sensor_class, **asking)
-        results.append(replace(found, processes=noises, method_reason=reason, **fields))
+        results.append(replace(found, processes=noises, method_reason=reason, pooled=pooled[kind], **fields))
     return results
 
 

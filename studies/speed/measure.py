@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.ladder.machine import Machine, machine
+from imubayes.ladder.costs import Machine, machine
 from imubayes.population.processes import Progress
 from studies.speed import campaigns, problems
 from studies.speed.contests import Contest, Ladder, Quantity, Self, SpeedStudy, Subject

@@ -7,7 +7,7 @@ import pytest
 from trades import SHORT, problem, told
 
 from imubayes.algebra.factor import posterior
-from imubayes.ladder.machine import STATUS
+from imubayes.ladder.costs import STATUS
 from imubayes.ladder.problem import change, ground_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
@@ -85,7 +85,7 @@ def test_chains_that_are_too_short_are_held_against_others_and_not_others_agains
 
 ALONE = """
 import numpy as np
-from imubayes.ladder.machine import with_peak
+from imubayes.ladder.costs import with_peak
 
 with_peak(lambda: np.ones(25_000_000).sum())  # a larger peak before does not count
 print(*with_peak(lambda: float(np.ones(8_000_000).sum())))

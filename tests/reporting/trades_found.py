@@ -7,7 +7,7 @@ from trades import told, trade
 
 from imubayes.campaign.fidelity import RungName
 from imubayes.inference.intervals import frequency
-from imubayes.ladder.machine import Machine
+from imubayes.ladder.costs import Machine
 from imubayes.ladder.trade.repeats import Rate, Score
 from imubayes.ladder.trade.table import Traded, standing_of
 from imubayes.ladder.trade.table import traded as trade_of

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from imubayes.ladder.machine import machine
+from imubayes.ladder.costs import machine
 from imubayes.selection.enumerate import LARGEST
 from studies.speed import peers
 from studies.speed.contests import Contest, Entrant, Self, SpeedStudy

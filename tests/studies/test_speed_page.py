@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from tool_readings import wrong_speed
 
-from imubayes.ladder.machine import Machine
+from imubayes.ladder.costs import Machine
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.terminal import terminal_page

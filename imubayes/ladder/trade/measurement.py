@@ -20,8 +20,8 @@ from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.mcmc.engine import LONG
 from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder.costs import with_peak
 from imubayes.ladder.foresight import foresee
-from imubayes.ladder.machine import with_peak
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.subjects import NAMES

@@ -14,7 +14,7 @@ from imubayes.campaign.fidelity import LADDER, RungName, rung_of
 from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Mission, SensorSpec, Study
 from imubayes.errors import InputError
-from imubayes.ladder.machine import cores
+from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, problem_of
 from imubayes.population.lots import LotStudy, lot_of, spec_of
 from imubayes.population.records import simulate_unit

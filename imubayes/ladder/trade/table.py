@@ -15,8 +15,7 @@ import numpy as np
 from imubayes.campaign.fidelity import NEEDS_ROWS, CostLaw, RungName, Size, rungs_for
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder.costs import calibrate, foreseen
-from imubayes.ladder.machine import Machine, machine
+from imubayes.ladder.costs import Machine, calibrate, foreseen, machine
 from imubayes.ladder.problem import size_of
 from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
 from imubayes.ladder.trade.repeats import (

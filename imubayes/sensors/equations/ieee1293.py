@@ -17,18 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from imubayes.sensors.equations.mapping import (
-    Coefficients,
     FloatArray,
     Standard,
     Symbol,
     channel,
-    gained_from_general,
-    gained_to_general,
+    gained,
     vector,
 )
 from imubayes.sensors.terms import HIGHEST_POWER
@@ -142,27 +139,7 @@ SYMBOLS = (
 )
 """Parameters of the equation; the nominal scale factor is given, not estimated."""
 
-
-def to_general(p: Accelerometer) -> Coefficients:
-    """Generalized coefficients; exact for all inputs.
-
-    Examples
-    --------
-    >>> to_general(Accelerometer(d_p=1e-3))["m_k"]
-    -0.001
-    """
-    return gained_to_general(SYMBOLS, p)
-
-
-def from_general(theta: Mapping[str, Any], *, K1_nominal: float = 1.0) -> Accelerometer:
-    """Parameters of generalized coefficients; exact, for a gain 1 + b1 above 0.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
-    """
-    return Accelerometer(K1_nominal=K1_nominal, **gained_from_general(SYMBOLS, theta))
-
+to_general, from_general = gained(SYMBOLS, Accelerometer)
 
 STANDARD = Standard(
     id="ieee1293",

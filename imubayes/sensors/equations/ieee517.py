@@ -18,16 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from imubayes.sensors.equations.mapping import (
-    Coefficients,
     FloatArray,
     Standard,
     Symbol,
     channel,
-    gained_from_general,
-    gained_to_general,
+    gained,
     vector,
 )
 
@@ -110,27 +107,7 @@ SYMBOLS = (
     Symbol("theta_I", "theta_I", "c_ij", "(rad/s)^-1", "ppm/(deg/s)", note="pickoff angle per rate"),
 )
 
-
-def to_general(p: RateIntegratingGyro) -> Coefficients:
-    """Generalized coefficients; exact for all inputs.
-
-    Examples
-    --------
-    >>> to_general(RateIntegratingGyro(eps_K=1.0, D_OS=3e-9))["S_jk"]
-    6e-09
-    """
-    return gained_to_general(SYMBOLS, p)
-
-
-def from_general(theta: Mapping[str, Any]) -> RateIntegratingGyro:
-    """Parameters of generalized coefficients: the inverse of `to_general`.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
-    """
-    return RateIntegratingGyro(**gained_from_general(SYMBOLS, theta))
-
+to_general, from_general = gained(SYMBOLS, RateIntegratingGyro)
 
 STANDARD = Standard(
     id="ieee517",

@@ -19,16 +19,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 from imubayes.sensors.equations.mapping import (
-    Coefficients,
     FloatArray,
     Standard,
     Symbol,
-    gained_from_general,
-    gained_to_general,
+    gained,
     vector,
 )
 
@@ -136,28 +133,8 @@ def _symbols(axis: Axis) -> tuple[Symbol, ...]:
 SYMBOLS: Mapping[str, tuple[Symbol, ...]] = {"x": _symbols("x"), "y": _symbols("y")}
 
 
-def to_general(p: TunedGyroAxis) -> Coefficients:
-    """Generalized coefficients of one axis; exact for all inputs.
-
-    Examples
-    --------
-    >>> [to_general(TunedGyroAxis(axis, D_other=d))["g_k"] for axis, d in (("x", -2e-7), ("y", 2e-7))]
-    [2e-07, 2e-07]
-    """
-    return gained_to_general(SYMBOLS[p.axis], p)
-
-
-def from_general(axis: Axis, theta: Mapping[str, Any]) -> TunedGyroAxis:
-    """Parameters of one axis from its generalized coefficients: the inverse of `to_general`.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
-    """
-    return TunedGyroAxis(axis=axis, **gained_from_general(SYMBOLS[axis], theta))
-
-
 def _standard(axis: Axis) -> Standard:
+    to_general, from_general = gained(SYMBOLS[axis], TunedGyroAxis, axis=axis)
     return Standard(
         id=f"ieee813.{axis}",
         title=f"IEEE 813 dynamically tuned gyroscope, axis {axis}",
@@ -166,7 +143,7 @@ def _standard(axis: Axis) -> Standard:
         symbols=SYMBOLS[axis],
         indicated=indicated,
         to_general=to_general,
-        from_general=partial(from_general, axis),
+        from_general=from_general,
         exact="exact for all inputs and all parameters with eps_K > -1; the angles are linear",
         beyond=("D_R",),
     )

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -162,6 +163,24 @@ def gained_from_general(symbols: Sequence[Symbol], theta: Mapping[str, Any]) -> 
         for row in symbols
         if row.term
     }
+
+
+def gained(
+    symbols: Sequence[Symbol], parameters: type, **given: object
+) -> tuple[Callable[[Any], Coefficients], Callable[[Mapping[str, Any]], Any]]:
+    """The mapping to generalized coefficients, and back, of an equation whose parameters sit inside one gain.
+
+    It is exact for all inputs; the way back raises a `TermError` where the gain 1 + b1 is not positive.
+
+    Parameters
+    ----------
+    symbols, parameters : of the equation.
+    given : parameters that no term tells.
+    """
+    return (
+        partial(gained_to_general, symbols),
+        lambda theta: parameters(**given, **gained_from_general(symbols, theta)),
+    )
 
 
 def positive_gain(b1: Any) -> Any:

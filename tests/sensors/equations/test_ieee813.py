@@ -8,8 +8,8 @@ from imubayes.sensors.equations.ieee813 import (
     TunedGyroAxis,
     component,
     indicated_pair,
-    to_general,
 )
+from imubayes.sensors.equations.standards import STANDARDS
 
 ROWS = 30
 
@@ -46,7 +46,10 @@ def test_trap_component_axes_are_right_handed(axis):
 
 
 def test_symmetric_rotor_has_one_set_of_coefficients_for_both_axes():
-    x, y = (to_general(p) for p in _rotor(direct=3e-7, quadrature=2e-7))
+    x, y = (
+        STANDARDS["gyroscope", f"ieee813.{p.axis}"].to_general(p)
+        for p in _rotor(direct=3e-7, quadrature=2e-7)
+    )
     assert x["g_i"] == y["g_i"] == 3e-7
     assert x["g_k"] == y["g_k"] == -2e-7
 
