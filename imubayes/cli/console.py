@@ -17,8 +17,9 @@ import typer
 
 from imubayes.errors import InputError
 
-MINUTE = 60.0
-"""s after which a command that still computes says what, and again each time that the time has doubled."""
+MINUTE, OFTEN = 60.0, 10.0
+"""s after which a command that still computes says what: a terminal, which sees each step, then after two, four
+... minutes again; a file again and again."""
 
 
 def fail(message: str, code: int) -> NoReturn:
@@ -48,10 +49,10 @@ class Waiting:
 
 
 @contextmanager
-def waiting(first: float = MINUTE) -> Iterator[Waiting]:
-    """Tell what goes on, and after a minute, two, four ... on a line of its own, whatever stderr is."""
+def waiting(often: float = OFTEN) -> Iterator[Waiting]:
+    """Tell what goes on; of long work now and then on a line of its own, in a file every ten seconds."""
     told, over = Waiting(), Event()
-    reminder = Thread(target=_remind, args=(told, over, first), daemon=True)
+    reminder = Thread(target=_remind, args=(told, over, often), daemon=True)
     reminder.start()
     try:
         yield told
@@ -60,13 +61,16 @@ def waiting(first: float = MINUTE) -> Iterator[Waiting]:
         reminder.join()
 
 
-def _remind(told: Waiting, over: Event, first: float) -> None:
-    elapsed, wait = first, first
+def _remind(told: Waiting, over: Event, often: float) -> None:
+    from imubayes.reporting.rounding import duration
+
+    elapsed = wait = MINUTE if sys.stderr.isatty() else often
     while not over.wait(wait):
         clear_progress()
-        parts = [f"after {elapsed / MINUTE:g} min: {told.doing or 'starting'}", told.instead]
+        parts = [f"after {duration(elapsed)}: {told.doing or 'starting'}", told.instead]
         typer.echo(f"imubayes: {'; '.join(part for part in parts if part)}", err=True)
-        wait, elapsed = elapsed, 2.0 * elapsed
+        wait = elapsed if sys.stderr.isatty() else often
+        elapsed += wait
 
 
 def clear_progress() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,13 @@ KINDS_OF_IMU: tuple[Kind, Kind] = ("accelerometer", "gyroscope")
 
 LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
 """Errors of the reference that runs of several components in one case can allow for."""
+
+SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
+    "accelerometer": {"powers": 1, "asymmetry": -1},
+    "gyroscope": {"powers": 1, "asymmetry": -1, "set": "extended"},
+}
+"""Candidates of a test in the hand unless the study asks for others: gravity's 1 g and slow turns tell no power
+from bias and scale, whose error bars it would widen; the rates at rest tell g-sensitivity."""
 
 
 def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable, tuple[SensorClass, ...]]:
@@ -77,8 +84,9 @@ def _of_kind(
     with there.blamed():
         sensor_class = None if name is None else sensor(name, kind=kind, catalogue=catalogue)
     technology = sensor_class.technology if sensor_class else ""
-    lib = _candidates(kind, technology, *_half(table.library, kind, place.at("library"), imu=imu))
     runs = tuple(_runs(table, kind, folder, place))
+    usual = {"technology": technology, **(SEEN_BY_HAND[kind] if runs[0].procedure in LEANS_ON else {})}
+    lib = _candidates(kind, usual, *_half(table.library, kind, place.at("library"), imu=imu))
     _check_runs(runs, sensor_class, place)
     _check_robust(table, runs, place.at("robust"))
     prior, there = _half(table.prior, kind, place.at("prior"), imu=imu)
@@ -138,10 +146,11 @@ def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterato
         yield run
 
 
-def _candidates(kind: Kind, technology: str, raw: object, place: Place) -> Library:
+def _candidates(kind: Kind, usual: Mapping[str, Any], raw: object, place: Place) -> Library:
+    """Terms that a table asks for; what it leaves open is as usual for the test."""
     options = arguments(LIBRARY, raw, place)
     with place.blamed():
-        return library(kind, **options, technology=technology)
+        return library(kind, **{**usual, **options})
 
 
 def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
