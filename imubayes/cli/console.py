@@ -18,8 +18,8 @@ import typer
 from imubayes.errors import InputError
 
 MINUTE, OFTEN = 60.0, 10.0
-"""s after which a command that still computes says what: a terminal, which sees each step, then after two, four
-... minutes again; a file again and again."""
+"""s after which a command that still computes says what: on a terminal, which sees each step, after two, four ...
+minutes again; in a file every time."""
 
 
 def fail(message: str, code: int) -> NoReturn:

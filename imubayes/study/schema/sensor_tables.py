@@ -31,7 +31,7 @@ SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
     "accelerometer": {"powers": 1, "asymmetry": -1},
     "gyroscope": {"powers": 1, "asymmetry": -1, "set": "extended"},
 }
-"""Candidates of a test in the hand unless the study asks for others: gravity's 1 g and slow turns tell no power
+"""Candidates of a test in the hand unless the study asks for others: at 1 g and in slow turns no power is told
 from bias and scale, whose error bars it would widen; the rates at rest tell g-sensitivity."""
 
 
