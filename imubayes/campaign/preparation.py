@@ -19,7 +19,7 @@ from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.recovered import recover
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.triad import angles_of, calibration, triad_of
+from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
@@ -328,9 +328,12 @@ def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[d
 
 
 def of_case(
-    spec: SensorSpec, case: Case, ready: Prepared, selections: Sequence[Selection]
+    spec: SensorSpec, case: Case, ready: Prepared, selections: Sequence[Selection], walking: Sequence[bool]
 ) -> list[dict[str, object]]:
-    """Fields of `SensorResult` that the components of a decided case have for being in one."""
+    """Fields of `SensorResult` that the components of a decided case have for being in one.
+
+    Of a component whose bias is `walking` b0 is that on average over the record.
+    """
     terms = [(one, term) for one in selections for term in one.terms]
     kept = [
         # of what is unresolved the data say nothing of their own
@@ -339,8 +342,24 @@ def of_case(
     ]
     runs = [run for run in ready.runs if not run.known]
     try:
-        found = recover(case, runs, ready.prior.sd, np.array(kept))
+        found = recover(_over_record(case, selections, walking), runs, ready.prior.sd, np.array(kept))
     except ConvergenceError:  # data and prior disagree, which the report says first of all
         found = ()
     rows = compensation(spec, case, [term.mean for _, term in terms])
     return [{"calibration": row, "recovered": found} for row in rows]
+
+
+def _over_record(case: Case, selections: Sequence[Selection], walking: Sequence[bool]) -> Case:
+    """Case whose triads have the b0 that is told of components whose bias is walking."""
+    told = {
+        column: term.full_mean
+        for one, walks in zip(selections, walking, strict=True)
+        for column, term in zip(one.columns, one.terms, strict=True)
+        if walks and term.name == "b0"
+    }
+
+    def moved(triad: Triad) -> Triad:
+        theta = [told.get(name, value) for name, value in zip(triad.names, triad.theta.tolist(), strict=True)]
+        return replace(triad, theta=np.array(theta))
+
+    return replace(case, triads=tuple(map(moved, case.triads)))

@@ -23,7 +23,7 @@ from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
 from imubayes.scenes.relevance import CaseRelevance, Relevance
-from imubayes.selection.decision import Selection
+from imubayes.selection.decision import Bias, Selection
 from imubayes.selection.noise_choice import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
 from imubayes.selection.verdicts import EQUAL, Costs
@@ -204,6 +204,8 @@ class SensorResult:
         for a single component.
     recovered : known quantities of the case's runs before and after compensation, alike for all of its
         components; none where inputs are known.
+    bias : at the start, on average and at the end of the record, where a random walk of the noise counts: b0
+        is then the average. None where it is one and the same.
     """
 
     id: str
@@ -232,6 +234,7 @@ class SensorResult:
     pooled: Mapping[str, float] = field(default_factory=dict)
     pulls: Mapping[str, FloatArray] = field(default_factory=dict)
     recovered: tuple[Recovered, ...] = ()
+    bias: Bias | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -34,6 +34,7 @@ app = typer.Typer(
 
 Method = StrEnum("Method", METHODS)
 Document = StrEnum("Document", ["study", "result"])
+BiasAt = StrEnum("BiasAt", ["start", "mean", "end"])
 ExportFormat = StrEnum("ExportFormat", ["kalibr", "c", "python", "matlab", "json", "filter"])
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
 Results = Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")]
@@ -236,12 +237,15 @@ def _export(
     out: Folder,
     model: Annotated[str, typer.Option(help="needed, full, or a scene of the result.")] = "needed",
     sensor: Annotated[str, typer.Option(help="Id, where the result has several.", show_default=False)] = "",
+    bias_at: Annotated[
+        BiasAt, typer.Option(help="start, mean or end of the record: whose bias, where it walks.")
+    ] = BiasAt.mean,
 ) -> None:
     """Write a compensation, a simulator's model or a filter's parameters."""
     from imubayes.reporting.export import exported
 
     folder = usable(out)
-    texts = exported(result, str(to), sensor=sensor, model=model)
+    texts = exported(result, str(to), sensor=sensor, model=model, bias_at=str(bias_at))
     with complete(folder) as part:
         for name, text in texts.items():
             (part / name).write_text(text, encoding="utf-8")

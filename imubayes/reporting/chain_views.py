@@ -14,7 +14,7 @@ from imubayes.campaign.fidelity import rung_of
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result.values import RungChoice, published
-from imubayes.reporting.rounding import duration, measured, minus, per_unit, pretty, signed
+from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
@@ -84,6 +84,20 @@ def _remedy(sensor: SensorResult) -> str:
     if sensor.choice is None:
         return "continue with --resume, or give more time"
     return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"
+
+
+def bias_sentence(sensor: SensorResult) -> str:
+    """Which bias b0 is, where a random walk of the noise moves it; empty where it does not."""
+    if sensor.bias is None:
+        return ""
+    start, mean, end, drift = (
+        str(on_output(size, sensor.kind, sd))
+        for size, sd in (sensor.bias.start, sensor.bias.mean, sensor.bias.end, sensor.bias.drift)
+    )
+    return (
+        f"b0 walks with the noise, and is the mean over the record, {mean}: {start} at its start, {end} at"
+        f" its end, a drift of {drift}."
+    )
 
 
 def distrust_sentence(sensor: SensorResult) -> str:

@@ -103,6 +103,11 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         noise_processes=published_processes(sensor),
         choice=published_choice(sensor.choice),
         terms=_terms(sensor),
+        bias=sensor.bias
+        and {
+            name: dict(zip(("mean", "sd"), getattr(sensor.bias, name), strict=True))
+            for name in ("start", "mean", "end", "drift")
+        },
         model=selection.model,
         log_evidence=selection.log_evidence,
         groups=selection.groups,

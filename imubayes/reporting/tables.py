@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from imubayes.reporting.chain_views import (
+    bias_sentence,
     choice_sentences,
     distrust_sentence,
     method_sentence,
@@ -113,6 +114,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
             yield indented(warning, "bold red")
     if temperature := temperature_sentence(sensor):
         yield indented(temperature.replace("µ", "u").replace("−", "-"))  # as the table beside it
+    if bias := bias_sentence(sensor):
+        yield indented(bias)
     yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
         yield indented(distrusted)

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.reporting.chain_views import (
+    bias_sentence,
     choice_sentences,
     distrust_sentence,
     method_sentence,
@@ -51,6 +52,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         method_sentence(sensor),
         *_rest(sensor),
         *_cannot_tell(sensor),
+        bias_sentence(sensor).replace("+-", "±"),
         distrust_sentence(sensor),
         *map(sentence, saturated({run.name: run.source for run in sensor.runs})),
         fit_sentence(sensor),

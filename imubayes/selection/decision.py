@@ -13,6 +13,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.digits import Digits
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.errors import TermError
+from imubayes.inference.drift import Drift
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
@@ -58,6 +59,9 @@ SURE_PULL = 5.0
 """Standard deviations from zero at which the data alone are sure of a coefficient."""
 
 NOMINAL = WIDTHS.index(1.0)
+
+MANY = 20_000
+"""Draws that the bias over a record is told from: its mean is then right to 0.007 sd."""
 
 FEW_NOISES = 4
 """Draws of the noise that are averaged over where the models of each must be searched for."""
@@ -373,14 +377,75 @@ def _local(name: str, beside: str) -> str:
     return name.removeprefix(f"{component}.") if component else name
 
 
-def posterior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:
+@dataclass(frozen=True, slots=True)
+class Bias:
+    """Bias of a component whose noise walks, averaged over models: each (mean, sd), SI.
+
+    Attributes
+    ----------
+    start, mean, end : at the start of the record, on average over it, and at its end.
+    drift : from the start to the end.
+    """
+
+    start: tuple[float, float]
+    mean: tuple[float, float]
+    end: tuple[float, float]
+    drift: tuple[float, float]
+
+
+def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) -> tuple[Selection, Bias]:
+    """Selection whose b0 is the bias on average over the record, and the bias at the record's ends.
+
+    Inclusion and verdict stay: they ask whether there is a bias to walk from. Where b0 has confounded
+    partners all three are as wide as it is over the models that contain these.
+    """
+    drawn = _biases(drift, *_named_draws(selection.models, MANY, rng), rng)
+    place = selection.columns.index(drift.names[drift.own])
+    before, start = selection.terms[place], drawn[:, 0]
+    if before.confounded_with:
+        wider = math.sqrt(max(before.sd**2 - float(start.var()), 0.0))
+        drawn = drawn + before.mean - start.mean() + wider * rng.standard_normal((len(drawn), 1))
+    bias = Bias(*((float(x.mean()), float(x.std())) for x in (*drawn.T, drawn[:, 2] - drawn[:, 0])))
+    (mean, sd), (q05, q95) = bias.mean, np.quantile(drawn[:, 1], [0.05, 0.95]).tolist()
+    after = replace(
+        before,
+        mean=mean,
+        sd=sd,
+        q05=q05,
+        q95=q95,
+        full_mean=float(drift.full[1, 0]),
+        full_sd=float(drift.full[1, 1]),
+        limit95=float(np.quantile(np.abs(drawn[:, 1]), 0.95)),
+        effect=abs(mean),
+    )
+    terms = (*selection.terms[:place], after, *selection.terms[place + 1 :])
+    return replace(selection, terms=terms), bias
+
+
+def _named_draws(models: Models, size: int, rng: np.random.Generator) -> tuple[tuple[str, ...], FloatArray]:
+    """Names of all columns that are weighed, and draws (size, columns) of them."""
+    return models.candidates.columns, _model_draws(models, size, rng)
+
+
+def _biases(drift: Drift, names: Sequence[str], drawn: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Bias (size, 3) of each draw of the columns, at the start, on average, at the end."""
+    theta = np.zeros((len(drawn), len(drift.names)))
+    theta[:, [drift.names.index(name) for name in names]] = drawn
+    return drift.bias(theta, rng.standard_normal((len(drawn), 2)))
+
+
+def posterior_draws(
+    selection: Selection, size: int, rng: np.random.Generator, drift: Drift | None = None
+) -> FloatArray:
     """Independent draws (size, p) in the order of the verdicts; a term that a draw's model lacks is zero.
 
     Terms that the test never excited are drawn from their prior, with the inclusion that the others suggest.
+    With a drift, b0 is the bias on average over the record.
     """
-    models = selection.models
-    drawn = _model_draws(models, size, rng)
-    columns = {name: drawn[:, j] for j, name in enumerate(models.candidates.columns)}
+    names, drawn = _named_draws(selection.models, size, rng)
+    columns = {name: drawn[:, j] for j, name in enumerate(names)}
+    if drift is not None:
+        columns[drift.names[drift.own]] = _biases(drift, names, drawn, rng)[:, 1]
     out = np.empty((size, len(selection.terms)))
     for j, (term, name) in enumerate(zip(selection.terms, selection.carriers, strict=True)):
         out[:, j] = columns[name] if name in columns else _sparse(term.inclusion, term.prior_sd, size, rng)

@@ -35,6 +35,7 @@ from imubayes.campaign.study import (
 )
 from imubayes.errors import UnobservableError
 from imubayes.inference.case import Case, rows_at_rest
+from imubayes.inference.drift import Drift, drift_of
 from imubayes.inference.linear import drive, linear_of
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
@@ -58,7 +59,15 @@ from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.checks import saturated
 from imubayes.rig.inputs import Run
-from imubayes.selection.decision import Selection, loose_fit, posterior_draws, prior_draws, select
+from imubayes.selection.decision import (
+    Bias,
+    Selection,
+    loose_fit,
+    over_record,
+    posterior_draws,
+    prior_draws,
+    select,
+)
 from imubayes.selection.noise_choice import processes_of
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.terms import Library
@@ -192,6 +201,8 @@ class _Told:
     checks: tuple[ResidualCheck, ...]
     panel: Panel | None
     misfit: Misfit | None
+    drift: Drift | None = None
+    bias: Bias | None = None
 
 
 def _ground(job: _Job, problem: Problem) -> Ground:
@@ -225,7 +236,7 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     checks = _checks(job, ready, theta, cov)
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
-    told = _Told(found.selection, checks, panel, _misfit(job, ready, inputs))
+    told = _drifting(job, ready, _Told(found.selection, checks, panel, _misfit(job, ready, inputs)))
     # an average no longer shows the quantization that it is made for
     fine = [
         rows if run.record is None or ready.summary.extras else linear_of(run.record, spec.library)
@@ -263,7 +274,7 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     posterior, reason = posterior_by(study.sampling.method, ground)
     told = _components(job, case, ready, asked_of(ground.problem, posterior), posterior.chains)
     selections = [one.selection for one in told]
-    shared = of_case(spec, case, ready, selections)
+    shared = of_case(spec, case, ready, selections, [one.bias is not None for one in told])
     pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
     resting, asking = rows_at_rest(runs, case), _told_to(job)
     seconds = (time.perf_counter() - start) / len(told)
@@ -291,7 +302,8 @@ def _components(
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
         selection = select(own.summary, own.prior, component=one.name, **asked)
         panel = _panel(job, own, chains, selection, one.parts)
-        told.append(_Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts]))
+        said = _Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts])
+        told.append(_drifting(job, _part(ready, one.parts), said))
     return told
 
 
@@ -302,6 +314,16 @@ def _checks(job: _Job, ready: Prepared, theta: np.ndarray, cov: np.ndarray) -> t
         check_residuals(rows, theta, run, cov=cov, level=level)
         for rows, run in zip(ready.rows, ready.summary.runs, strict=True)
     )
+
+
+def _drifting(job: _Job, ready: Prepared, told: _Told) -> _Told:
+    """What is said of a component with its bias over the record, where a random walk moves it."""
+    columns = dict(zip((term.name for term in told.selection.terms), told.selection.columns, strict=True))
+    drift = drift_of(ready.summary, ready.rows, ready.prior.sd, columns.get("b0", ""))
+    if drift is None:
+        return told
+    selection, bias = over_record(told.selection, drift, np.random.default_rng([*job.seed, 5]))
+    return replace(told, selection=selection, drift=drift, bias=bias)
 
 
 def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:
@@ -367,12 +389,12 @@ def _result(
         runs=summary.runs,
         selection=selection,
         checks=told.checks,
-        draws=posterior_draws(selection, DRAWS, job.rng),
+        draws=posterior_draws(selection, DRAWS, job.rng, told.drift),
         prior_draws=prior_draws(selection, DRAWS, job.rng),
         prior_source=ready.source,
         seconds=seconds,
         method=posterior.rung,
-        chains=of_columns(chains, columns, carriers) if chains else None,
+        chains=of_columns(_over_record(job, chains, told.drift), columns, carriers) if chains else None,
         extras=_extras(ready, selection, posterior),
         distrusted=ready.distrusted,
         panel=told.panel,
@@ -380,7 +402,20 @@ def _result(
         correlation=correlation(ready.summary.factor, ready.prior.sd, selection.carriers),
         drive=drive(ready.rows, selection.columns, [term.name for term in selection.terms]),
         pulls=pulls(ready.summary.factor, ready.prior.sd, selection.carriers),
+        bias=told.bias,
     )
+
+
+def _over_record(job: _Job, chains: Chains, drift: Drift | None) -> Chains:
+    """Chains whose b0 is the bias on average over the record."""
+    if drift is None:
+        return chains
+    theta = chains.theta.reshape(-1, len(chains.names))
+    ordered = theta[:, [chains.names.index(name) for name in drift.names]]
+    z = np.random.default_rng([*job.seed, 6]).standard_normal((len(theta), 2))
+    moved = theta.copy()
+    moved[:, chains.names.index(drift.names[drift.own])] = drift.bias(ordered, z)[:, 1]
+    return replace(chains, theta=moved.reshape(chains.theta.shape))
 
 
 def _columns(selection: Selection, ready: Prepared) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -23,14 +23,16 @@ FORMATS: Mapping[str, Callable[[Characterized], dict[str, str]]] = {
 """Texts by file name, of each format."""
 
 
-def exported(path: Path | str, to: str, *, sensor: str = "", model: str = NEEDED) -> dict[str, str]:
+def exported(
+    path: Path | str, to: str, *, sensor: str = "", model: str = NEEDED, bias_at: str = "mean"
+) -> dict[str, str]:
     """Texts by file name of a result in one format.
 
     Parameters
     ----------
     path : of the ``result.json``, or of its folder.
     to : one of `FORMATS`.
-    sensor, model : which, see `imubayes.reporting.export.characterized.characterized`.
+    sensor, model, bias_at : which, see `imubayes.reporting.export.characterized.characterized`.
 
     Raises
     ------
@@ -38,4 +40,4 @@ def exported(path: Path | str, to: str, *, sensor: str = "", model: str = NEEDED
     """
     if to not in FORMATS:
         raise InputError(f"format '{to}' is not known: expected one of {', '.join(FORMATS)}")
-    return FORMATS[to](characterized(path, sensor=sensor, model=model))
+    return FORMATS[to](characterized(path, sensor=sensor, model=model, bias_at=bias_at))

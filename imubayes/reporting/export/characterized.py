@@ -37,6 +37,13 @@ QUANTITIES = ("f", "w", "dw")
 UNLIMITED = 1e30
 """Size of an input on which no term depends: its range needs no test."""
 
+BIAS_AT = {
+    "start": "that at the start of the record",
+    "mean": "the mean over the record",
+    "end": "that at the end of the record",
+}
+"""Which bias is exported, in words."""
+
 POSTERIOR = "posterior.nc"
 """Name of the file in a folder of results."""
 
@@ -81,6 +88,7 @@ class Characterized:
     within : largest inputs of the runs, over all parts; UNLIMITED where no term depends on an input.
     source : the file.
     left_out : rms error of the output that the model of a scene leaves, SI, by component.
+    bias_at : place of the record whose bias it has where that walks: start, mean or end.
     """
 
     name: str
@@ -89,6 +97,7 @@ class Characterized:
     within: InputRange
     source: Written
     left_out: Mapping[str, float]
+    bias_at: str = "mean"
 
     @property
     def imu(self) -> Imu:
@@ -96,7 +105,9 @@ class Characterized:
         return imu_of({name: part.component for name, part in self.parts.items()})
 
 
-def characterized(path: Path | str, *, sensor: str = "", model: str = NEEDED) -> Characterized:
+def characterized(
+    path: Path | str, *, sensor: str = "", model: str = NEEDED, bias_at: str = "mean"
+) -> Characterized:
     """Read an IMU, or one component, from a ``result.json``.
 
     Entries whose ids end in ``.ax`` to ``.gz`` and start alike make one IMU; an entry without such an end
@@ -108,6 +119,7 @@ def characterized(path: Path | str, *, sensor: str = "", model: str = NEEDED) ->
     sensor : id of the IMU or component; may be left out where there is one.
     model : ``needed`` has the terms that the data show to be more probable than not, at their averaged means;
         ``full`` all terms that were tested, under the full library; the name of a scene what that requires.
+    bias_at : ``start``, ``mean`` or ``end`` of the record: whose bias, where it walks with the noise.
 
     Raises
     ------
@@ -119,9 +131,9 @@ def characterized(path: Path | str, *, sensor: str = "", model: str = NEEDED) ->
     groups = _groups(result.sensors)
     name = _chosen(groups, sensor, source.path)
     scene = _scene_entries(source, result, model)
-    parts = {place: _part(source, one, model, scene) for place, one in groups[name].items()}
+    parts = {place: _part(source, one, (model, bias_at), scene) for place, one in groups[name].items()}
     left_out = {place: scene[one.id].left_out_rms for place, one in groups[name].items() if one.id in scene}
-    return Characterized(name, model, parts, _range(parts, groups[name]), source, left_out)
+    return Characterized(name, model, parts, _range(parts, groups[name]), source, left_out, bias_at)
 
 
 def _groups(sensors: Sequence[Sensor]) -> dict[str, dict[str, Sensor]]:
@@ -159,7 +171,8 @@ def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[s
     return found
 
 
-def _part(source: Written, sensor: Sensor, model: str, scene: Mapping[str, Scene]) -> Part:
+def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mapping[str, Scene]) -> Part:
+    model, bias_at = asked
     by_name = {term.name: term for term in _terms(sensor, model, scene.get(sensor.id))}
     lib = library_of(sensor.kind, list(by_name))
     mean, sd = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
@@ -167,6 +180,9 @@ def _part(source: Written, sensor: Sensor, model: str, scene: Mapping[str, Scene
         np.nan_to_num(np.array([getattr(by_name[name], key) for name in lib.names])) for key in (mean, sd)
     )
     joint = None if model == FULL else posterior_covariance(source.path, sensor.id, lib.names)
+    if sensor.bias and bias_at != "mean" and "b0" in lib.names:
+        place, joint = lib.names.index("b0"), None  # the draws are of the mean
+        theta[place], spread[place] = sensor.bias[bias_at]["mean"], sensor.bias[bias_at]["sd"]
     runs, noise = _noise(sensor)
     return Part(
         sensor=sensor,
@@ -319,6 +335,7 @@ def provenance(found: Characterized) -> dict[str, Any]:
         "axes": AXES,
         "meaning": MEANING,
         "left_out_rms": dict(found.left_out),
+        "bias_at": found.bias_at if _walks(found) else None,
         "valid": validity(found),
     }
 
@@ -338,12 +355,18 @@ def _lines(found: Characterized) -> Iterator[str]:
     yield f"Components: {', '.join(f'{place} ({part.sensor.id})' for place, part in found.parts.items())}."
     if missing := [name for name in COMPONENTS if name not in found.parts]:
         yield f"Not in the result, and taken as ideal: {', '.join(missing)}."
+    if _walks(found):
+        yield f"Bias: it walks with the noise; this one is {BIAS_AT[found.bias_at]}."
     yield f"Equation: {MEANING}."
     yield f"Units: {UNITS}."
     yield f"Axes: {AXES}."
     yield f"Valid for: {_valid_words(found)}."
     yield f"From: {about['result']}, sha256 {about['sha256']}, study '{about['study']}'."
     yield f"Written by imubayes {about['imubayes']}; the result by imubayes {about['result_written_by']}."
+
+
+def _walks(found: Characterized) -> bool:
+    return any(part.sensor.bias for part in found.parts.values())
 
 
 def _model_words(found: Characterized) -> str:

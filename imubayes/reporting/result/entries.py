@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NotRequired
+from typing import Annotated, Any, NotRequired
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
@@ -12,6 +12,7 @@ from imubayes.reporting.result.many import Population, Sessions
 from imubayes.reporting.result.values import (
     PUBLISHED,
     Appendix,
+    Bias,
     Budget,
     Column,
     Confounded,
@@ -220,6 +221,11 @@ class Sensor:
         "what it would take and change"
     )]
     terms: Annotated[tuple[Term, ...], says("of the library")]
+    bias: Annotated[Bias | None, says(
+        "`mean` and `sd` of the bias, SI, averaged over models, at the `start` of the record, on "
+        "average over it (`mean`, which `b0` is) and at its `end`, and its `drift` from start to end; "
+        "left out where no random walk of the noise counts: it is then the same throughout"
+    )] = None
     model: Annotated[Names, says(
         "excited terms with inclusion 0.5 or more (median probability model; with `[decision]` costs, "
         "from their threshold on). No term that is `untested` or `not needed` is in it"
@@ -333,6 +339,11 @@ class Sensor:
         "nothing), and why there are no values (`trouble`)"
     )]
     seconds: Annotated[Number, says("of computing")]
+
+    @model_serializer(mode="wrap")
+    def _without_bias(self, written: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values = written(self)
+        return values if self.bias else {key: value for key, value in values.items() if key != "bias"}
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)

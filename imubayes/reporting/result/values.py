@@ -144,6 +144,8 @@ Misfit = TypedDict("Misfit", {
     "text": str, "found": tuple[Dependence, ...], "dependences": tuple[Dependence, ...],
     "predictive_p": dict[str, Number], "level": Number,
 })
+Size = TypedDict("Size", {"mean": Number, "sd": Number})
+Bias = TypedDict("Bias", {"start": Size, "mean": Size, "end": Size, "drift": Size})
 TermGroup = TypedDict("TermGroup", {"terms": Names, "any_inclusion": Number})
 Evidence = TypedDict("Evidence", {"value": Number, "sd": Number, "exact": Number})
 DistrustedDwell = TypedDict("DistrustedDwell", {
