@@ -10,6 +10,7 @@ import numpy as np
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError
 from imubayes.inference.case import Asked, Case
+from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble
 from imubayes.inference.known_case import solve_known_case
@@ -41,13 +42,22 @@ def runs_of(
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
     Long files are read a part at a time; `tell` is told how far that is.
+
+    Raises
+    ------
+    DataError : if a file cannot be used, or its outputs are far beyond the class.
     """
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
     def read(one: RunSpec) -> Run:
         return read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
 
-    return tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
+    runs = tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
+    if not spec.accept_prior_conflict:
+        recorded = [run for run, one in zip(runs, spec.runs, strict=True) if not one.simulate]
+        kinds = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
+        refuse_conflicts(recorded, spec.kind, {one.kind: (one.sensor_class, one.prior) for one in kinds})
+    return runs
 
 
 def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:

@@ -49,6 +49,7 @@ class SensorSpec:
     gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its
         accelerometers. Its truth is by component and term, ``ax.b0``.
     bench_drawn : whether the bench of simulated runs has errors, drawn from `reference`.
+    accept_prior_conflict : whether recorded outputs may be far beyond the class.
     """
 
     id: str
@@ -64,6 +65,7 @@ class SensorSpec:
     session: str = ""
     gyroscope: SensorSpec | None = None
     bench_drawn: bool = False
+    accept_prior_conflict: bool = False
 
     def of(self, kind: Kind) -> SensorSpec:
         """What is asked of the components of a kind."""

@@ -108,6 +108,7 @@ def _of_kind(
         table.unit or "",
         table.session or "",
         bench_drawn=_bench_drawn(table, runs, place.at("bench")),
+        accept_prior_conflict=table.accept_prior_conflict,
     )
 
 

@@ -318,6 +318,12 @@ class SensorTable:
         True,
         False,
     )
+    accept_prior_conflict: bool = key(
+        "takes a recorded output that is 50 prior sds or more from its class, or looks like one with a wrong"
+        " unit, sign or axis, which is refused else",
+        True,
+        False,
+    )
     unit: Text | None = key(
         "the physical unit, where several sensors of the study are sessions of one; they need the same kind"
         " and library. The report then compares the sessions; of four units of a class or more it says what"
