@@ -18,8 +18,8 @@ import typer
 from imubayes.errors import InputError
 
 MINUTE, OFTEN = 60.0, 10.0
-"""s after which a command that still computes says what: on a terminal, which sees each step, after two, four ...
-minutes again; in a file every time."""
+"""s after which a command that still computes says what: on a terminal, which sees each step, and after two,
+four ... minutes; in a file, again and again."""
 
 
 def fail(message: str, code: int) -> NoReturn:

@@ -31,8 +31,8 @@ SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
     "accelerometer": {"powers": 1, "asymmetry": -1},
     "gyroscope": {"powers": 1, "asymmetry": -1, "set": "extended"},
 }
-"""Candidates of a test in the hand unless the study asks for others: at 1 g and in slow turns no power is told
-from bias and scale, whose error bars it would widen; the rates at rest tell g-sensitivity."""
+"""Candidates of a test in the hand unless the study asks for others: 1 g and slow turns tell no power from
+bias and scale, whose error bars it would widen; the rates at rest tell g-sensitivity."""
 
 
 def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable, tuple[SensorClass, ...]]:
