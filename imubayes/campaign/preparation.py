@@ -19,6 +19,7 @@ from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.recovered import recover
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
+from imubayes.inference.stills import condensed
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
@@ -199,6 +200,7 @@ def prepare_case(
     ConvergenceError : if a linearisation does not settle.
     """
     prior, source = _triad_prior(spec)
+    runs = [condensed(run) for run in runs]
     if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
         case = _imu_case(spec, runs, (prior, own), rng)

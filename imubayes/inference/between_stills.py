@@ -27,7 +27,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Linear
-from imubayes.inference.stills import Stills, means_of, still_rows
+from imubayes.inference.stills import Stills, means_of, samples_in, still_rows
 from imubayes.inference.strapdown import cross_matrix, onward
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import GAP, Run
@@ -68,7 +68,7 @@ class Directions:
 
 def directions(triad: Triad, run: Run, stills: Stills) -> Directions:
     """Directions of the specific force in the stills, by calibrated accelerometers."""
-    f = triad.compensate(means_of(run.force, stills))
+    f = triad.compensate(means_of(run, run.force, stills))
     length = np.linalg.norm(f, axis=1)[:, None]
     u = f / length
     across = (np.eye(3) - u[:, :, None] * u[:, None, :]) / length[:, :, None]
@@ -162,7 +162,7 @@ def _unbroken(seen: Directions) -> list[tuple[int, slice]]:
 
 def _direction_variance(seen: Directions, still: int, noise: Noise) -> float:
     """Variance (rad^2) of the directions at both ends of a turn, from the accelerometers' noise."""
-    held = [(b - a) * seen.run.interval for a, b in seen.stills[still : still + 2]]
+    held = [samples_in(seen.run, a, b) * seen.run.interval for a, b in seen.stills[still : still + 2]]
     return sum(noise.N**2 / T + noise.B**2 for T in held) / seen.run.gravity**2
 
 

@@ -272,7 +272,7 @@ def _known(run: Run) -> tuple[Stills, FloatArray]:
 def _found(run: Run, case: Case) -> tuple[Stills, FloatArray]:
     """Stills of a free tumble, and the specific force (k, 3) by the calibrated accelerometers."""
     stills = find_stills(run)
-    return stills, case.triads[0].compensate(means_of(run.force, stills))
+    return stills, case.triads[0].compensate(means_of(run, run.force, stills))
 
 
 def _of_run(run: Run, stills: Stills, force: FloatArray, case: Case) -> Iterator[tuple[str, Linear]]:

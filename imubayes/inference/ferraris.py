@@ -22,9 +22,10 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Asked, Case, Told, along, case_of
 from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, widened
+from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.rig.inputs import Facts, Run, Section, durations
+from imubayes.rig.inputs import Facts, Run, Section
 from imubayes.rig.reference import KINDS
 from imubayes.units import STANDARD_GRAVITY
 
@@ -105,7 +106,7 @@ def _told(run: Run, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Ex
         found,
         run.source,
         {},
-        samples=len(rows),
+        samples=len(rows) + sum(samples_in(run, s.start, s.stop) - (s.stop - s.start) for s in still),
         stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in still),
         sampling=run.interval,
     )
@@ -158,9 +159,9 @@ def _at_rest(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
     gyroscopes = triad.libraries[0].kind == "gyroscope"
     own, other = (nothing, force) if gyroscopes else (force, nothing)
     X = triad.regressors(own[None], other[None])
-    t = run.t[inside]
+    index = np.arange(section.start, section.stop)
     output = (run.rate if gyroscopes else run.force)[inside]
-    return _Piece(n, t, durations(t, run.interval), output, own, tuple(part[0] for part in X))
+    return _Piece(n, run.t[inside], lasting_of(run, index)[0], output, own, tuple(part[0] for part in X))
 
 
 def _turned(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
@@ -183,8 +184,12 @@ def _turned(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
 
 def _bias(run: Run) -> FloatArray:
     """Mean output (3,) of the gyroscopes in the positions."""
-    at_rest = [run.rate[s.start : s.stop].mean(axis=0) for s in run.sections if s.angle == 0.0]
-    return np.mean(at_rest, axis=0)
+    return np.mean(means_of(run, run.rate, _positions(run)), axis=0)
+
+
+def _positions(run: Run) -> Stills:
+    """Rows of the sections at rest."""
+    return tuple((s.start, s.stop) for s in run.sections if s.angle == 0.0)
 
 
 def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> Linear:
@@ -202,7 +207,7 @@ def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> 
         names=(*(f"{component}.{name}" for name in lib.names), *(extra.name for extra in extras)),
         t=np.concatenate([p.t for p in pieces]),
         duration=np.concatenate([p.duration for p in pieces]),
-        interval=run.interval,
+        interval=lasting_of(run, rows_of(_positions(run))[0])[1],
         y=np.concatenate([p.output[:, k] - p.own[k] for p in pieces]),
         columns=lambda start, stop: X[start:stop],
     )

@@ -47,11 +47,19 @@ from imubayes.inference.linear import (
 )
 from imubayes.inference.noise_model import NoiseEstimate, estimate
 from imubayes.inference.settle import Pace, Round, settle
-from imubayes.inference.stills import Stills, find_stills, means_of, rows_of, times_of
+from imubayes.inference.stills import (
+    Stills,
+    find_stills,
+    lasting_of,
+    means_of,
+    rows_of,
+    samples_in,
+    times_of,
+)
 from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.inference.whitened import whitened_factor
-from imubayes.rig.inputs import Facts, Run, durations
+from imubayes.rig.inputs import Facts, Run
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import STANDARD_GRAVITY, counted
 
@@ -121,12 +129,15 @@ def _start(run: Run, stills: Stills, asked: Asked) -> NoiseEstimate:
     Means have none: the class's is as good a start.
     """
     rule = asked.rule(run.name)
-    if run.inputs.averaged is not None and asked.sensor:
+    index, still = rows_of(stills)
+    if len(index) == len(stills) and asked.sensor:
         typical = Noise(*(median for median, _ in noise_prior(asked.sensor)))
         return NoiseEstimate(rule.value or typical, origin=ORIGIN[rule.rule])
-    within = [run.force[a:b] - run.force[a:b].mean(axis=0) for a, b in stills]
-    variance = sum(float(np.sum(part**2)) for part in within) / sum(part.size - 3 for part in within)
-    scatter = Noise(float(np.sqrt(variance * run.interval)), 0.0, 0.0)
+    within = run.force[index] - means_of(run, run.force, stills)[still]
+    averaged = run.inputs.averaged
+    lasting = run.interval if averaged is None else averaged[index, None]
+    density = float(np.sum(lasting * within**2)) / (within.size - 3 * len(stills))
+    scatter = Noise(float(np.sqrt(density)), 0.0, 0.0)
     return NoiseEstimate(rule.value or scatter, origin=ORIGIN[rule.rule])
 
 
@@ -151,21 +162,21 @@ def _judged(
 
 def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] = ()) -> Linear:
     """Rows of the stills, linearised at a triad's coefficients."""
-    means, (index, still) = means_of(run.force, stills), rows_of(stills)
+    means, (index, still) = means_of(run, run.force, stills), rows_of(stills)
+    lasting, interval = lasting_of(run, index)
     f = triad.compensate(means)
     length = np.linalg.norm(f, axis=1)
     w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
     X = np.hstack([w[:, [c]] * phi for c, phi in enumerate(triad.regressors(f))])
     base = length - run.gravity + X @ triad.theta
     X = np.hstack((X, np.ones((len(X), len(extras)))))  # gravity: every length is off by as much
-    t = run.t[index]
     return Linear(
         name=run.name,
         procedure=run.procedure,
         names=(*triad.names, *(extra.name for extra in extras)),
-        t=t,
-        duration=durations(t, run.interval) if run.inputs.averaged is None else run.inputs.averaged,
-        interval=run.interval,
+        t=run.t[index],
+        duration=lasting,
+        interval=interval,
         y=base[still] + np.einsum("na,na->n", w[still], run.force[index] - means[still]),
         columns=lambda start, stop: X[still[start:stop]],
         axes=w[still],
@@ -176,11 +187,23 @@ def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], 
     """All samples of the stills, at the settled linearisation."""
     rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
     ranges = spans("f", triad.compensate(run.force[index]))
-    summary = run_summary(rows, found, run.source, ranges, stills=times_of(run, stills))
-    summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
-    return Told(
-        summary, rows, along("f", triad.compensate(means_of(run.force, stills))[still]), triad.components
+    summary = run_summary(
+        rows,
+        found,
+        run.source,
+        ranges,
+        samples=_samples(run, stills),
+        stills=times_of(run, stills),
+        sampling=run.inputs.sampling,
     )
+    summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
+    f = triad.compensate(means_of(run, run.force, stills))
+    return Told(summary, rows, along("f", f[still]), triad.components)
+
+
+def _samples(run: Run, stills: Stills) -> int:
+    """Samples of all stills."""
+    return sum(samples_in(run, a, b) for a, b in stills)
 
 
 def solve_imu_tumble(
@@ -287,9 +310,8 @@ def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Tol
 
 def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
     """A gyroscope in the stills of a run."""
-    index, _ = rows_of(seen.stills)
-    ranges = spans("f", seen.force[index])
-    part = _part(seen, rows, found, ranges, len(index))
+    ranges = spans("f", seen.force[rows_of(seen.stills)[0]])
+    part = _part(seen, rows, found, ranges, _samples(seen.run, seen.stills))
     return Told(part, rows, _still_forces(seen), (component,))
 
 
@@ -315,4 +337,5 @@ def _part(
 def _still_forces(seen: Directions) -> dict[str, FloatArray]:
     """Specific force of each block of the stills."""
     index, still = rows_of(seen.stills)
-    return along("f", seen.f[still[block_edges(seen.run.t[index], seen.run.interval)]])
+    _, interval = lasting_of(seen.run, index)
+    return along("f", seen.f[still[block_edges(seen.run.t[index], interval)]])

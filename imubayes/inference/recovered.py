@@ -177,10 +177,10 @@ def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -
 
 def _tumbled(run: Run, stills: Stills, triads: Triads) -> list[FloatArray]:
     """Errors of gravity (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
-    f = triads[0].compensate(means_of(run.force, stills))
+    f = triads[0].compensate(means_of(run, run.force, stills))
     found = [_length(f, run.gravity)]
     if run.rate.size:
-        rate = means_of(run.rate, stills)
+        rate = means_of(run, run.rate, stills)
         seen = directions(triads[0], run, stills)
         found += [triads[1].compensate(rate, f), closures(seen, triads[1])]
     return found
@@ -203,7 +203,8 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
 
 def _held(run: Run, still: Sequence[Section], triads: Triads) -> list[FloatArray]:
     """Errors of gravity (k, 1) and of rest (k, 3)."""
-    force, rate = (np.array([x[s.start : s.stop].mean(axis=0) for s in still]) for x in (run.force, run.rate))
+    places = tuple((s.start, s.stop) for s in still)
+    force, rate = (means_of(run, values, places) for values in (run.force, run.rate))
     f = triads[0].compensate(force)
     return [_length(f, run.gravity), triads[1].compensate(rate, f)]
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
-from imubayes.inference.linear import Linear
-from imubayes.rig.inputs import Run, durations
+from imubayes.inference.linear import BLOCKS, Linear
+from imubayes.rig.inputs import Inputs, Part, Run, durations
+from imubayes.rig.stream_survey import averaged_parts
 
 Stills = tuple[tuple[int, int], ...]
 """(start, stop) sample indices of each still."""
@@ -37,6 +42,9 @@ STILLEST = 1e-8
 BINS = 256
 """Bins of the histogram that the threshold is taken from."""
 
+FINE = 65_536
+"""Bins of a histogram that a median is looked for in."""
+
 
 def find_stills(run: Run) -> Stills:
     """(start, stop) sample indices of each still.
@@ -52,25 +60,78 @@ def find_stills(run: Run) -> Stills:
     ------
     UnobservableError : if the record has no rest, or nothing but rest.
     """
+    if run.stills:
+        return run.stills
     if run.inputs.averaged is not None:
         return tuple((k, k + 1) for k in range(len(run.t)))
-    width = max(FEWEST_IN_WINDOW, round(WINDOW / run.interval))
-    if len(run.t) < 3 * width:
+    interval = run.sampling
+    width = max(FEWEST_IN_WINDOW, round(WINDOW / interval))
+    if run.samples < 3 * width:
         raise UnobservableError(
             f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
         )
-    quiet = _quiet(run, width)
-    if run.rate.size:
-        quiet &= _unturned(run.rate, width, quiet)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], quiet, [False])).astype(np.int8)))
+    edges, first, before = [], 0, False
+    for quiet in _quiet(run, width):
+        changes = np.flatnonzero(np.diff(quiet, prepend=before))
+        edges += (first + changes).tolist()
+        first, before = first + len(quiet), quiet[-1]
+    edges += [first] if before else []
     # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
-    found = [(int(a + width // 2), int(b + width // 2)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    stills = tuple((a, b) for a, b in found if (b - a) * run.interval >= SHORTEST)
+    found = [(a + width // 2, b + width // 2) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    stills = tuple((a, b) for a, b in found if (b - a) * interval >= SHORTEST)
     if not stills:
         raise UnobservableError(
             f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
         )
     return stills
+
+
+def condensed(run: Run) -> Run:
+    """Run of a case of which gravity is known, so that it can be held: rest as means, and turns as they are.
+
+    The mean of a stretch at rest tells of the coefficients what its samples do, for nothing but the noise
+    changes there. The first and last sample of a still, where a turn ends and begins, stay by themselves.
+    """
+    if run.stream is None or run.known:
+        return run
+    turned = [(s.start, s.stop) for s in run.sections if s.angle]
+    resting = [(s.start, s.stop) for s in run.sections if not s.angle]
+    if not run.sections:
+        resting = list(find_stills(run))
+        turned = [(a[1] - 1, b[0] + 1) for a, b in pairwise(resting)]
+    # no more rows than a run is averaged to further on: those of different lengths are then never mixed
+    blocks = max(BLOCKS - 4 * len(resting) - len(turned), BLOCKS // 4)
+    longest = math.ceil(sum(b - a for a, b in resting) / blocks)
+    cuts = [np.linspace(a + 1, b - 1, 1 + math.ceil((b - a) / longest)).astype(np.int64) for a, b in resting]
+    single = [np.arange(a, b + 1) for a, b in turned]
+    starts = np.unique(np.concatenate([[0], *resting, *cuts, *single]))
+    starts = starts[starts < run.samples]
+    counts = np.diff(starts, append=run.samples)
+    means, _ = averaged_parts(replace(run.stream, counts=counts), _measured, 2 + run.output.shape[1])
+
+    def placed(a: int, b: int) -> tuple[int, int]:
+        return int(np.searchsorted(starts, a)), int(np.searchsorted(starts, b))
+
+    interval = run.stream.interval
+    note = (
+        f"{run.samples:,} rows are read a part at a time: what is said at rest enters as means of up to"
+        f" {longest * interval:.2g} s, turns row by row"
+    )
+    ends = [placed(section.start, section.stop) for section in run.sections]
+    return replace(
+        run,
+        inputs=Inputs(means[:, 0], {}, interval, None, means[:, 1] * counts, interval),
+        output=means[:, 2:],
+        source=replace(run.source, notes=(*run.source.notes, note)),
+        stream=None,
+        sections=tuple(replace(s, start=a, stop=b) for s, (a, b) in zip(run.sections, ends, strict=True)),
+        stills=() if run.sections else tuple(placed(a, b) for a, b in resting),
+    )
+
+
+def _measured(part: Part, inside: slice, table: FloatArray) -> None:
+    """Write time, averaging time and outputs of some rows of a part."""
+    table[:, 0], table[:, 1], table[:, 2:] = part.t[inside], part.duration[inside], part.output[inside]
 
 
 def rows_of(stills: Stills) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -97,22 +158,41 @@ def still_rows(
     said : (n,) output of the component in the run, SI.
     """
     index, still = rows_of(stills)
-    t = run.t[index]
+    lasting, interval = lasting_of(run, index)
     return Linear(
         name=f"{run.name} ({component} at rest)",
         procedure=run.procedure,
         names=names,
-        t=t,
-        duration=durations(t, run.interval),
-        interval=run.interval,
+        t=run.t[index],
+        duration=lasting,
+        interval=interval,
         y=said[index],
         columns=lambda start, stop: X[still[start:stop]],
     )
 
 
-def means_of(values: FloatArray, stills: Stills) -> FloatArray:
-    """Means (k, a) of values (n, a) over each still."""
-    return np.array([values[a:b].mean(axis=0) for a, b in stills])
+def lasting_of(run: Run, index: NDArray[np.int64]) -> tuple[FloatArray, float]:
+    """Averaging time (m,) of some rows at rest, and that of one of them, s."""
+    if run.inputs.averaged is None:
+        return durations(run.t[index], run.interval), run.interval
+    lasting = run.inputs.averaged[index]
+    return lasting, float(np.median(lasting))
+
+
+def samples_in(run: Run, start: int, stop: int) -> int:
+    """Samples behind the rows from start to stop."""
+    averaged, sampling = run.inputs.averaged, run.inputs.sampling
+    if averaged is None or not sampling:
+        return stop - start
+    return round(float(averaged[start:stop].sum()) / sampling)
+
+
+def means_of(run: Run, values: FloatArray, stills: Stills) -> FloatArray:
+    """Means (k, a) of values (n, a) of a run's rows over each still."""
+    weights = run.inputs.averaged
+    if weights is None:
+        return np.array([values[a:b].mean(axis=0) for a, b in stills])
+    return np.array([np.average(values[a:b], axis=0, weights=weights[a:b]) for a, b in stills])
 
 
 def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:
@@ -121,25 +201,81 @@ def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:
     return tuple((float(t[a] - half[a]), float(t[b - 1] + half[b - 1])) for a, b in stills)
 
 
-def _quiet(run: Run, width: int) -> NDArray[np.bool_]:
-    """Windows at rest: (n - width + 1,)."""
-    variance = _rolling_variance(run.force, width)
-    least = max(STILLEST * float(variance.max()), np.finfo(float).tiny)
-    spread = np.log(np.maximum(variance, least))
-    quiet = spread < _threshold(spread)
-    if quiet.all() or np.median(spread[~quiet]) - np.median(spread[quiet]) < math.log(CONTRAST):
+def _quiet(run: Run, width: int) -> Iterator[NDArray[np.bool_]]:
+    """Windows at rest, (n - width + 1,) in parts; four passes before the one that tells."""
+    seen = partial(_windows, run, width)
+    ends = np.array([[(v.min(), v.max()) for v in part if v.size] for part in seen()])
+    smallest, largest = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
+    least = np.maximum(STILLEST * largest, np.finfo(float).tiny)
+    extents = np.log([np.maximum(smallest, least), largest.clip(least)]).T
+    threshold = _threshold((_spread(part[0], extents[0]) for part in seen()), extents[0])
+
+    def medians_among() -> Iterator[list[FloatArray]]:
+        for force, rate in seen():
+            quiet = _spread(force, extents[0]) < threshold
+            yield [force[quiet], force[~quiet], *([rate[quiet]] if rate.size else [])]
+
+    rest = motion = least[0]
+    turning: list[float] = []
+    if not math.isinf(threshold):
+        rest, motion, *turning = _medians(medians_among, [extents[0], *extents])
+    if max(motion, least[0]) < CONTRAST * max(rest, least[0]):
         raise UnobservableError(
             f"run '{run.name}' has no stills that differ from motion: hold the triad still in one direction"
             " after the other, and turn it between them"
         )
-    return quiet
+    # windows in which the rates do not vary by more than noise, which is that of the quiet windows
+    usual = max(turning[0], STILLEST * float(largest[1])) if turning else math.inf
+    for force, rate in seen():
+        quiet = _spread(force, extents[0]) < threshold
+        yield quiet & (rate < RESTLESS * usual) if rate.size else quiet
 
 
-def _unturned(rate: FloatArray, width: int, quiet: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Windows in which the rates do not vary by more than noise, which is that of the `quiet` windows."""
-    variance = _rolling_variance(rate, width)
-    usual = max(float(np.median(variance[quiet])), STILLEST * float(variance.max()))
-    return variance < RESTLESS * usual
+def _windows(run: Run, width: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Summed variances of the forces, and of the rates where there are some, over windows, in parts."""
+    held = np.zeros((0, run.output.shape[1]))
+    for part in run.parts("stills"):
+        rows = np.concatenate((held, part.output))
+        held = rows[1 - width :]
+        if len(rows) >= width:
+            rate = _rolling_variance(rows[:, 3:], width) if rows.shape[1] > 3 else np.zeros(0)
+            yield _rolling_variance(rows[:, :3], width), rate
+
+
+def _spread(variance: FloatArray, extent: FloatArray) -> FloatArray:
+    """Logarithms of variances (n,) within an extent."""
+    return np.log(np.maximum(variance, np.finfo(float).tiny)).clip(*extent)
+
+
+def _medians(
+    parts: Callable[[], Iterator[Sequence[FloatArray]]], extents: Sequence[FloatArray]
+) -> list[float]:
+    """Medians of q variances that come in parts, whose logarithms lie within q extents: two passes.
+
+    Values are counted in fine bins, and those of the bins in the middle are put in order.
+    """
+
+    def bins(values: FloatArray, extent: FloatArray) -> NDArray[np.int64]:
+        share = (_spread(values, extent) - extent[0]) / max(float(np.ptp(extent)), np.finfo(float).tiny)
+        return np.minimum(share * FINE, FINE - 1).astype(np.int64)
+
+    counts = np.zeros((len(extents), FINE), dtype=np.int64)
+    for part in parts():
+        for k, values in enumerate(part):
+            counts[k] += np.bincount(bins(values, extents[k]), minlength=FINE)
+    below = np.cumsum(counts, axis=1)
+    ranks = [((total - 1) // 2, total // 2) for total in below[:, -1].tolist()]
+    middle = [np.searchsorted(row, pair, side="right") for row, pair in zip(below, ranks, strict=False)]
+    held: list[list[FloatArray]] = [[] for _ in ranks]
+    for part in parts():
+        for k, values in enumerate(part):
+            where = bins(values, extents[k])
+            held[k].append(values[(where >= middle[k][0]) & (where <= middle[k][1])])
+    found = []
+    for k, values in enumerate(held):
+        before = below[k, middle[k][0]] - counts[k, middle[k][0]]
+        found.append(float(np.sort(np.concatenate(values))[[r - before for r in ranks[k]]].mean()))
+    return found
 
 
 def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
@@ -151,11 +287,15 @@ def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
     return np.maximum((second[width:] - second[:-width]) / width - mean**2, 0.0).sum(axis=1)
 
 
-def _threshold(values: FloatArray) -> float:
-    """Otsu's threshold: the cut with the largest variance between the two sides; inf where all are equal."""
-    if np.ptp(values) == 0.0:
+def _threshold(parts: Iterable[FloatArray], extent: FloatArray) -> float:
+    """Otsu's threshold of values in parts: the cut with the largest variance between the two sides.
+
+    It is inf where all are equal.
+    """
+    if np.ptp(extent) == 0.0:
         return math.inf
-    counts, edges = np.histogram(values, bins=BINS)
+    edges = np.histogram_bin_edges(extent, BINS)
+    counts = np.sum([np.histogram(values, edges)[0] for values in parts], axis=0)
     middles = 0.5 * (edges[1:] + edges[:-1])
     below, total = np.cumsum(counts)[:-1], counts.sum()
     first = np.cumsum(counts * middles)

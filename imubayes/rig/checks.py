@@ -353,6 +353,21 @@ def stretches_of(out: BoolArray) -> Stretches:
     return np.column_stack((np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)))
 
 
+def united(rows: Stretches) -> Stretches:
+    """Stretches of rows that are in any of some stretches.
+
+    Examples
+    --------
+    >>> united(np.array([[5, 7], [1, 3], [2, 4], [6, 8]])).tolist()
+    [[1, 4], [5, 8]]
+    """
+    rows = rows[np.argsort(rows[:, 0])]
+    ends = np.maximum.accumulate(rows[:, 1])
+    fresh = np.concatenate(([True], rows[1:, 0] > ends[:-1]))[: len(rows)]
+    last = np.append(np.flatnonzero(fresh)[1:], len(rows)) - 1
+    return np.column_stack((rows[fresh, 0], ends[last[: np.count_nonzero(fresh)]]))
+
+
 def _listed(rows: Stretches) -> str:
     texts = [f"{a:,}" if b == a + 1 else f"{a:,} to {b - 1:,}" for a, b in rows[:LISTED].tolist()]
     more = len(rows) - len(texts)

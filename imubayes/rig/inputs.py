@@ -109,6 +109,7 @@ class Run:
         inputs are known.
     sections : the parts of such a run whose inputs are known; none for a free tumble.
     record : the samples of a run of means, where nothing but quantization shows in them; None else.
+    stills : (start, stop) rows of each still, where they were looked for already.
     """
 
     name: str
@@ -120,6 +121,20 @@ class Run:
     gravity: float = 0.0
     sections: tuple[Section, ...] = ()
     record: Run | None = None
+    stills: tuple[tuple[int, int], ...] = ()
+
+    def parts(self, purpose: str) -> Iterator[Part]:
+        """Read all rows of the record a part at a time, memory being one part."""
+        if self.stream is not None:
+            return self.stream.read(purpose)
+        inputs = self.inputs
+        whole = Part(0, np.nan, inputs.t, inputs.durations, inputs.channels, self.output, inputs.mount)
+        return iter([whole])
+
+    @property
+    def sampling(self) -> float:
+        """Averaging time of one sample of the record, held or not, s."""
+        return self.inputs.interval if self.stream is None else self.stream.interval
 
     @property
     def samples(self) -> int:

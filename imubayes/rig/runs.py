@@ -10,7 +10,15 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import SATURATED, check_output, earth_left_out, refuse_stuck, within_range
+from imubayes.rig.checks import (
+    SATURATED,
+    Stretches,
+    check_output,
+    earth_left_out,
+    refuse_stuck,
+    stretches_of,
+    within_range,
+)
 from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
 from imubayes.rig.inputs import (
@@ -20,7 +28,6 @@ from imubayes.rig.inputs import (
     Inputs,
     Run,
     Section,
-    Source,
     sampling_interval,
     taken,
 )
@@ -142,7 +149,7 @@ def _opened(
 def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     """Run with known inputs: of a component of a kind, of an IMU without one."""
     if file.held is None and not (spec.dwell or MEANS & file.columns.keys()):
-        return as_means(read_long_run(spec, file, kind), kind or "accelerometer")
+        return as_means(read_long_run(spec, file, kind)[0], kind or "accelerometer")
     rows, kept, found = _outputs(file)
     inputs, derived = _inputs(spec, file, rows)
     if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
@@ -208,37 +215,35 @@ def _outputs(file: RunFile) -> tuple[Rows, BoolArray, tuple[str, ...]]:
 
 def _partly_known(spec: RunSpec, file: RunFile) -> Run:
     """Run of which gravity is known and perhaps sections."""
-    rows, kept, notes = _outputs(file)
-    lasting, means = _lasting(spec, file, rows)
-    t, source = rows.t, file.source((*notes, *means))
-    for section in spec.sections:
-        if not 0 <= section.start < section.stop <= len(t):
-            raise DataError(
-                f"run '{spec.name}': rows {section.start} to {section.stop} are no section of a file of"
-                f" {len(t)} rows: expected first and last of them, counted from 0"
-            )
-    interval = sampling_interval(t) if lasting is None else float(np.median(lasting))
-    sections = tuple(_among(section, kept, spec.name, source) for section in spec.sections)
-    return Run(
-        spec.name,
-        spec.procedure,
-        Inputs(t, {}, interval, averaged=lasting).kept(kept),
-        taken(file.output(rows.values), kept),
-        source,
-        gravity=spec.gravity or 0.0,
-        sections=sections,
-    )
+    if file.held is None and not (spec.dwell or MEANS & file.columns.keys()):
+        run, lost = read_long_run(spec, file, None)
+    else:
+        rows, kept, notes = _outputs(file)
+        lasting, means = _lasting(spec, file, rows)
+        interval = sampling_interval(rows.t) if lasting is None else float(np.median(lasting))
+        inputs = Inputs(rows.t, {}, interval, averaged=lasting).kept(kept)
+        output, source = taken(file.output(rows.values), kept), file.source((*notes, *means))
+        run, lost = Run(spec.name, spec.procedure, inputs, output, source), stretches_of(~kept)
+    sections = tuple(_among(section, lost, run) for section in spec.sections)
+    return replace(run, gravity=spec.gravity or 0.0, sections=sections)
 
 
-def _among(section: Section, kept: BoolArray, run: str, source: Source) -> Section:
-    """Section of a run of which the rows `kept` (n,) remain; each of its own must."""
-    if not kept[section.start : section.stop].all():
-        lost = "; ".join(note for note in source.notes if SATURATED in note)
+def _among(section: Section, lost: Stretches, run: Run) -> Section:
+    """Section of the rows of a file, in a run without those that are `lost`, of which none may be in it."""
+    starts, stops = lost.T
+    total = run.samples + int(np.sum(stops - starts))
+    if not 0 <= section.start < section.stop <= total:
         raise DataError(
-            f"run '{run}': section rows {section.start} to {section.stop} hold saturated samples ({lost}),"
-            " and a turn needs them all: turn more slowly, or leave the section out"
+            f"run '{run.name}': rows {section.start} to {section.stop} are no section of a file of"
+            f" {total} rows: expected first and last of them, counted from 0"
         )
-    before = int(np.count_nonzero(~kept[: section.start]))
+    if np.any((starts < section.stop) & (stops > section.start)):
+        said = "; ".join(note for note in run.source.notes if SATURATED in note)
+        raise DataError(
+            f"run '{run.name}': section rows {section.start} to {section.stop} hold saturated samples"
+            f" ({said}), and a turn needs them all: turn more slowly, or leave the section out"
+        )
+    before = int(np.sum((stops - starts)[stops <= section.start]))
     return replace(section, start=section.start - before, stop=section.stop - before)
 
 

@@ -21,9 +21,10 @@ from imubayes.rig.checks import (
     jump_note,
     refuse_stuck,
     saturation_note,
+    united,
 )
 from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps, joined_parts
-from imubayes.rig.recordings import RunSpec, assumed, frozen
+from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen
 from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import Kind, Library, columns
@@ -44,8 +45,12 @@ TILE = 8192
 """Rows whose columns are made at a time: they fit the cache."""
 
 
-def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> Run:
+def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
     """Read a run of a component of a kind, or of a case, a part at a time, and keep what fits.
+
+    Returns
+    -------
+    the run, and the stretches of rows that are left out of the file's.
 
     Raises
     ------
@@ -66,7 +71,7 @@ def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> Run:
         found = _surveyed(Reader(file, interval, rate))
     if any(rails := tuple(levels.rails() for levels in found.levels)):
         found = _without(Reader(file, interval, rate, rails), found)
-    return _run(spec, kind, found)
+    return _run(spec, kind, found), found.lost
 
 
 def _without(reader: Reader, found: _Survey) -> _Survey:
@@ -80,7 +85,7 @@ def _without(reader: Reader, found: _Survey) -> _Survey:
         if rails
     )
     check_left(file.shown, of - again.levels[0].samples, of, again.saturated)
-    again.seen = found.seen
+    again.seen, again.lost = found.seen, united(np.concatenate([part for parts in lost for part in parts]))
     return again
 
 
@@ -111,6 +116,7 @@ class _Survey:
     seen: list[_Seen] = field(default_factory=list)
     kept: list[Part] = field(default_factory=list)
     saturated: tuple[str, ...] = ()
+    lost: Stretches = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     def mean(self, name: str) -> FloatArray:
         """Averages (m,) of time or of a channel over the blocks."""
@@ -266,7 +272,7 @@ def _look(part: Part, interval: float) -> _Seen:
     )
 
 
-def _notes(found: _Survey, samples: int, stretch: Part) -> tuple[str, ...]:
+def _notes(found: _Survey) -> tuple[str, ...]:
     """What the checks found that does not stop the run."""
     seen, usual = found.seen, found.reader.interval
     worst = max(seen, key=lambda one: one.longest)
@@ -276,14 +282,20 @@ def _notes(found: _Survey, samples: int, stretch: Part) -> tuple[str, ...]:
         gap_note(sum(one.gaps for one in seen), worst.longest, worst.at),
         jump_note(away[0].interval, away[0].t, usual) if away else "",
         *found.saturated,
-        f"{samples:,} rows are read a part at a time: every row counts in the coefficients, while figures"
-        f" and tests have averages over {len(found.counts):,} blocks, and {len(stretch):,} rows at"
-        f" full rate from t = {stretch.t[0]:.6g} s on",
         "dT/dt is the smoothed derivative of the recorded temperature"
         if found.reader.rate is not None
         else "",
     )
     return tuple(note for note in notes if note)
+
+
+def _read_in_parts(stream: Stream) -> str:
+    stretch = stream.stretch
+    return (
+        f"{stream.samples:,} rows are read a part at a time: every row counts in the coefficients, while"
+        f" figures and tests have averages over {len(stream.counts):,} blocks, and {len(stretch):,} rows at"
+        f" full rate from t = {stretch.t[0]:.6g} s on"
+    )
 
 
 def _stretch(found: _Survey) -> Part:
@@ -295,11 +307,11 @@ def _stretch(found: _Survey) -> Part:
 
 def _run(spec: RunSpec, kind: Kind | None, found: _Survey) -> Run:
     counts, stretch = np.array(found.counts), _stretch(found)
-    samples, axes = int(counts.sum()), "ijk" if kind else "xyz"
+    axes = "ijk" if kind else "xyz"
     duration = np.array([row[1] for row in found.sums])
     stream = Stream(
         parts=found.reader,
-        samples=samples,
+        samples=int(counts.sum()),
         interval=found.reader.interval,
         counts=counts,
         duration=duration,
@@ -309,8 +321,10 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey) -> Run:
     channels = {name: frozen(found.mean(name)) for name in found.names}
     mount = np.array(found.mounts) if found.mounts else None
     inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount)
-    left_out = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
-    zeros = assumed(kind or "accelerometer", channels, axes)
-    notes = (*_notes(found, samples, stretch), *left_out, *zeros)
+    notes = _notes(found)
+    if spec.procedure not in CASES:
+        left_out = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
+        zeros = assumed(kind or "accelerometer", channels, axes)
+        notes = (*notes, _read_in_parts(stream), *left_out, *zeros)
     source = found.reader.file.source(notes)
     return Run(spec.name, spec.procedure, inputs, frozen(found.output), source, stream)

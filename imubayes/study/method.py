@@ -276,7 +276,7 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     selections = [one.selection for one in told]
     shared = of_case(spec, case, ready, selections, [one.bias is not None for one in told])
     pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
-    resting, asking = rows_at_rest(runs, case), _told_to(job)
+    resting, asking = rows_at_rest(ready.runs, case), _told_to(job)
     seconds = (time.perf_counter() - start) / len(told)
     results = []
     for one, said, fields in zip(case.components, told, shared, strict=True):

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet as pq
 
 from imubayes.inference.strapdown import rotation
 from imubayes.inference.triad import Triad, triad_of
+from imubayes.rig import stream_files, stream_survey, streams
 from imubayes.rig.inputs import Inputs, Run
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 
@@ -87,3 +94,22 @@ def in_the_hand(
     rate = true.w + deviation(gyroscopes, true.w, true.f) + noisy[1]
     inputs = Inputs(true.t, {}, INTERVAL)
     return Run("hand", "free-tumble", inputs, np.hstack((force, rate)), gravity=GRAVITY)
+
+
+def from_a_long_file(run: Run, folder: Path, patch: pytest.MonkeyPatch, rows: int) -> Run:
+    """The record as it is read from a file, so many rows at a time."""
+    names = ("ax", "ay", "az", "gx", "gy", "gz")[: run.output.shape[1]]
+    columns = {
+        f"{name} [{'m/s^2' if name[0] == 'a' else 'rad/s'}]": x
+        for name, x in zip(names, run.output.T, strict=True)
+    }
+    pq.write_table(pa.table({"t [s]": run.t, **columns}), folder / "run.parquet")
+    patch.setattr(streams, "STREAMED", 1000)
+    patch.setattr(stream_files, "ROWS", rows)
+    patch.setattr(stream_survey, "STRETCH", 1000)
+    spec = RunSpec(
+        run.name, run.procedure, folder / "run.parquet", gravity=run.gravity, sections=run.sections
+    )
+    read = read_imu_run(spec) if len(names) == 6 else read_run(spec, "accelerometer")
+    assert read.stream is not None
+    return read

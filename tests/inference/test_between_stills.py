@@ -1,5 +1,6 @@
 """Gyroscopes calibrated by their turns between stills: derivatives, known truths, and imu_tk's recording."""
 
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 
@@ -9,12 +10,13 @@ import pytest
 
 from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
+from imubayes.inference import stills as stills_of
 from imubayes.inference.between_stills import directions, turn_rows
 from imubayes.inference.case import Asked
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.stills import find_stills
+from imubayes.inference.stills import condensed, find_stills
 from imubayes.inference.triad import calibration, triad_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.decision import select
@@ -227,3 +229,38 @@ def test_xsens_turns_close_three_times_better_with_g_sensitivity(xsens):
     moved = np.array(scales[1]) / scales[0] - 1.0
     assert np.abs(moved).min() > 3e-4 and np.abs(moved).max() < 1.2e-3
     np.testing.assert_allclose(scales[1], [scale for _, scale in PUBLISHED], rtol=1.2e-3)
+
+
+def test_an_imu_in_the_hand_is_the_same_whatever_the_parts_that_its_file_is_read_in(tmp_path, monkeypatch):
+    run = simulated(3)
+    stills, (held, mean, sd) = find_stills(run), solved(run)
+    cases = []
+    for rows in (577, len(run.t)):
+        read = hands.from_a_long_file(run, tmp_path, monkeypatch, rows)
+        assert find_stills(read) == stills
+        means = condensed(read)
+        assert len(means.t) < len(run.t) and means.inputs.durations.sum() == pytest.approx(len(run.t) * 0.01)
+        cases.append(solved(means))
+    assert np.max(np.abs(cases[0][1] - cases[1][1]) / sd) < 1e-9
+    # means of 0.06 s at rest tell what their samples do, but for how large the noise is
+    assert np.max(np.abs(cases[0][1] - mean) / sd) < 0.05
+    np.testing.assert_allclose(cases[0][2], sd, rtol=0.01)
+    assert [r.samples for r in cases[0][0].summary.runs] == [r.samples for r in held.summary.runs]
+
+
+def test_memory_for_stills_does_not_grow_with_how_long_they_are(tmp_path, monkeypatch):
+    peaks = []
+    for hold in (3.0, 24.0):
+        monkeypatch.setattr(hands, "HOLD", hold)
+        monkeypatch.setattr(stills_of, "BLOCKS", 200)
+        read = hands.from_a_long_file(
+            hands.in_the_hand(hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, TRUTH), stills=10),
+            tmp_path,
+            monkeypatch,
+            577,
+        )
+        tracemalloc.start()
+        condensed(read)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.5 * peaks[0]

@@ -13,6 +13,7 @@ from imubayes.inference.case import Asked
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.observability import observe
 from imubayes.inference.prior import ScalePrior
+from imubayes.inference.stills import condensed
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
@@ -185,3 +186,18 @@ def test_a_run_without_turns_is_refused():
     still = replace(run, sections=run.sections[:6])
     with pytest.raises(UnobservableError, match="gyroscopes need one about each axis"):
         solve_ferraris([still], asked(0), asked(1))
+
+
+def test_positions_and_turns_are_the_same_whatever_the_parts_that_a_file_is_read_in(tmp_path, monkeypatch):
+    run = on_a_table()
+    held, mean, sd, _ = solved(run, NOISES)
+    found = [
+        solved(condensed(hands.from_a_long_file(run, tmp_path, monkeypatch, rows)), NOISES)
+        for rows in (577, len(run.t))
+    ]
+    # the interval of the first part differs from that of all by the rounding of the time stamps
+    assert np.max(np.abs(found[0][1] - found[1][1]) / sd) < 1e-8
+    # of samples, blocks reach from one position to the next
+    assert np.max(np.abs(found[0][1] - mean) / sd) < 0.1
+    np.testing.assert_allclose(found[0][2], sd, rtol=0.01)
+    assert [r.samples for r in found[0][0].summary.runs] == [r.samples for r in held.summary.runs]
