@@ -37,6 +37,10 @@ HASH = re.compile(r"\b[0-9a-f]{64}\b")
 SHARED = Path(__file__).parents[2] / "shared"
 
 
+FIRST = ("test_terminal.py", "test_any_result.py", "test_ensembles.py", "test_search.py", "test_pages.py")
+"""In this order: where nothing is compiled yet one worker compiles what most tests call, and the other has
+what calls none of it; else both compile the same."""
+
 LONG = {"cli", "ladder", "mcmc", "population", "studies", "study", "tests"}
 """Folders with files of few tests that take long."""
 
@@ -50,7 +54,8 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files that take long come first: no worker is left with one of them when the others have finished."""
-    items.sort(key=lambda item: item.path.parent.name not in LONG)
+    order = {name: k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: (order.get(item.path.name, len(order)), item.path.parent.name not in LONG))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

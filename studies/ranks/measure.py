@@ -52,7 +52,7 @@ class RanksStudy:
         return RANKS_A_BIN * self.bins - 1
 
 
-SMALL = RanksStudy(campaigns=5, bins=5, processes=1)
+SMALL = RanksStudy(campaigns=3, bins=5, processes=1)
 """Less than a minute."""
 
 

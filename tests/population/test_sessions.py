@@ -221,7 +221,7 @@ def test_parameter_that_the_data_hardly_touch_cannot_be_told():
 
 
 def test_one_study_in_a_hundred_finds_a_change_where_sessions_differ_by_their_errors_alone():
-    rng, studies, names = np.random.default_rng(4), 200, [f"c{k}" for k in range(60)]
+    rng, studies, names = np.random.default_rng(4), 100, [f"c{k}" for k in range(60)]
     alarms = 0
     for _ in range(studies):
         found = repeatability(
