@@ -51,7 +51,8 @@ def runs_of(
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
     def read(one: RunSpec) -> Run:
-        return read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
+        run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
+        return condensed(run) if run.sections else run
 
     runs = tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
     if not spec.accept_prior_conflict:

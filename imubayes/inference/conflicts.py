@@ -15,6 +15,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.inference.prior import weak_sd
 from imubayes.inference.stills import means_of
+from imubayes.rig.filtering import at_full_rate
 from imubayes.rig.inputs import Run
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES, axes_of, kind_of
@@ -81,6 +82,8 @@ def refuse_conflicts(runs: Sequence[Run], kind: Kind, priors: Priors) -> None:
 
 def _causes(run: Run, kind: Kind, priors: Priors) -> Iterator[str]:
     """What is wrong with a run, in words."""
+    if run.stream is not None and not run.known:
+        run = at_full_rate(run, run.stream.stretch)
     if run.known or run.sections:
         for name, of, y, U in _components(run, kind):
             yield from _cause(y, U, of, name, _sd(*priors[of], of, y, U))
@@ -201,7 +204,7 @@ def _turning(run: Run) -> Iterator[str]:
     width = max(1, round(STEP / run.interval))
     steps = tuple((a, a + width) for a in range(0, len(run.t) - 2 * width, width))
     rate = run.rate - np.median(run.rate, axis=0)
-    f, w = means_of(run.force, steps), means_of(rate, steps)
+    f, w = means_of(run, run.force, steps), means_of(run, rate, steps)
     if len(steps) < 10 or not run.gravity:
         return
     # from the middle of a step to that of the next the case turns by half of both

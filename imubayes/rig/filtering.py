@@ -158,7 +158,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
         jumps stay apart. Of a run that is read a part at a time the stretch at full rate is looked at, and
         its means are held.
     """
-    held = run if run.stream is None else _held(run, run.stream.stretch)
+    held = run if run.stream is None else at_full_rate(run, run.stream.stretch)
     edges, inputs = _steady_edges(held.inputs), held.inputs
     own = {"accelerometer": "f_i", "gyroscope": "w_i"}
     every = [(held.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(held, kind)]
@@ -168,7 +168,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     worst = max(found, key=lambda colour: colour.samples)
     if worst.samples == 1:
         return run
-    parts = [held] if run.stream is None else (_held(run, part) for part in run.stream.parts("means"))
+    parts = [held] if run.stream is None else (at_full_rate(run, part) for part in run.stream.parts("means"))
     means = joined_parts([_averaged(part.inputs, part.output, worst) for part in parts])
     note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
     lasting = worst.samples * inputs.interval
@@ -185,7 +185,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     )
 
 
-def _held(run: Run, part: Part) -> Run:
+def at_full_rate(run: Run, part: Part) -> Run:
     """Some rows of a run that is read a part at a time, at full rate."""
     interval = run.interval if run.stream is None else run.stream.interval
     inputs = Inputs(part.t, part.channels, interval, part.mount, part.duration)
