@@ -14,10 +14,10 @@ from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble
 from imubayes.inference.known_case import solve_known_case
+from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
-from imubayes.inference.recovered import recover
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.stills import condensed
 from imubayes.inference.summary import Summary, summarize

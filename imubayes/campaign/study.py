@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.campaign.fidelity import Choice
+from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.misfit import Misfit
 from imubayes.inference.observability import Observability
-from imubayes.inference.recovered import Recovered
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import RunSummary

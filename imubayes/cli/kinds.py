@@ -104,7 +104,7 @@ def trade(
     ------
     InputError : if the study cannot be read, or has nothing of what was asked.
     """
-    from imubayes.ladder.trade.subjects import NAMES, of_lots, of_study, rungs_of, with_options
+    from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of, with_options
     from imubayes.ladder.trade.table import measure
     from imubayes.reporting.trade_page import terminal_trade, write_trade
     from imubayes.study.schema import read

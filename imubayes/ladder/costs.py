@@ -251,7 +251,7 @@ class Machine:
 
 def machine() -> Machine:
     """Describe this machine."""
-    from imubayes.selection.spaces import threads
+    from imubayes.selection.model_sets import threads
 
     return Machine(
         processor=_processor(),

@@ -35,14 +35,14 @@ from imubayes.selection.mixture import (
     scale_components,
 )
 from imubayes.selection.model_prior import hierarchy
+from imubayes.selection.model_sets import Every, listed, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
 from imubayes.selection.sindy import THRESHOLDS
-from imubayes.selection.spaces import Every, listed, sizes
 from imubayes.selection.verdicts import (
     TENTH,
     Evidence,
+    TermNumbers,
     TermVerdict,
-    Told,
     decide,
     median_model,
     moments_of,
@@ -287,6 +287,6 @@ def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVe
     most, full = limit(parts, column), basis.full.get(term.name, (0.0, prior_sd))
     if not math.isfinite(most):  # in no model: under the full library
         most = abs(full[0]) + 1.96 * full[1]
-    told = Told(prior_sd, inclusion, evidence.range, full, parts, column, most)
+    told = TermNumbers(prior_sd, inclusion, evidence.range, full, parts, column, most)
     decided, symbol = (verdict, f"{reason}; {basis.why}"), symbols(basis.problem.library)[term.name]
     return verdict_of(term, symbol, told, decided, reach=basis.reach[term.name], partners=partners)

@@ -26,7 +26,7 @@ from imubayes.errors import InputError
 from imubayes.planning.menu import (
     Aim,
     Menu,
-    Problem,
+    PlanProblem,
     Step,
     Steps,
     duration,
@@ -64,21 +64,21 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class ValuedPlan:
     """A plan and its worth."""
 
     steps: Steps
     worth: float
 
-    def beats(self, other: Found) -> bool:
+    def beats(self, other: ValuedPlan) -> bool:
         """Whether it is better than another plan."""
         return self.worth < (1.0 - GAIN) * other.worth
 
 
-Move = Callable[[Problem, Found], Found]
+Move = Callable[[PlanProblem, ValuedPlan], ValuedPlan]
 
 
-def even_plan(problem: Problem, menu: int) -> Steps:
+def even_plan(problem: PlanProblem, menu: int) -> Steps:
     """Every setting of one run, in the order of its procedure, each for the same time.
 
     Raises
@@ -96,7 +96,7 @@ def even_plan(problem: Problem, menu: int) -> Steps:
     return tuple(Step(menu, setting, left / len(steps)) for setting in range(len(one.X)))
 
 
-def best_plan(problem: Problem, starts: Sequence[Steps] = ()) -> Found:
+def best_plan(problem: PlanProblem, starts: Sequence[Steps] = ()) -> ValuedPlan:
     """Find the best plan within the time.
 
     Returns
@@ -116,7 +116,7 @@ def best_plan(problem: Problem, starts: Sequence[Steps] = ()) -> Found:
     >>> x = np.linspace(-1.0, 1.0, 5)
     >>> X = np.column_stack((np.ones(5), x))
     >>> bench = Menu("line", X, np.zeros(5, dtype=int), (1.0,), Handling(0.0), Noise(1.0, 0.0, 0.0))
-    >>> found = best_plan(Problem((bench,), 1e-3 * np.eye(2), Aim("rms", np.array([[0.0, 1.0]])), 4.0))
+    >>> found = best_plan(PlanProblem((bench,), 1e-3 * np.eye(2), Aim("rms", np.array([[0.0, 1.0]])), 4.0))
     >>> sorted(step.setting for step in found.steps)
     [0, 0, 4, 4]
     """
@@ -133,7 +133,7 @@ def best_plan(problem: Problem, starts: Sequence[Steps] = ()) -> Found:
     return min((improved(problem, plan) for plan in promising), key=lambda one: one.worth)
 
 
-def following(problem: Problem, steps: Steps, most: int) -> tuple[tuple[Step, float, float], ...]:
+def following(problem: PlanProblem, steps: Steps, most: int) -> tuple[tuple[Step, float, float], ...]:
     """Best next dwells after some steps, each by itself.
 
     Returns
@@ -148,7 +148,7 @@ def following(problem: Problem, steps: Steps, most: int) -> tuple[tuple[Step, fl
     return tuple(sorted(found, key=lambda one: (np.log(one[2]) - np.log(now)) / one[1])[:most])
 
 
-def _spread(problem: Problem, menu: int) -> Steps:
+def _spread(problem: PlanProblem, menu: int) -> Steps:
     """As many settings of one run as fit into the time, evenly over all of them, for the shortest time."""
     one = problem.menus[menu]
     dwell = min(one.dwells)
@@ -160,7 +160,7 @@ def _spread(problem: Problem, menu: int) -> Steps:
     return ()
 
 
-def improved(problem: Problem, plan: Found) -> Found:
+def improved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Improve a plan until no move makes it better."""
     for _ in range(ROUNDS):
         before = plan
@@ -174,15 +174,15 @@ def improved(problem: Problem, plan: Found) -> Found:
     return plan
 
 
-def filled(problem: Problem, steps: Steps) -> Found:
+def filled(problem: PlanProblem, steps: Steps) -> ValuedPlan:
     """Add dwells, the one that gains most in its time first, until the time is over."""
-    plan = Found(steps, worth(problem, steps))
+    plan = ValuedPlan(steps, worth(problem, steps))
     while (more := _best_addition(problem, plan.steps)) is not None:
         plan = more
     return plan
 
 
-def settings_changed(problem: Problem, plan: Found) -> Found:
+def settings_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Go through the slots, and take the best setting of the same mount in each."""
     for slot, step in enumerate(plan.steps):
         menu = problem.menus[step.menu]
@@ -195,7 +195,7 @@ def settings_changed(problem: Problem, plan: Found) -> Found:
     return plan
 
 
-def order_changed(problem: Problem, plan: Found) -> Found:
+def order_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Swap the settings of slots of one mount where that helps against drift."""
     for slot in range(len(plan.steps)):
         here = plan.steps[slot]
@@ -213,7 +213,7 @@ def order_changed(problem: Problem, plan: Found) -> Found:
     return plan
 
 
-def time_moved(problem: Problem, plan: Found) -> Found:
+def time_moved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Leave out dwells that tell little, and spend their time where it gains most."""
     least = np.argsort(_promised_without(problem, plan.steps)).tolist()
     alone = [[slot] for slot in least[:DROPPED]]
@@ -225,7 +225,7 @@ def time_moved(problem: Problem, plan: Found) -> Found:
     return plan
 
 
-def dwells_changed(problem: Problem, plan: Found) -> Found:
+def dwells_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Give a dwell another time, and leave others out, or add some, for it."""
     order = np.argsort(_promised_without(problem, plan.steps)).tolist()
     for slot in dict.fromkeys((*order[:DROPPED], *order[-DROPPED:])):
@@ -240,7 +240,7 @@ def dwells_changed(problem: Problem, plan: Found) -> Found:
     return plan
 
 
-def _shortened(problem: Problem, steps: Steps, kept: Step) -> Steps:
+def _shortened(problem: PlanProblem, steps: Steps, kept: Step) -> Steps:
     """Steps within the time, without those that tell least; but one is kept."""
     while duration(problem, steps) > problem.limit and len(steps) > 1:
         least = np.argsort(_promised_without(problem, steps)).tolist()
@@ -249,7 +249,7 @@ def _shortened(problem: Problem, steps: Steps, kept: Step) -> Steps:
     return steps
 
 
-def mounts_changed(problem: Problem, plan: Found) -> Found:
+def mounts_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Leave a mount out, and spend its time anew."""
     for block in dict.fromkeys(_mount(problem, step) for step in plan.steps):
         better = filled(problem, tuple(s for s in plan.steps if _mount(problem, s) != block))
@@ -261,7 +261,7 @@ def mounts_changed(problem: Problem, plan: Found) -> Found:
 MOVES: tuple[Move, ...] = (settings_changed, time_moved, dwells_changed, order_changed)
 
 
-def additions(problem: Problem, steps: Steps, left: float) -> list[tuple[Step, float]]:
+def additions(problem: PlanProblem, steps: Steps, left: float) -> list[tuple[Step, float]]:
     """Dwells that the time is left for, and what each costs in s."""
     found = list[tuple[Step, float]]()
     runs, mounts = {step.menu for step in steps}, {_mount(problem, step) for step in steps}
@@ -277,7 +277,7 @@ def additions(problem: Problem, steps: Steps, left: float) -> list[tuple[Step, f
     return found
 
 
-def with_step(problem: Problem, steps: Steps, new: Step) -> Steps:
+def with_step(problem: PlanProblem, steps: Steps, new: Step) -> Steps:
     """Steps with one more: the last of its mount; a new mount is last in its run, a new run last of all."""
     mount = [k for k, step in enumerate(steps) if _mount(problem, step) == _mount(problem, new)]
     run = [k for k, step in enumerate(steps) if step.menu == new.menu]
@@ -285,7 +285,7 @@ def with_step(problem: Problem, steps: Steps, new: Step) -> Steps:
     return (*steps[:after], new, *steps[after:])
 
 
-def _best_addition(problem: Problem, steps: Steps) -> Found | None:
+def _best_addition(problem: PlanProblem, steps: Steps) -> ValuedPlan | None:
     """Plan with one more dwell, the one that gains most in its time; None where no time is left."""
     candidates = additions(problem, steps, problem.limit - duration(problem, steps))
     if not candidates:
@@ -299,11 +299,11 @@ def _best_addition(problem: Problem, steps: Steps) -> Found | None:
         more = with_step(problem, steps, candidates[k][0])
         value = worth(problem, more)
         if (gain := float(np.log(now / value) / cost[k])) > rate:
-            best, rate = Found(more, value), gain
+            best, rate = ValuedPlan(more, value), gain
     return best
 
 
-def _promised_additions(problem: Problem, S: FloatArray, new: Sequence[Step]) -> FloatArray:
+def _promised_additions(problem: PlanProblem, S: FloatArray, new: Sequence[Step]) -> FloatArray:
     """Worth with each of the steps, as if its noise had nothing to do with that of the others: rank 1."""
     rows = np.array([problem.menus[s.menu].X[s.setting] for s in new])
     alone = {(k, dwell): _alone(problem.menus[k], dwell) for k, dwell in {(s.menu, s.dwell) for s in new}}
@@ -319,7 +319,7 @@ def _alone(menu: Menu, dwell: float) -> float:
     return float(whitening(menu, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
 
 
-def _promised(problem: Problem, steps: Steps, slot: int, E: FloatArray, d: FloatArray) -> FloatArray:
+def _promised(problem: PlanProblem, steps: Steps, slot: int, E: FloatArray, d: FloatArray) -> FloatArray:
     """Worth (k,) where the rows of the run of a slot change by ``e d'`` (see the module).
 
     Parameters
@@ -341,7 +341,7 @@ def _promised(problem: Problem, steps: Steps, slot: int, E: FloatArray, d: Float
     return problem.aim.size(G @ G.T - moved @ np.linalg.solve(K, np.swapaxes(moved, 1, 2)))
 
 
-def _promised_without(problem: Problem, steps: Steps) -> FloatArray:
+def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
     """Worth (n,) without each of the steps, the others keeping their times."""
     S = root(problem, steps)
     G, worths = problem.aim.G @ S, list[FloatArray]()
@@ -368,13 +368,13 @@ def _replaced(steps: Steps, settings: Mapping[int, int]) -> Steps:
     )
 
 
-def _mount(problem: Problem, step: Step) -> tuple[int, int]:
+def _mount(problem: PlanProblem, step: Step) -> tuple[int, int]:
     return step.menu, int(problem.menus[step.menu].mount[step.setting])
 
 
-def _first_better(problem: Problem, plan: Found, candidates: Iterable[Steps]) -> Found:
+def _first_better(problem: PlanProblem, plan: ValuedPlan, candidates: Iterable[Steps]) -> ValuedPlan:
     for steps in candidates:
-        other = Found(steps, worth(problem, steps))
+        other = ValuedPlan(steps, worth(problem, steps))
         if other.beats(plan):
             return other
     return plan

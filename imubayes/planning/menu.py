@@ -129,7 +129,7 @@ class Aim:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class PlanProblem:
     """A plan to find.
 
     Attributes
@@ -146,7 +146,7 @@ class Problem:
     limit: float
 
 
-def duration(problem: Problem, steps: Sequence[Step]) -> float:
+def duration(problem: PlanProblem, steps: Sequence[Step]) -> float:
     """Time that steps take, handling included, s."""
     if not steps:
         return 0.0
@@ -199,13 +199,13 @@ def _whitening(
     return whiten(noise, Rows(t, lasting), np.eye(len(t)), parts)[0]
 
 
-def root(problem: Problem, steps: Sequence[Step]) -> FloatArray:
+def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:
     """Root S (c, c) of the posterior covariance ``S S'`` after the steps, in units of the prior."""
     rows = [whitened(problem.menus[k], part) for k, part in runs_of(steps)]
     return invert_triangular(np.asarray(np.linalg.qr(np.concatenate((problem.start, *rows)), mode="r")))
 
 
-def worth(problem: Problem, steps: Sequence[Step]) -> float:
+def worth(problem: PlanProblem, steps: Sequence[Step]) -> float:
     """Size of what is left to know after the steps: smaller is better."""
     spread = problem.aim.G @ root(problem, steps)
     return float(problem.aim.size(spread @ spread.T))

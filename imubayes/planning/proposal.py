@@ -22,8 +22,8 @@ from imubayes.planning.menu import (
     Aim,
     Bench,
     Menu,
+    PlanProblem,
     PlanStudy,
-    Problem,
     Step,
     Steps,
     bench_columns,
@@ -156,7 +156,7 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
     )
 
 
-def _plans(problem: Problem, offer: int) -> tuple[Steps, Steps, Steps]:
+def _plans(problem: PlanProblem, offer: int) -> tuple[Steps, Steps, Steps]:
     """Going evenly through an offer, the best plan with it alone, and the best plan, which beats both."""
     even = even_plan(problem, offer)
     best = best_plan(problem).steps
@@ -176,7 +176,7 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
         for k, menu in enumerate(bench.menus)
         for setting in range(len(menu.X))
     )
-    whole = Problem(bench.menus, start_of(bench), Aim("D", np.eye(len(bench.sd))), np.inf)
+    whole = PlanProblem(bench.menus, start_of(bench), Aim("D", np.eye(len(bench.sd))), np.inf)
     ratio = np.linalg.norm(root(whole, every), axis=1)
     seen = tuple(name for name, r in zip(bench.names[: bench.p], ratio, strict=False) if r < SEEN)
     idle = np.abs(np.concatenate((bench.known, *(menu.X for menu in bench.menus)))).max(axis=0) == 0.0
@@ -209,8 +209,8 @@ def _need(study: PlanStudy, effects: SceneEffects | None) -> FloatArray:
 
 def _problem(
     study: PlanStudy, bench: Bench, needed: tuple[str, ...], need: FloatArray, effects: SceneEffects | None
-) -> Problem:
-    """Problem with the study's aim."""
+) -> PlanProblem:
+    """PlanProblem with the study's aim."""
     where = [bench.names.index(name) for name in needed]
     G = np.eye(len(bench.sd))[where]
     kind: Literal["D", "worst", "rms"] = "D" if study.aim == "D" else "worst"
@@ -222,7 +222,7 @@ def _problem(
         kind = "worst" if effects.components else "rms"
         if effects.components:  # a plan is sought over the first draw, and judged over all
             G = G[: len(G) // len(study.mission.scene.draws)]
-    return Problem(bench.menus, start_of(bench), Aim(kind, G), study.time)
+    return PlanProblem(bench.menus, start_of(bench), Aim(kind, G), study.time)
 
 
 def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArray:
@@ -237,7 +237,12 @@ def _sd(bench: Bench, S: FloatArray) -> FloatArray:
 
 
 def _outcome(
-    name: str, steps: Steps, study: PlanStudy, bench: Bench, problem: Problem, effects: SceneEffects | None
+    name: str,
+    steps: Steps,
+    study: PlanStudy,
+    bench: Bench,
+    problem: PlanProblem,
+    effects: SceneEffects | None,
 ) -> Outcome:
     """What a plan would tell."""
     S, where, share = root(problem, steps), _carriers(study), float("nan")
@@ -274,7 +279,9 @@ def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
     return carried(seen, dict(study.spec.library.tied))
 
 
-def rehearsed(problem: Problem, steps: Sequence[Step], units: int, rng: np.random.Generator) -> FloatArray:
+def rehearsed(
+    problem: PlanProblem, steps: Sequence[Step], units: int, rng: np.random.Generator
+) -> FloatArray:
     """Errors (units, c) of the estimates of a plan, carried out sample by sample, in units of the prior.
 
     Units and benches are drawn from the prior. Every noise process of every run is drawn sample by sample;

@@ -21,8 +21,8 @@ from imubayes.population.sessions import SessionVerdict, arranged, in_session, j
 from imubayes.population.spreads import FEWEST, Spreads, spreads
 from imubayes.selection.decision import Selection
 from imubayes.selection.model_prior import log_model_prior
+from imubayes.selection.model_sets import Every, fold, sizes
 from imubayes.selection.models import Models
-from imubayes.selection.spaces import Every, fold, sizes
 from imubayes.sensors.terms import Kind
 
 Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]

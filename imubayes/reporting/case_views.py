@@ -32,7 +32,7 @@ from imubayes.selection.verdicts import EQUAL, Costs, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
-    from imubayes.inference.recovered import Recovered
+    from imubayes.inference.known_quantities import Recovered
     from imubayes.scenes.relevance import CaseRelevance
 
 Cases = Mapping[str, Sequence["SensorResult"]]

@@ -32,7 +32,7 @@ from imubayes.units import STANDARD_GRAVITY, counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.recovered import Recovered
+    from imubayes.inference.known_quantities import Recovered
     from imubayes.scenes.record import History
     from imubayes.scenes.relevance import Relevance
     from imubayes.selection.verdicts import TermVerdict

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imubayes.campaign.fidelity import RungName
-from imubayes.ladder.trade.subjects import DEFAULT
+from imubayes.ladder.trade.components import DEFAULT
 from imubayes.ladder.trade.table import allowed
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -26,7 +26,7 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
-    from imubayes.ladder.trade.table import Place, Traded
+    from imubayes.ladder.trade.table import RungTotals, Traded
 
 HEIGHT = 270
 """px."""
@@ -79,7 +79,9 @@ def trade_panel(found: Traded) -> Panel:
     return draw(paint, title=title, alt=alt, key="pareto", height=HEIGHT, margins=SPACE)
 
 
-def _points(axes: Axes, places: Sequence[Place], height: Mapping[RungName, float], hollow: RungName) -> None:
+def _points(
+    axes: Axes, places: Sequence[RungTotals], height: Mapping[RungName, float], hollow: RungName
+) -> None:
     """Every rung as a dot with its name: the default's in the accent, hollow one that has no error."""
     for one in places:
         at = np.array([one.whole_seconds]), np.array([height[one.rung]])
@@ -98,10 +100,10 @@ def _points(axes: Axes, places: Sequence[Place], height: Mapping[RungName, float
         )
 
 
-def _close(places: Sequence[Place], height: Mapping[RungName, float]) -> list[list[Place]]:
+def _close(places: Sequence[RungTotals], height: Mapping[RungName, float]) -> list[list[RungTotals]]:
     """Rungs by time, those together whose names would stand on each other."""
     low, high = _wide(places)
-    groups: list[list[Place]] = []
+    groups: list[list[RungTotals]] = []
     for one in sorted(places, key=lambda place: place.whole_seconds):
         last = groups[-1][-1] if groups else None
         if last is not None and one.whole_seconds < last.whole_seconds * (high / low) ** NEAR:
@@ -113,7 +115,7 @@ def _close(places: Sequence[Place], height: Mapping[RungName, float]) -> list[li
     return groups
 
 
-def _wide(places: Sequence[Place]) -> tuple[float, float]:
+def _wide(places: Sequence[RungTotals]) -> tuple[float, float]:
     """Limits of the time axis, with room for names."""
     low, high = min(one.whole_seconds for one in places), max(one.whole_seconds for one in places)
     return 0.6 * low, 1.8 * high

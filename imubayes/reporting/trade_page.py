@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import imubayes
 from imubayes.campaign.fidelity import rung_of
-from imubayes.ladder.trade.subjects import DEFAULT, NAMES
+from imubayes.ladder.trade.components import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong, write_page
 from imubayes.reporting.result.file import result_text
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from imubayes.ladder.trade.measurement import Measured
     from imubayes.ladder.trade.repeats import Rate, Score
-    from imubayes.ladder.trade.table import Place, Standing, Traded
+    from imubayes.ladder.trade.table import RungTotals, Standing, Traded
 
 HEADS = ("rung", "time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw",
          "inclusion off", "other verdicts")  # fmt: skip
@@ -113,7 +113,7 @@ def _rungs(found: Traded) -> Iterator[Block]:
     yield Prose(told, "list")
 
 
-def _row(place: Place, scenes: bool) -> tuple[str, ...]:
+def _row(place: RungTotals, scenes: bool) -> tuple[str, ...]:
     cells = (
         f"{place.rung} (default)" if place.rung == DEFAULT else place.rung,
         seconds_of(place),
@@ -284,7 +284,7 @@ def _recommendation(found: Traded) -> str:
     return f"{name}: the cheapest that is good enough, {seconds_of(place)}; {_good(found, place, score)}."
 
 
-def _good(found: Traded, place: Place, score: Score | None) -> str:
+def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
     """What a rung is good for."""
     if place.rung == found.best:
         floor = f", with a Monte Carlo error of up to {found.floor[0]:.2g} posterior sd"
@@ -310,7 +310,7 @@ def _cheaper(found: Traded) -> Iterator[str]:
         yield f"Not cheaper: {'; '.join(said)}."
 
 
-def _worst(found: Traded, place: Place) -> str:
+def _worst(found: Traded, place: RungTotals) -> str:
     """First fault of a rung; empty if it is good enough."""
     return next(faults(place, found.score(place.rung), found.floor[0]), "")
 
@@ -345,7 +345,7 @@ def _default(found: Traded) -> Iterator[str]:
     )
 
 
-def _above(found: Traded, place: Place) -> str:
+def _above(found: Traded, place: RungTotals) -> str:
     """What lies above a rung."""
     names = [one.rung for one in found.places]
     above = found.places[names.index(place.rung) + 1 :]
@@ -385,7 +385,7 @@ def _best(found: Traded) -> Iterator[str]:
         yield f"Simulated repeats did not afford {', '.join(found.dear)}."
 
 
-def seconds_of(place: Place) -> str:
+def seconds_of(place: RungTotals) -> str:
     """Wall time of a rung; what is extrapolated says so.
 
     Examples

@@ -1,8 +1,8 @@
 """Which terms the data need: the models, the decision on them, and what other methods say of it.
 
 ==========  ==========================================================================================
-models      `model_prior`, `spaces`, `mixture`, `models`, `evidence`, `enumerate`; beyond enumeration
-            `search`, with `bounds`, `branching` and `model_walk`; compiled `kernels`, `abreast`
+models      `model_prior`, `model_sets`, `mixture`, `models`, `evidence`, `enumerate`; beyond enumeration
+            `search`, with `bounds`, `branching` and `model_walk`; compiled `kernels`, `lanes`
 decision    `verdicts`, the rule; `decision`, on one component; `digits` that can be trusted
 opinions    `criteria`, `predictive`, `effects`, `sindy`, `sensitivity`, `reduced`; `panel` asks them
             all, `votes` puts them side by side, `causes` says why they differ

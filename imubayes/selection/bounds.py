@@ -48,7 +48,7 @@ FAR = -700.0
 """Logarithm below which an exponential is rounded up to this one."""
 
 
-class Problem(NamedTuple):
+class TreeProblem(NamedTuple):
     """What is common to all nodes: ``2 scale^2``, log prior by size (p + 1,), words of all parents (p, 2)."""
 
     spread: float

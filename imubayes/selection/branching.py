@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.bounds import (
     FAR,
-    Problem,
+    TreeProblem,
     additions,
     bring,
     curvature,
@@ -365,7 +365,7 @@ def explore(problem, levels, least, budget, listing):
     return d < 0
 
 
-def best_guess(problem: Problem, levels: Levels) -> float:
+def best_guess(problem: TreeProblem, levels: Levels) -> float:
     """Log joint probability of a good model, for a first threshold: the root's anchors."""
     scratch = np.zeros((2, levels.column.shape[1] + 1))
     k, A = _anchor(problem, levels, 0, *scratch), levels.block[0]

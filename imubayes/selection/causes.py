@@ -33,7 +33,7 @@ PREDICTIVE = ("waic", "loo", "leave_one_run_out")
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class DisputedTerm:
     """What is known of one term that methods differ on.
 
     Attributes
@@ -84,7 +84,7 @@ class Differing:
     coloured: tuple[str, ...]
 
 
-def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> Case:
+def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> DisputedTerm:
     """What is known of the term `number` of a selection, which must be one that the test excites."""
     term, column = selection.terms[number], selection.columns[number]
     ratio, others = min(term.full_sd / term.prior_sd, 1.0), _others(selection, term.name)
@@ -92,7 +92,7 @@ def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> Case
     informed = math.sqrt(max(1.0 - ratio**2, 0.0))
     inclusion = sensitivity.inclusion[usual(sensitivity.widths), sensitivity.names.index(column)]
     seen = selection.observability
-    return Case(
+    return DisputedTerm(
         term=term,
         kept=decided(term, selection),
         pull=abs(term.full_mean) / term.full_sd / informed if informed > 0.0 else 0.0,
@@ -144,7 +144,7 @@ def line_of(criterion: Criterion, kept: int, p: int) -> float:
     return math.sqrt(max(penalty(), 0.0))
 
 
-def cause_of(case: Case, other: Differing) -> str:
+def cause_of(case: DisputedTerm, other: Differing) -> str:
     """Cause of a difference, the most telling first.
 
     Terms that the test cannot tell apart, or that stand in for each other; noise that is coloured and was
@@ -156,7 +156,7 @@ def cause_of(case: Case, other: Differing) -> str:
     return next(cause for cause, holds, _ in _CAUSES if holds(case, other))
 
 
-def explained(case: Case, cause: str, others: Sequence[Differing], *, everyone: bool) -> str:
+def explained(case: DisputedTerm, cause: str, others: Sequence[Differing], *, everyone: bool) -> str:
     """One sentence on the methods that differ on a term for one cause: `everyone`, or only these."""
     text = next(text for name, _, text in _CAUSES if name == cause)
     verb = "drop" if case.kept else "keep"
@@ -165,45 +165,45 @@ def explained(case: Case, cause: str, others: Sequence[Differing], *, everyone: 
     return f"{start}: {text(case, others)}"
 
 
-def _collinear(case: Case, other: Differing) -> bool:
+def _collinear(case: DisputedTerm, other: Differing) -> bool:
     return bool(case.term.confounded_with or other.swapped)
 
 
-def _coloured(case: Case, other: Differing) -> bool:
+def _coloured(case: DisputedTerm, other: Differing) -> bool:
     return bool(other.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
 
 
-def _by_costs(case: Case, other: Differing) -> bool:
+def _by_costs(case: DisputedTerm, other: Differing) -> bool:
     return case.kept is not None and (case.term.inclusion >= EVEN) != (case.term.inclusion >= case.keep)
 
 
-def _by_width(case: Case, other: Differing) -> bool:
+def _by_width(case: DisputedTerm, other: Differing) -> bool:
     swings = case.range[0] < case.keep <= case.range[1]
     return case.kept is not None and (swings or other.method == "g-prior")
 
 
-def _by_model_prior(case: Case, other: Differing) -> bool:
+def _by_model_prior(case: DisputedTerm, other: Differing) -> bool:
     low, high = (case.line, case.even) if case.kept else (case.even, case.line)
     return case.kept is not None and low <= case.pull < high
 
 
-def _by_penalty(case: Case, other: Differing) -> bool:
+def _by_penalty(case: DisputedTerm, other: Differing) -> bool:
     if case.kept is None or math.isnan(other.line):
         return False
     low, high = (case.line, other.line) if case.kept else (other.line, case.line)
     return low < high and low / LENIENCE <= case.pull <= high * LENIENCE
 
 
-def _weak(case: Case, other: Differing) -> bool:
+def _weak(case: DisputedTerm, other: Differing) -> bool:
     weak = case.ratio > UNRESOLVED or case.pull <= max(NEAR, LENIENCE * case.line)
     return weak or case.term.verdict == "not needed"
 
 
-def _always(case: Case, other: Differing) -> bool:
+def _always(case: DisputedTerm, other: Differing) -> bool:
     return True
 
 
-def _of_collinearity(case: Case, others: Sequence[Differing]) -> str:
+def _of_collinearity(case: DisputedTerm, others: Sequence[Differing]) -> str:
     if partners := case.term.confounded_with:
         return f"the test sees it only together with {_first(partners)}, and each method takes one of them"
     swapped = tuple(dict.fromkeys(name for other in others for name in other.swapped))
@@ -215,7 +215,7 @@ def _of_collinearity(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_colour(case: Case, others: Sequence[Differing]) -> str:
+def _of_colour(case: DisputedTerm, others: Sequence[Differing]) -> str:
     runs = listed(others[0].coloured)
     return (
         f"the noise of {runs} was taken as white and is not, so that dwells differ by more than the evidence"
@@ -223,7 +223,7 @@ def _of_colour(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_costs(case: Case, others: Sequence[Differing]) -> str:
+def _of_costs(case: DisputedTerm, others: Sequence[Differing]) -> str:
     side = "below" if case.term.inclusion < case.keep else "above"
     return (
         f"its inclusion of {case.term.inclusion:.2f} is {side} the {case.keep:.2f} from which the study's"
@@ -231,7 +231,7 @@ def _of_costs(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_width(case: Case, others: Sequence[Differing]) -> str:
+def _of_width(case: DisputedTerm, others: Sequence[Differing]) -> str:
     low, high = case.range
     if low < case.keep <= high:
         widths = "between a third and three times the prior's width"
@@ -242,7 +242,7 @@ def _of_width(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_model_prior(case: Case, others: Sequence[Differing]) -> str:
+def _of_model_prior(case: DisputedTerm, others: Sequence[Differing]) -> str:
     there, count = case.others
     expected = "there" if case.kept else "out"
     return (
@@ -252,7 +252,7 @@ def _of_model_prior(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_penalty(case: Case, others: Sequence[Differing]) -> str:
+def _of_penalty(case: DisputedTerm, others: Sequence[Differing]) -> str:
     lines = listed([f"{other.method} {other.line:.1f}" for other in others])
     counts = [other.samples for other in others if not math.isnan(other.samples)]
     samples = f" ({counts[0]:,.0f} effective samples)" if counts else ""
@@ -262,7 +262,7 @@ def _of_penalty(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_weakness(case: Case, others: Sequence[Differing]) -> str:
+def _of_weakness(case: DisputedTerm, others: Sequence[Differing]) -> str:
     if case.ratio > UNRESOLVED:
         left = f"the data leave {100.0 * case.ratio:.0f} % of the prior's sd"
         return f"{left}, and put it {case.pull:.1f} sd from zero"
@@ -271,7 +271,7 @@ def _of_weakness(case: Case, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_method(case: Case, others: Sequence[Differing]) -> str:
+def _of_method(case: DisputedTerm, others: Sequence[Differing]) -> str:
     return (
         f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and none"
         " of the causes that are looked for explains it"
@@ -279,7 +279,8 @@ def _of_method(case: Case, others: Sequence[Differing]) -> str:
 
 
 _CAUSES: tuple[
-    tuple[str, Callable[[Case, Differing], bool], Callable[[Case, Sequence[Differing]], str]], ...
+    tuple[str, Callable[[DisputedTerm, Differing], bool], Callable[[DisputedTerm, Sequence[Differing]], str]],
+    ...,
 ] = (
     ("collinearity", _collinear, _of_collinearity),
     ("coloured noise", _coloured, _of_colour),
@@ -298,7 +299,7 @@ def _first(names: Sequence[str]) -> str:
     return listed(names if len(names) <= FEW else (*names[: FEW - 1], f"{len(names) - FEW + 1} more"))
 
 
-def _line_and_why(case: Case) -> str:
+def _line_and_why(case: DisputedTerm) -> str:
     kept, there = case.others
     return (
         f"that of the evidence at about {case.line:.1f} (its prior is {1.0 / case.ratio:.3g} times as wide as"

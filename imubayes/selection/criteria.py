@@ -28,8 +28,8 @@ from imubayes.algebra.factor import Factor, noise_scale, with_prior_rows
 from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import Candidates, candidates
+from imubayes.selection.model_sets import Every, Listed, Space, descended
 from imubayes.selection.predictive import RELIABLE, Held, by_dwell, by_run, fits, leave_out, psis_loo, waic
-from imubayes.selection.spaces import Every, Listed, Space, descended
 
 Needs = tuple[tuple[str, str], ...]
 

@@ -34,8 +34,8 @@ from imubayes.selection.verdicts import (
     TENTH,
     Costs,
     Evidence,
+    TermNumbers,
     TermVerdict,
-    Told,
     decide,
     median_model,
     moments_of,
@@ -343,7 +343,7 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
     parts = mixtures[NOMINAL]
     ends = _first_finite(limit(parts, column), limit(full, column))
     span = min(alone), max(alone)
-    told = Told(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
+    told = TermNumbers(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
     mean, sd = moments_of(parts, column)
     evidence = Evidence(
         inclusion=told.inclusion,

@@ -34,9 +34,9 @@ from imubayes.selection.evidence import (
 )
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
 from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
+from imubayes.selection.model_sets import Every, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 from imubayes.selection.search import search_models
-from imubayes.selection.spaces import Every, sizes
 
 LARGEST = 26
 """Most candidates that are enumerated: the weights of 2^26 models, of 8 bytes, are half a gigabyte."""

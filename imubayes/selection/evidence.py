@@ -22,7 +22,7 @@ from imubayes.algebra.digits import HALF_UNIT
 from imubayes.inference.prior import GFamily, g_step_error
 from imubayes.selection.mixture import Candidates, log_flat
 from imubayes.selection.model_prior import Needs, admissible
-from imubayes.selection.spaces import BLOCK_BITS, pieces, sizes
+from imubayes.selection.model_sets import BLOCK_BITS, pieces, sizes
 
 FAR = 300.0
 """Logarithm by which a scale may stand above the level of the sums before they are brought to it."""
@@ -54,16 +54,16 @@ class Products:
 
     def add(self, scale: float) -> float:
         """Add every model at a noise scale; return the largest logarithm."""
-        from imubayes.selection import abreast
+        from imubayes.selection import lanes
 
         c, a, T = self.candidates, len(self.candidates.always), self.candidates.at(scale)
-        R, width = abreast.ready(T[a:, a:] / scale, 1.0 / c.sd[a:])
-        self.held &= abreast.storable(R, width)
+        R, width = lanes.ready(T[a:, a:] / scale, 1.0 / c.sd[a:])
+        self.held &= lanes.storable(R, width)
         if not self.held:
             return -math.inf
         factor = log_flat(c, T, scale) - 0.5 * (float(T[-1, -1]) / scale) ** 2
         self._raise_to(factor)
-        largest = abreast.add_weights(
+        largest = lanes.add_weights(
             self.weight, R, width, self.by_size, log_factor=factor - self.level, needs=self.needs
         )
         found = self.level + math.log(largest) if largest > 0.0 else -math.inf
@@ -81,7 +81,7 @@ class Products:
     @property
     def trusted(self) -> bool:
         """Whether the models that matter are far from what a number cannot hold."""
-        from imubayes.selection.abreast import DEEPEST
+        from imubayes.selection.lanes import DEEPEST
 
         return self.held and self.height > self.level + DEEPEST
 
@@ -122,7 +122,7 @@ class Logs:
 
 def ways(c: Candidates, by_size: FloatArray, needs: Needs) -> Iterator[Products | Logs]:
     """Sums to try, one after the other: the last ones are always to be trusted."""
-    from imubayes.selection.abreast import FEWEST
+    from imubayes.selection.lanes import FEWEST
 
     if len(c.names) >= FEWEST:
         yield Products(c, by_size, needs)
@@ -180,19 +180,19 @@ class Curves(NamedTuple):
 
 def fewest(nodes: tuple[FloatArray, FloatArray]) -> int:
     """Candidates from which on models are not looked at one by one, of nodes of g."""
-    from imubayes.selection import abreast
+    from imubayes.selection import lanes
 
-    return CURVES if len(nodes[0]) > 1 else abreast.FEWEST
+    return CURVES if len(nodes[0]) > 1 else lanes.FEWEST
 
 
 def rss_of_all(c: Candidates) -> FloatArray:
     """Residual sum of squares of every model, by mask."""
-    from imubayes.selection import abreast
+    from imubayes.selection import lanes
     from imubayes.selection.kernels import walk
 
     a, p = len(c.always), len(c.names)
     R = np.ascontiguousarray(c.whole[a:, a:])
-    return abreast.residuals(abreast.ready(R, np.ones(p))[0]) if p >= abreast.FEWEST else walk(R)[0]
+    return lanes.residuals(lanes.ready(R, np.ones(p))[0]) if p >= lanes.FEWEST else walk(R)[0]
 
 
 def log_bayes_factors(

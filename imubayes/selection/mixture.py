@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, reorder, solve_triangular, with_prior_rows
-from imubayes.selection.spaces import Space
+from imubayes.selection.model_sets import Space
 
 CHOSEN = 2_000
 """Most models that moments are computed for; beyond, a systematic sample of them stands for all."""

@@ -23,11 +23,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.selection.bounds import Problem, additions, bring, has_bit, put_bit, within
+from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, within
 from imubayes.selection.kernels import invert
 
 if TYPE_CHECKING:
-    from imubayes.selection.bounds import Problem
+    from imubayes.selection.bounds import TreeProblem
 
 SWAPS = 0.25
 """Share of the steps that swap two columns."""
@@ -64,7 +64,7 @@ class Record(NamedTuple):
     count: NDArray[np.int64]
 
 
-def begin(T: FloatArray, inside: NDArray[np.bool_], problem: Problem) -> State:
+def begin(T: FloatArray, inside: NDArray[np.bool_], problem: TreeProblem) -> State:
     """Stand at a model, inside (p,): T (p + 1, p + 1) has columns whose prior rows are 1."""
     p = len(inside)
     column = np.concatenate((np.flatnonzero(inside), np.flatnonzero(~inside)))
@@ -356,7 +356,7 @@ class Walked:
     steps: int
 
 
-def _batch(problem: Problem, how: Moves, state: State, rng: np.random.Generator) -> Record:
+def _batch(problem: TreeProblem, how: Moves, state: State, rng: np.random.Generator) -> Record:
     """Take `STEPS` steps of a chain."""
     p = len(state.column)
     words, sums = np.empty((STEPS + 1, 2), np.uint64), np.empty((2, STEPS + 1))
@@ -367,7 +367,12 @@ def _batch(problem: Problem, how: Moves, state: State, rng: np.random.Generator)
 
 
 def walk_models(
-    T: FloatArray, problem: Problem, first: BoolArray, needed: BoolArray, steps: int, rng: np.random.Generator
+    T: FloatArray,
+    problem: TreeProblem,
+    first: BoolArray,
+    needed: BoolArray,
+    steps: int,
+    rng: np.random.Generator,
 ) -> Walked:
     """Walk in parallel chains until they are steady, or have taken `steps` together.
 

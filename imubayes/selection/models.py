@@ -19,7 +19,7 @@ from imubayes.selection.mixture import (
     merged,
     scale_components,
 )
-from imubayes.selection.spaces import Every, Space, Totals, heaviest, listed, standing_for, tally, united
+from imubayes.selection.model_sets import Every, Space, Totals, heaviest, listed, standing_for, tally, united
 
 NO_SCALE = np.array([math.nan])
 """In place of the nodes of a noise scale that was integrated out."""

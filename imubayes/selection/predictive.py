@@ -24,7 +24,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.inference.dwells import Pieces, few_rows, stacked
 from imubayes.selection.mixture import Candidates, with_always
-from imubayes.selection.spaces import Every, Space
+from imubayes.selection.model_sets import Every, Space
 
 TAIL_SHARE = 0.2
 """Largest share of the weights that counts as their tail (Vehtari et al. 2024, section 2.2)."""

@@ -14,11 +14,11 @@ from imubayes.algebra.factor import Factor, noise_scale
 from imubayes.errors import TermError
 from imubayes.selection.mixture import Candidates, log_flat, scale_components
 from imubayes.selection.model_prior import Needs
+from imubayes.selection.model_sets import listed
 from imubayes.selection.models import Models, Weighed, posterior_of
-from imubayes.selection.spaces import listed
 
 if TYPE_CHECKING:
-    from imubayes.selection.bounds import Problem
+    from imubayes.selection.bounds import TreeProblem
     from imubayes.selection.branching import Listing
     from imubayes.selection.model_walk import Walked
 
@@ -53,7 +53,7 @@ HOPE = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class ModelsFound:
     """Models that carry the posterior, at one noise scale.
 
     Attributes
@@ -105,7 +105,7 @@ def search(
     effort: float = 10.0,
     most: int = 2_000_000,
     rng: np.random.Generator,
-) -> Found:
+) -> ModelsFound:
     """Find the models that carry the posterior, and bound what the others carry.
 
     The log joint probability of a model M, up to what is common to all models, is::
@@ -142,7 +142,7 @@ def search(
     >>> found.certified, found.frequency.round(2).tolist()
     (True, [1.0, 0.11])
     """
-    from imubayes.selection.bounds import Problem
+    from imubayes.selection.bounds import TreeProblem
     from imubayes.selection.branching import best_guess, levels
 
     p = len(log_width)
@@ -150,7 +150,7 @@ def search(
         raise TermError(f"{p} candidates are more than the {LARGEST} that are searched: leave out some")
     log_prior = np.asarray(log_prior, float)
     scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
-    problem = Problem(2.0 * scale**2, log_prior, _words(_all_needs(needs, p)))
+    problem = TreeProblem(2.0 * scale**2, log_prior, _words(_all_needs(needs, p)))
     limits = _Limits(tolerance, effort, most)
     found, spent = _branch_and_bound(scaled, problem, limits, best_guess(problem, levels(scaled)))
     rest = limits._replace(effort=effort - spent)
@@ -169,7 +169,9 @@ def _all_needs(needs: tuple[tuple[int, int], ...], p: int) -> BoolArray:
     return required
 
 
-def _branch_and_bound(T: FloatArray, problem: Problem, limits: _Limits, top: float) -> tuple[Found, float]:
+def _branch_and_bound(
+    T: FloatArray, problem: TreeProblem, limits: _Limits, top: float
+) -> tuple[ModelsFound, float]:
     """Pass after pass, each further down from `top`, until the bound is certified or will not be in time.
 
     Returns what was found, and the effort that it took.
@@ -192,8 +194,8 @@ def _branch_and_bound(T: FloatArray, problem: Problem, limits: _Limits, top: flo
 
 
 def _one_pass(
-    T: FloatArray, problem: Problem, least: float, limits: _Limits, listing: Listing
-) -> tuple[Found, bool]:
+    T: FloatArray, problem: TreeProblem, least: float, limits: _Limits, listing: Listing
+) -> tuple[ModelsFound, bool]:
     """List all models above exp(least), and whether the pass came to its end."""
     from imubayes.selection.branching import MODELS, NODES, explore, levels, missing
 
@@ -213,13 +215,13 @@ def _one_pass(
 
 def _found(
     inside: BoolArray, log_joint: FloatArray, log_missing: float, tolerance: float, visited: int
-) -> Found:
+) -> ModelsFound:
     """Inclusion by the listed models; what is missing is at most its error."""
     total = np.logaddexp.reduce(log_joint) if len(log_joint) else -math.inf
     share = (
         math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0)) if log_missing < math.inf else 1.0
     )
-    return Found(
+    return ModelsFound(
         inside,
         log_joint,
         np.exp(log_joint - total),
@@ -239,7 +241,7 @@ def _inclusion(inside: BoolArray, log_joint: FloatArray) -> FloatArray:
     return np.array([weight[column].sum() for column in inside.T]) / weight.sum()
 
 
-def _gap(found: Found, tolerance: float) -> float:
+def _gap(found: ModelsFound, tolerance: float) -> float:
     """Log by which the bound still exceeds the tolerance."""
     return math.log(max(found.error[0], TINY)) - math.log(max(tolerance, TINY))
 
@@ -264,7 +266,9 @@ def _next_step(passes: list[_Pass], effort: float) -> float | None:
     return min(needed, STEP)
 
 
-def _walk(T: FloatArray, problem: Problem, found: Found, limits: _Limits, rng: np.random.Generator) -> Found:
+def _walk(
+    T: FloatArray, problem: TreeProblem, found: ModelsFound, limits: _Limits, rng: np.random.Generator
+) -> ModelsFound:
     """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
     from imubayes.selection.model_walk import walk_models
 
@@ -358,7 +362,7 @@ def search_models(
     return replace(posterior, missing=math.nan, error=float(found.error.max()))
 
 
-def _log_evidence(found: Found) -> float:
+def _log_evidence(found: ModelsFound) -> float:
     """Log of the summed joint probability of all models, from the share that some of them have of it."""
     most = np.argsort(-found.weight, kind="stable")[:MANY]
     return float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))

@@ -1,6 +1,6 @@
 """Moments of the coefficients over every submodel, under a prior of the g-family.
 
-By the law of total variance, up the tree that `selection.abreast` goes down. What a subtree hands up is its
+By the law of total variance, up the tree that `lanes` goes down. What a subtree hands up is its
 weight, and mean and scatter of ``x = s (b, 1)``: the shrinkage ``s = g/(1 + g)``, uncertain itself, and with
 it the least squares b of the columns that the subtree decides. A column that is included has the coefficient
 ``x_d = (z_d s - sum_k t_dk x_k) / t_dd`` by its row of the triangular factor, and one that is excluded has 0,
@@ -16,11 +16,11 @@ from numba import njit
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import invert_triangular
-from imubayes.selection.abreast import LANE_BITS, decide, prefix, ready, shape_of, started
 from imubayes.selection.evidence import Curves
 from imubayes.selection.kernels import cubic, ones
+from imubayes.selection.lanes import LANE_BITS, decide, prefix, ready, shape_of, started
 from imubayes.selection.mixture import Candidates
-from imubayes.selection.spaces import pieces
+from imubayes.selection.model_sets import pieces
 
 
 def total_moments(c: Candidates, curves: Curves, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -28,7 +28,7 @@ def total_moments(c: Candidates, curves: Curves, weight: FloatArray) -> tuple[Fl
 
     Parameters
     ----------
-    c : the candidates, at least `abreast.FEWEST`; the columns that are always in are flat.
+    c : the candidates, at least `lanes.FEWEST`; the columns that are always in are flat.
     curves : the shrinkage by size and share of unexplained squares.
     weight : (2^p,) posterior probability of each model, up to a factor.
     """

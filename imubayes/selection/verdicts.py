@@ -246,7 +246,7 @@ def _leaning(e: Evidence, costs: Costs) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class TermNumbers:
     """Numbers on one term.
 
     Attributes
@@ -269,7 +269,7 @@ class Told:
 def verdict_of(
     term: Term,
     symbol: str,
-    told: Told,
+    told: TermNumbers,
     decided: tuple[str, str],
     *,
     reach: float = 0.0,
@@ -310,7 +310,9 @@ def untested_verdict(term: Term, symbol: str, prior_sd: float, inclusion: float)
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
-    told = Told(prior_sd, inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0))
+    told = TermNumbers(
+        prior_sd, inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0)
+    )
     inputs = " ".join(f.channel for f in term.factors)
     return verdict_of(term, symbol, told, ("untested", f"its input ({inputs}) was zero in every run"))
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.selection.causes import Case, Differing, case_of, cause_of, decided, explained, line_of
+from imubayes.selection.causes import Differing, DisputedTerm, case_of, cause_of, decided, explained, line_of
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.sensitivity import Sensitivity
@@ -151,7 +151,7 @@ def _kept(names: Iterable[str], model: Sequence[str]) -> dict[str, bool]:
 
 
 def _on(
-    selection: Selection, ballots: Sequence[_Ballot], case: Case, coloured: tuple[str, ...]
+    selection: Selection, ballots: Sequence[_Ballot], case: DisputedTerm, coloured: tuple[str, ...]
 ) -> list[Disagreement]:
     """Disagreements on one term: one for each cause."""
     column = dict(zip((t.name for t in selection.terms), selection.columns, strict=True))

@@ -194,7 +194,7 @@ class _Job:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Told:
+class _Findings:
     """What is said of one component: the decision, the residuals, the other methods, what is missing."""
 
     selection: Selection
@@ -236,7 +236,7 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     checks = _checks(job, ready, theta, cov)
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
-    told = _drifting(job, ready, _Told(found.selection, checks, panel, _misfit(job, ready, inputs)))
+    told = _drifting(job, ready, _Findings(found.selection, checks, panel, _misfit(job, ready, inputs)))
     # an average no longer shows the quantization that it is made for
     fine = [
         rows if run.record is None or ready.summary.extras else linear_of(run.record, spec.library)
@@ -259,7 +259,7 @@ def _on_ladder(job: _Job, runs: Sequence[Run]) -> SensorResult:
     else:
         found, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
     ready = found.ready or plainly_prepared(ground.problem)
-    told = _Told(found.selection, (), None, None)
+    told = _Findings(found.selection, (), None, None)
     result = _result(job, job.spec.id, ready, found.posterior, told, time.perf_counter() - start)
     return replace(result, choice=choice, method_reason=f"{choice.asked} was asked for")
 
@@ -290,19 +290,19 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
 
 def _components(
     job: _Job, case: Case, ready: Prepared, asked: dict[str, Any], chains: Chains | None
-) -> list[_Told]:
+) -> list[_Findings]:
     """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
     root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
     checks = _checks(job, ready, case.theta, root @ root.T)
-    told: list[_Told] = []
+    told: list[_Findings] = []
     for one in case.components:
         job.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name}")
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
         selection = select(own.summary, own.prior, component=one.name, **asked)
         panel = _panel(job, own, chains, selection, one.parts)
-        said = _Told(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts])
+        said = _Findings(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts])
         told.append(_drifting(job, _part(ready, one.parts), said))
     return told
 
@@ -316,7 +316,7 @@ def _checks(job: _Job, ready: Prepared, theta: np.ndarray, cov: np.ndarray) -> t
     )
 
 
-def _drifting(job: _Job, ready: Prepared, told: _Told) -> _Told:
+def _drifting(job: _Job, ready: Prepared, told: _Findings) -> _Findings:
     """What is said of a component with its bias over the record, where a random walk moves it."""
     columns = dict(zip((term.name for term in told.selection.terms), told.selection.columns, strict=True))
     drift = drift_of(ready.summary, ready.rows, ready.prior.sd, columns.get("b0", ""))
@@ -374,7 +374,7 @@ def _result(
     name: str,
     ready: Prepared,
     posterior: Posterior,
-    told: _Told,
+    told: _Findings,
     seconds: float,
 ) -> SensorResult:
     selection = told.selection

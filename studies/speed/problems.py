@@ -12,7 +12,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import GPrior, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.selection.spaces import sizes, tally
+from imubayes.selection.model_sets import sizes, tally
 from imubayes.sensors.terms import Library, columns, library
 from imubayes.units import STANDARD_GRAVITY
 from studies.speed import peers
@@ -147,10 +147,10 @@ def _farthest_from(exact: FloatArray) -> Callable[[FloatArray], float]:
 
 
 def _tree_residuals(X: FloatArray, y: FloatArray) -> FloatArray:
-    from imubayes.selection import abreast
+    from imubayes.selection import lanes
 
     R = factor_of(X, y, _names(X.shape[1])).R
-    return abreast.residuals(abreast.ready(R, np.ones(len(R) - 1))[0])
+    return lanes.residuals(lanes.ready(R, np.ones(len(R) - 1))[0])
 
 
 def _brute_residuals(X: FloatArray, y: FloatArray) -> FloatArray:

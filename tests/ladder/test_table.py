@@ -14,9 +14,9 @@ from imubayes.errors import InputError
 from imubayes.inference.intervals import frequency
 from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade import table
+from imubayes.ladder.trade.components import NAMES, Subject, rungs_of, with_options
 from imubayes.ladder.trade.repeats import Rate, Score
-from imubayes.ladder.trade.subjects import NAMES, Subject, rungs_of, with_options
-from imubayes.ladder.trade.table import Place, allowed, faults, front, recommended
+from imubayes.ladder.trade.table import RungTotals, allowed, faults, front, recommended
 from imubayes.reporting.trade_page import trade_answer
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
@@ -98,7 +98,7 @@ def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(mo
     assert any("no simulated repeats" in text for text in trade_answer(found))
 
 
-FINE = Place("means", 1.0, 1.0, 1.0, 1e7, 0.05, 0.02, 0.01, 0, 0.0, 0, 0.0, 0.1, 1)
+FINE = RungTotals("means", 1.0, 1.0, 1.0, 1e7, 0.05, 0.02, 0.01, 0, 0.0, 0, 0.0, 0.1, 1)
 NOTHING = Rate(0, 10, frequency(0, 10))
 
 

@@ -12,8 +12,8 @@ from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.study import Mission
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import Problem
+from imubayes.ladder.trade.components import Subject, Trade
 from imubayes.ladder.trade.measurement import Measured, here
-from imubayes.ladder.trade.subjects import Subject, Trade
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import recorded
 

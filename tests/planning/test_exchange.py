@@ -19,7 +19,7 @@ from imubayes.planning.exchange import (
     following,
     with_step,
 )
-from imubayes.planning.menu import Aim, Handling, Menu, Problem, Step, duration, root, runs_of, worth
+from imubayes.planning.menu import Aim, Handling, Menu, PlanProblem, Step, duration, root, runs_of, worth
 from imubayes.sensors.noise import Noise
 
 WHITE = Noise(1.0, 0.0, 0.0)
@@ -33,7 +33,7 @@ def _menu(X, *, mount=None, dwells=(1.0,), handling=None, noise=WHITE, run="benc
 
 def _problem(menus, kind, limit, *, prior=1.0, G=None):
     c = menus[0].X.shape[1]
-    return Problem(tuple(menus), prior * np.eye(c), Aim(kind, np.eye(c) if G is None else G), limit)
+    return PlanProblem(tuple(menus), prior * np.eye(c), Aim(kind, np.eye(c) if G is None else G), limit)
 
 
 def _powers(x, degree):

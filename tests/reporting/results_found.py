@@ -28,8 +28,8 @@ from imubayes.inference.summary import RunSummary
 from imubayes.population.sessions import Repeatability
 from imubayes.rig.inputs import Source
 from imubayes.selection.decision import Selection
+from imubayes.selection.model_sets import Every
 from imubayes.selection.models import Models
-from imubayes.selection.spaces import Every
 from imubayes.selection.verdicts import EQUAL, TermVerdict
 from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.noise import Noise, allan_variance

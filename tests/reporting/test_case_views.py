@@ -13,7 +13,7 @@ import pytest
 from block_readings import panels, rows, said
 from scipy import stats
 
-from imubayes.inference.recovered import Recovered
+from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting.case_views import (
     BLIND,
     CANNOT,

@@ -15,7 +15,7 @@ from imubayes.inference.dwells import Pieces
 from imubayes.inference.whiten import samples_of
 from imubayes.selection import criteria as module
 from imubayes.selection.criteria import Criterion, criteria, with_sampled_noise
-from imubayes.selection.spaces import Every
+from imubayes.selection.model_sets import Every
 
 NAMES = ("a", "b", "c", "d", "e")
 ORDER = ("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out")

@@ -17,8 +17,8 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.model_sets import fold
 from imubayes.selection.models import components_given, inclusion_given
-from imubayes.selection.spaces import fold
 
 NAMES = ("a", "b", "c", "d", "e", "f")
 seeds = st.integers(0, 2**32 - 1)

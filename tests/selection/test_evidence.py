@@ -13,7 +13,7 @@ from mpmath import mp as _mp
 from imubayes.algebra.factor import Factor
 from imubayes.inference.prior import HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
-from imubayes.selection import abreast, enumerate, evidence
+from imubayes.selection import enumerate, evidence, lanes
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import average, components_given, inclusion_given
 
@@ -34,7 +34,7 @@ def test_products_and_logarithms_give_the_same_posterior(summary, scale, sd, mon
     """At a prior sd of 1e40 the widths of ten columns multiply to 1e-400, which no product holds."""
     options = {"scale": scale, "needs": [("x1", "x0"), ("x5", "x9")]}
     found = enumerate_models(summary, ScalePrior(sd), always=["x10"], **options)
-    monkeypatch.setattr(abreast, "FEWEST", P + 1)
+    monkeypatch.setattr(lanes, "FEWEST", P + 1)
     logs = enumerate_models(summary, ScalePrior(sd), always=["x10"], **options)
     assert found.log_evidence == pytest.approx(logs.log_evidence, rel=1e-11)
     np.testing.assert_allclose(found.inclusion, logs.inclusion, rtol=1e-9)
@@ -49,7 +49,7 @@ def test_a_mountain_of_evidence_for_every_column_is_left_to_logarithms(summary, 
     X = rng.normal(size=(60, 12))
     s = Summary.from_arrays(X, 1e3 * X.sum(axis=1) + 1e-6 * rng.normal(size=60), [f"x{j}" for j in range(12)])
     found = enumerate_models(s, ScalePrior(1e24), scale=1e-6)
-    monkeypatch.setattr(abreast, "FEWEST", 13)
+    monkeypatch.setattr(lanes, "FEWEST", 13)
     logs = enumerate_models(s, ScalePrior(1e24), scale=1e-6)
     assert found.best[0][0] == s.names
     assert found.log_evidence == pytest.approx(logs.log_evidence, rel=1e-12)

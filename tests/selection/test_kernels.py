@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.inference.prior import GPrior, HyperG, ZellnerSiow, g_nodes
 from imubayes.selection.kernels import g_integrals, solutions, submodel, walk
-from imubayes.selection.spaces import Every, sizes
+from imubayes.selection.model_sets import Every, sizes
 
 seeds = st.integers(0, 2**32 - 1)
 

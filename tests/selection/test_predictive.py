@@ -14,6 +14,7 @@ from scipy.stats import multivariate_normal
 from imubayes.algebra.factor import factor_of, triangular
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import candidates
+from imubayes.selection.model_sets import Every, Listed
 from imubayes.selection.predictive import (
     RELIABLE,
     by_dwell,
@@ -22,7 +23,6 @@ from imubayes.selection.predictive import (
     psis_loo,
     waic,
 )
-from imubayes.selection.spaces import Every, Listed
 
 NAMES = ("a", "b", "c", "bench")
 SD = np.array([1.0, 0.3, 2.0, 0.5])

@@ -17,13 +17,13 @@ from imubayes.algebra.factor import with_prior_rows
 from imubayes.errors import TermError
 from imubayes.selection import enumerate
 from imubayes.selection import search as module
-from imubayes.selection.bounds import Problem
+from imubayes.selection.bounds import TreeProblem
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.kernels import solutions, walk
+from imubayes.selection.model_sets import Listed, fold, sizes
 from imubayes.selection.model_walk import Record, begin, moves, take_steps
 from imubayes.selection.models import components_given, inclusion_given, inclusion_of_any
 from imubayes.selection.search import search
-from imubayes.selection.spaces import Listed, fold, sizes
 from imubayes.sensors.terms import columns, library
 
 NEEDS = ((3, 1), (4, 3), (5, 2))
@@ -288,7 +288,7 @@ def test_temperature_expanded_accelerometer_is_decided():
 
 def _walked_problem(
     p: int, silent: int, needs: tuple[tuple[int, int], ...]
-) -> tuple[np.ndarray, Problem, np.ndarray]:
+) -> tuple[np.ndarray, TreeProblem, np.ndarray]:
     """Factor with prior rows of 1, the last columns without data; and the log joint of all models."""
     rng = np.random.default_rng(p)
     X = rng.normal(size=(2 * p, p)) @ (np.eye(p) + 0.7 * rng.normal(size=(p, p)))
@@ -303,7 +303,7 @@ def _walked_problem(
     for child, parent in needs:
         parents[child, 0] |= np.uint64(1 << parent)
         exact[(masks >> child & 1 == 1) & (masks >> parent & 1 == 0)] = -math.inf
-    return T, Problem(2.0, log_prior, parents), exact
+    return T, TreeProblem(2.0, log_prior, parents), exact
 
 
 def test_probabilities_of_flipping_are_those_of_enumeration():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from imubayes.selection import abreast
+from imubayes.selection import lanes
 from studies.extremes.cases import FAMILIES, Case, cases
 from studies.extremes.digits import digits_of, of_coefficients
 from studies.extremes.measure import Outcome, outcome
@@ -57,7 +57,7 @@ def test_no_answer_on_the_entire_grid_is_wrong_in_silence(family, seed):
 
 def test_eight_nearly_dependent_candidates_of_a_run_keep_their_digits():
     *_, last = FAMILIES[LONGEST](np.random.default_rng(4))
-    assert len(last.names) - last.always >= abreast.FEWEST
+    assert len(last.names) - last.always >= lanes.FEWEST
     _holds(outcome(last))
 
 

@@ -24,7 +24,7 @@ from imubayes.ladder.costs import with_peak
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
-from imubayes.ladder.trade.subjects import NAMES
+from imubayes.ladder.trade.components import NAMES
 from imubayes.population.processes import Lost, elsewhere
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate

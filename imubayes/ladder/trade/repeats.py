@@ -14,8 +14,8 @@ from imubayes.inference.linear import library_rows
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import Problem, ground_of
 from imubayes.ladder.rungs import stand
+from imubayes.ladder.trade.components import Subject, unit_of
 from imubayes.ladder.trade.measurement import Measured, measured_of
-from imubayes.ladder.trade.subjects import Subject, unit_of
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.reference import OFFSET, errors_of

@@ -17,6 +17,7 @@ from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.costs import Machine, calibrate, foreseen, machine
 from imubayes.ladder.problem import size_of
+from imubayes.ladder.trade.components import DEFAULT, Subject, Trade
 from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
 from imubayes.ladder.trade.repeats import (
     INTERVAL,
@@ -29,7 +30,6 @@ from imubayes.ladder.trade.repeats import (
     required,
     score,
 )
-from imubayes.ladder.trade.subjects import DEFAULT, Subject, Trade
 from imubayes.population.processes import Progress, shared
 from imubayes.scenes.relevance import Exposure, exposure
 
@@ -80,7 +80,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RungTotals:
     """A rung over all components that it was measured on.
 
     Attributes
@@ -137,7 +137,7 @@ class Traded:
 
     trade: Trade
     standings: tuple[Standing, ...]
-    places: tuple[Place, ...]
+    places: tuple[RungTotals, ...]
     best: RungName
     floor: tuple[float, float]
     front: tuple[RungName, ...]
@@ -146,7 +146,7 @@ class Traded:
     machine: Machine
     seconds: float
 
-    def place(self, rung: RungName) -> Place | None:
+    def place(self, rung: RungName) -> RungTotals | None:
         """The rung's place; None where it was not measured."""
         return next((one for one in self.places if one.rung == rung), None)
 
@@ -289,7 +289,7 @@ def standing_of(
     )
 
 
-def places(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[Place, ...]:
+def places(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
     """Put the components together, rung by rung."""
     found: dict[RungName, list[Measured]] = {rung: [] for rung in rungs}
     for standing in standings:
@@ -298,11 +298,11 @@ def places(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[Pl
     return tuple(_place(rung, each) for rung, each in found.items() if each)
 
 
-def _place(rung: RungName, found: Sequence[Measured]) -> Place:
+def _place(rung: RungName, found: Sequence[Measured]) -> RungTotals:
     apart = [one.difference for one in found]
     own = [float(np.sqrt(np.mean(one.monte_carlo**2))) for one in found]
     scenes = [scene for one in apart for scene in one.scenes]
-    return Place(
+    return RungTotals(
         rung=rung,
         seconds=float(np.median([one.seconds for one in found])),
         whole_seconds=float(np.median([one.whole_seconds for one in found])),
@@ -346,7 +346,7 @@ def allowed(floor: float) -> float:
     return max(ACCURATE, FLOORS * floor)
 
 
-def front(found: Sequence[Place], floor: float) -> tuple[RungName, ...]:
+def front(found: Sequence[RungTotals], floor: float) -> tuple[RungName, ...]:
     """Rungs that no other beats in time without being worse; errors below the floor are all the same.
 
     The error is that of the worst coefficient, by which rungs are recommended; the floor is the largest Monte
@@ -361,7 +361,7 @@ def front(found: Sequence[Place], floor: float) -> tuple[RungName, ...]:
     return tuple(kept)
 
 
-def faults(place: Place, one: Score | None, floor: float) -> Iterator[str]:
+def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
     """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
     if place.largest > allowed(floor):
         yield f"a coefficient is off by {place.largest:.2g} posterior sd"
@@ -371,7 +371,9 @@ def faults(place: Place, one: Score | None, floor: float) -> Iterator[str]:
         yield f"its 90 % intervals hold only {one.coverage.share.value:.0%} of the truths"
 
 
-def recommended(found: Sequence[Place], scores: Sequence[Score], best: RungName, floor: float) -> RungName:
+def recommended(
+    found: Sequence[RungTotals], scores: Sequence[Score], best: RungName, floor: float
+) -> RungName:
     """The cheapest rung without faults; the best where there is none."""
     by_rung = {one.rung: one for one in scores}
     for place in sorted(found, key=lambda one: one.whole_seconds):

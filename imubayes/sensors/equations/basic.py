@@ -30,7 +30,7 @@ TERMS = ("b0", "b1", "m_j", "m_k")
 
 
 @dataclass(frozen=True, slots=True)
-class Component:
+class BasicComponent:
     """One row of the triad, SI.
 
     Attributes
@@ -48,30 +48,30 @@ class Component:
     m_k: float = 0.0
 
 
-def indicated(p: Component, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+def indicated(p: BasicComponent, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
     """Indicated input of one component, m/s^2 or rad/s.
 
     Examples
     --------
-    >>> indicated(Component("gyroscope", b=0.5, m_k=2.0), {"w_k": np.array([1.0])}, 1).tolist()
+    >>> indicated(BasicComponent("gyroscope", b=0.5, m_k=2.0), {"w_k": np.array([1.0])}, 1).tolist()
     [2.5]
     """
     i, j, k = vector(channels, "f" if p.kind == "accelerometer" else "w", n)
     return p.b + (1.0 + p.s) * i + p.m_j * j + p.m_k * k
 
 
-def to_general(p: Component) -> Coefficients:
+def to_general(p: BasicComponent) -> Coefficients:
     """Generalized coefficients of one component; exact."""
     return {"b0": p.b, "b1": p.s, "m_j": p.m_j, "m_k": p.m_k}
 
 
-def from_general(kind: Kind, theta: Mapping[str, Any]) -> Component:
+def from_general(kind: Kind, theta: Mapping[str, Any]) -> BasicComponent:
     """Read bias, scale and misalignment off; exact only where all else is zero, else use `project`."""
     b, s, m_j, m_k = (theta.get(name, 0.0) for name in TERMS)
-    return Component(kind, b, s, m_j, m_k)
+    return BasicComponent(kind, b, s, m_j, m_k)
 
 
-def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[Component, Projection]:
+def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[BasicComponent, Projection]:
     """The basic component that serves best over given inputs, and what it cannot serve.
 
     Parameters
@@ -101,7 +101,7 @@ def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[Component,
     R = factor.reorder(inputs, [lib.names[j] for j in (*basic, *others)]).R[:-1, :-1]
     absorbed = mapping.project(R[:, : len(basic)], R[:, len(basic) :] @ theta[others], TERMS, inputs.n)
     b, s, m_j, m_k = (theta[j] + absorbed.coefficients[name] for j, name in zip(basic, TERMS, strict=True))
-    return Component(lib.kind, float(b), float(s), float(m_j), float(m_k)), absorbed
+    return BasicComponent(lib.kind, float(b), float(s), float(m_j), float(m_k)), absorbed
 
 
 def _standard(kind: Kind, unit: str, printed: str) -> Standard:
@@ -109,7 +109,7 @@ def _standard(kind: Kind, unit: str, printed: str) -> Standard:
         id="basic",
         title="basic triad",
         kind=kind,
-        parameters=Component,
+        parameters=BasicComponent,
         symbols=(
             Symbol("b", "b", "b0", unit, printed),
             Symbol("s", "s", "b1", "1", "ppm"),

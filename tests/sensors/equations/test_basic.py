@@ -7,7 +7,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.errors import TermError, UnobservableError
 from imubayes.sensors.equations.basic import (
     TERMS,
-    Component,
+    BasicComponent,
     project,
 )
 from imubayes.sensors.terms import columns, library
@@ -59,7 +59,7 @@ def test_projection_loses_less_than_leaving_the_terms_out():
 def test_what_is_basic_already_stays_and_nothing_is_lost():
     theta = _theta(b0=1e-2, b1=2e-3, m_j=-3e-3, m_k=4e-3)
     p, projection = project(LIB, theta, _factor(_scene(np.random.default_rng(2))))
-    assert p == Component("accelerometer", 1e-2, 2e-3, -3e-3, 4e-3)
+    assert p == BasicComponent("accelerometer", 1e-2, 2e-3, -3e-3, 4e-3)
     assert (projection.rms, projection.lost) == (0.0, 0.0)
 
 

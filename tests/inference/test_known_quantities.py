@@ -12,8 +12,8 @@ import pytest
 from imubayes.inference.case import Asked
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_imu_tumble
+from imubayes.inference.known_quantities import recover
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.recovered import recover
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.noise import NoiseRule

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from numba.core import config
 
 from imubayes.algebra.factor import factor_of
-from imubayes.selection import spaces
+from imubayes.selection import model_sets
 from imubayes.selection.criteria import criteria
-from imubayes.selection.spaces import (
+from imubayes.selection.model_sets import (
     Every,
     Listed,
     fold,
@@ -76,7 +76,7 @@ def _weights(seed: int, p: int) -> np.ndarray:
 def test_a_tally_over_blocks_is_the_sum_over_models(seed, p, bits):
     weight = _weights(seed, p)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spaces, "BLOCK_BITS", bits)
+        patch.setattr(model_sets, "BLOCK_BITS", bits)
         told = tally(weight, p)
         top = heaviest(weight, 5)
     sums, total = fold(weight, p)

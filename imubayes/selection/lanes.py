@@ -1,11 +1,11 @@
-"""Every submodel of a factor at a few nanoseconds each: the tree of `selection.kernels`, 32 subtrees abreast.
+"""Every submodel of a factor at a few nanoseconds each: the tree of `selection.kernels`, 32 subtrees lanes.
 
 The first `LANE_BITS` columns are decided for each lane, and the same steps then serve all lanes at once, as
 vector instructions: all subtrees have the same shape. A few more columns are decided for each of the pieces
 that threads share. Determinants are carried as products, which takes no logarithm a model; what these cannot
 hold is left to the tree with logarithms (`storable`).
 
-A model's number is its mask, as in `selection.spaces`: the lane's bits, then the piece's, the outer columns',
+A model's number is its mask, as in `model_sets`: the lane's bits, then the piece's, the outer columns',
 and those of the leaves, the last columns, whose 2^q models are a block that stays in the cache.
 """
 
@@ -19,7 +19,7 @@ from numba import njit
 from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.selection.kernels import ones
 from imubayes.selection.model_prior import Needs
-from imubayes.selection.spaces import pieces
+from imubayes.selection.model_sets import pieces
 
 LANE_BITS = 5
 """Columns that the lanes decide: 32 numbers are four to eight registers, and the leaves' factors fit in the

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numba.core import config
 
 from imubayes.algebra.factor import factor_of, with_prior_rows
-from imubayes.selection import abreast
+from imubayes.selection import lanes
 from imubayes.selection.kernels import walk
 from imubayes.selection.model_prior import admissible
-from imubayes.selection.spaces import sizes
+from imubayes.selection.model_sets import sizes
 
 seeds = st.integers(0, 2**32 - 1)
 REL = 1e-12
@@ -32,7 +32,7 @@ def _problem(seed: int, p: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _weights(R: np.ndarray, width: np.ndarray, by_size: np.ndarray, **options) -> np.ndarray:
     weight = np.zeros(1 << len(width))
-    largest = abreast.add_weights(weight, *abreast.ready(R, width), by_size, **options)
+    largest = lanes.add_weights(weight, *lanes.ready(R, width), by_size, **options)
     assert largest == weight.max()
     return weight
 
@@ -55,7 +55,7 @@ def test_weights_in_lanes_are_those_of_the_tree_with_logarithms(seed, p):
 @given(seeds, st.sampled_from([8, 10, 14]))
 def test_residuals_in_lanes_are_those_of_the_tree(seed, p):
     R, _ = _problem(seed, p)
-    found = abreast.residuals(abreast.ready(R, np.ones(p))[0])
+    found = lanes.residuals(lanes.ready(R, np.ones(p))[0])
     np.testing.assert_allclose(found, walk(R)[0], rtol=REL)
 
 
@@ -85,7 +85,7 @@ def test_columns_that_vanish_beside_others_leave_every_number_finite():
     X = rng.normal(size=(20, 9))
     X[:, 4] = X[:, 2]
     R = np.triu(np.linalg.qr(np.column_stack((X, rng.normal(size=20))), mode="r"))
-    rss = abreast.residuals(abreast.ready(R, np.ones(9))[0])
+    rss = lanes.residuals(lanes.ready(R, np.ones(9))[0])
     assert np.isfinite(rss).all()
     swapped = [mask ^ (0b10100 if (mask >> 2 & 1) != (mask >> 4 & 1) else 0) for mask in range(1 << 9)]
     np.testing.assert_allclose(rss, rss[swapped], rtol=1e-9)
@@ -93,7 +93,7 @@ def test_columns_that_vanish_beside_others_leave_every_number_finite():
 
 def test_what_products_cannot_hold_is_not_called_storable():
     R, width = _problem(8, 9)
-    assert abreast.storable(R, width)
-    assert not abreast.storable(R, width * math.exp(-90.0))
+    assert lanes.storable(R, width)
+    assert not lanes.storable(R, width * math.exp(-90.0))
     R[2, 5] = np.inf
-    assert not abreast.storable(R, width)
+    assert not lanes.storable(R, width)
