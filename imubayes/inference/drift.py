@@ -42,6 +42,7 @@ class Drift:
     slope : (2, p).
     root : (2, 2) for standard normal z (2,), SI.
     full : (3, 2) bias at the start, on average and at the end, mean and sd under the full library, SI.
+    walk : sd of what the walk strays from the start of the last run to its end, SI: ``K sqrt(T)``.
     """
 
     names: tuple[str, ...]
@@ -50,6 +51,7 @@ class Drift:
     slope: FloatArray
     root: FloatArray
     full: FloatArray
+    walk: float
 
     def bias(self, theta: FloatArray, z: FloatArray) -> FloatArray:
         """Bias (m, 3) at the start, on average, at the end, for coefficients (m, p) and normal z (m, 2)."""
@@ -90,7 +92,10 @@ def drift_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, column: s
     spread = np.sum((ways @ root) ** 2, axis=1) + scale**2 * np.append(0.0, np.diag(cov))
     full = np.column_stack((ways @ mean + np.append(0.0, level), np.sqrt(spread)))
     power, vectors = np.linalg.eigh(cov)
-    return Drift(summary.names, own, level, slope, scale * vectors * np.sqrt(np.maximum(power, 0.0)), full)
+    root = scale * vectors * np.sqrt(np.maximum(power, 0.0))
+    last = taken[-1][0]
+    strays = scale * summary.runs[last].noise.K * float(np.sqrt(blocks[last].rows.span))
+    return Drift(summary.names, own, level, slope, root, full, strays)
 
 
 def _share(blocks: Linear, own: int) -> FloatArray | None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
-from scipy.stats import binomtest
 
 from imubayes.reporting.blocks import (
     LEGEND,
@@ -24,6 +22,7 @@ from imubayes.reporting.blocks import (
     verdict,
 )
 from imubayes.reporting.figures import KNOWN, recovered
+from imubayes.reporting.fit_views import held
 from imubayes.reporting.result.entries import Case, CaseInScene, RecoveredErrors
 from imubayes.reporting.result.values import Pooled, published
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
@@ -49,12 +48,6 @@ CANNOT = "cannot tell"
 
 MOST_DRAWN = 3
 """Cases of a study whose errors are drawn."""
-
-WITHIN = math.erf(math.sqrt(2.0))
-"""Share of normal errors within 2 sd."""
-
-CHANCE = 1e-3
-"""Probability from which chance explains how many lie there: errors of one fit are not independent."""
 
 QUANTITIES = {
     "gravity": ("length of the force in a still, from local g",
@@ -159,22 +152,6 @@ def _change(one: Recovered) -> str:
         f"{QUANTITIES[one.what][1]}: {before} rms raw, {after} compensated;"
         f" the posterior predicts {predicted}{whose}."
     )
-
-
-def held(inside: int, of: int) -> str:
-    """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do.
-
-    Examples
-    --------
-    >>> held(444, 504), held(480, 504)
-    (' (481 expected: they are larger than predicted)', '')
-    >>> held(500, 504)
-    ' (481 expected: they are smaller than predicted)'
-    """
-    if binomtest(inside, of, WITHIN).pvalue >= CHANCE:
-        return ""
-    size = "larger" if inside < WITHIN * of else "smaller"
-    return f" ({WITHIN * of:.0f} expected: they are {size} than predicted)"
 
 
 def held_together(cases: Cases) -> tuple[str, ...]:

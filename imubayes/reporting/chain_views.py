@@ -86,6 +86,11 @@ def _remedy(sensor: SensorResult) -> str:
     return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"
 
 
+STRAYED = 2.6
+"""Sds of a random walk beyond which a drift is none: chance takes one of a hundred so far, were K known, and
+fewer where K is fitted to the same drift."""
+
+
 def bias_sentence(sensor: SensorResult) -> str:
     """Which bias b0 is, where a random walk of the noise moves it; empty where it does not."""
     if sensor.bias is None:
@@ -94,9 +99,18 @@ def bias_sentence(sensor: SensorResult) -> str:
         str(on_output(size, sensor.kind, sd))
         for size, sd in (sensor.bias.start, sensor.bias.mean, sensor.bias.end, sensor.bias.drift)
     )
-    return (
+    told = (
         f"b0 walks with the noise, and is the mean over the record, {mean}: {start} at its start, {end} at"
         f" its end, a drift of {drift}."
+    )
+    strays = abs(sensor.bias.drift[0]) / sensor.bias.walk
+    if strays < STRAYED:
+        return told
+    usual = on_output(sensor.bias.walk, sensor.kind)
+    return (
+        f"{told} A random walk that fits the steps between strays {usual} (1 sd) in that time, and this is"
+        f" {strays:.1f} sd: no walk, but a warm-up or a change of temperature. Let the sensor warm up, or"
+        " record T and give its library temperature = 1."
     )
 
 

@@ -35,6 +35,12 @@ MOST_DEPENDENCES = 3
 MOST_DWELLS = 40
 """Dwells that a report lists, worst first."""
 
+WITHIN = math.erf(math.sqrt(2.0))
+"""Share of normal errors within 2 sd."""
+
+CHANCE = 1e-3
+"""Probability from which chance explains how many lie there: errors of one fit are not independent."""
+
 FEW = 3
 """Places that a sentence names."""
 
@@ -73,7 +79,25 @@ def fit_sentence(sensor: SensorResult) -> str:
         )
     named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
     runs = "run" if len(misfits) == 1 else "runs"
-    return f"The model does not explain {runs} {named}: {_consequence(misfits)} {level_words(sensor)}"
+    return f"The model does not explain {runs} {named}: {_consequence(sensor, misfits)} {level_words(sensor)}"
+
+
+def held(inside: int, of: int) -> str:
+    """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do.
+
+    Examples
+    --------
+    >>> held(444, 504), held(480, 504)
+    (' (481 expected: they are larger than predicted)', '')
+    >>> held(500, 504)
+    ' (481 expected: they are smaller than predicted)'
+    """
+    from scipy.stats import binomtest
+
+    if binomtest(inside, of, WITHIN).pvalue >= CHANCE:
+        return ""
+    size = "larger" if inside < WITHIN * of else "smaller"
+    return f" ({WITHIN * of:.0f} expected: they are {size} than predicted)"
 
 
 def level_words(sensor: SensorResult) -> str:
@@ -83,15 +107,30 @@ def level_words(sensor: SensorResult) -> str:
     return f"Tests alarm below p {level:.1g}, so that chance alone makes {chance} do so."
 
 
-def _consequence(misfits: list[ResidualCheck]) -> str:
+def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
+    """What misfits mean; of the error bars, what errors of known quantities say where there are some."""
+    known = _known(sensor)
     if any(not check.white or check.scale > 1.0 + OFF for check in misfits):
-        return (
-            "either the library misses something there or the noise model is wrong; until that is settled "
-            "the error bars are too small. The residuals show where."
-        )
+        until = known or "until that is settled the error bars are too small"
+        wrong = "either the library misses something there or the noise model is wrong"
+        return f"{wrong}; {until}. The residuals show where."
     if any(check.scale < 1.0 - OFF for check in misfits):
-        return "the noise is weaker than its model there, so the error bars are wider than they need be."
-    return "chance makes no such blocks; look at what happened then."
+        wider = known or "so the error bars are wider than they need be"
+        return f"the noise is weaker than its model there, {wider}."
+    return f"chance makes no such blocks; look at what happened then{'; ' if known else ''}{known}."
+
+
+def _known(sensor: SensorResult) -> str:
+    """What the errors of known quantities say of a component's error bars; empty where nothing is known."""
+    own = [one for one in sensor.recovered if (one.what == "gravity") == (sensor.kind == "accelerometer")]
+    inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
+    if not of:
+        return ""
+    told = held(inside, of)
+    verdict = "too small" if "larger" in told else "wider than they need be" if told else "right"
+    return (
+        f"and the error bars are {verdict}: {inside} of {of} errors of known quantities lie within 2 sd{told}"
+    )
 
 
 def check_words(check: ResidualCheck) -> str:

@@ -385,12 +385,14 @@ class Bias:
     ----------
     start, mean, end : at the start of the record, on average over it, and at its end.
     drift : from the start to the end.
+    walk : sd of what the random walk strays in that time, SI.
     """
 
     start: tuple[float, float]
     mean: tuple[float, float]
     end: tuple[float, float]
     drift: tuple[float, float]
+    walk: float
 
 
 def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) -> tuple[Selection, Bias]:
@@ -405,7 +407,8 @@ def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) ->
     if before.confounded_with:
         wider = math.sqrt(max(before.sd**2 - float(start.var()), 0.0))
         drawn = drawn + before.mean - start.mean() + wider * rng.standard_normal((len(drawn), 1))
-    bias = Bias(*((float(x.mean()), float(x.std())) for x in (*drawn.T, drawn[:, 2] - drawn[:, 0])))
+    sizes = [(float(x.mean()), float(x.std())) for x in (*drawn.T, drawn[:, 2] - drawn[:, 0])]
+    bias = Bias(*sizes, drift.walk)
     (mean, sd), (q05, q95) = bias.mean, np.quantile(drawn[:, 1], [0.05, 0.95]).tolist()
     after = replace(
         before,

@@ -1,11 +1,14 @@
 """The bias over a record that walks, against dense least squares on a grid so fine that it is the walk."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from imubayes.inference.drift import drift_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.summary import summarize
+from imubayes.reporting.chain_views import STRAYED
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
@@ -79,3 +82,18 @@ def test_a_walk_that_does_not_count_leaves_b0_as_it_is():
     rows = linear_of(run, LIB)
     still = summarize([run], LIB, rules={"tumble": NoiseRule("fixed", Noise(2e-3, 0.0, 1e-7))}, rows=[rows])
     assert drift_of(still, [rows], SD, "b0") is None
+
+
+def test_a_warm_up_strays_farther_than_any_walk_and_a_walk_does_not():
+    strays = []
+    for seed in range(60):
+        run, *_ = tumbled(seed)
+        warm = replace(run, output=run.output + 0.1 * (1.0 - np.exp(-run.t / 30.0)))
+        strays.append([np.abs(np.diff(d.full[[0, 2], 0])[0]) / d.walk for d in map(estimated, (run, warm)) if d])
+    walks, warm = zip(*(pair for pair in strays if len(pair) == 2), strict=True)
+    assert max(walks) < STRAYED < min(warm)
+
+
+def estimated(run):
+    rows = linear_of(run, LIB)
+    return drift_of(summarize([run], LIB, rows=[rows]), [rows], SD, "b0")

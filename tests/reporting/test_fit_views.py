@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from block_readings import panels, rows
 
+from imubayes.inference.recovered import Recovered
 from imubayes.reporting.fit_figures import channel_of, dependence_words
 from imubayes.reporting.fit_views import (
     MOST_DEPENDENCES,
     dwell_sections,
+    fit_sentence,
     misfit_sections,
 )
 
@@ -47,3 +50,18 @@ def test_offset_of_a_dwell_is_in_the_unit_of_the_output(make_sampled, kind, si) 
     dwell = replace(sensor.distrusted[0], offset=120.0 * si, sd=3.0 * si)
     (row,) = rows(dwell_sections(replace(sensor, kind=kind, distrusted=(dwell,))))
     assert row[-1].startswith("120.0 ± 3.0 ")
+
+
+def test_error_bars_are_judged_by_the_errors_of_known_quantities_wherever_there_are_some(make_judged) -> None:
+    """Residuals below the noise beside stills that are off by twice what is predicted: one statement of both."""
+    sensor = make_judged()
+    weak = (replace(sensor.checks[0], scale=0.6, whiteness_p=0.4, outliers=(), fits=False),)
+    after, sd = np.repeat([3.0, 0.5], [8, 13])[:, None], np.ones((21, 1))
+    off = Recovered("hand", "gravity", after, after, after, sd, 2.0 * sd)
+    wide = replace(off, after=np.full((21, 1), 0.1))
+    bare = fit_sentence(replace(sensor, checks=weak, recovered=()))
+    assert "so the error bars are wider than they need be." in bare
+    told = fit_sentence(replace(sensor, checks=weak, recovered=(off,)))
+    assert "error bars are too small: 13 of 21 errors of known quantities" in told and "wider" not in told
+    right = fit_sentence(replace(sensor, checks=weak, recovered=(wide,)))
+    assert "error bars are right: 21 of 21" in right
