@@ -23,6 +23,7 @@ from imubayes.inference.stills import condensed
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
+from imubayes.rig.disturbances import with_disturbances
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
@@ -54,7 +55,9 @@ def runs_of(
         run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
         return condensed(run) if run.sections else run
 
-    runs = tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
+    runs = tuple(
+        simulated[s.name] if s.simulate else with_disturbances(read(s), spec.kind) for s in spec.runs
+    )
     if not spec.accept_prior_conflict:
         recorded = [run for run, one in zip(runs, spec.runs, strict=True) if not one.simulate]
         kinds = (spec, spec.gyroscope) if spec.gyroscope else (spec,)

@@ -155,7 +155,7 @@ class Study:
 class SensorCheck:
     """What the runs of a component can tell of its terms and extras, before anything is fitted.
 
-    Of the runs, `notes` says what is left out as saturated.
+    Of the runs, `notes` says what is wrong with their records.
     """
 
     id: str

@@ -43,6 +43,11 @@ class Waiting:
             width = shutil.get_terminal_size().columns - 1
             typer.echo(f"\r\x1b[2K{message[:width]}", nl=False, err=True)
 
+    def warn(self, text: str) -> None:
+        """Say what is wrong with the data, on a line of its own."""
+        clear_progress()
+        typer.echo(f"imubayes: {text}", err=True)
+
     def quicker(self, text: str) -> None:
         """Keep what would take less time, for the time when it is long."""
         self.instead = text

@@ -131,7 +131,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.study.method import run as characterise
 
     study = replace(study, sampling=_sampling(study.sampling, asked))
-    found = characterise(study, progress=told, quicker=told.quicker)
+    found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn)
     return terminal_summary(found), partial(write_results, found)
 
 

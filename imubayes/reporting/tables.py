@@ -41,7 +41,7 @@ from imubayes.reporting.words import (
     strain_sentence,
     weighed_text,
 )
-from imubayes.rig.checks import saturated
+from imubayes.rig.checks import faults
 from imubayes.rig.filtering import MEANS
 from imubayes.rig.recordings import ABSENT
 from imubayes.selection.verdicts import listed
@@ -121,7 +121,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         yield indented(distrusted)
     if sensor.panel:
         yield from map(indented, unasked_sentences(sensor.panel.unasked))
-    yield from map(indented, saturated({run.name: run.source for run in sensor.runs}))
+    yield from map(indented, faults((run.name, run.procedure, run.source) for run in sensor.runs))
     # one value each: what is estimated apart from the processes of a run would be a second one
     told_below = () if sensor.chains else {found.choice.run for found in sensor.processes}
     for run in (run for run in sensor.runs[:MOST_RUNS] if run.name not in told_below):

@@ -15,7 +15,7 @@ from imubayes.reporting.chain_views import (
 )
 from imubayes.reporting.fit_views import fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.rows import label, own_groups, sentence
-from imubayes.rig.checks import saturated
+from imubayes.rig.checks import faults
 from imubayes.selection.verdicts import STRAINED, listed
 from imubayes.units import counted
 
@@ -54,7 +54,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_cannot_tell(sensor),
         bias_sentence(sensor).replace("+-", "±"),
         distrust_sentence(sensor),
-        *map(sentence, saturated({run.name: run.source for run in sensor.runs})),
+        *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
         fit_sentence(sensor),
         digits_sentence(sensor),
         *choice_sentences(sensor.choice),

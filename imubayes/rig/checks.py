@@ -280,13 +280,14 @@ def beyond(output: FloatArray, rails: Iterable[float]) -> BoolArray:
 
 
 def within_range(
-    file: str, outputs: Mapping[str, FloatArray], columns: Mapping[str, Column]
+    file: str, t: FloatArray, outputs: Mapping[str, FloatArray], columns: Mapping[str, Column]
 ) -> tuple[BoolArray, tuple[str, ...]]:
     """Samples (n,) whose outputs are all within the range of the sensor, and what is left out, in words.
 
     Parameters
     ----------
     file : for messages.
+    t : (n,) s.
     outputs : (n,) SI, by channel.
     columns : of the file, by channel.
 
@@ -299,31 +300,42 @@ def within_range(
     for name, output in outputs.items():
         if rails := rails_of([output]):
             own = beyond(output, rails)
-            notes.append(saturation_note(columns[name], rails, stretches_of(own), len(own)))
+            notes.append(saturation_note(columns[name], rails, stretches_of(own), len(own), t))
             out |= own
     check_left(file, int(out.sum()), len(out), notes)
     return ~out, tuple(notes)
 
 
-SATURATED = "is saturated"
-"""Words by which a note of this kind is known."""
+SATURATED, RESTLESS, STEPS = "is saturated", "is restless", "steps by"
+GAPS, JUMPS, SET_BACK, COARSE = "in time, the longest", "interval is", "clock is set back", "in steps of"
+FAULTS = (SATURATED, RESTLESS, STEPS, JUMPS, SET_BACK, COARSE)
+"""Words by which notes are known of what is wrong with a record."""
+
+WITHOUT_GAPS = ("static", "thermal", "oscillation", "free-tumble", "ferraris")
+"""Procedures that are one record; others have gaps between their positions."""
 
 
-def saturated(sources: Mapping[str, Source]) -> tuple[str, ...]:
-    """Say what of several runs, by name, is left out as saturated."""
+def faults(runs: Iterable[tuple[str, str, Source]]) -> tuple[str, ...]:
+    """Say what is wrong with the records of runs, given by name, procedure and source."""
     notes = (
-        f"{run}: {note}" for run, source in sources.items() for note in source.notes if SATURATED in note
+        f"{name.partition(' (')[0]}: {note}"
+        for name, procedure, source in runs
+        for note in source.notes
+        if any(word in note for word in FAULTS) or (GAPS in note and procedure in WITHOUT_GAPS)
     )
     return tuple(dict.fromkeys(notes))
 
 
-def saturation_note(column: Column, rails: tuple[float, ...], rows: Stretches, of: int) -> str:
+def saturation_note(
+    column: Column, rails: tuple[float, ...], rows: Stretches, of: int, t: FloatArray | None = None
+) -> str:
     """Say which channel is at the end of its range, where, and which of so many samples are left out."""
     ends = " and ".join(f"{column.in_file(rail):.6g} {column.unit}".strip() for rail in rails)
     count = int(np.sum(rows[:, 1] - rows[:, 0]))
+    first = "" if t is None else f", first at t = {t[rows[0, 0]]:.6g} s"
     return (
         f"{column.channel} {SATURATED} at {ends}: {count:,} of {of:,} samples are left out,"
-        f" rows {_listed(rows)} counted from 0"
+        f" rows {_listed(rows)} counted from 0{first}"
     )
 
 

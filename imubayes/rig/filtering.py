@@ -159,7 +159,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
         its means are held.
     """
     held = run if run.stream is None else at_full_rate(run, run.stream.stretch)
-    edges, inputs = _steady_edges(held.inputs), held.inputs
+    edges, inputs = steady_edges(held.inputs), held.inputs
     own = {"accelerometer": "f_i", "gyroscope": "w_i"}
     every = [(held.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(held, kind)]
     left = [one.output - one.inputs.channels.get(own[kind], 0.0) for one, kind in every]
@@ -192,7 +192,7 @@ def at_full_rate(run: Run, part: Part) -> Run:
     return replace(run, inputs=inputs, output=part.output, stream=None)
 
 
-def _steady_edges(inputs: Inputs) -> NDArray[np.int64]:
+def steady_edges(inputs: Inputs) -> NDArray[np.int64]:
     """First row of each stretch without a gap, a new mount or a jump of an input, and the number of rows."""
     new = np.zeros(len(inputs) + 1, dtype=bool)
     new[[a for a, _ in between_gaps(inputs.t, inputs.interval)]] = new[-1] = True
@@ -230,7 +230,7 @@ def _pieces(inputs: Inputs, edges: NDArray[np.int64], samples: int) -> NDArray[n
 
 def _averaged(inputs: Inputs, output: FloatArray, colour: Colour) -> Part:
     """Means of rows over so many samples at most, with the averaging time of each."""
-    first = _pieces(inputs, _steady_edges(inputs), colour.samples)
+    first = _pieces(inputs, steady_edges(inputs), colour.samples)
     counts = np.diff(first, append=len(inputs))
 
     def means(values: FloatArray) -> FloatArray:

@@ -209,7 +209,7 @@ def _outputs(file: RunFile) -> tuple[Rows, BoolArray, tuple[str, ...]]:
     outputs = {name: rows.values[name] for name in file.outputs}
     for name, output in outputs.items():
         check_output(file.shown, file.columns[name], output)
-    kept, lost = within_range(file.shown, outputs, file.columns)
+    kept, lost = within_range(file.shown, rows.t, outputs, file.columns)
     return rows, kept, (*clock, *notes_of(rows.t), *lost)
 
 

@@ -57,7 +57,7 @@ from imubayes.ladder.problem import (
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, posterior_by
 from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
-from imubayes.rig.checks import saturated
+from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import (
     Bias,
@@ -85,12 +85,16 @@ Tell = Callable[[str], None]
 
 
 def run(
-    study: Study, *, progress: Tell = lambda message: None, quicker: Tell = lambda message: None
+    study: Study,
+    *,
+    progress: Tell = lambda message: None,
+    quicker: Tell = lambda message: None,
+    warn: Tell = lambda message: None,
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
-    characterised.
+    characterised; `warn` what is wrong with its records.
 
     Raises
     ------
@@ -102,6 +106,8 @@ def run(
         job = _Job(spec, study, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
         job.tell(f"reading {counted(len(spec.runs), 'run')}")
         runs = runs_of(spec, study.seed, k, job.tell)
+        for fault in _faults(runs):
+            warn(f"{spec.id}: {fault}")
         with _named(spec):
             quicker(_quicker(job, runs))
             if study.sampling.climbs:
@@ -115,6 +121,11 @@ def run(
     scenes, of_cases = required(study.scenes, results)
     common = tuple(in_common(results))
     return StudyResult(study, components, between_sessions(results), scenes, of_cases, common)
+
+
+def _faults(runs: Sequence[Run]) -> tuple[str, ...]:
+    """What is wrong with the records, in words."""
+    return faults((run.name, run.procedure, run.source) for run in runs)
 
 
 def _quicker(job: _Job, runs: Sequence[Run]) -> str:
@@ -148,7 +159,7 @@ def _check(spec: SensorSpec, runs: Sequence[Run]) -> SensorCheck:
         spec.library,
         _observed(ready, spec.library),
         ready.summary.extras,
-        saturated({run.name: run.source for run in runs}),
+        _faults(runs),
     )
 
 
@@ -160,7 +171,7 @@ def _case_check(spec: SensorSpec, runs: Sequence[Run]) -> list[SensorCheck]:
             one.library,
             _observed(replace(ready, summary=replace(ready.summary, facts=one.facts)), one.library, one.name),
             ready.summary.extras,
-            saturated({run.name: run.source for run in runs}),
+            _faults(runs),
         )
         for one in case.components
     ]
