@@ -192,7 +192,7 @@ def test_noise_of_a_static_log_is_taken_over():
 
 
 def test_estimated_noise_is_averaged_over_and_hardly_moves_what_a_long_test_says():
-    exact, averaged = (method.run(small(method=m)).sensors[0] for m in ("exact", "auto"))
+    exact, averaged = (method.run(small(method=m, ess=400.0)).sensors[0] for m in ("exact", "auto"))
     assert (exact.method, averaged.method) == ("plug-in", "collapsed")
     assert exact.chains is None
     assert "tumble" in averaged.method_reason
@@ -225,13 +225,13 @@ def test_given_noise_is_exact_and_says_why():
 
 
 def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_path):
-    first = method.run(small(method="full", time_limit=1e-3, checkpoints=tmp_path)).sensors[0].chains
+    first = method.run(small(method="full", ess=200.0, time_limit=1e-3, checkpoints=tmp_path)).sensors[0].chains
     assert not first.diagnostics.converged
     assert np.isfinite(first.theta).all()
-    resumed = method.run(small(method="full", checkpoints=tmp_path, resume=True)).sensors[0].chains
+    resumed = method.run(small(method="full", ess=200.0, checkpoints=tmp_path, resume=True)).sensors[0].chains
     assert resumed.diagnostics.converged
     assert resumed.diagnostics.seconds > first.diagnostics.seconds
-    whole = method.run(small(method="full")).sensors[0].chains
+    whole = method.run(small(method="full", ess=200.0)).sensors[0].chains
     np.testing.assert_array_equal(resumed.theta, whole.theta)
 
 
@@ -290,7 +290,7 @@ def test_errors_of_the_bench_become_columns_with_a_posterior():
 
 
 def test_errors_of_the_bench_are_sampled_like_coefficients():
-    (sensor,) = method.run(small(spec(reference={"gravity": 1e-3}), method="full")).sensors
+    (sensor,) = method.run(small(spec(reference={"gravity": 1e-3}), method="full", ess=400.0)).sensors
     names = sensor.chains.names
     assert names[-1] == "gravity"
     (gravity,) = sensor.extras
@@ -346,7 +346,7 @@ def test_clipped_centrifuge_gives_the_true_coefficients_of_what_is_left(tmp_path
     (run,), _ = simulate_sensor(one, 1, 0)
     write_run(replace(run, output=np.clip(run.output, -177.0, 177.0)), tmp_path / "arm.csv", kind=one.kind)
     recorded = replace(one, truth={}, runs=(RunSpec("arm", "centrifuge", tmp_path / "arm.csv", "arm.csv"),))
-    (sensor,) = method.run(small(recorded, method="auto")).sensors
+    (sensor,) = method.run(small(recorded)).sensors
     assert sensor.samples < run.samples and all(check.fits for check in sensor.checks)
     for term in sensor.selection.terms:
         assert abs(term.full_mean - one.truth.get(term.name, 0.0)) < 4.0 * term.full_sd, term.name

@@ -16,10 +16,10 @@ from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.catalogue import draw_unit
 
 
-def sampled(runs, rules=None, **limits):
+def sampled(runs, rules=None):
     summary = ib.summarize(runs, LIBRARY, sensor=SENSOR, rules=rules)
     rows, sd = [linear_of(run, LIBRARY) for run in runs], ib.prior(SENSOR, LIBRARY).sd
-    return sample(summary, rows, sd, limits=Limits(seed=4, **limits))
+    return sample(summary, rows, sd, limits=Limits(seed=4, ess=400.0))
 
 
 def unit():
