@@ -225,10 +225,12 @@ def test_given_noise_is_exact_and_says_why():
 
 
 def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_path):
-    first = method.run(small(method="full", ess=200.0, time_limit=1e-3, checkpoints=tmp_path)).sensors[0].chains
+    stopped = small(method="full", ess=200.0, time_limit=1e-3, checkpoints=tmp_path)
+    first = method.run(stopped).sensors[0].chains
     assert not first.diagnostics.converged
     assert np.isfinite(first.theta).all()
-    resumed = method.run(small(method="full", ess=200.0, checkpoints=tmp_path, resume=True)).sensors[0].chains
+    again = small(method="full", ess=200.0, checkpoints=tmp_path, resume=True)
+    resumed = method.run(again).sensors[0].chains
     assert resumed.diagnostics.converged
     assert resumed.diagnostics.seconds > first.diagnostics.seconds
     whole = method.run(small(method="full", ess=200.0)).sensors[0].chains
