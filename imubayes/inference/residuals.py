@@ -145,7 +145,7 @@ def _with_samples(
 
 def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, level: float) -> ResidualCheck:
     """Test raw residuals (n,) of rows, SI, of which a fit took so many degrees of freedom."""
-    from scipy.stats import norm
+    from scipy.stats import jarque_bera, norm
 
     white = whiten(summary.noise, rows, raw[:, None].copy())[0][:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
@@ -164,8 +164,8 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         run=summary.name,
         scale=scale,
         whiteness_p=whiteness,
-        normality_p=_jarque_bera(shown),
-        sample_scale=_rms(white),
+        normality_p=float(jarque_bera(shown).pvalue) if shown.std() else 1.0,
+        sample_scale=math.sqrt(float(white @ white) / len(white)),
         sample_whiteness_p=_ljung_box(white),
         lags=lags,
         autocorrelation=correlation,
@@ -178,10 +178,6 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         fits=whiteness >= level and abs(scale - 1.0) < tolerated and not outliers,
         level=level,
     )
-
-
-def _rms(values: FloatArray) -> float:
-    return math.sqrt(float(values @ values) / len(values))
 
 
 def _autocorrelation(white: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
@@ -199,15 +195,6 @@ def _ljung_box(white: FloatArray) -> float:
     lags, r = _autocorrelation(white)
     lags, r = lags[: max(1, n // 5)], r[: max(1, n // 5)]
     return float(chi2.sf(n * (n + 2.0) * np.sum(r**2 / (n - lags)), len(lags)))
-
-
-def _jarque_bera(white: FloatArray) -> float:
-    """p-value that skewness and kurtosis are those of a normal sample."""
-    from scipy.stats import chi2
-
-    u = (white - white.mean()) / (white.std() or 1.0)
-    skew, excess = float(np.mean(u**3)), float(np.mean(u**4)) - 3.0
-    return float(chi2.sf(len(u) / 6.0 * (skew**2 + excess**2 / 4.0), 2))
 
 
 def _outliers(

@@ -108,8 +108,10 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
     odds = _odds(found, mean / sd, sd / ready.prior.sd[:p])
     shift, turn = np.zeros(p), np.zeros(p)
     for k, away in _steps(ready):
+        found_here = np.array([noises[k].N, noises[k].B, noises[k].K])
         for sign in (1.0, -1.0):
-            moved = [*usual[:k], _factor(blocks[k], _times(noises[k], sign * away), names), *usual[k + 1 :]]
+            noise = Noise(*(found_here * np.exp(sign * away)).tolist())
+            moved = [*usual[:k], _factor(blocks[k], noise, names), *usual[k + 1 :]]
             m, s = (moments[:p] for moments in posterior(reduce(add, moved), ready.prior.sd))
             shift += 0.5 * (m - mean)
             gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
@@ -171,11 +173,6 @@ def _steps(ready: Prepared) -> list[tuple[int, FloatArray]]:
         sds[0] = min(float(sds[0]), 1.0 / math.sqrt(2.0 * run.samples)) if run.steering else 0.0
         steps += [(k, np.eye(3)[j] * sds[j]) for j in range(len(run.steering)) if sds[j] > 0.0]
     return steps
-
-
-def _times(noise: Noise, logs: FloatArray) -> Noise:
-    N, B, K = (np.array([noise.N, noise.B, noise.K]) * np.exp(logs)).tolist()
-    return Noise(N, B, K)
 
 
 def _factor(blocks: Linear, noise: Noise, names: tuple[str, ...]) -> Factor:

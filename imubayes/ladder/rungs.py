@@ -174,7 +174,9 @@ def _choice(
     size = size_of(ground.problem)
     can = rungs_for(size)
     above = can[can.index(found.rung) + 1 :]
-    ahead, why = foresee(ground, found) if above else ((0.0, 0.0), _top(found.rung))
+    beyond = NAMES[NAMES.index(found.rung) + 1 :]
+    no_more = f"{beyond[0]} is no choice here: {NEEDS_ROWS}" if beyond else "there is no better rung"
+    ahead, why = foresee(ground, found) if above else ((0.0, 0.0), no_more)
     return Choice(
         rung=found.rung,
         asked=asked,
@@ -186,9 +188,3 @@ def _choice(
         next_change=ahead,
         next_reason=why,
     )
-
-
-def _top(rung: RungName) -> str:
-    """Why there is no rung above."""
-    above = NAMES[NAMES.index(rung) + 1 :]
-    return f"{above[0]} is no choice here: {NEEDS_ROWS}" if above else "there is no better rung"

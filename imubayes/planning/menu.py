@@ -283,8 +283,14 @@ class Bench:
 def bench_columns(study: PlanStudy) -> Bench:
     """Columns of everything that could be done, and what is known already."""
     spec = study.spec
-    plans = tuple(replace(_candidates(offer), name=offer.spec.name) for offer in study.offers)
-    runs = [Run(plan.name, plan.procedure, plan.inputs, _own_input(plan, spec)) for plan in plans]
+    given = [dict(offer.spec.simulate or {}) for offer in study.offers]
+    plans = tuple(
+        replace(menu_of(PROFILES[str(one.pop("profile"))], one), name=offer.spec.name)
+        for offer, one in zip(study.offers, given, strict=True)
+    )
+    # a sensor without errors puts out its own input
+    outputs = [plan.inputs.channels.get(spec.library.own, np.zeros(len(plan.inputs))) for plan in plans]
+    runs = [Run(p.name, p.procedure, p.inputs, output) for p, output in zip(plans, outputs, strict=True)]
     done, ready = _done(study)
     kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
     extras = extras_for(runs, kinds, sensor=spec.kind) if kinds else ()
@@ -305,16 +311,6 @@ def bench_columns(study: PlanStudy) -> Bench:
         f = ready.summary.factor
         known = _spread(f.R[:-1, :-1], [names.index(name) for name in f.names], len(names)) * sd
     return Bench(names, sd, p, known, menus, plans, done)
-
-
-def _own_input(plan: Plan, spec: SensorSpec) -> FloatArray:
-    """Input along the input axis, (n,), SI: the output of a sensor without errors."""
-    return plan.inputs.channels.get(spec.library.own, np.zeros(len(plan.inputs)))
-
-
-def _candidates(offer: Offer) -> Plan:
-    given = dict(offer.spec.simulate or {})
-    return menu_of(PROFILES[str(given.pop("profile"))], given)
 
 
 def _menu(study: PlanStudy, offer: Offer, X: FloatArray, plan: Plan) -> Menu:

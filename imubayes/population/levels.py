@@ -21,12 +21,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.population.sessions import without_prior
+
+TOLD = 0.19
+"""Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
+0.9 prior sds, which the verdicts call unresolved."""
 
 NOISELESS = 1e-4
 """Smallest share of an error's variance that is left to the noise, against rounding."""
@@ -70,6 +73,22 @@ class Block:
     scatter: FloatArray
     information: FloatArray
     precision: FloatArray
+
+
+def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd of the likelihood: the posterior divided by its zero-mean prior.
+
+    NaN where the posterior is hardly narrower than the prior (see `TOLD`): the data then cannot tell.
+
+    Examples
+    --------
+    >>> value, error = without_prior(np.array([1.0, 0.0]), np.array([0.6, 0.99]), np.array([1.0, 1.0]))
+    >>> value.round(4).tolist(), error.round(4).tolist()
+    ([1.5625, nan], [0.75, nan])
+    """
+    share = 1.0 - (sd / prior_sd) ** 2
+    share = np.where(share >= TOLD, share, math.nan)
+    return mean / share, sd / np.sqrt(share)
 
 
 def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray) -> Likelihoods:
@@ -147,5 +166,12 @@ def scatter_p(blocks: Sequence[Likelihoods]) -> float:
     if not freedom:
         return math.nan
     anywhere, nothing = np.array([math.inf]), np.zeros(1)
-    total = sum(float(block_of(one, nothing, anywhere).scatter[0, 0]) for one in blocks)
+    total = sum(float(block_of(_centred(one), nothing, anywhere).scatter[0, 0]) for one in blocks)
     return float(gammaincc(0.5 * freedom, 0.5 * total))
+
+
+def _centred(one: Likelihoods) -> Likelihoods:
+    """Values about their units' means, which keeps the digits of a scatter far below these."""
+    known = np.isfinite(one.value)
+    mean = np.sum(one.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
+    return replace(one, value=one.value - mean[:, None])

@@ -272,7 +272,8 @@ def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: b
     weighed = [
         weigh(
             seen,
-            _knowledge(unit),
+            # limits, and draws, are those of all models together
+            Knowledge(unit.draws, unit.inclusion, np.quantile(np.abs(unit.draws), SURE, axis=0)),
             noise=Noise(*unit.noise),
             tested=SceneEffects(seen.lib.names, unit.R[:-1, :-1]),
         )
@@ -289,11 +290,6 @@ def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: b
         noise_share=float(np.median([math.hypot(*one.noise) for one in weighed])) / limit,
         basic_share=float(np.median(left)),
     )
-
-
-def _knowledge(unit: Record) -> Knowledge:
-    """What is known of a unit; its limits, and draws, are those of all models together."""
-    return Knowledge(unit.draws, unit.inclusion, np.quantile(np.abs(unit.draws), SURE, axis=0))
 
 
 def _terms(units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure) -> tuple[MissionTerm, ...]:

@@ -26,14 +26,11 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import StudyError
+from imubayes.population.levels import Likelihoods, scatter_p, without_prior
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, SensorSpec
     from imubayes.selection.verdicts import TermVerdict
-
-TOLD = 0.19
-"""Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
-0.9 prior sds, which the verdicts call unresolved."""
 
 TESTED = 1e-6
 """Share above which a session excited a parameter at all."""
@@ -181,7 +178,7 @@ def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ..
         groups = [[one for one in alike if one.component == component] for component in components]
         pooled = [_compared(term, alike)] if len(groups) > 1 else []
         found += [*pooled, *(_compared(joined(group[0].component, term), group) for group in groups)]
-    repeated = [one for one in found if _repeated(one)]
+    repeated = [one for one in found if np.any(np.isfinite(one.mean).sum(axis=1) >= 2)]
     level = level_among([one.p_value for one in repeated])
     return tuple(replace(one, level=level, exceeds=one.p_value < level) for one in repeated)
 
@@ -195,22 +192,6 @@ def level_among(p_values: Iterable[float]) -> float:
     0.005
     """
     return SUSPECT / max(sum(not math.isnan(p) for p in p_values), 1)
-
-
-def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd of the likelihood: the posterior divided by its zero-mean prior.
-
-    NaN where the posterior is hardly narrower than the prior (see `TOLD`): the data then cannot tell.
-
-    Examples
-    --------
-    >>> value, error = without_prior(np.array([1.0, 0.0]), np.array([0.6, 0.99]), np.array([1.0, 1.0]))
-    >>> value.round(4).tolist(), error.round(4).tolist()
-    ([1.5625, nan], [0.75, nan])
-    """
-    share = 1.0 - (sd / prior_sd) ** 2
-    share = np.where(share >= TOLD, share, math.nan)
-    return mean / share, sd / np.sqrt(share)
 
 
 def between_sd(value: FloatArray, error: FloatArray, scale: float) -> tuple[float, float, float]:
@@ -252,22 +233,6 @@ def _log_likelihood(tau: FloatArray, value: FloatArray, error: FloatArray) -> Fl
     return -0.5 * terms.sum(axis=1)
 
 
-def _scatter_p(value: FloatArray, error: FloatArray) -> float:
-    """Chi-square probability of the scatter about the units' means."""
-    from scipy.special import gammaincc
-
-    known, y = np.isfinite(value), np.nan_to_num(value)
-    weight = np.where(known, error**-2.0, 0.0)
-    left = y - (weight * y).sum(axis=1, keepdims=True) / weight.sum(axis=1, keepdims=True)
-    freedom = int(known.sum()) - len(value)
-    return float(gammaincc(0.5 * freedom, 0.5 * float((weight * left**2).sum())))
-
-
-def _pulls(value: FloatArray, error: FloatArray) -> FloatArray:
-    difference = value[:, :, None] - value[:, None, :]
-    return difference / np.hypot(error[:, :, None], error[:, None, :])
-
-
 def _shared(values: Sequence[FloatArray]) -> float:
     """Share of the scatter that is the mean over the units, of those with all sessions, axis by axis."""
     whole = [value[np.isfinite(value).all(axis=1)] for value in values]
@@ -296,8 +261,8 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
         sessions=sessions,
         mean=mean,
         sd=sd,
-        pulls=_pulls(value, error),
-        p_value=_scatter_p(value[rows], error[rows]) if rows.any() else math.nan,
+        pulls=(value[:, :, None] - value[:, None, :]) / np.hypot(error[:, :, None], error[:, None, :]),
+        p_value=scatter_p([Likelihoods(value, error, np.zeros((*value.shape, 0)))]),
         between=between_sd(value[rows], error[rows], float(np.nanmedian(prior))) if rows.any() else nothing,
         shared=_shared([value[part] for part in parts]),
     )
@@ -306,7 +271,3 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
 def joined(first: str, second: str) -> str:
     """Names that a dot joins, where both are there: ``ax.b0``."""
     return ".".join(part for part in (first, second) if part)
-
-
-def _repeated(one: Repeatability) -> bool:
-    return bool(np.any(np.isfinite(one.mean).sum(axis=1) >= 2))

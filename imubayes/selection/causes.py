@@ -87,7 +87,9 @@ class Differing:
 def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> DisputedTerm:
     """What is known of the term `number` of a selection, which must be one that the test excites."""
     term, column = selection.terms[number], selection.columns[number]
-    ratio, others = min(term.full_sd / term.prior_sd, 1.0), _others(selection, term.name)
+    ratio = min(term.full_sd / term.prior_sd, 1.0)
+    kept = {*selection.model} - {term.name, *dict(selection.ties)}
+    others = len(kept), len(selection.models.candidates.names) - 1
     keep = selection.costs.keep
     informed = math.sqrt(max(1.0 - ratio**2, 0.0))
     inclusion = sensitivity.inclusion[usual(sensitivity.widths), sensitivity.names.index(column)]
@@ -305,12 +307,6 @@ def _line_and_why(case: DisputedTerm) -> str:
         f"that of the evidence at about {case.line:.1f} (its prior is {1.0 / case.ratio:.3g} times as wide as"
         f" the posterior, and {kept} of {there} other terms are in the model)"
     )
-
-
-def _others(selection: Selection, name: str) -> tuple[int, int]:
-    """How many other candidates are in the model, and how many there are."""
-    kept = {*selection.model} - {name, *dict(selection.ties)}
-    return len(kept), len(selection.models.candidates.names) - 1
 
 
 def _line_of_evidence(ratio: float, keep: float, against: float) -> float:

@@ -341,7 +341,7 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
     inclusions, mixtures = widths.given(partners)
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
-    ends = _first_finite(limit(parts, column), limit(full, column))
+    ends = next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most))
     span = min(alone), max(alone)
     told = TermNumbers(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
     mean, sd = moments_of(parts, column)
@@ -358,10 +358,6 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
     )
     shown = {"reach": asked.summary.reach.get(name, 0.0), "partners": evidence.partners}
     return verdict_of(term, asked.symbols[term.name], told, decide(evidence, asked.costs), **shown)
-
-
-def _first_finite(*values: float) -> float:
-    return next(value for value in values if math.isfinite(value))
 
 
 def _prior_inclusion(models: Models) -> float:
@@ -451,7 +447,11 @@ def posterior_draws(
         columns[drift.names[drift.own]] = _biases(drift, names, drawn, rng)[:, 1]
     out = np.empty((size, len(selection.terms)))
     for j, (term, name) in enumerate(zip(selection.terms, selection.carriers, strict=True)):
-        out[:, j] = columns[name] if name in columns else _sparse(term.inclusion, term.prior_sd, size, rng)
+        if name in columns:
+            out[:, j] = columns[name]
+        else:
+            inside = rng.random(size) < term.inclusion
+            out[:, j] = np.where(inside, term.prior_sd * rng.standard_normal(size), 0.0)
     return out[:, _carried(selection)]
 
 
@@ -476,7 +476,3 @@ def prior_draws(selection: Selection, size: int, rng: np.random.Generator) -> Fl
     inside = rng.random((size, len(selection.terms))) < share[:, None]
     sd = np.array([term.prior_sd for term in selection.terms])
     return np.where(inside, rng.standard_normal(inside.shape) * sd, 0.0)[:, _carried(selection)]
-
-
-def _sparse(inclusion: float, sd: float, size: int, rng: np.random.Generator) -> FloatArray:
-    return np.where(rng.random(size) < inclusion, sd * rng.standard_normal(size), 0.0)

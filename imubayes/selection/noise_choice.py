@@ -419,7 +419,11 @@ def noise_of(
     candidates : processes beside white noise.
     """
     choice = identify_noise(rows, sensor, rng=rng, candidates=candidates)
-    left = _left(rows) if theta is None else residuals(rows, theta)
+    if theta is None:
+        basis = span(rows.columns(0, len(rows)))
+        left = rows.y - basis @ (basis.T @ rows.y)
+    else:
+        left = residuals(rows, theta)
     curve = allan_curve(left, rows.t, rows.interval, choice.noise)
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
         return NoiseFound(choice, curve, None)
@@ -430,9 +434,3 @@ def noise_of(
     if len(names) >= len(curve.tau):
         return NoiseFound(choice, curve, None)
     return NoiseFound(choice, curve, fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))
-
-
-def _left(rows: Linear) -> FloatArray:
-    """Response (n,) less its projection on the columns."""
-    basis = span(rows.columns(0, len(rows)))
-    return np.asarray(rows.y - basis @ (basis.T @ rows.y), dtype=np.float64)

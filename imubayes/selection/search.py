@@ -185,7 +185,8 @@ def _branch_and_bound(
         spare = limits._replace(effort=share * limits.effort - spent)
         found, ended = _one_pass(T, problem, top - depth, spare, listing)
         spent, share = spent + NODE * found.visited, SHARE
-        passes.append(_Pass(depth, _gap(found, limits.tolerance), spent))
+        gap = math.log(max(found.error[0], TINY)) - math.log(max(limits.tolerance, TINY))
+        passes.append(_Pass(depth, gap, spent))
         best = found if best is None or found.log_missing < best.log_missing else best
         step = _next_step(passes, SHARE * limits.effort) if ended and not best.certified else None
         if step is None:
@@ -239,11 +240,6 @@ def _inclusion(inside: BoolArray, log_joint: FloatArray) -> FloatArray:
         return np.full(inside.shape[1], math.nan)
     weight = np.exp(log_joint - log_joint.max())
     return np.array([weight[column].sum() for column in inside.T]) / weight.sum()
-
-
-def _gap(found: ModelsFound, tolerance: float) -> float:
-    """Log by which the bound still exceeds the tolerance."""
-    return math.log(max(found.error[0], TINY)) - math.log(max(tolerance, TINY))
 
 
 def _next_step(passes: list[_Pass], effort: float) -> float | None:

@@ -109,12 +109,9 @@ def _part(component: Component, *, jumping: bool) -> Component:
     kept = [k for k, term in enumerate(component.library.terms) if jumps_at_zero(term) == jumping]
     terms = [component.library.terms[k] for k in kept]
     if jumping:
-        terms = [replace(term, factors=_unsigned(term.factors)) for term in terms]
+        unsigned = [tuple(f for f in term.factors if not (f.signed and f.power == 0)) for term in terms]
+        terms = [replace(term, factors=rest) for term, rest in zip(terms, unsigned, strict=True)]
     return Component(replace(component.library, terms=tuple(terms)), component.theta[kept])
-
-
-def _unsigned(factors: tuple[Factor, ...]) -> tuple[Factor, ...]:
-    return tuple(factor for factor in factors if not (factor.signed and factor.power == 0))
 
 
 def _jumps(imu: Imu, outputs: Signals) -> FloatArray:

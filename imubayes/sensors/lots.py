@@ -19,7 +19,6 @@ A lot of a class is drawn in three steps:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -137,12 +136,8 @@ def _magnitudes(entry: SensorClass, lib: Library, rng: np.random.Generator) -> t
     """Root (p, q) of the coefficients' covariance in one lot, and the lot's median noise."""
     noise = {name: magnitude(values, rng) for name, values in entry.noise.items()}
     sizes = {key: magnitude(values, rng) for key, values in entry.coefficients.items()}
-    narrowed = replace(entry, coefficients=_exactly(sizes))
+    narrowed = replace(entry, coefficients={key: (size, size, size) for key, size in sizes.items()})
     return prior_root(narrowed, lib), Noise(**noise)
-
-
-def _exactly(sizes: Mapping[str, float]) -> dict[str, Range]:
-    return {key: (size, size, size) for key, size in sizes.items()}
 
 
 def _scattered(typical: Noise, rng: np.random.Generator) -> Noise:

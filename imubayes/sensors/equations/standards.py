@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -188,17 +187,13 @@ def linearised(id: str, lib: Library, mean: FloatArray) -> tuple[tuple[Symbol, .
     stepped = mean[:, None] + 1j * _STEP * np.eye(len(mean))
     p = known.from_general(dict(zip(lib.names, stepped, strict=True)))
     J = np.array([np.broadcast_to(np.imag(getattr(p, row.field)), len(mean)) for row in rows]) / _STEP
-    values = _values(known, rows, dict(zip(lib.names, mean, strict=True)))
+    exact = known.from_general(dict(zip(lib.names, mean, strict=True)))
+    values = np.array([getattr(exact, row.field) for row in rows], dtype=np.float64)
     return rows, values, J
 
 
 _STEP = 1e-30
 """Imaginary step: its square vanishes beside any coefficient, and nothing is subtracted."""
-
-
-def _values(known: Standard, rows: tuple[Symbol, ...], theta: Mapping[str, Any]) -> FloatArray:
-    p = known.from_general(theta)
-    return np.array([getattr(p, row.field) for row in rows], dtype=np.float64)
 
 
 def _check_shapes(lib: Library, mean: FloatArray, cov: FloatArray) -> None:
