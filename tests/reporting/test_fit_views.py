@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from block_readings import panels, rows
 
-from imubayes.inference.recovered import Recovered
+from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting.fit_figures import channel_of, dependence_words
 from imubayes.reporting.fit_views import (
     MOST_DEPENDENCES,
@@ -53,7 +53,7 @@ def test_offset_of_a_dwell_is_in_the_unit_of_the_output(make_sampled, kind, si) 
 
 
 def test_error_bars_are_judged_by_the_errors_of_known_quantities_wherever_there_are_some(make_judged) -> None:
-    """Residuals below the noise beside stills that are off by twice what is predicted: one statement of both."""
+    """Residuals below the noise beside stills that are off by twice what is predicted: one statement."""
     sensor = make_judged()
     weak = (replace(sensor.checks[0], scale=0.6, whiteness_p=0.4, outliers=(), fits=False),)
     after, sd = np.repeat([3.0, 0.5], [8, 13])[:, None], np.ones((21, 1))
