@@ -6,7 +6,7 @@ from fleets_found import fleet_result
 
 from imubayes.population.records import Unit
 from imubayes.reporting.blocks import page_html
-from imubayes.reporting.fleet_page import fleet_page, write_fleet
+from imubayes.reporting.fleet_page import fleet_page
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +27,3 @@ def test_recorded_units_have_no_column_of_the_truth(html):
 def test_units_that_are_all_read_need_no_section_of_broken_ones(html):
     assert '<h2 id="broken">' in html
     assert 'id="broken"' not in page_html(fleet_page(fleet_result(broken=())))
-
-
-def test_numbers_lie_beside_the_page(tmp_path):
-    result = fleet_result()
-    assert [file.name for file in write_fleet(result, tmp_path)] == ["report.html", "result.json"]

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 from lots_found import SIZES, lot_result
 
-from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, answers_in, terms_of
+from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, answers_in
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.lots_figures import (
     ACCENT,
@@ -14,7 +14,7 @@ from imubayes.reporting.lots_figures import (
     scene_matrix,
 )
 from imubayes.reporting.lots_page import lots_page
-from imubayes.reporting.lots_words import class_name, counts
+from imubayes.reporting.lots_words import counts
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +84,3 @@ def test_term_that_takes_nothing_anywhere_has_no_row(result):
     assert ">b0</text>" in scene_matrix(result, 0, "b").svg
     rows = re.findall(r'text-anchor="end">(\w+)</text>', scene_matrix(result, 1, "b").svg)
     assert rows == ["g_i", "g_k", "S_kk"]
-
-
-def test_figure_counts_what_the_tests_cannot_tell_as_the_rest_of_the_report_does(result):
-    svg = needed_matrix(result, "a").svg
-    for one in result.classes:
-        assert f"{class_name(one.sensor_class)}: " in svg
-        counted = re.search(rf"{class_name(one.sensor_class)}: [^;]*cannot tell (\d+)", svg)
-        assert counted and int(counted[1]) == len(terms_of(one, UNTOLD))

@@ -2,15 +2,14 @@ import re
 from dataclasses import replace
 
 import pytest
-from lots_found import SIZES, lot_result
+from lots_found import lot_result
 
 from imubayes.population.lots import Against
-from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, terms_of
 from imubayes.reporting.lots_sentences import (
     contrasts,
     lots_answer,
 )
-from imubayes.reporting.lots_words import MOST_WORDS, headline, status
+from imubayes.reporting.lots_words import MOST_WORDS, headline
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +46,3 @@ def test_answer_names_terms_in_no_more_words_than_it_may_have(result, asks):
     assert len(text.split()) <= MOST_WORDS
     assert any(name in re.findall(r"\w+", text) for name in result.study.library.names)
     assert text.endswith(".") and ".." not in text
-
-
-def test_counts_of_the_first_screen_are_those_of_the_classes(result):
-    counted = re.findall(r"needs (\d+), cannot tell (\d+)", lots_answer(result)[1][0])
-    assert counted == [
-        (str(len(terms_of(one, NEEDED))), str(len(terms_of(one, UNTOLD)))) for one in result.classes
-    ]
-    sums = [sum(len(terms_of(one, a)) for one in result.classes) for a in (NEEDED, NOT_NEEDED, UNTOLD)]
-    assert [int(n) for n in re.findall(r"(\d+) (?:not needed|needed|cannot tell)", status(result))] == sums
-    assert sum(sums) == len(SIZES) * len(result.study.library.names)

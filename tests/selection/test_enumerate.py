@@ -163,55 +163,6 @@ def _g_density(prior, n: int, g: np.ndarray) -> np.ndarray:
     return math.sqrt(beta / math.pi) * g**-1.5 * np.exp(-beta / g)
 
 
-def _g_by_grid(X, y, prior, weight):
-    """The g-family by two-dimensional quadrature over ln sigma and ln g; a constant is in every model.
-
-    With ``y, X`` centred: ``theta | g, sigma ~ N(s b, sigma^2 s (X'X)^-1)``, s = g / (1 + g).
-    """
-    n, p = X.shape
-    Xc, yc = X - X.mean(axis=0), y - y.mean()
-    # coarser than the product's own grid, wider, and shifted: the trapezoid rule still is exact to 1e-10
-    g = np.array([prior.g]) if isinstance(prior, GPrior) else np.exp(np.arange(-40.07, 90.0, 0.3))
-    log_prior = (
-        np.zeros(1) if isinstance(prior, GPrior) else np.log(_g_density(prior, n, g) * g * 0.3 + 1e-300)
-    )
-    scale = np.std(y) * np.exp(np.arange(-6.03, 6.0, 0.05))
-    s, variance = (g / (1.0 + g))[:, None], scale[None, :] ** 2
-    logs, parts = [], []
-    for mask in range(1 << p):
-        included = _columns(mask, p)
-        inverse = np.linalg.inv(Xc[:, included].T @ Xc[:, included])
-        b = inverse @ Xc[:, included].T @ yc
-        explained = yc @ Xc[:, included] @ b
-        log_joint = (
-            -0.5 * (n - 1) * np.log(2.0 * math.pi * variance) - 0.5 * math.log(n) + math.log(0.05)
-            - 0.5 * len(included) * np.log1p(g)[:, None] - 0.5 * (yc @ yc - s * explained) / variance
-            + log_prior[:, None] + math.log(weight[len(included)])
-        )  # fmt: skip
-        share = np.exp(log_joint - logsumexp(log_joint))
-        first, second = np.zeros((2, p))
-        first[included] = np.sum(share * s) * b
-        second[included] = np.sum(share * s**2) * b**2 + np.sum(share * s * variance) * np.diag(inverse)
-        logs.append(logsumexp(log_joint))
-        parts.append((np.isin(np.arange(p), included), first, second))
-    posterior = np.exp(np.array(logs) - logsumexp(logs))
-    inclusion, mean, square = (posterior @ np.array([part[i] for part in parts]) for i in range(3))
-    return logsumexp(logs), inclusion, mean, np.sqrt(square - mean**2)
-
-
-@pytest.mark.parametrize("model_prior", ["beta-binomial", "uniform", 0.3])
-@pytest.mark.parametrize("prior", [GPrior(9.0), HyperG(3.0), HyperG(4.0), ZellnerSiow(1.0), ZellnerSiow(0.5)])
-def test_the_g_family_is_its_integral_over_noise_scale_and_g(prior, model_prior):
-    X, y, _ = _problem(p=3)
-    s = Summary.from_arrays(np.column_stack((np.ones(len(y)), X)), y, ("1", *NAMES[:3]))
-    found = enumerate_models(s, prior, model_prior, forced=["1"])
-    log_evidence, inclusion, mean, sd = _g_by_grid(X, y, prior, _weights(model_prior, 3))
-    assert found.log_evidence == pytest.approx(log_evidence, abs=1e-7)
-    np.testing.assert_allclose(found.inclusion[1:], inclusion, rtol=1e-7)
-    np.testing.assert_allclose(found.mean[1:], mean, rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(found.sd[1:], sd, rtol=1e-7)
-
-
 def test_zellner_siow_without_forced_columns_counts_all_rows():
     X, y, _ = _problem(p=2)
     bare = enumerate_models(Summary.from_arrays(X, y, NAMES[:2]), ZellnerSiow(1.0), "uniform")

@@ -121,7 +121,11 @@ def test_moments_are_those_of_every_model_however_many_the_candidates(prior, p):
         forced=["1"],
     )
     order = [p, *range(p)]
-    _, inclusion, mean, sd = _one_by_one(X, y, prior)
+    log_factor, inclusion, mean, sd = _one_by_one(X, y, prior)
+    left, half = float(np.sum((y - y.mean()) ** 2)), 0.5 * (ROWS - 1)
+    # density of y about a constant with a flat prior, integrated over ln sigma in closed form
+    null = math.lgamma(half) - half * math.log(math.pi * left) - 0.5 * math.log(ROWS) - math.log(2.0)
+    assert found.log_evidence == pytest.approx(null + log_factor, abs=1e-7)
     np.testing.assert_allclose(found.inclusion[order], inclusion, rtol=1e-9)
     np.testing.assert_allclose(found.mean[order], mean, rtol=1e-9, atol=1e-9 * sd.min())
     np.testing.assert_allclose(found.sd[order], sd, rtol=1e-9)
