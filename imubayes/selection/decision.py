@@ -344,7 +344,7 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
     ends = next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most))
     span = min(alone), max(alone)
     told = TermNumbers(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
-    mean, sd = moments_of(parts, column)
+    (mean, sd), (whole, error) = moments_of(parts, column), told.full
     evidence = Evidence(
         inclusion=told.inclusion,
         range=(min(together), max(together)),
@@ -355,6 +355,7 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
         pull=abs(mean) / sd if sd > 0.0 else 0.0,
         partners=tuple(_local(n, name) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
+        shown=abs(whole) / error if error > 0.0 else 0.0,
     )
     shown = {"reach": asked.summary.reach.get(name, 0.0), "partners": evidence.partners}
     return verdict_of(term, asked.symbols[term.name], told, decide(evidence, asked.costs), **shown)

@@ -9,7 +9,7 @@ thresholds of the costs (see `Costs`), 0.95, 0.05 and 0.5 where the two errors c
                   by itself and with its partners in the model), and posterior sd <= 0.9 prior sd
     not needed    posterior sd <= 0.9 prior sd, and either inclusion <= not_needed or, where inclusion is no
                   more than a half nor than `keep`, below a tenth of the prior's sd with 95 % (with partners
-                  all of this at every width)
+                  all of this at every width); never where all terms together put it 4 sd from zero
     inseparable   it has partners: the test sees only their sum
     unresolved    posterior sd > 0.9 prior sd: the data say next to nothing of it
     undecided     inclusion is between; it leans towards the term from `keep` on, and may yet say that the
@@ -45,6 +45,10 @@ STRAINED = 6.0
 
 LIKELY = 0.5
 """Inclusion above which a term is there, however small it is."""
+
+SHOWN = 4.0
+"""Sds from zero, all terms in the model, from which no width of the prior makes a term unneeded: one that is
+zero comes there once in 16,000."""
 
 UNRESOLVED = 0.9
 """Posterior sd over prior sd above which a test has not resolved a term."""
@@ -160,6 +164,7 @@ class Evidence:
     pull : |mean| / sd of the coefficient.
     partners : terms that it is confounded with.
     remedy : which run would separate them.
+    shown : |mean| / sd of the coefficient under the full library.
     """
 
     inclusion: float
@@ -169,6 +174,7 @@ class Evidence:
     pull: float
     partners: tuple[str, ...]
     remedy: str
+    shown: float = 0.0
 
 
 def decide(e: Evidence, costs: Costs = EQUAL) -> tuple[str, str]:
@@ -184,7 +190,7 @@ def decide(e: Evidence, costs: Costs = EQUAL) -> tuple[str, str]:
     low, high = e.range if e.partners else (e.inclusion, e.inclusion)
     if low >= costs.needed and e.ratio <= UNRESOLVED:  # else only the model prior asks for it
         return "needed", f"inclusion {e.inclusion:.3f}, {e.pull:.0f} sd from zero"
-    if e.ratio <= UNRESOLVED and (small := _small(e, high, costs)):
+    if e.ratio <= UNRESOLVED and e.shown < SHOWN and (small := _small(e, high, costs)):
         return small
     if e.partners:
         return "inseparable", f"only the prior tells it from {listed(e.partners)}; {e.remedy}"
@@ -239,6 +245,9 @@ def _leaning(e: Evidence, costs: Costs) -> str:
     if e.small >= SURE and e.inclusion > LIKELY:
         size = f"there, but below a tenth of the class's size with {100 * e.small:.0f} %"
         return f"{size}, {e.pull:.1f} sd from zero"
+    if e.inclusion < costs.keep and e.shown >= SHOWN:
+        far = f"{e.shown:.1f} sd from zero beside all other terms, and left out by the width of its prior"
+        return f"{far}: name the sensor's class, or what is known of it in [sensor.prior]"
     way = "towards it" if e.inclusion >= costs.keep else "against it"
     if e.inclusion >= costs.keep and e.pull < NEAR_ZERO:
         way += ", by the prior and the other terms alone"

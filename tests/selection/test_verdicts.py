@@ -8,6 +8,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from imubayes.errors import StudyError
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.summary import Summary
+from imubayes.selection.decision import select
 from imubayes.selection.verdicts import Costs, Evidence, decide, untested_verdict
 from imubayes.sensors.terms import library
 
@@ -178,3 +181,16 @@ def test_a_cost_that_is_none_is_refused(cost):
         Costs(false_keep=cost)
     with pytest.raises(StudyError, match="cost of a false drop must be positive"):
         Costs(false_drop=cost)
+
+
+def test_a_bias_of_five_sd_in_two_sets_is_not_unneeded_for_the_width_of_its_prior():
+    """Lindley's paradox: under a prior of ten million error bars five sd have an inclusion below a half."""
+    rng, lib = np.random.default_rng(1), library("accelerometer", powers=1, asymmetry=-1)
+    lib = replace(lib, terms=lib.terms[:1])
+    for n in (400, 900):
+        noise = rng.standard_normal(n)
+        y = (noise - noise.mean()) / noise.std() + 5.0 / np.sqrt(n)
+        summary = Summary.from_arrays(np.ones((n, 1)), y, lib.names)
+        (found,) = select(summary, ScalePrior([1e7 / np.sqrt(n)]), lib).terms
+        assert found.inclusion < 0.5
+        assert found.verdict == "undecided" and "width of its prior" in found.reason
