@@ -177,6 +177,7 @@ def test_same_equipment_alone_gains_by_choice_and_order_of_positions(tmp_path, m
         ('time = "45 min"', 'time = "45 min"\naim = "scene"', "scene"),
         ('time = "45 min"', 'time = "45 min"\neven = "centrifuge"', "no run of the plan"),
         ('dwell = ["60 s"]', "dwell = []", "one time or more"),
+        ('kind = "accelerometer"', 'kind = "imu"', r"sensor\[0\]\.kind: a plan is for one component"),
     ],
 )
 def test_a_plan_that_is_none_is_refused_by_its_key(tmp_path, old, new, match):

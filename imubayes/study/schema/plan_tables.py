@@ -82,6 +82,10 @@ def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
         raise place.at("sensor").error(
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
         )
+    if tables.sensor[0].get("kind") == "imu":
+        raise place.at("sensor", 0, "kind").error(
+            "a plan is for one component, an IMU has six: expected accelerometer or gyroscope"
+        )
     offers = tuple(shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run))
     raw = _with_offers(tables, offers, here)
     spec = sensor_spec(raw, path.parent, place.at("sensor", 0), catalogue=own)
