@@ -19,7 +19,7 @@ from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
-from imubayes.inference.stills import condensed
+from imubayes.inference.stills import WINDOW, condensed, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
@@ -53,6 +53,7 @@ def runs_of(
 
     def read(one: RunSpec) -> Run:
         run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
+        run = with_stills(run, one.still_window or WINDOW, one.still_threshold)
         return condensed(run) if run.sections else run
 
     runs = tuple(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -36,6 +36,18 @@ RESTLESS = 3.0
 """Variance of the rates over a window, beside the usual one at rest, from which a case turns slowly: noise
 makes two windows in a million that restless, if they hold as few as 24 numbers."""
 
+CALMER = 0.75
+"""Share of the stretches at rest whose rates vary by no more than is usual."""
+
+TREMOR = 1.0
+"""m/s^2: a tenth of g, beyond which a threshold is none between hands that hold still and that turn."""
+
+LISTED = 60
+"""Stills that a note lists."""
+
+STILLS = "stills:"
+"""How the note begins that lists them."""
+
 STILLEST = 1e-8
 """Share of the largest variance below which rest is rest: coarse counts that do not change have none."""
 
@@ -46,15 +58,15 @@ FINE = 65_536
 """Bins of a histogram that a median is looked for in."""
 
 
-def find_stills(run: Run) -> Stills:
-    """(start, stop) sample indices of each still.
+def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> Stills:
+    """(start, stop) sample indices of each still; each row of a table of means is one.
 
-    The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
-    motion, so its logarithm has two humps; the threshold is where Otsu's criterion parts them, and the ends
-    of each still are trimmed by half a window, so that the result hardly depends on it. A slow turn, or one
-    about the direction of gravity, hardly changes the force: gyroscopes in the case see it.
-
-    Each row of a table of means is one.
+    Parameters
+    ----------
+    run : of which gravity is known.
+    window : s, over which rest is told from motion.
+    threshold : m/s^2, root of the summed variance of the forces in a window, below which it is at rest; 0
+        takes it from the record (see `searched`).
 
     Raises
     ------
@@ -64,26 +76,72 @@ def find_stills(run: Run) -> Stills:
         return run.stills
     if run.inputs.averaged is not None:
         return tuple((k, k + 1) for k in range(len(run.t)))
-    interval = run.sampling
-    width = max(FEWEST_IN_WINDOW, round(WINDOW / interval))
-    if run.samples < 3 * width:
-        raise UnobservableError(
-            f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
-        )
-    edges, first, before = [], 0, False
-    for quiet in _quiet(run, width):
-        changes = np.flatnonzero(np.diff(quiet, prepend=before))
-        edges += (first + changes).tolist()
-        first, before = first + len(quiet), quiet[-1]
-    edges += [first] if before else []
-    # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
-    found = [(a + width // 2, b + width // 2) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    stills = tuple((a, b) for a, b in found if (b - a) * interval >= SHORTEST)
+    stills = searched(run, window, threshold)[0]
     if not stills:
         raise UnobservableError(
             f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
         )
     return stills
+
+
+def with_stills(run: Run, window: float, threshold: float) -> Run:
+    """Run in the hand with its stills, and notes on them and on what was no still."""
+    if run.known or run.sections or run.stills or run.inputs.averaged is not None:
+        return run
+    stills = find_stills(run, window=window, threshold=threshold)
+    _, left, highest = searched(run, window, threshold)
+    begin, step = float(run.t[0]), run.sampling
+
+    def listed(spans: Sequence[tuple[int, int]]) -> str:
+        times = [f"{begin + a * step:.1f} to {begin + b * step:.1f} s" for a, b in spans]
+        return ", ".join(times[:LISTED]) + (f" and {len(times) - LISTED} more" if len(times) > LISTED else "")
+
+    notes = [
+        f"{STILLS} {len(stills)} where the force varies by less than {highest:.2g} m/s^2 within {window:g} s:"
+        f" {listed(stills)}"
+    ]
+    notes += [f"no stills, because {why}: {listed(spans)}" for why, spans in left.items() if spans]
+    source = replace(run.source, notes=(*run.source.notes, *notes))
+    return replace(run, stills=stills, source=source)
+
+
+def searched(run: Run, window: float, threshold: float) -> tuple[Stills, Mapping[str, Stills], float]:
+    """Stills of a run, what was left out and why, and the threshold, m/s^2.
+
+    The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
+    motion, so its logarithm has two humps; the threshold is where Otsu's criterion parts them, and the ends
+    of each still are trimmed by half a window, so that the result hardly depends on it. A long rest on a
+    table is a third hump, and the first cut may be between it and the hand: a second one, of what is above,
+    is taken where it finds more stills and is no more than a hand's tremor. A slow turn, or one about the
+    direction of gravity, hardly changes the force: gyroscopes see it.
+    """
+    interval = run.sampling
+    width = max(FEWEST_IN_WINDOW, round(window / interval))
+    if run.samples < 3 * width:
+        raise UnobservableError(
+            f"run '{run.name}' lasts {run.t[-1] - run.t[0]:.1f} s: too short to tell stills from motion"
+        )
+    least = math.ceil(SHORTEST / interval)
+    level, largest = _level(run, width, least, threshold)
+    held = _stretches(force < level for force, _ in _windows(run, width))
+    long = [one for one in held if one[1] - one[0] >= least]
+    kept = long
+    if run.output.shape[1] > 3:
+        usual = max(_restlessness(run, width, long), STILLEST * largest)
+        kept = _stretches((f < level) & (rate < RESTLESS * usual) for f, rate in _windows(run, width))
+
+    # a quiet window that starts at s covers s ... s + width - 1; half a window is trimmed at both ends
+    def trimmed(spans: Iterable[tuple[int, int]]) -> Stills:
+        return tuple((a + width // 2, b + width // 2) for a, b in spans)
+
+    stills = [one for one in kept if one[1] - one[0] >= least]
+    turned = [one for one in long if not any(a < one[1] and one[0] < b for a, b in stills)]
+    short = [one for one in held if 0 < one[1] - one[0] < least]
+    left = {
+        f"shorter than {SHORTEST:g} s": trimmed(short),
+        "the rates vary more than at rest": trimmed(turned),
+    }
+    return trimmed(stills), left, math.sqrt(level)
 
 
 def condensed(run: Run) -> Run:
@@ -201,34 +259,71 @@ def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:
     return tuple((float(t[a] - half[a]), float(t[b - 1] + half[b - 1])) for a, b in stills)
 
 
-def _quiet(run: Run, width: int) -> Iterator[NDArray[np.bool_]]:
-    """Windows at rest, (n - width + 1,) in parts; four passes before the one that tells."""
+def _level(run: Run, width: int, least: int, threshold: float) -> tuple[float, float]:
+    """Summed variance of the forces below which a window is at rest, and the largest variance of the rates.
+
+    Raises
+    ------
+    UnobservableError : if the record has no rest, or nothing but rest.
+    """
     seen = partial(_windows, run, width)
     ends = np.array([[(v.min(), v.max()) for v in part if v.size] for part in seen()])
     smallest, largest = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
-    least = np.maximum(STILLEST * largest, np.finfo(float).tiny)
-    extents = np.log([np.maximum(smallest, least), largest.clip(least)]).T
-    threshold = _threshold((_spread(part[0], extents[0]) for part in seen()), extents[0])
+    if threshold:
+        return threshold**2, float(largest[-1])
+    floor = max(STILLEST * float(largest[0]), np.finfo(float).tiny)
+    extent = np.log([max(float(smallest[0]), floor), max(float(largest[0]), floor)])
+    cuts = _thresholds((_spread(part[0], extent) for part in seen()), extent)
+
+    def stills(cut: float) -> int:
+        found = _stretches(_spread(force, extent) < cut for force, _ in seen())
+        return sum(b - a >= least for a, b in found)
+
+    cut = cuts[0]
+    if len(cuts) > 1 and math.exp(cuts[1]) < TREMOR**2 and stills(cuts[1]) > stills(cuts[0]):
+        cut = cuts[1]
 
     def medians_among() -> Iterator[list[FloatArray]]:
-        for force, rate in seen():
-            quiet = _spread(force, extents[0]) < threshold
-            yield [force[quiet], force[~quiet], *([rate[quiet]] if rate.size else [])]
+        for force, _ in seen():
+            quiet = _spread(force, extent) < cut
+            yield [force[quiet], force[~quiet]]
 
-    rest = motion = least[0]
-    turning: list[float] = []
-    if not math.isinf(threshold):
-        rest, motion, *turning = _medians(medians_among, [extents[0], *extents])
-    if max(motion, least[0]) < CONTRAST * max(rest, least[0]):
+    rest = motion = floor
+    if not math.isinf(cut):
+        rest, motion = _medians(medians_among, [extent, extent])
+    if max(motion, floor) < CONTRAST * max(rest, floor):
         raise UnobservableError(
             f"run '{run.name}' has no stills that differ from motion: hold the triad still in one direction"
             " after the other, and turn it between them"
         )
-    # windows in which the rates do not vary by more than noise, which is that of the quiet windows
-    usual = max(turning[0], STILLEST * float(largest[1])) if turning else math.inf
-    for force, rate in seen():
-        quiet = _spread(force, extents[0]) < threshold
-        yield quiet & (rate < RESTLESS * usual) if rate.size else quiet
+    return math.exp(cut), float(largest[-1])
+
+
+def _stretches(parts: Iterable[NDArray[np.bool_]]) -> list[tuple[int, int]]:
+    """(start, stop) of each stretch of windows that are quiet, in parts."""
+    edges, first, before = list[int](), 0, False
+    for quiet in parts:
+        edges += (first + np.flatnonzero(np.diff(quiet, prepend=before))).tolist()
+        first, before = first + len(quiet), bool(quiet[-1])
+    edges += [first] if before else []
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _restlessness(run: Run, width: int, held: Sequence[tuple[int, int]]) -> float:
+    """Variance of the rates that is usual where the force is at rest: each stretch counts once, however long.
+
+    A case in the hand trembles as one on the table does not: three of four stretches are below it.
+    """
+    edges, first = np.array(held, dtype=np.int64).reshape(-1), 0
+    sums = np.zeros(len(edges))
+    for _, rate in _windows(run, width):
+        log = np.concatenate(([0.0], np.cumsum(np.log(np.maximum(rate, np.finfo(float).tiny)))))
+        sums += log[np.clip(edges - first, 0, len(rate))]
+        first += len(rate)
+    if not len(edges):
+        return math.inf
+    means = (sums[1::2] - sums[::2]) / (edges[1::2] - edges[::2])
+    return math.exp(float(np.quantile(means, CALMER)))
 
 
 def _windows(run: Run, width: int) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -287,18 +382,26 @@ def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
     return np.maximum((second[width:] - second[:-width]) / width - mean**2, 0.0).sum(axis=1)
 
 
-def _threshold(parts: Iterable[FloatArray], extent: FloatArray) -> float:
-    """Otsu's threshold of values in parts: the cut with the largest variance between the two sides.
+def _thresholds(parts: Iterable[FloatArray], extent: FloatArray) -> list[float]:
+    """Otsu's threshold of values in parts, and that of the values above it, if there is one.
 
-    It is inf where all are equal.
+    It is the cut with the largest variance between the two sides; inf where all are equal.
     """
     if np.ptp(extent) == 0.0:
-        return math.inf
+        return [math.inf]
     edges = np.histogram_bin_edges(extent, BINS)
     counts = np.sum([np.histogram(values, edges)[0] for values in parts], axis=0)
     middles = 0.5 * (edges[1:] + edges[:-1])
+    first = _cut(counts, middles)
+    above = np.where(np.arange(BINS) < first, 0, counts)
+    cuts = [first, _cut(above, middles)] if np.count_nonzero(above) > 1 else [first]
+    return [float(edges[cut]) for cut in cuts]
+
+
+def _cut(counts: NDArray[np.int64], middles: FloatArray) -> int:
+    """Number of bins below Otsu's cut."""
     below, total = np.cumsum(counts)[:-1], counts.sum()
     first = np.cumsum(counts * middles)
     with np.errstate(divide="ignore", invalid="ignore"):
         between = (first[-1] * below / total - first[:-1]) ** 2 / (below * (total - below))
-    return float(edges[1 + int(np.nanargmax(between))])
+    return 1 + int(np.nanargmax(between))

@@ -78,6 +78,7 @@ class RunSpec:
         as the study gives it.
     sections : of an IMU: the parts of the run whose inputs are known.
     ignore : columns of the file that are no channel, though their names are nearly those of one.
+    still_window, still_threshold : s and m/s^2, which tell rest from motion in the hand; 0 for the usual.
     dwell : s, of a table of means of which each row is one over so long; 0 where the file says it, or the
         rows are samples.
     """
@@ -96,6 +97,8 @@ class RunSpec:
     sections: tuple[Section, ...] = ()
     ignore: tuple[str, ...] = ()
     dwell: float = 0.0
+    still_window: float = 0.0
+    still_threshold: float = 0.0
 
 
 def notes_of(t: FloatArray) -> tuple[str, ...]:

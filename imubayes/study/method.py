@@ -42,6 +42,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, level_of
+from imubayes.inference.stills import STILLS
 from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import (
@@ -128,6 +129,11 @@ def _faults(runs: Sequence[Run]) -> tuple[str, ...]:
     return faults((run.name, run.procedure, run.source) for run in runs)
 
 
+def _stills(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Stills of records in the hand, and what was none, in words."""
+    return tuple(f"{run.name}: {note}" for run in runs for note in run.source.notes if STILLS in note)
+
+
 def _quicker(job: _Job, runs: Sequence[Run]) -> str:
     """Say what a budget would give; empty where there is no choice of methods."""
     if runs[0].of_case or job.study.sampling.climbs:
@@ -171,9 +177,9 @@ def _case_check(spec: SensorSpec, runs: Sequence[Run]) -> list[SensorCheck]:
             one.library,
             _observed(replace(ready, summary=replace(ready.summary, facts=one.facts)), one.library, one.name),
             ready.summary.extras,
-            _faults(runs),
+            (*_faults(runs), *(() if k else _stills(runs))),
         )
-        for one in case.components
+        for k, one in enumerate(case.components)
     ]
 
 

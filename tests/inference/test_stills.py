@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.errors import UnobservableError
 from imubayes.inference import stills
-from imubayes.inference.stills import WINDOW, find_stills
+from imubayes.inference.stills import WINDOW, find_stills, with_stills
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.noise import Noise
 
@@ -73,6 +73,45 @@ def test_stills_hardly_depend_on_the_window(hand_tumble, monkeypatch, factor):
     other = np.array(find_stills(run))
     assert len(other) == len(usual)
     assert np.max(np.abs(other - usual)) * run.interval <= abs(factor - 1.0) * WINDOW
+
+
+@pytest.mark.parametrize(("tremor", "swing"), [(0.01, 0.003), (0.02, 0.01), (0.1, 0.03)])
+def test_stills_in_the_hand_are_found_after_a_long_rest_on_the_table(hand_tumble, tremor, swing):
+    """A trembling hand is far from the table's rest, and as far from motion."""
+    tumble = hand_tumble(stills=12)
+    rng = np.random.default_rng(3)
+    n, (_, table) = len(tumble.run.t), tumble.held[0]
+    shaken = np.linalg.norm(np.diff(tumble.run.output, axis=0, prepend=tumble.run.output[:1]), axis=1) > 0.05
+    rate = 1.0 * shaken[:, None] * np.ones(3) + 1e-3 * rng.standard_normal((n, 3))
+    free = np.arange(n)[:, None] >= table
+    level = np.exp(0.3 * rng.standard_normal(12))
+    free = free * np.repeat(level, np.diff([0, *(stop for _, stop in tumble.held[:-1]), n]))[:, None]
+    force = tumble.run.output + tremor * free * rng.standard_normal((n, 3))
+    rate += swing * free * rng.standard_normal((n, 3))
+    long = np.tile(np.arange(table), 10)  # the first position is a minute on the table
+    order = np.concatenate((long, np.arange(n)))
+    run = replace(
+        tumble.run,
+        inputs=Inputs(tumble.run.interval * np.arange(len(order)), {}, tumble.run.interval),
+        output=np.hstack((force, rate))[order],
+    )
+    found = find_stills(run)
+    assert len(found) == len(tumble.held)
+    for (_, b), (_, stop) in zip(found, tumble.held, strict=True):
+        assert abs(b - len(long) - stop) * run.interval <= 0.5 * WINDOW + 0.1
+
+
+def test_stills_are_listed_with_what_was_none_and_set_by_the_study(hand_tumble):
+    tumble = hand_tumble(stills=12, hold=2.5)
+    start, stop = tumble.held[4]
+    shaken = tumble.run.output.copy()
+    middle = (start + stop) // 2
+    shaken[middle - 2 : middle + 2] += 3.0  # halves of 1.25 s, trimmed to less than 1 s
+    run = with_stills(replace(tumble.run, output=shaken), WINDOW, 0.0)
+    assert len(run.stills) == 11 and run.source.notes[0].startswith("stills: 11 where the force varies")
+    assert run.source.notes[1].startswith("no stills, because shorter than 1 s: ")
+    narrow = with_stills(replace(tumble.run, output=shaken), 0.2, 0.05)
+    assert len(narrow.stills) == 13 and "less than 0.05 m/s^2 within 0.2 s" in narrow.source.notes[0]
 
 
 def test_coarse_counts_that_do_not_change_at_rest_are_rest(hand_tumble):

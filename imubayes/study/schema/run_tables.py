@@ -34,6 +34,7 @@ from imubayes.study.schema.tables import (
     FixedNoiseTable,
     RunTable,
     SectionTable,
+    StillsTable,
 )
 
 DATA_VARIABLE = "IMUBAYES_DATA"
@@ -76,6 +77,7 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
         gyroscope_shown=run.gyroscope_file or "",
         ignore=run.ignore,
+        **_resting(run, place.at("stills")),
         dwell=0.0 if run.dwell is None else quantity(run.dwell, "s", place.at("dwell"), positive=True),
         sections=tuple(_section(one, place.at("sections").at(k)) for k, one in enumerate(run.sections)),
     )
@@ -92,6 +94,21 @@ def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
             "expected the positions and turns of a run of procedure 'ferraris', and no other, such as"
             ' [{ rows = [0, 500], up = "x" }, { rows = [900, 1200], up = "x", turn = "360 deg" }]'
         )
+
+
+def _resting(run: RunTable, place: Place) -> dict[str, float]:
+    """What tells rest from motion, where the study says it."""
+    if run.stills is None:
+        return {}
+    if run.procedure != FREE_TUMBLE:
+        raise place.error("only a free-tumble run has stills to look for: leave it out")
+    table = shaped(StillsTable, run.stills, place)
+    given = {"window": (table.window, "s"), "threshold": (table.threshold, "m/s^2")}
+    return {
+        f"still_{name}": quantity(text, like, place.at(name), positive=True)
+        for name, (text, like) in given.items()
+        if text is not None
+    }
 
 
 def _section(raw: object, place: Place) -> Section:

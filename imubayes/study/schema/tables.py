@@ -199,6 +199,21 @@ class FixedNoiseTable:
 
 
 @shape
+class StillsTable:
+    """``stills``: what is rest in the hand."""
+
+    window: Annotated[Any, Holds(quantities("s"))] = key(
+        "over which rest is told from motion", "0.5 s", None, '`"1 s"`'
+    )
+    threshold: Annotated[Any, Holds(quantities("m/s^2"))] = key(
+        "standard deviation of the force (root of the sum over its axes) in a window, below which it is rest",
+        "0.1 m/s^2",
+        None,
+        "from the record",
+    )
+
+
+@shape
 class RunTable:
     """``[[sensor.run]]``."""
 
@@ -248,6 +263,9 @@ class RunTable:
     )
     gyroscope_file: Text | None = key(
         "of an IMU whose gyroscopes have a file of their own, with the same time stamps", "gyro.csv", None
+    )
+    stills: Annotated[Table | None, Holds(StillsTable)] = key(
+        "of a `free-tumble`: [what is rest](#stills)", {"window": "0.5 s"}, None
     )
     sections: Annotated[list[Table], Holds(SectionTable, many="list")] = key(
         "[positions and turns](#sections)",
