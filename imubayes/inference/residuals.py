@@ -164,7 +164,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         run=summary.name,
         scale=scale,
         whiteness_p=whiteness,
-        normality_p=float(jarque_bera(shown).pvalue) if shown.std() else 1.0,
+        normality_p=float(np.asarray(jarque_bera(shown))[1]) if shown.std() else 1.0,
         sample_scale=math.sqrt(float(white @ white) / len(white)),
         sample_whiteness_p=_ljung_box(white),
         lags=lags,
