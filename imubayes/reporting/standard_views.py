@@ -106,19 +106,19 @@ def _in_symbols(name: str, lib: Library, sensor: SensorResult) -> Standard:
     others, (mean, cov) = known.general_only(lib), _moments(lib, sensor)
     trouble, rows, (move, absorbed) = "", [], _projected(lib, terms, others, mean, sensor)
     try:
-        found = in_standard(name, lib, move @ mean, move @ cov @ move.T)
+        found = zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True)
         rows = [
             Symbol(
                 symbol=one.symbol,
-                value=one.value,
-                sd=one.sd,
+                value=float(value),
+                sd=float(sd),
                 unit=one.unit,
                 printed_unit=one.printed,
-                term=term,
-                verdict=verdicts[term],
+                term=one.term,
+                verdict=verdicts[one.term],
                 note=one.note,
             )
-            for one, term in zip(found, terms, strict=True)
+            for one, value, sd in found
         ]
     except TermError as error:
         trouble = str(error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,23 +65,26 @@ class DisputedTerm:
 
 
 @dataclass(frozen=True, slots=True)
-class Differing:
-    """A method that differs on a term.
+class Ballot:
+    """What one method says by column; nothing of a column that is not there.
 
     Attributes
     ----------
     method : its name.
+    strength, keeps : how strongly it is for a term, from 0 to 1, and whether it keeps it.
     line : pull from which it keeps a term, where it follows from a penalty; else NaN.
     samples : effective sample size in that penalty; else NaN.
-    swapped : terms alike on which it differs the other way round.
+    swapped : of a method that differs on a term, terms alike on which it differs the other way round.
     coloured : runs whose noise was assumed white and is not.
     """
 
     method: str
-    line: float
-    samples: float
-    swapped: tuple[str, ...]
-    coloured: tuple[str, ...]
+    strength: Mapping[str, float]
+    keeps: Mapping[str, bool]
+    line: float = math.nan
+    samples: float = math.nan
+    swapped: tuple[str, ...] = ()
+    coloured: tuple[str, ...] = ()
 
 
 def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> DisputedTerm:
@@ -146,7 +149,7 @@ def line_of(criterion: Criterion, kept: int, p: int) -> float:
     return math.sqrt(max(penalty(), 0.0))
 
 
-def cause_of(case: DisputedTerm, other: Differing) -> str:
+def cause_of(case: DisputedTerm, other: Ballot) -> str:
     """Cause of a difference, the most telling first.
 
     Terms that the test cannot tell apart, or that stand in for each other; noise that is coloured and was
@@ -158,7 +161,7 @@ def cause_of(case: DisputedTerm, other: Differing) -> str:
     return next(cause for cause, holds, _ in _CAUSES if holds(case, other))
 
 
-def explained(case: DisputedTerm, cause: str, others: Sequence[Differing], *, everyone: bool) -> str:
+def explained(case: DisputedTerm, cause: str, others: Sequence[Ballot], *, everyone: bool) -> str:
     """One sentence on the methods that differ on a term for one cause: `everyone`, or only these."""
     text = next(text for name, _, text in _CAUSES if name == cause)
     verb = "drop" if case.kept else "keep"
@@ -167,45 +170,45 @@ def explained(case: DisputedTerm, cause: str, others: Sequence[Differing], *, ev
     return f"{start}: {text(case, others)}"
 
 
-def _collinear(case: DisputedTerm, other: Differing) -> bool:
+def _collinear(case: DisputedTerm, other: Ballot) -> bool:
     return bool(case.term.confounded_with or other.swapped)
 
 
-def _coloured(case: DisputedTerm, other: Differing) -> bool:
+def _coloured(case: DisputedTerm, other: Ballot) -> bool:
     return bool(other.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
 
 
-def _by_costs(case: DisputedTerm, other: Differing) -> bool:
+def _by_costs(case: DisputedTerm, other: Ballot) -> bool:
     return case.kept is not None and (case.term.inclusion >= EVEN) != (case.term.inclusion >= case.keep)
 
 
-def _by_width(case: DisputedTerm, other: Differing) -> bool:
+def _by_width(case: DisputedTerm, other: Ballot) -> bool:
     swings = case.range[0] < case.keep <= case.range[1]
     return case.kept is not None and (swings or other.method == "g-prior")
 
 
-def _by_model_prior(case: DisputedTerm, other: Differing) -> bool:
+def _by_model_prior(case: DisputedTerm, other: Ballot) -> bool:
     low, high = (case.line, case.even) if case.kept else (case.even, case.line)
     return case.kept is not None and low <= case.pull < high
 
 
-def _by_penalty(case: DisputedTerm, other: Differing) -> bool:
+def _by_penalty(case: DisputedTerm, other: Ballot) -> bool:
     if case.kept is None or math.isnan(other.line):
         return False
     low, high = (case.line, other.line) if case.kept else (other.line, case.line)
     return low < high and low / LENIENCE <= case.pull <= high * LENIENCE
 
 
-def _weak(case: DisputedTerm, other: Differing) -> bool:
+def _weak(case: DisputedTerm, other: Ballot) -> bool:
     weak = case.ratio > UNRESOLVED or case.pull <= max(NEAR, LENIENCE * case.line)
     return weak or case.term.verdict == "not needed"
 
 
-def _always(case: DisputedTerm, other: Differing) -> bool:
+def _always(case: DisputedTerm, other: Ballot) -> bool:
     return True
 
 
-def _of_collinearity(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_collinearity(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     if partners := case.term.confounded_with:
         return f"the test sees it only together with {_first(partners)}, and each method takes one of them"
     swapped = tuple(dict.fromkeys(name for other in others for name in other.swapped))
@@ -217,7 +220,7 @@ def _of_collinearity(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_colour(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_colour(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     runs = listed(others[0].coloured)
     return (
         f"the noise of {runs} was taken as white and is not, so that dwells differ by more than the evidence"
@@ -225,7 +228,7 @@ def _of_colour(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_costs(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_costs(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     side = "below" if case.term.inclusion < case.keep else "above"
     return (
         f"its inclusion of {case.term.inclusion:.2f} is {side} the {case.keep:.2f} from which the study's"
@@ -233,7 +236,7 @@ def _of_costs(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_width(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_width(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     low, high = case.range
     if low < case.keep <= high:
         widths = "between a third and three times the prior's width"
@@ -244,7 +247,7 @@ def _of_width(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_model_prior(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_model_prior(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     there, count = case.others
     expected = "there" if case.kept else "out"
     return (
@@ -254,7 +257,7 @@ def _of_model_prior(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_penalty(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_penalty(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     lines = listed([f"{other.method} {other.line:.1f}" for other in others])
     counts = [other.samples for other in others if not math.isnan(other.samples)]
     samples = f" ({counts[0]:,.0f} effective samples)" if counts else ""
@@ -264,7 +267,7 @@ def _of_penalty(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_weakness(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_weakness(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     if case.ratio > UNRESOLVED:
         left = f"the data leave {100.0 * case.ratio:.0f} % of the prior's sd"
         return f"{left}, and put it {case.pull:.1f} sd from zero"
@@ -273,7 +276,7 @@ def _of_weakness(case: DisputedTerm, others: Sequence[Differing]) -> str:
     )
 
 
-def _of_method(case: DisputedTerm, others: Sequence[Differing]) -> str:
+def _of_method(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     return (
         f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and none"
         " of the causes that are looked for explains it"
@@ -281,7 +284,7 @@ def _of_method(case: DisputedTerm, others: Sequence[Differing]) -> str:
 
 
 _CAUSES: tuple[
-    tuple[str, Callable[[DisputedTerm, Differing], bool], Callable[[DisputedTerm, Sequence[Differing]], str]],
+    tuple[str, Callable[[DisputedTerm, Ballot], bool], Callable[[DisputedTerm, Sequence[Ballot]], str]],
     ...,
 ] = (
     ("collinearity", _collinear, _of_collinearity),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.selection.causes import Differing, DisputedTerm, case_of, cause_of, decided, explained, line_of
+from imubayes.selection.causes import Ballot, DisputedTerm, case_of, cause_of, decided, explained, line_of
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.sensitivity import Sensitivity
@@ -63,20 +63,6 @@ class Votes:
     disagreements: tuple[Disagreement, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Ballot:
-    """What one method says by column: how strongly, and whether it keeps it; nothing of a column not there.
-
-    `line` and `samples` are those of `Differing`.
-    """
-
-    method: str
-    strength: Mapping[str, float]
-    keeps: Mapping[str, bool]
-    line: float = math.nan
-    samples: float = math.nan
-
-
 def votes(
     selection: Selection,
     criteria: Sequence[Criterion],
@@ -98,7 +84,7 @@ def votes(
     ballots = _ballots(selection, criteria, sindy, sensitivity)
     missing = {name for name in silent if name in ORDER} - {ballot.method for ballot in ballots}
     if missing:
-        ballots += [_Ballot(name, {}, {}) for name in missing]
+        ballots += [Ballot(name, {}, {}) for name in missing]
         ballots.sort(key=lambda ballot: ORDER.index(ballot.method))
     tested = [k for k, name in enumerate(selection.columns) if name in selection.models.candidates.names]
     columns = [selection.columns[k] for k in tested]
@@ -119,7 +105,7 @@ def votes(
 
 def _ballots(
     selection: Selection, criteria: Sequence[Criterion], sindy: Sequence[Sparse], sensitivity: Sensitivity
-) -> list[_Ballot]:
+) -> list[Ballot]:
     """Ballots of all methods, in the order in which they are shown."""
     keep, names = selection.costs.keep, selection.models.candidates.names
     column = {term.name: name for term, name in zip(selection.terms, selection.columns, strict=True)}
@@ -129,11 +115,11 @@ def _ballots(
     lines = {c.name: line_of(c, len(c.model), len(names)) for c in criteria}
     return [
         *(
-            _Ballot(method, told, {name: share >= keep for name, share in told.items() if share == share})
+            Ballot(method, told, {name: share >= keep for name, share in told.items() if share == share})
             for method, told in (("evidence", evidence), ("g-prior", g_prior))
         ),
         *(
-            _Ballot(
+            Ballot(
                 c.name,
                 c.inclusion,
                 _kept(c.inclusion, c.model) if c.compared else {},
@@ -142,7 +128,7 @@ def _ballots(
             )
             for c in criteria
         ),
-        *(_Ballot(s.optimizer, s.inclusion, _kept(s.names, s.model)) for s in sindy),
+        *(Ballot(s.optimizer, s.inclusion, _kept(s.names, s.model)) for s in sindy),
     ]
 
 
@@ -151,13 +137,13 @@ def _kept(names: Iterable[str], model: Sequence[str]) -> dict[str, bool]:
 
 
 def _on(
-    selection: Selection, ballots: Sequence[_Ballot], case: DisputedTerm, coloured: tuple[str, ...]
+    selection: Selection, ballots: Sequence[Ballot], case: DisputedTerm, coloured: tuple[str, ...]
 ) -> list[Disagreement]:
     """Disagreements on one term: one for each cause."""
     column = dict(zip((t.name for t in selection.terms), selection.columns, strict=True))
     kept = {column[term.name]: decided(term, selection) for term in selection.terms}
     own = column[case.term.name]
-    found: dict[str, list[Differing]] = {}
+    found: dict[str, list[Ballot]] = {}
     for ballot in ballots:
         if ballot.method != "evidence" and ballot.keeps.get(own) is (not case.kept):
             # the other way round: kept where this one is dropped, and dropped where this one is kept
@@ -168,7 +154,7 @@ def _on(
                 and kept[name] is (not case.kept)
                 and ballot.keeps.get(name) is case.kept
             )
-            other = Differing(ballot.method, ballot.line, ballot.samples, swapped, coloured)
+            other = replace(ballot, swapped=swapped, coloured=coloured)
             found.setdefault(cause_of(case, other), []).append(other)
     rest = [ballot for ballot in ballots if ballot.method != "evidence" and own in ballot.keeps]
     return [

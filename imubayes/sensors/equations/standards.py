@@ -7,7 +7,6 @@ shown with (`symbols`): nothing else spells them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,26 +57,6 @@ APPLIES: tuple[tuple[Kind, str, tuple[str, ...]], ...] = (
 """Kind, a phrase of the technology in lower case, and the standards of its equation; the first match counts.
 IEEE 1293 leaves out the PIGA and open-loop piezoelectric sensors; the equation of IEEE 292 (spring-restrained
 rate gyroscope) is not among ours. The basic triad applies to all."""
-
-
-@dataclass(frozen=True, slots=True)
-class StandardValue:
-    """A parameter of a standard, estimated.
-
-    Attributes
-    ----------
-    symbol : as the standard writes it, in ASCII.
-    value, sd : in `unit`, SI.
-    unit, printed : SI unit, and the unit that people use.
-    note : convention, in a few words.
-    """
-
-    symbol: str
-    value: float
-    sd: float
-    unit: str
-    printed: str
-    note: str
 
 
 def standard(id: str, *, kind: str) -> Standard:
@@ -133,7 +112,9 @@ def symbols(lib: Library) -> dict[str, str]:
     return {name: spelt.get(name, "-") for name in lib.names}
 
 
-def in_standard(id: str, lib: Library, mean: FloatArray, cov: FloatArray) -> tuple[StandardValue, ...]:
+def in_standard(
+    id: str, lib: Library, mean: FloatArray, cov: FloatArray
+) -> tuple[tuple[Symbol, ...], FloatArray, FloatArray]:
     """Estimated coefficients as parameters of a standard.
 
     Parameters
@@ -145,7 +126,8 @@ def in_standard(id: str, lib: Library, mean: FloatArray, cov: FloatArray) -> tup
 
     Returns
     -------
-    values in the order of the standard's table, with the sd of the mapping's linearisation at `mean`.
+    rows (r,) of the standard's table, their values and sds (r,) in SI, the sd by the mapping's linearisation
+    at `mean`.
 
     Raises
     ------
@@ -157,17 +139,13 @@ def in_standard(id: str, lib: Library, mean: FloatArray, cov: FloatArray) -> tup
     >>> from imubayes.sensors.terms import library
     >>> lib = library("accelerometer", powers=1, asymmetry=0)
     >>> mean = np.zeros(len(lib.terms)); mean[2] = 0.5e-3
-    >>> values = in_standard("ieee1293", lib, mean, 1e-8 * np.eye(len(mean)))
-    >>> [(value.value, round(value.sd, 9)) for value in values if value.symbol == "K0'"]
+    >>> rows, values, sd = in_standard("ieee1293", lib, mean, 1e-8 * np.eye(len(mean)))
+    >>> [(float(v), round(float(e), 9)) for row, v, e in zip(rows, values, sd) if row.symbol == "K0'"]
     [(0.001, 0.0002)]
     """
     _check_shapes(lib, mean, cov)
     rows, values, J = linearised(id, lib, mean)
-    sd = np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", J, np.asarray(cov), J), 0.0))
-    return tuple(
-        StandardValue(row.symbol, float(value), float(spread), row.unit, row.printed, row.note)
-        for row, value, spread in zip(rows, values, sd, strict=True)
-    )
+    return rows, values, np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", J, np.asarray(cov), J), 0.0))
 
 
 def linearised(id: str, lib: Library, mean: FloatArray) -> tuple[tuple[Symbol, ...], FloatArray, FloatArray]:
