@@ -34,8 +34,8 @@ from imubayes.selection.mixture import (
     probability_within,
     scale_components,
 )
-from imubayes.selection.model_prior import hierarchy
-from imubayes.selection.model_sets import Every, listed, sizes
+from imubayes.selection.model_prior import by_number, hierarchy
+from imubayes.selection.model_sets import Every, Listed, admissible, listed, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
 from imubayes.selection.sindy import THRESHOLDS
 from imubayes.selection.verdicts import (
@@ -139,7 +139,7 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     norms = tested.column_norms
     scaled = tested.R / np.append(norms, 1.0)
     inside = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else _stepwise(scaled, f.n)
-    inside = inside[allowed(inside, names, hierarchical)][:KEPT]
+    inside = inside[_allowed(inside, names, hierarchical)][:KEPT]
     mean, variance, rss, _ = solutions(scaled, inside)
     sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
     inside, rss = inside[sound], rss[sound]
@@ -213,7 +213,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     e = effects_of(f, sd, [name for name in f.names if name in terms], scale)
     supports = PATHS[OPTIMIZER](e.R[:-1, :-1], e.R[:-1, -1], THRESHOLDS)
     supports = np.vstack(
-        (supports[allowed(supports, e.names, hierarchical)], np.ones((1, len(e.names)), bool))
+        (supports[_allowed(supports, e.names, hierarchical)], np.ones((1, len(e.names)), bool))
     )
     score = log_evidence(e, supports)
     best = best_of(supports, score)
@@ -258,15 +258,9 @@ def selection_of(basis: Basis, models: Models) -> Selection:
     )
 
 
-def allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> BoolArray:
+def _allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> BoolArray:
     """Which models (m, p) hold what each of their terms calls for: (m,); all if not `hierarchical`."""
-    needs = hierarchy(names) if hierarchical else ()
-    column = {name: j for j, name in enumerate(names)}
-    sound = np.ones(len(inside), dtype=bool)
-    for child, parent in needs:
-        if child in column and parent in column:
-            sound &= ~inside[:, column[child]] | inside[:, column[parent]]
-    return sound
+    return admissible(Listed(inside), by_number(hierarchy(names), names) if hierarchical else ())
 
 
 def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVerdict:

@@ -28,7 +28,8 @@ from imubayes.algebra.factor import Factor, noise_scale, with_prior_rows
 from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import Candidates, candidates
-from imubayes.selection.model_sets import Every, Listed, Space, descended
+from imubayes.selection.model_prior import by_number
+from imubayes.selection.model_sets import Every, Listed, Space, admissible, descended
 from imubayes.selection.predictive import RELIABLE, Held, by_dwell, by_run, fits, leave_out, psis_loo, waic
 
 Needs = tuple[tuple[str, str], ...]
@@ -294,7 +295,7 @@ def _information_of(
 def _with_parents(inside: BoolArray, names: tuple[str, ...], needs: Needs) -> BoolArray:
     """Models (m, p) with the parents of all that they hold."""
     whole = inside.copy()
-    pairs = [(names.index(a), names.index(b)) for a, b in needs if a in names and b in names]
+    pairs = by_number(needs, names)
     for _ in pairs:
         for child, parent in pairs:
             whole[:, parent] |= whole[:, child]
@@ -303,10 +304,7 @@ def _with_parents(inside: BoolArray, names: tuple[str, ...], needs: Needs) -> Bo
 
 def _admissible(space: Space, names: tuple[str, ...], needs: Needs) -> BoolArray:
     """Which models (m,) have the parent of each child."""
-    allowed = np.ones(len(space), dtype=bool)
-    for child, parent in needs:
-        if child in names and parent in names:
-            allowed &= ~space.having([names.index(child)]) | space.having([names.index(parent)])
+    allowed = admissible(space, by_number(needs, names))
     if not allowed.any():
         pairs = ", ".join(f"{child} needs {parent}" for child, parent in needs)
         raise TermError(

@@ -33,7 +33,7 @@ from imubayes.selection.evidence import (
     weights_of,
 )
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
-from imubayes.selection.model_prior import ModelPrior, Needs, log_model_prior
+from imubayes.selection.model_prior import ModelPrior, Needs, by_number, log_model_prior
 from imubayes.selection.model_sets import Every, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 from imubayes.selection.search import search_models
@@ -219,15 +219,14 @@ def _sd_by_name(prior: Prior, names: tuple[str, ...], forced: tuple[str, ...]) -
 
 def _numbered(c: Candidates, needs: Sequence[tuple[str, str]]) -> Needs:
     """Needs by the candidates' numbers; a parent that is always in, or not there, is not asked for."""
-    number = {name: j for j, name in enumerate(c.names)}
-    found = [(a, b) for a, b in dict.fromkeys(needs) if a in number and b in number]
+    found = [(a, b) for a, b in dict.fromkeys(needs) if a in c.names and b in c.names]
     parents = dict(found)
     if len(parents) < len(found):
         child = next(a for a, b in found if parents[a] != b)
         raise TermError(f"needs: '{child}' has two parents, expected one; leave one of them out")
     for name in parents:
         _check_ends(name, parents)
-    return [(number[a], number[b]) for a, b in found]
+    return by_number(found, c.names)
 
 
 def _check_ends(name: str, parents: dict[str, str]) -> None:

@@ -21,8 +21,8 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.digits import HALF_UNIT
 from imubayes.inference.prior import GFamily, g_step_error
 from imubayes.selection.mixture import Candidates, log_flat
-from imubayes.selection.model_prior import Needs, admissible
-from imubayes.selection.model_sets import BLOCK_BITS, pieces, sizes
+from imubayes.selection.model_prior import Needs
+from imubayes.selection.model_sets import BLOCK_BITS, Every, admissible, pieces, sizes
 
 FAR = 300.0
 """Logarithm by which a scale may stand above the level of the sums before they are brought to it."""
@@ -102,7 +102,7 @@ class Logs:
         p = len(self.candidates.names)
         self.weight, self.log_prior = np.zeros(1 << p), self.by_size[sizes(p)]
         if self.needs:
-            self.log_prior[~admissible(p, self.needs)] = -math.inf
+            self.log_prior[~admissible(Every(p), self.needs)] = -math.inf
 
     @property
     def height(self) -> float:

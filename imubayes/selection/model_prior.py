@@ -7,7 +7,6 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
@@ -78,13 +77,10 @@ def admissible_counts(p: int, needs: Needs) -> FloatArray:
     return whole
 
 
-def admissible(p: int, needs: Needs) -> NDArray[np.bool_]:
-    """Which of all 2^p masks hold the parent of every child that they hold."""
-    masks = np.arange(1 << p)
-    allowed = np.ones(len(masks), dtype=bool)
-    for child, parent in needs:
-        allowed &= ((masks >> child) & 1) <= ((masks >> parent) & 1)
-    return allowed
+def by_number(needs: Sequence[tuple[str, str]], names: Sequence[str]) -> list[tuple[int, int]]:
+    """Needs by the numbers of the candidates; of those that are not among them nothing is asked."""
+    number = {name: j for j, name in enumerate(names)}
+    return [(number[a], number[b]) for a, b in dict.fromkeys(needs) if a in number and b in number]
 
 
 def hierarchy(names: Sequence[str]) -> tuple[tuple[str, str], ...]:

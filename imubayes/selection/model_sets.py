@@ -103,6 +103,14 @@ class Listed:
 Space = Every | Listed
 
 
+def admissible(space: Space, needs: Sequence[tuple[int, int]]) -> BoolArray:
+    """Which models (m,) of a space hold the parent of every child that they hold, both by number."""
+    allowed = np.ones(len(space), dtype=bool)
+    for child, parent in needs:
+        allowed &= ~space.having([child]) | space.having([parent])
+    return allowed
+
+
 def listed(inside: BoolArray, weight: FloatArray) -> tuple[Listed, FloatArray]:
     """Models (m, p) and their weights (m,), with the model of every candidate last, if only at weight 0.
 

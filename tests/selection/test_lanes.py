@@ -13,8 +13,7 @@ from numba.core import config
 from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.selection import lanes
 from imubayes.selection.kernels import walk
-from imubayes.selection.model_prior import admissible
-from imubayes.selection.model_sets import sizes
+from imubayes.selection.model_sets import Every, admissible, sizes
 
 seeds = st.integers(0, 2**32 - 1)
 REL = 1e-12
@@ -65,7 +64,7 @@ def test_a_model_with_a_child_and_without_its_parent_has_no_weight():
     by_size = np.zeros(15)
     free = _weights(R, width, by_size, log_factor=0.0)
     bound = _weights(R, width, by_size, log_factor=0.0, needs=needs)
-    np.testing.assert_array_equal(bound, np.where(admissible(14, needs), free, 0.0))
+    np.testing.assert_array_equal(bound, np.where(admissible(Every(14), needs), free, 0.0))
 
 
 @pytest.mark.parametrize("p", [17, 19])

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import imubayes as ib
 from imubayes import Summary
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.selection.model_prior import admissible, admissible_counts, hierarchy, log_model_prior
+from imubayes.selection.model_prior import admissible_counts, hierarchy, log_model_prior
+from imubayes.selection.model_sets import Every, admissible
 
 FORESTS = st.integers(1, 7).flatmap(
     lambda p: st.tuples(st.just(p), st.lists(st.integers(-1, p - 1), min_size=p, max_size=p))
@@ -32,7 +33,7 @@ def test_counts_are_those_of_all_models_one_by_one(forest):
     for bits in product((0, 1), repeat=p):
         counts[sum(bits)] += all(bits[a] <= bits[b] for a, b in needs)
     assert admissible_counts(p, needs).tolist() == counts.tolist()
-    assert admissible(p, needs).sum() == counts.sum()
+    assert admissible(Every(p), needs).sum() == counts.sum()
 
 
 @given(FORESTS, st.sampled_from(["beta-binomial", "uniform", 0.2]))
@@ -61,6 +62,6 @@ def test_hierarchy_leaves_the_admissible_models_in_proportion():
     s, names = Summary.from_arrays(X, y, ("b0", "b1", "b3", "b1p")), ("b0", "b1", "b3", "b1p")
     free = enumerate_models(s, ib.ScalePrior(0.5))
     bound = enumerate_models(s, ib.ScalePrior(0.5), needs=hierarchy(names))
-    allowed = admissible(4, [(2, 1), (3, 1)])
+    allowed = admissible(Every(4), [(2, 1), (3, 1)])
     np.testing.assert_allclose(bound.weight, np.where(allowed, free.weight, 0.0) / free.weight[allowed].sum())
     assert bound.inclusion[1] >= max(bound.inclusion[2], bound.inclusion[3])
