@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
+from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
@@ -25,6 +26,9 @@ def _name(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", Requirement(requirement).name).lower()
 
 
+_owners = cache(packages_distributions)
+
+
 def _imported(folder: str = "imubayes") -> set[str]:
     """Names of the distributions that a module of a folder imports, at its top or in a function."""
     modules: set[str] = set()
@@ -34,8 +38,7 @@ def _imported(folder: str = "imubayes") -> set[str]:
                 modules |= {name.name.partition(".")[0] for name in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 modules.add(node.module.partition(".")[0])
-    owners = packages_distributions()
-    return {_name(owner) for module in modules for owner in owners.get(module, ())}
+    return {_name(owner) for module in modules for owner in _owners().get(module, ())}
 
 
 def _brought(requirement: str, seen: set[str]) -> set[str]:

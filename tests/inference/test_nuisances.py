@@ -83,7 +83,7 @@ def raw_campaign(seed):
 
 def test_a_raw_sensor_needs_the_rows_linearised_where_it_is():
     worst = {"once": 0.0, "settled": 0.0}
-    for seed in (101, 102, 103):
+    for seed in (101, 102):
         runs, kinds, sd, values = raw_campaign(seed)
         settled, _ = solve(runs, LIB, sd, kinds, sensor=RAW)
         rows = rows_with(runs, LIB, settled.extras, np.zeros(len(sd)), np.zeros(len(settled.extras)))
@@ -94,9 +94,7 @@ def test_a_raw_sensor_needs_the_rows_linearised_where_it_is():
 
 
 # 109 leans 3 sd further in the end, up a valley in which the steps of the linear problem do not shrink
-@pytest.mark.parametrize(
-    ("seed", "near"), [(104, module.PACE.settled), (105, module.PACE.settled), (109, settle.NEARLY)]
-)
+@pytest.mark.parametrize(("seed", "near"), [(104, module.PACE.settled), (109, settle.NEARLY)])
 def test_rows_are_linearised_where_their_own_posterior_is(seed, near):
     runs, kinds, sd, _ = raw_campaign(seed)
     summary, rows = solve(runs, LIB, sd, kinds, sensor=RAW)

@@ -67,7 +67,7 @@ def test_chains_that_are_cut_short_say_that_their_steps_are_too_few():
 
 
 def test_chains_that_are_long_enough_say_so():
-    done = run_slowly(NORMAL, Limits(ess=400.0, time_limit=60.0, seed=1), lambda message: None)
+    done = run_slowly(NORMAL, Limits(ess=100.0, time_limit=60.0, seed=1), lambda message: None)
     assert done.converged
     assert done.text == "every parameter has mixed"
     assert len(done.chains[0]) >= 50.0 * done.tau.max()

@@ -131,7 +131,7 @@ simulate = { angles = 24, planes = 1, dwell = "60 s", rate = "0.5 Hz" }
 
 def test_plan_for_a_scene_leaves_less_open_there_than_others(tmp_path):
     scene = '[[scene]]\nname = "missile_boost"\nduration = "60 s"\nbudget = { velocity = "1 m/s" }\n'
-    text = TUMBLE.replace("[plan]\n", f'{scene}[plan]\naim = "scene"\n')
+    text = TUMBLE.replace("angles = 24", "angles = 12").replace("[plan]\n", f'{scene}[plan]\naim = "scene"\n')
     found = propose(read_plan(_written(tmp_path, text)))
     other = propose(read_plan(_written(tmp_path, text.replace('aim = "scene"', 'aim = "D"'))))
     assert found.best.share <= min(other.best.share, found.even.share)

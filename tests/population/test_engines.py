@@ -19,7 +19,7 @@ from imubayes.population import processes
 from imubayes.population.fleet import measure
 from imubayes.population.processes import Lost, engine
 
-UNITS = 40
+UNITS = 24
 
 
 @pytest.fixture(scope="module")

@@ -150,11 +150,11 @@ def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as
     sd = np.full_like(one.after, 1e-3)
     normal = stats.norm.ppf((np.arange(one.after.size) + 0.5) / one.after.size).reshape(one.after.shape)
     found = replace(one, after=scale * 1e-3 * normal, fitted=sd, fresh=2.0 * sd)
-    study = cased(found, cases=8)
+    study = cased(found, cases=6)
     (sentence,) = held_together(cases_of(study))
-    assert word in sentence and f"{8 * found.inside} of {8 * found.after.size} lie" in sentence
+    assert word in sentence and f"{6 * found.inside} of {6 * found.after.size} lie" in sentence
     records = [entry for case in published_cases(study) for entry in case["recovered"]]
-    assert sum(entry["within_2_sd"] for entry in records) == 8 * found.inside
+    assert sum(entry["within_2_sd"] for entry in records) == 6 * found.inside
     first, _, _ = report_html(study).partition('<h2 id="cases">')
     assert _ and word in first
 
