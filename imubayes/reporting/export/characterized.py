@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,13 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
+from imubayes.rig.recordings import CASES
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
-from imubayes.sensors.imu_range import InputRange
+from imubayes.sensors.imu_range import InputRange, contraction
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE
+from imubayes.units import STANDARD_GRAVITY
 
 NEEDED, FULL = "needed", "full"
 """Models that every result has; others are its scenes."""
@@ -33,6 +35,9 @@ OWN: dict[str, str] = {"f": "accelerometer", "w": "gyroscope"}
 
 QUANTITIES = ("f", "w", "dw")
 """Inputs that have axes: i, j, k of a component, or x, y, z of the case."""
+
+HELD = 1.1 * STANDARD_GRAVITY
+"""m/s^2 along any axis of the case that a test in the hand is valid for, with a margin for bias and noise."""
 
 UNLIMITED = 1e30
 """Size of an input on which no term depends: its range needs no test."""
@@ -269,7 +274,16 @@ def _range(parts: Mapping[str, Part], entries: Mapping[str, Sensor]) -> InputRan
     f, w, dw = (tuple(size(f"{quantity}_{axis}") for axis in "xyz") for quantity in ("f", "w", "dw"))
     heat = tested.get("T", [REFERENCE_TEMPERATURE])
     low, high = (min(heat), max(heat)) if "T" in used else TEMPERATURES
-    return InputRange((f[0], f[1], f[2]), (w[0], w[1], w[2]), (dw[0], dw[1], dw[2]), (low, high), size("dT"))
+    within = InputRange(
+        (f[0], f[1], f[2]), (w[0], w[1], w[2]), (dw[0], dw[1], dw[2]), (low, high), size("dT")
+    )
+    if not any(run.procedure in CASES for one in entries.values() for run in one.runs):
+        return within
+    # positions in the hand are all over the sphere of 1 g, and an axis is upright in none of them exactly
+    x, y, z = (max(end, HELD) for end in f)
+    wide = replace(within, f=(x, y, z))
+    imu = imu_of({place: part.component for place, part in parts.items()})
+    return wide if contraction(imu, wide) < 1.0 else within
 
 
 def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:

