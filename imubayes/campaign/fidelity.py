@@ -19,6 +19,9 @@ another word for plug-in."""
 
 METHODS: tuple[str, ...] = get_args(Method)
 
+AT_ONCE = ("means", "sparse")
+"""Rungs that decide on their way, of one component with known inputs."""
+
 CHAINED = ("auto", "collapsed", "full")
 """Methods that may keep chains, which can be resumed."""
 
@@ -55,14 +58,17 @@ class Size:
     """What the time of a rung depends on.
 
     Columns are terms and errors of the bench, candidates terms that are excited, of which every subset is a
-    model; of the rows of all runs some are `streamed`: read a part at a time, again for each whitening.
+    model; of the rows of all runs some are `streamed`: read a part at a time, again for each whitening. Of
+    several components in a case rows, columns and runs are those of all, and candidates stand for the mean
+    number of models of one.
     """
 
     rows: int
     columns: int
-    candidates: int
+    candidates: float
     runs: int
     streamed: int = 0
+    components: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +117,15 @@ NEEDS_ROWS = "it needs every row at every step, and a run that is read a part at
 
 
 def rungs_for(size: Size) -> tuple[RungName, ...]:
-    """Rungs that a problem can be put to, from the cheapest: not every one takes runs that are streamed.
+    """Rungs that a problem can be put to, from the cheapest: not every one takes streamed runs, or a case.
 
     Examples
     --------
     >>> rungs_for(Size(rows=10_000_000, columns=20, candidates=17, runs=1, streamed=10_000_000))[-1]
     'full'
     """
-    return tuple(rung.name for rung in LADDER if rung.name != "raw" or not size.streamed)
+    out = (*(("raw",) if size.streamed else ()), *(AT_ONCE if size.components > 1 else ()))
+    return tuple(rung.name for rung in LADDER if rung.name not in out)
 
 
 def rung_of(name: str) -> Rung:

@@ -52,7 +52,7 @@ FEATURES: Mapping[str, Callable[[Size], float]] = {
     "blocks": _blocks,
     "rows": lambda s: float((s.rows - s.streamed) * s.columns),
     "streamed": lambda s: float(s.streamed * s.columns),
-    "models": lambda s: 2.0 ** min(s.candidates, LARGEST),
+    "models": lambda s: s.components * 2.0 ** min(s.candidates, LARGEST),
     "every": _every,
 }
 """What the seconds of a rung are a sum over."""

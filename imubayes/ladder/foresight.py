@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import reduce
+from functools import cache, reduce
 
 import numpy as np
 from scipy.special import expit, logit
@@ -107,12 +107,18 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
     mean, sd = (moments[:p] for moments in posterior(reduce(add, usual), ready.prior.sd))
     odds = _odds(found, mean / sd, sd / ready.prior.sd[:p])
     shift, turn = np.zeros(p), np.zeros(p)
+
+    @cache
+    def others(k: int) -> list[Factor]:
+        rest = [*usual[:k], *usual[k + 1 :]]
+        return [reduce(add, rest)] if rest else []
+
     for k, away in _steps(ready):
         found_here = np.array([noises[k].N, noises[k].B, noises[k].K])
         for sign in (1.0, -1.0):
             noise = Noise(*(found_here * np.exp(sign * away)).tolist())
-            moved = [*usual[:k], _factor(blocks[k], noise, names), *usual[k + 1 :]]
-            m, s = (moments[:p] for moments in posterior(reduce(add, moved), ready.prior.sd))
+            moved = _factor(blocks[k], noise, names)
+            m, s = (moments[:p] for moments in posterior(reduce(add, others(k), moved), ready.prior.sd))
             shift += 0.5 * (m - mean)
             gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
             turn += 0.5 * (expit(odds + gained) - found.inclusion)
@@ -156,11 +162,11 @@ def _chain_error(ground: Ground, found: Answer) -> Foresight:
 
 def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
     """Largest sd over the draws of the noise: of a coefficient, in posterior sd, and of an inclusion."""
-    p, models = len(found.names), found.selection.models
+    p, models = len(found.names), [one.models for one in found.selections]
     means = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.posterior.noises])
-    if len(means) < 2 or not models.parts:
+    if len(means) < 2 or not all(one.parts for one in models):
         return 0.0, 0.0
-    inclusions = np.array([part.inclusion for _, part in models.parts])
+    inclusions = np.hstack([[part.inclusion for _, part in one.parts] for one in models])
     return float(np.max(means.std(axis=0) / found.full_sd)), float(np.max(inclusions.std(axis=0)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,6 +15,7 @@ from imubayes.campaign.fidelity import RungName, Size
 from imubayes.campaign.preparation import Prepared, component_prior, prepare
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
+from imubayes.inference.case import Case
 from imubayes.inference.mcmc.chains import Chains, NoiseDraw
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
@@ -21,6 +23,7 @@ from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
+from imubayes.selection.enumerate import LARGEST
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
@@ -36,15 +39,16 @@ what was climbed before."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """One component, its runs, and what a wrong choice costs.
+    """One component and its runs, or a case of several, and what a wrong choice costs.
 
     Attributes
     ----------
     spec : of the sensor.
-    runs : of the component, with known inputs.
-    prior : of every term of the library, SI.
+    runs : of the component, with known inputs; none of a case.
+    prior : of every term of the library, or of every column of a case, SI.
     costs : of a term kept that is zero, and of one dropped that is not.
     hierarchical : whether a term may only be in a model that has what it modifies.
+    case : of several components, linearised; None for one component.
     """
 
     spec: SensorSpec
@@ -52,6 +56,7 @@ class Problem:
     prior: ScalePrior
     costs: Costs = EQUAL
     hierarchical: bool = False
+    case: Case | None = None
 
     @property
     def library(self) -> Library:
@@ -72,14 +77,15 @@ def problem_of(
     if free or not runs:
         what = f"run '{free[0]}' is one of several components" if free else "there is no run"
         raise InputError(
-            f"sensor '{spec.id}': {what}, and the ladder of methods takes runs of one component with known"
-            " inputs: use --method in place of --budget or --accuracy"
+            f"sensor '{spec.id}': {what}, and methods are traded on runs of one component with known inputs"
         )
     return Problem(spec, tuple(runs), component_prior(spec, runs)[0], costs, hierarchical)
 
 
 def size_of(problem: Problem) -> Size:
     """What the time of every rung depends on, from the inputs alone."""
+    if problem.case is not None:
+        return _size_of_case(problem.case)
     moved = {name for run in problem.runs for name, values in run.extremes.items() if np.any(values != 0.0)}
     terms, reference = problem.library.terms, problem.spec.reference
     own = zip(problem.library.carriers, terms, strict=True)
@@ -90,6 +96,22 @@ def size_of(problem: Problem) -> Size:
         candidates=len({leader for leader, term in own if all(f.channel in moved for f in term.factors)}),
         runs=len(problem.runs),
         streamed=sum(run.samples for run in problem.runs if run.stream is not None),
+    )
+
+
+def _size_of_case(case: Case) -> Size:
+    reach, runs = case.summary.reach, case.summary.runs
+    moved = [
+        {name for name in one.library.carriers if reach[f"{one.name}.{name}"]} for one in case.components
+    ]
+    models = sum(2.0 ** min(len(names), LARGEST) for names in moved) / len(moved)
+    return Size(
+        rows=sum(run.samples for run in runs),
+        columns=len(case.summary.names),
+        candidates=math.log2(models),
+        runs=len(runs),
+        streamed=sum(rows.samples for rows in case.rows if rows.stream is not None),
+        components=len(case.components),
     )
 
 
@@ -189,20 +211,20 @@ class Posterior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What a rung says of one component.
+    """What a rung says of one component, or of those of a case.
 
     Attributes
     ----------
     posterior : of the noise.
-    selection : the decision, in the form that the report shows. Every rung gives one: of the cheap ones its
-        means, inclusions and verdicts are those of the method.
-    full_mean, full_sd : (p,) coefficients under the full library, SI.
+    selections : the decision on each component, in the form that the report shows. Every rung gives one: of
+        the cheap ones its means, inclusions and verdicts are those of the method.
+    full_mean, full_sd : (p,) coefficients of all components under the full library, SI.
     ready : factor, rows and prior that it rests on; None of a method that has no use for them.
     seconds : that it took, from rows to decision.
     """
 
     posterior: Posterior
-    selection: Selection
+    selections: tuple[Selection, ...]
     full_mean: FloatArray
     full_sd: FloatArray
     ready: Prepared | None = None
@@ -214,40 +236,53 @@ class Answer:
         return self.posterior.rung
 
     @property
+    def selection(self) -> Selection:
+        """Decision on the one component."""
+        (only,) = self.selections
+        return only
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Of the p terms of the library, in its order."""
-        return tuple(term.name for term in self.selection.terms)
+        """Of the p terms of all components, in the order of the columns."""
+        return tuple(name for one in self.selections for name in one.columns)
 
     @property
     def model(self) -> tuple[str, ...]:
-        """Terms that are kept."""
+        """Terms of the one component that are kept."""
         return self.selection.model
 
     @property
     def mean(self) -> FloatArray:
         """Coefficients (p,) averaged over models, SI."""
-        return np.array([term.mean for term in self.selection.terms])
+        return np.array([term.mean for one in self.selections for term in one.terms])
 
     @property
     def inclusion(self) -> FloatArray:
         """Probability (p,) of each term; of a method that gives none, 0 or 1."""
-        return np.array([term.inclusion for term in self.selection.terms])
+        return np.array([term.inclusion for one in self.selections for term in one.terms])
 
 
-def answer_of(found: Posterior, selection: Selection, ready: Prepared | None) -> Answer:
-    """Answer that says what a decision says, of the full library what the noise's posterior does."""
-    p = len(selection.terms)
-    full = np.array([(term.full_mean, term.full_sd) for term in selection.terms]).T
-    mean, sd = full if found.moments is None else (values[:p] for values in found.moments)
-    return Answer(found, selection, mean, sd, ready)
+def answer_of(found: Posterior, selections: Sequence[Selection], ready: Prepared | None) -> Answer:
+    """Answer that says what decisions say, of the full library what the noise's posterior does."""
+    full = np.array([(term.full_mean, term.full_sd) for one in selections for term in one.terms]).T
+    mean, sd = full if found.moments is None else (values[: full.shape[1]] for values in found.moments)
+    return Answer(found, tuple(selections), mean, sd, ready)
 
 
 def decided(ground: Ground, found: Posterior) -> Answer:
-    """Decision on the one component from every submodel, weighed over the noise's posterior."""
+    """Decision on every component from every submodel, weighed over the noise's posterior."""
     ready, problem = prepared(ground), ground.problem
+    asked, summary = asked_of(problem, found), ready.summary
     where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
-    ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")
-    return answer_of(found, select(ready.summary, ready.prior, **asked_of(problem, found)), ready)
+    if problem.case is None:
+        ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")
+        return answer_of(found, [select(summary, ready.prior, **asked)], ready)
+    selections = []
+    for one in problem.case.components:
+        ground.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name} at {where}")
+        own = replace(summary, library=one.library, facts=one.facts)
+        selections.append(select(own, ready.prior, component=one.name, **asked))
+    return answer_of(found, selections, ready)
 
 
 def asked_of(problem: Problem, found: Posterior) -> dict[str, Any]:

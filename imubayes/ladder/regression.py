@@ -103,7 +103,7 @@ def means(ground: Ground) -> Answer:
     why = f"by BIC on {f.n} dwell means, whose noise is taken as white"
     noise = [(scale * math.sqrt(float(d.means.rows.duration.mean())), 0.0, 0.0) for d in dwells]
     found = Posterior("means", np.array(noise))
-    return answer_of(found, selection_of(Basis(problem, reach, seen, _full(f), why), models), None)
+    return answer_of(found, [selection_of(Basis(problem, reach, seen, _full(f), why), models)], None)
 
 
 def sparse(ground: Ground) -> Answer:
@@ -118,7 +118,7 @@ def sparse(ground: Ground) -> Answer:
     why = "of the models along one path, so that 0 and 1 are a choice and no probability"
     models = _chosen(ready, scale, problem.hierarchical)
     found = Posterior("sparse", estimated_noise(ready))
-    return answer_of(found, selection_of(Basis(problem, reach, seen, full, why), models), ready)
+    return answer_of(found, [selection_of(Basis(problem, reach, seen, full, why), models)], ready)
 
 
 def by_bic(f: Factor, hierarchical: bool = False) -> Models:

@@ -9,7 +9,16 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from imubayes.campaign.fidelity import LADDER, NEEDS_ROWS, Choice, CostLaw, RungName, rung_of, rungs_for
+from imubayes.campaign.fidelity import (
+    AT_ONCE,
+    LADDER,
+    NEEDS_ROWS,
+    Choice,
+    CostLaw,
+    RungName,
+    rung_of,
+    rungs_for,
+)
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.summary import Summary
 from imubayes.ladder.averaged import averaged, plug_in
@@ -20,8 +29,8 @@ from imubayes.ladder.regression import means, sparse
 from imubayes.ladder.sampled import collapsed, full, raw
 from imubayes.units import counted
 
-AT_ONCE: Mapping[str, Callable[[Ground], Answer]] = {"means": means, "sparse": sparse}
-"""Rungs that decide on their way, of one component with known inputs."""
+DECIDING: Mapping[str, Callable[[Ground], Answer]] = dict(zip(AT_ONCE, (means, sparse), strict=True))
+"""What decides on its way."""
 
 POSTERIORS: Mapping[RungName, Callable[[Ground], Posterior]] = {
     "plug-in": plug_in,
@@ -94,9 +103,9 @@ def posterior_by(wanted: str, ground: Ground) -> tuple[Posterior, str]:
 
 
 def by_method(wanted: str, ground: Ground) -> tuple[Answer, str]:
-    """Answer of a method on one component, and why by that one."""
-    if wanted in AT_ONCE:
-        return AT_ONCE[wanted](ground), f"the method {wanted} was asked for"
+    """Answer of a method, and why by that one."""
+    if wanted in AT_ONCE and ground.problem.case is None:
+        return DECIDING[wanted](ground), f"the method {wanted} was asked for"
     found, reason = posterior_by(wanted, ground)
     return decided(ground, found), reason
 
@@ -114,7 +123,7 @@ def stand(rung: RungName, ground: Ground) -> Answer:
     shares = {"means": (), "raw": ("factor", "full")}.get(rung, ("factor", rung))
     done = sum(ground.shared[part][1] for part in shares if part in ground.shared)
     start = time.perf_counter()
-    found = AT_ONCE[name](ground) if name in AT_ONCE else decided(ground, POSTERIORS[name](ground))
+    found = DECIDING[name](ground) if name in AT_ONCE else decided(ground, POSTERIORS[name](ground))
     return replace(found, seconds=time.perf_counter() - start + done)
 
 
@@ -123,13 +132,14 @@ def by_budget(ground: Ground, budget: float, law: CostLaw) -> tuple[Answer, Choi
 
     Parameters
     ----------
-    ground : of one component.
+    ground : of one component, or of a case, whose linearisation is on the budget too.
     budget : s. Chains end in time, whether they have converged or not.
     law : what the rungs take on this machine (see `imubayes.ladder.costs.calibrate`).
     """
-    start, size = time.perf_counter(), size_of(ground.problem)
-    rung = within(budget, size, law)
-    spare = max(budget - 0.5 * foreseen(rung, size, law), 0.5 * budget)  # for what is beside the chains
+    start, size = time.perf_counter() - _spent(ground), size_of(ground.problem)
+    left = max(budget - _spent(ground), 0.0)
+    rung = within(left, size, law)
+    spare = max(left - 0.5 * foreseen(rung, size, law), 0.5 * left)  # for what is beside the chains
     ground = replace(ground, limits=replace(ground.limits, time_limit=min(ground.limits.time_limit, spare)))
     try:
         found = stand(rung, ground)
@@ -144,14 +154,15 @@ def by_accuracy(ground: Ground, accuracy: float, law: CostLaw) -> tuple[Answer, 
 
     Parameters
     ----------
-    ground : of one component.
+    ground : of one component, or of a case.
     accuracy : in posterior sd, of averaged and full-library coefficients alike.
     law : what the rungs take on this machine.
     """
-    start = time.perf_counter()
-    found = stand(NAMES[0], ground)
+    start = time.perf_counter() - _spent(ground)
+    first, *above = rungs_for(size_of(ground.problem))
+    found = stand(first, ground)
     steps: list[tuple[RungName, float, float]] = [(found.rung, 0.0, 0.0)]
-    for name in rungs_for(size_of(ground.problem))[1:]:
+    for name in above:
         try:
             below, found = found, stand(name, ground)
         except ConvergenceError:  # and so it is with the rungs above
@@ -181,10 +192,15 @@ def _choice(
         rung=found.rung,
         asked=asked,
         seconds=time.perf_counter() - start,
-        foreseen=foreseen(found.rung, size, law),
+        foreseen=_spent(ground) + foreseen(found.rung, size, law),
         climbed=(),
         next_rung=above[0] if above else None,
         next_seconds=foreseen(above[0], size, law) if above else 0.0,
         next_change=ahead,
         next_reason=why,
     )
+
+
+def _spent(ground: Ground) -> float:
+    """Seconds that a case took before any rung."""
+    return ground.shared["factor"][1] if ground.problem.case else 0.0

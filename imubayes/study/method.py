@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra import factor as algebra
+from imubayes.campaign.fidelity import Choice
 from imubayes.campaign.preparation import (
     Prepared,
     before_fit,
@@ -36,7 +37,7 @@ from imubayes.campaign.study import (
 from imubayes.errors import UnobservableError
 from imubayes.inference.case import Case, rows_at_rest
 from imubayes.inference.drift import Drift, drift_of
-from imubayes.inference.linear import drive, linear_of
+from imubayes.inference.linear import Linear, drive, linear_of
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
@@ -46,16 +47,16 @@ from imubayes.inference.stills import STILLS
 from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import (
+    Answer,
     Ground,
     Posterior,
     Problem,
-    asked_of,
     ground_of,
     plainly_prepared,
     problem_of,
     size_of,
 )
-from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, posterior_by
+from imubayes.ladder.rungs import by_accuracy, by_budget, by_method
 from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.checks import faults
@@ -67,9 +68,8 @@ from imubayes.selection.decision import (
     over_record,
     posterior_draws,
     prior_draws,
-    select,
 )
-from imubayes.selection.noise_choice import processes_of
+from imubayes.selection.noise_choice import NoiseFound, processes_of
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.terms import Library
 from imubayes.study.scenes import required
@@ -111,10 +111,7 @@ def run(
             warn(f"{spec.id}: {fault}")
         with _named(spec):
             quicker(_quicker(job, runs))
-            if study.sampling.climbs:
-                found = [_on_ladder(job, runs)]
-            else:
-                found = _case(job, runs) if runs[0].of_case else [_single(job, runs)]
+            found = _case(job, runs) if runs[0].of_case else [_single(job, runs)]
             results.append((spec, found))
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
@@ -135,7 +132,7 @@ def _stills(runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def _quicker(job: _Job, runs: Sequence[Run]) -> str:
-    """Say what a budget would give; empty where there is no choice of methods."""
+    """Say what a budget would give; empty of a case, whose size only its linearisation tells."""
     if runs[0].of_case or job.study.sampling.climbs:
         return ""
     size, law = size_of(problem_of(job.spec, runs)), known_law()
@@ -238,16 +235,38 @@ def _ground(job: _Job, problem: Problem) -> Ground:
     return ground_of(problem, job.rng, job.tell, limits)
 
 
-def _problem(job: _Job, runs: Sequence[Run]) -> Problem:
-    return problem_of(job.spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
+def _answered(job: _Job, ground: Ground) -> tuple[Answer, Choice | None, str]:
+    """Answer of the method that the study asks for, or its budget or accuracy; which was taken, and why."""
+    sampling = job.study.sampling
+    if not sampling.climbs:
+        found, reason = by_method(sampling.method, ground)
+        return found, None, reason
+    law = calibrate(job.tell)
+    if sampling.budget is not None:
+        found, choice = by_budget(ground, sampling.budget, law)
+    else:
+        found, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
+    return found, choice, f"{choice.asked} was asked for"
 
 
 def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
-    """Characterise one component with known inputs."""
+    """Characterise one component with known inputs.
+
+    What a budget is short of is left out: other methods, residuals, what the library lacks.
+    """
     start, spec = time.perf_counter(), job.spec
-    ground = _ground(job, _problem(job, runs))
-    found, reason = by_method(job.study.sampling.method, ground)
+    ground = _ground(job, problem_of(spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical))
+    found, choice, reason = _answered(job, ground)
     ready = found.ready or plainly_prepared(ground.problem)
+    told, processes = _Findings(found.selection, (), None, None), ()
+    if choice is None:
+        told, processes = _looked_at(job, ready, found)
+    result = _result(job, spec.id, ready, found.posterior, told, time.perf_counter() - start)
+    return replace(result, processes=processes, choice=choice, method_reason=reason)
+
+
+def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tuple[NoiseFound, ...]]:
+    """What is said of one component beside the decision, and which processes its noise shows."""
     job.tell("residuals")
     theta, cov = loose_fit(ready.summary, ready.prior)
     checks = _checks(job, ready, theta, cov)
@@ -256,69 +275,54 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     told = _drifting(job, ready, _Findings(found.selection, checks, panel, _misfit(job, ready, inputs)))
     # an average no longer shows the quantization that it is made for
     fine = [
-        rows if run.record is None or ready.summary.extras else linear_of(run.record, spec.library)
+        rows if run.record is None or ready.summary.extras else linear_of(run.record, job.spec.library)
         for run, rows in zip(ready.runs, ready.rows, strict=True)
     ]
-    processes = processes_of(job.study.noise, fine, spec.sensor_class, theta=theta, **_told_to(job))
-    result = _result(job, spec.id, ready, found.posterior, told, time.perf_counter() - start)
-    return replace(result, processes=processes, method_reason=reason)
-
-
-def _on_ladder(job: _Job, runs: Sequence[Run]) -> SensorResult:
-    """Characterise one component with known inputs by the rung that a budget or an accuracy asks for.
-
-    What a budget is short of is left out: other methods, residuals, what the library lacks.
-    """
-    start, sampling = time.perf_counter(), job.study.sampling
-    ground, law = _ground(job, _problem(job, runs)), calibrate(job.tell)
-    if sampling.budget is not None:
-        found, choice = by_budget(ground, sampling.budget, law)
-    else:
-        found, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
-    ready = found.ready or plainly_prepared(ground.problem)
-    told = _Findings(found.selection, (), None, None)
-    result = _result(job, job.spec.id, ready, found.posterior, told, time.perf_counter() - start)
-    return replace(result, choice=choice, method_reason=f"{choice.asked} was asked for")
+    asked = _told_to(job)
+    return told, processes_of(job.study.noise, fine, job.spec.sensor_class, theta=theta, **asked)
 
 
 def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
-    """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU."""
+    """Characterise the components of a case: the accelerometers of a free tumble, or the six of an IMU.
+
+    A budget is that of all of them, who share its method; what it is short of is left out as of one.
+    """
     start, spec, study = time.perf_counter(), job.spec, job.study
     job.tell("stills, noise and linearisation")
     case, ready = prepare_case(spec, runs, job.rng)
-    ground = _ground(job, Problem(spec, (), ready.prior, study.costs, study.hierarchical))
-    ground.shared["factor"] = (ready, 0.0)
-    posterior, reason = posterior_by(study.sampling.method, ground)
-    told = _components(job, case, ready, asked_of(ground.problem, posterior), posterior.chains)
+    ground = _ground(job, Problem(spec, (), ready.prior, study.costs, study.hierarchical, case))
+    ground.shared["factor"] = (ready, time.perf_counter() - start)
+    found, choice, reason = _answered(job, ground)
+    told = [_Findings(selection, (), None, None) for selection in found.selections]
+    resting: Mapping[str, Sequence[Linear]] = {}
+    if choice is None:
+        told, resting = _components(job, case, ready, found), rows_at_rest(ready.runs, case)
     selections = [one.selection for one in told]
     shared = of_case(spec, case, ready, selections, [one.bias is not None for one in told])
     pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
-    resting, asking = rows_at_rest(ready.runs, case), _told_to(job)
     seconds = (time.perf_counter() - start) / len(told)
-    results = []
+    results, asking = [], _told_to(job)
     for one, said, fields in zip(case.components, told, shared, strict=True):
         kind = one.library.kind
         own = replace(job, spec=spec.of(kind))
-        found = _result(own, f"{spec.id}.{one.name}", _part(ready, one.parts), posterior, said, seconds)
-        noises = processes_of(study.noise, resting[one.name], own.spec.sensor_class, **asking)
-        results.append(replace(found, processes=noises, method_reason=reason, pooled=pooled[kind], **fields))
+        part = _part(ready, one.parts)
+        result = _result(own, f"{spec.id}.{one.name}", part, found.posterior, said, seconds)
+        noises = processes_of(study.noise, resting.get(one.name, ()), own.spec.sensor_class, **asking)
+        told_of = {"processes": noises, "pooled": pooled[kind], **fields}
+        results.append(replace(result, choice=choice, method_reason=reason, **told_of))
     return results
 
 
-def _components(
-    job: _Job, case: Case, ready: Prepared, asked: dict[str, Any], chains: Chains | None
-) -> list[_Findings]:
+def _components(job: _Job, case: Case, ready: Prepared, found: Answer) -> list[_Findings]:
     """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
     root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
     checks = _checks(job, ready, case.theta, root @ root.T)
     told: list[_Findings] = []
-    for one in case.components:
-        job.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name}")
+    for one, selection in zip(case.components, found.selections, strict=True):
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
-        selection = select(own.summary, own.prior, component=one.name, **asked)
-        panel = _panel(job, own, chains, selection, one.parts)
+        panel = _panel(job, own, found.posterior.chains, selection, one.parts)
         said = _Findings(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts])
         told.append(_drifting(job, _part(ready, one.parts), said))
     return told

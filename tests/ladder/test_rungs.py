@@ -115,7 +115,7 @@ def test_free_tumbles_are_told_where_to_go():
     run = one.runs[0]
     output = np.zeros((len(run.output), 3))
     free = Run("free", "free-tumble", Inputs(run.inputs.t, {}, 1.0), output, run.source, gravity=9.8)
-    with pytest.raises(InputError, match=r"'free' is one of several components.*--method"):
+    with pytest.raises(InputError, match=r"'free' is one of several components.*one component with known"):
         problem_of(one.spec, [free])
 
 

@@ -114,6 +114,31 @@ def test_a_rung_of_one_component_is_refused_for_several(command, tmp_path):
     assert ended.code == 2 and "means takes runs of one component" in ended.words
 
 
+def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_all(command, tmp_path):
+    path = tmp_path / "imu.toml"
+    path.write_text(IMU)
+    hurried, report, shown = _run(command, path, "--budget", "10 us")
+    usual = _run(command, path, "--method", "plug-in")[0]
+    assert [one["id"][-2:] for one in hurried["sensors"]] == ["ax", "ay", "az", "gx", "gy", "gz"]
+    for one, other in zip(hurried["sensors"], usual["sensors"], strict=True):
+        choice = one["choice"]
+        assert (choice["rung"], choice["next"]["rung"], choice["met"]) == ("plug-in", "averaged", False)
+        assert one["terms"] == other["terms"] and one["calibration"] == other["calibration"]
+        assert other["residuals"] and not one["residuals"]
+    for text in (shown, " ".join(report.split())):
+        assert "the cheapest: none fits a budget of 1e-05 s" in text
+        assert "Left out for the sake of time: the residual checks" in text
+
+
+def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(command, tmp_path):
+    path = tmp_path / "imu.toml"
+    path.write_text(IMU)
+    result = _run(command, path, "--accuracy", "1e9")[0]
+    for one in result["sensors"]:
+        assert [step["rung"] for step in one["choice"]["climbed"]] == ["plug-in", "averaged"]
+        assert one["choice"]["met"] and one["method"] == "averaged"
+
+
 @pytest.mark.slow
 def test_the_noise_of_a_case_is_averaged_over_as_that_of_one_component(command, tmp_path):
     path = tmp_path / "imu.toml"
