@@ -11,14 +11,15 @@
     │   └── UnobservableError  too few rows or no information; carries the terms
     └── ConvergenceError       an iteration that did not settle; carries the estimate so far
 
-`Place` names a key of a file, and `said` what pydantic found there.
+`Place` names a key of a file, `said` what pydantic found there, and `hint` what was meant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 
@@ -122,3 +123,15 @@ def said(error: Mapping[str, Any]) -> str:
     message = error["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     message = message.replace("a valid integer", "an integer").replace("a valid ", "a ")
     return f"{message[:1].lower()}{message[1:]}, came {shown(error['input'])}"
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """Suggest what was meant.
+
+    Examples
+    --------
+    >>> hint("powrs", ["powers", "asymmetry"]), hint("x", ["powers", "asymmetry"])
+    ("did you mean 'powers'?", 'expected one of powers, asymmetry')
+    """
+    near = get_close_matches(name, known, n=1)
+    return f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(known)}"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,7 +16,7 @@ import typer
 
 from imubayes.campaign.fidelity import METHODS
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
-from imubayes.errors import ConvergenceError, InputError, TermError
+from imubayes.errors import ConvergenceError, InputError, TermError, hint
 
 if TYPE_CHECKING:
     from imubayes.cli.kinds import Done
@@ -268,7 +267,5 @@ def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
     found = [entry for entry in known if entry.id == name]
     if not found:
         ids = dict.fromkeys(entry.id for entry in known)
-        near = get_close_matches(name, ids, n=1)
-        hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(ids)}"
-        raise TermError(f"class '{name}' is not in the catalogue: {hint}")
+        raise TermError(f"class '{name}' is not in the catalogue: {hint(name, ids)}")
     return found

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes import units
-from imubayes.errors import StudyError, UnitError
+from imubayes.errors import StudyError, UnitError, hint
 from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import (
     COEFFICIENT_KEYS,
@@ -154,8 +154,8 @@ def _whole(id: str, known: Mapping[str, Table], where: str, above: tuple[str, ..
     like = table["like"]
     if like not in known:
         near = get_close_matches(like, known)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(known)}"
-        raise StudyError(f"{where}.{id}.like: there is no class '{like}': {hint}")
+        meant = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(known)}"
+        raise StudyError(f"{where}.{id}.like: there is no class '{like}': {meant}")
     if like in (*above, id):
         circle = " like ".join((*above, id, like))
         raise StudyError(f"{where}.{id}.like: a circle ({circle}): one of them must state all its figures")
@@ -321,9 +321,7 @@ def _refuse_unknown(table: Table, known: Iterable[str], where: str) -> None:
     expected = tuple(known)
     for key in table:
         if key not in expected:
-            near = get_close_matches(key, expected, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(expected)}"
-            raise StudyError(f"{where}: '{key}' is not a key here: {hint}")
+            raise StudyError(f"{where}: '{key}' is not a key here: {hint(key, expected)}")
 
 
 def _is_number(value: object) -> bool:

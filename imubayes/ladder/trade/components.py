@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from imubayes.campaign.fidelity import LADDER, RungName, rung_of
 from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Mission, SensorSpec, Study
-from imubayes.errors import InputError
+from imubayes.errors import InputError, hint
 from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, problem_of
 from imubayes.population.lots import LotStudy, lot_of, spec_of
@@ -189,6 +188,4 @@ def unit_of(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -
 def _check_named(only: Collection[str], known: Sequence[str], what: str) -> None:
     for name in only:
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(known)}"
-            raise InputError(f"no {what} of the study is called '{name}': {hint}")
+            raise InputError(f"no {what} of the study is called '{name}': {hint(name, known)}")

@@ -11,7 +11,6 @@ import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
-from difflib import get_close_matches
 from types import UnionType
 from typing import (
     Annotated,
@@ -29,7 +28,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.dataclasses import dataclass
 
 from imubayes import units
-from imubayes.errors import MISSING, Place, said, shown
+from imubayes.errors import MISSING, Place, hint, said, shown
 
 _Shape = TypeVar("_Shape")
 
@@ -227,15 +226,3 @@ def unique(names: Sequence[str], key: str, place: Place) -> None:
         if name in names[:k]:
             first = place.at(names.index(name)).key
             raise place.at(k, key).error(f"'{name}' is the {key} of {first} already: expected another")
-
-
-def hint(key: str, known: Sequence[str]) -> str:
-    """Suggest what was meant.
-
-    Examples
-    --------
-    >>> hint("powrs", ["powers", "asymmetry"]), hint("x", ["powers", "asymmetry"])
-    ("did you mean 'powers'?", 'expected one of powers, asymmetry')
-    """
-    near = get_close_matches(key, known, n=1)
-    return f"did you mean '{near[0]}'?" if near else f"expected one of {', '.join(known)}"
