@@ -1,9 +1,8 @@
-"""The include/exclude tree against brute force, and against R's best subsets. Coefficients of submodels and
-integrals over g, each by a second route."""
+"""The include/exclude tree against brute force. Coefficients of submodels and integrals over g, each by a
+second route."""
 
 from __future__ import annotations
 
-import csv
 import math
 
 import numpy as np
@@ -94,31 +93,6 @@ def test_bit_j_of_a_mask_is_column_j(seed, p):
 def test_without_columns_the_only_model_leaves_everything():
     rss, log_det = walk(np.array([[-3.0]]))
     assert (rss.tolist(), log_det.tolist()) == ([9.0], [0.0])
-
-
-def _leaps(references, name: str) -> tuple[list[dict[str, str]], np.ndarray, np.ndarray]:
-    """R's table of subsets; rss and size by mask, from the tree behind the constant."""
-    with (references / f"leaps/leaps_{name}.csv").open(newline="") as file:
-        table = list(csv.DictReader(file))
-    rows = np.loadtxt(references / f"bms/{name}.csv", delimiter=",", skiprows=1)
-    X = np.column_stack((np.ones(len(rows)), rows[:, 1:]))
-    R = factor_of(X, rows[:, 0], ["1", *(f"X{j}" for j in range(1, X.shape[1]))]).R
-    rss, _ = walk(np.ascontiguousarray(R[1:, 1:]))
-    return table, rss, sizes(X.shape[1] - 1)
-
-
-@pytest.mark.parametrize("name", ["attitude", "hald"])
-def test_tree_has_the_subsets_of_leaps_and_the_best_of_every_size(references, name):
-    """Residual sum of squares of R 4.2.2, leaps, for every subset it lists."""
-    table, rss, size = _leaps(references, name)
-    assert {int(row["size"]) for row in table} == set(range(1, len(table[0]["gamma"]) + 1))
-    for row in table:
-        mask = sum(1 << j for j, bit in enumerate(row["gamma"]) if bit == "1")
-        assert size[mask] == int(row["size"])
-        assert rss[mask] == pytest.approx(float(row["rss"]), rel=1e-10), row["gamma"]
-    for k in {int(row["size"]) for row in table}:
-        best = min(float(row["rss"]) for row in table if int(row["size"]) == k)
-        assert rss[size == k].min() == pytest.approx(best, rel=1e-10)
 
 
 def _small_problem(seed: int, p: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

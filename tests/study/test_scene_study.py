@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
-from imubayes.reporting.document import report_html, write_results
+from imubayes.reporting.document import write_results
 from imubayes.reporting.export import exported
 from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import columns
@@ -119,13 +119,6 @@ def test_files_hold_the_scenes_and_the_standards(result, tmp_path):
     assert {"name", "rms", "share_of_budget"} <= set(document["scenes"][0]["terms"][0])
     standards = document["sensors"][0]["standards"]
     assert [row["symbol"] for row in standards["ieee1293"]["values"]][:2] == ["K1", "K0"]
-
-
-def test_report_has_a_section_for_the_scenes(result):
-    html = report_html(result)
-    assert 'href="#s1-scene"' in html and 'id="s1-scene"' in html
-    assert "ACC in flight (40 s, budget" in html
-    assert 'aria-label="ACC in flight"' in html and 'aria-label="ACC in quadrotor"' in html
 
 
 def test_same_study_gives_the_same_scenes(result, folder):
