@@ -212,7 +212,10 @@ def prepare_case(
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
     else:
         asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
-        case = solve_free_tumble(runs, asked, gravity=_gravity(spec))
+        if _referenced(spec):
+            case = _of_sections(spec, runs, asked)
+        else:
+            case = solve_free_tumble(runs, asked, gravity=_gravity(spec))
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
@@ -240,8 +243,13 @@ def _imu_case(
     if known:
         return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)
     if runs[0].procedure == FERRARIS:
-        return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
+        return _of_sections(spec, runs, *asked)
     return solve_imu_tumble(runs, *asked, gravity=_gravity(spec))
+
+
+def _of_sections(spec: SensorSpec, runs: Sequence[Run], *asked: Asked) -> Case:
+    """Characterise what has known positions and turns."""
+    return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
 
 
 def _referenced(spec: SensorSpec) -> bool:

@@ -52,38 +52,36 @@ class _Piece:
 
 def solve_ferraris(
     runs: Sequence[Run],
-    accelerometer: Asked,
-    gyroscope: Asked,
-    *,
+    *asked: Asked,
     gravity: Extra | None = None,
     fixture: float | None = None,
 ) -> Case:
-    """Characterise the six components of an IMU from known positions and turns.
+    """Characterise the six components of an IMU, or accelerometers alone, from known positions and turns.
 
     Parameters
     ----------
     runs : of one IMU, with sections.
-    accelerometer, gyroscope : what is asked of the components of each kind; priors are of whole triads
+    asked : of the accelerometers, and of the gyroscopes where there are some; priors are of whole triads
         (``triad_of(lib, referenced=True)``).
     gravity : error of the local gravity, if it is allowed for.
     fixture : sd, rad, of the rotation of the case in each section about each axis across it, if allowed for.
 
     Raises
     ------
-    UnobservableError : if a run has no position at rest, or none has a turn.
+    UnobservableError : if a run has no position at rest, or there is no turn for gyroscopes.
     """
     _check(runs)
     extras = (*_tilts(runs, fixture), *(() if gravity is None else (gravity,)))
-    sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
-    triads = [triad_of(asked.library, referenced=True) for asked in (accelerometer, gyroscope)]
-    names = (*triads[0].names, *triads[1].names, *(extra.name for extra in extras))
+    sd = np.concatenate((*(one.prior.sd for one in asked), [extra.sd for extra in extras]))
+    triads = [triad_of(one.library, referenced=True) for one in asked]
+    names = (*(name for triad in triads for name in triad.names), *(extra.name for extra in extras))
     heard = [
-        (run, triad, k, asked)
-        for triad, asked in zip(triads, (accelerometer, gyroscope), strict=True)
+        (run, triad, k, one)
+        for triad, one in zip(triads, asked, strict=True)
         for k in range(len(triad.components))
         for run in runs
     ]
-    told = [_told(run, triad, k, asked, (extras, names)) for run, triad, k, asked in heard]
+    told = [_told(run, triad, k, one, (extras, names)) for run, triad, k, one in heard]
     facts = {
         name: Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY)
         for triad in triads
@@ -117,8 +115,11 @@ def _check(runs: Sequence[Run]) -> None:
     for run in runs:
         if all(section.angle for section in run.sections):
             raise UnobservableError(f"run '{run.name}' has no position at rest: add sections without a turn")
-    if not any(section.angle for run in runs for section in run.sections):
+    turned = any(section.angle for run in runs for section in run.sections)
+    if runs[0].rate.size and not turned:
         raise UnobservableError("no section is a turn: gyroscopes need one about each axis, by a known angle")
+    if turned and not runs[0].rate.size:
+        raise UnobservableError("a section is a turn, which tells accelerometers nothing: leave it out")
 
 
 def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:

@@ -190,6 +190,12 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
     """Positions, and turns by known angles."""
     still = [s for s in run.sections if not s.angle]
     turned = [s for s in run.sections if s.angle]
+    if not run.rate.size:
+        lengths = [
+            [_length(those[0].compensate(_means(run, run.force, still)), run.gravity)] for those in triads
+        ]
+        seen = [judge.spread(f"{run.name} ({name})", _times(run, still)) for name in ACCELEROMETERS]
+        return _collected(run.name, ("gravity",), lengths, [_along(seen, still)])
     values = [[*_held(run, still, those), _angles(run, turned, those)] for those in triads]
     places = [_times(run, part) for part in (still, turned)]
     of_force = [judge.spread(f"{run.name} ({name})", places[0]) for name in ACCELEROMETERS]
@@ -203,10 +209,13 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
 
 def _held(run: Run, still: Sequence[Section], triads: Triads) -> list[FloatArray]:
     """Errors of gravity (k, 1) and of rest (k, 3)."""
-    places = tuple((s.start, s.stop) for s in still)
-    force, rate = (means_of(run, values, places) for values in (run.force, run.rate))
-    f = triads[0].compensate(force)
-    return [_length(f, run.gravity), triads[1].compensate(rate, f)]
+    f = triads[0].compensate(_means(run, run.force, still))
+    return [_length(f, run.gravity), triads[1].compensate(_means(run, run.rate, still), f)]
+
+
+def _means(run: Run, values: FloatArray, still: Sequence[Section]) -> FloatArray:
+    """Means (k, a) over positions of what (n, a) components said."""
+    return means_of(run, values, tuple((s.start, s.stop) for s in still))
 
 
 def _angles(run: Run, turned: Sequence[Section], triads: Triads) -> FloatArray:

@@ -99,6 +99,16 @@ def test_session_has_the_figures_that_imucal_publishes(session):
     )
 
 
+def test_accelerometers_alone_are_those_of_the_whole_imu(session):
+    run, *_ = session
+    case, *_ = solved(run)
+    still = tuple(section for section in run.sections if not section.angle)
+    alone = solve_ferraris([replace(run, output=run.force, sections=still)], asked(0))
+    np.testing.assert_allclose(alone.theta, case.triads[0].theta, rtol=1e-9, atol=1e-12)
+    with pytest.raises(UnobservableError, match="tells accelerometers nothing"):
+        solve_ferraris([replace(run, output=run.force)], asked(0))
+
+
 def test_session_has_the_matrices_that_imucal_computes(session):
     """With exact faces: gain matrices, misalignments included."""
     imucal = pytest.importorskip("imucal")

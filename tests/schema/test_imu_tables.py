@@ -33,6 +33,8 @@ file = "both.csv"
 gravity = "9.81 m/s^2"
 """
 FERRARIS = RUN.replace("free-tumble", "ferraris")
+NO_SENSOR = HEAD.replace('kind = "imu"', 'kind = "imu"\naccept_prior_conflict = true')
+"""Of records that are only numbers."""
 
 
 def written(folder, text):
@@ -67,8 +69,8 @@ def test_two_files_on_one_clock_are_one_run(tmp_path):
     force, rate = (
         record(tmp_path / f"{n}.csv", [c]) for n, c in zip(("both", "rate"), CHANNELS, strict=True)
     )
-    path = written(tmp_path, HEAD + RUN + 'gyroscope_file = "rate.csv"\n')
-    (run,) = read_runs(path)
+    sections = 'gyroscope_file = "rate.csv"\nsections = [{ rows = [0, 40], up = "x" }]\n'
+    (run,) = read_runs(written(tmp_path, NO_SENSOR + FERRARIS + sections))
     np.testing.assert_allclose(run.force, force, rtol=1e-12)
     np.testing.assert_allclose(run.rate, np.deg2rad(rate), rtol=1e-12)
 
@@ -185,5 +187,5 @@ def test_six_components_can_be_checked_before_the_test(tmp_path):
         f'{{ rows = [{10 * k + 60}, {10 * k + 70}], up = "{up}", turn = "90 deg" }}'
         for k, up in enumerate("xyz")
     ]
-    path = written(tmp_path, HEAD + FERRARIS + f"sections = [{', '.join(parts)}]\n")
+    path = written(tmp_path, NO_SENSOR + FERRARIS + f"sections = [{', '.join(parts)}]\n")
     assert [one.id for one in check(read_study(path))] == ["A.ax", "A.ay", "A.az", "A.gx", "A.gy", "A.gz"]

@@ -60,9 +60,9 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         raise place.error(
             f"expected either file or simulate, came {'neither' if run.file is None else 'both'}"
         )
-    if run.procedure == FREE_TUMBLE and kind != "accelerometer" and not imu:
+    if run.procedure in CASES and kind != "accelerometer" and not imu:
         raise place.at("procedure").error(
-            "a free tumble calibrates an accelerometer: expected another procedure"
+            'calibrates accelerometers, or a whole IMU: expected another procedure, or kind = "imu"'
         )
     return RunSpec(
         name=run.name,
@@ -85,8 +85,6 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
 
 def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
     """Refuse what only a run of an IMU has, and what it cannot have."""
-    if not imu and run.procedure == FERRARIS:
-        raise place.at("procedure").error('positions and turns are for a whole IMU: expected kind = "imu"')
     if not imu and run.gyroscope_file is not None:
         raise place.at("gyroscope_file").error('expected it beside kind = "imu" only: leave it out')
     if (run.procedure == FERRARIS) != bool(run.sections):
@@ -163,7 +161,7 @@ def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str,
         known = IMU_CHANNELS if run.procedure in CASES else KNOWN_IMU_CHANNELS
         _refuse_component_axes(run.columns, known, place)
     else:
-        known = ("t", *TRIAD, DWELL) if run.procedure == FREE_TUMBLE else RUN_CHANNELS
+        known = ("t", *TRIAD, DWELL) if run.procedure in CASES else RUN_CHANNELS
     return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
 
 

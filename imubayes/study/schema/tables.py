@@ -222,7 +222,7 @@ class RunTable:
         "`tumble`, `centrifuge`, `rate-table`, `oscillation`, `thermal`, `static`, `other`: inputs are"
         " known. `free-tumble`: held in many positions by hand, only gravity is known; an accelerometer"
         " triad or an IMU, and no other procedure in the same sensor. `ferraris`: known positions and turns"
-        " of an IMU",
+        " of an IMU, or known positions of an accelerometer triad",
         "centrifuge",
     )
     file: Text | None = key(
