@@ -1,47 +1,13 @@
-"""Results made by hand, for the tests that print them."""
+"""A result made by hand, for the tests that print it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
-from results_found import (
-    judged_result,
-    repeatability,
-    sampled_result,
-    sensor_result,
-    study_result,
-)
+from results_found import study_result
 
-from imubayes.campaign.study import SensorResult, StudyResult
-from imubayes.population.sessions import Repeatability
+from imubayes.campaign.study import StudyResult
 
 
 @pytest.fixture
 def result() -> StudyResult:
     return study_result()
-
-
-@pytest.fixture
-def make_sensor() -> Callable[..., SensorResult]:
-    return sensor_result
-
-
-@pytest.fixture
-def make_study() -> Callable[..., StudyResult]:
-    return study_result
-
-
-@pytest.fixture
-def make_sampled() -> Callable[..., SensorResult]:
-    return sampled_result
-
-
-@pytest.fixture
-def make_judged() -> Callable[..., SensorResult]:
-    return judged_result
-
-
-@pytest.fixture
-def make_sessions() -> Callable[..., Repeatability]:
-    return repeatability

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from block_readings import panels, rows, said
+from results_found import sensor_result, study_result
 from scipy import stats
 
 from imubayes.inference.known_quantities import Recovered
@@ -42,17 +43,17 @@ def recovered(what="gravity", *, count=30, width=1, fitted=0.1 * MG, fresh=0.2 *
 
 
 @pytest.fixture
-def cased(make_sensor, make_study):
+def cased():
     """Three accelerometers of one case, with what is pooled and recovered of them, and k cases of them."""
 
     def of(*found, cases=1):
         pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86}
         sensors = [
-            replace(make_sensor(f"U{k}.a{axis}"), pooled=pooled, recovered=found)
+            replace(sensor_result(f"U{k}.a{axis}"), pooled=pooled, recovered=found)
             for k in range(cases)
             for axis in "xyz"
         ]
-        return make_study(*sensors)
+        return study_result(*sensors)
 
     return of
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from results_found import sampled_result, sensor_result
 
 from imubayes.reporting.chain_views import (
     bench_sections,
@@ -17,8 +18,8 @@ from imubayes.reporting.chain_views import (
 
 
 @pytest.mark.parametrize("sampled", [True, False])
-def test_bridge_is_held_against_the_exact_evidence_only_where_they_mean_the_same(make_sampled, sampled):
-    sensor = make_sampled()
+def test_bridge_is_held_against_the_exact_evidence_only_where_they_mean_the_same(sampled):
+    sensor = sampled_result()
     found = sensor.chains.diagnostics
     if not sampled:
         count = len(sensor.chains.names)
@@ -33,8 +34,8 @@ def test_bridge_is_held_against_the_exact_evidence_only_where_they_mean_the_same
     assert ("noise's prior costs" in told) == sampled and ("must agree" in told) != sampled
 
 
-def test_exact_component_has_no_chains(make_sensor) -> None:
-    sensor = make_sensor()
+def test_exact_component_has_no_chains() -> None:
+    sensor = sensor_result()
     assert not [*chain_sections(sensor), *bench_sections(sensor), *change_sections(sensor)]
 
 

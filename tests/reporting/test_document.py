@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from page_reading import Page, whole
+from results_found import sampled_result, sensor_result, study_result
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
@@ -17,47 +18,45 @@ from imubayes.reporting.views import MANY, MOST_DRAWN
 from imubayes.sensors.terms import library
 
 
-def test_dollar_signs_in_names_are_no_mathematics(make_sensor, make_study) -> None:
-    assert "$\\frac{" in report_html(make_study(make_sensor(runs=("$\\frac{",))))
+def test_dollar_signs_in_names_are_no_mathematics() -> None:
+    assert "$\\frac{" in report_html(study_result(sensor_result(runs=("$\\frac{",))))
 
 
-def test_report_of_eight_components_with_long_libraries_and_many_runs_stays_below_2_mb(
-    make_sensor, make_study
-) -> None:
+def test_report_of_eight_components_with_long_libraries_and_many_runs_stays_below_2_mb() -> None:
     lib = library("accelerometer", powers=3, asymmetry=2, set="extended", temperature=1)
     runs = tuple(f"mount {k}" for k in range(12))
-    study = make_study(*(make_sensor(f"IMU.{k}", lib=lib, runs=runs, misfit="mount 3") for k in range(8)))
+    study = study_result(*(sensor_result(f"IMU.{k}", lib=lib, runs=runs, misfit="mount 3") for k in range(8)))
     html = report_html(study)
     assert len(html.encode()) < 2_000_000
     whole(Page(html))
 
 
-def test_calibration_of_a_reference_free_triad_is_shown_with_its_convention(make_sensor, make_study) -> None:
+def test_calibration_of_a_reference_free_triad_is_shown_with_its_convention() -> None:
     row = {
         "scale": 2.4e-3,
         "bias": 33124.0,
         "nonorthogonality": {"m_j": -3.1e-4},
         "convention": "signs as ours",
     }
-    html = report_html(make_study(replace(make_sensor(), calibration=row)))
+    html = report_html(study_result(replace(sensor_result(), calibration=row)))
     assert "33124" in html and "−0.000310" in html and "signs as ours" in html
 
 
-def test_report_says_the_misfit_first(make_sensor, make_study) -> None:
-    html = report_html(make_study(make_sensor(misfit="centrifuge")))
+def test_report_says_the_misfit_first() -> None:
+    html = report_html(study_result(sensor_result(misfit="centrifuge")))
     assert 'class="answer misfit"' in html
     assert html.index("does not explain run centrifuge") < html.index(">The terms<")
 
 
-def test_run_too_short_for_an_allan_deviation_is_reported(make_sensor, make_study) -> None:
-    sensor, none = make_sensor(runs=("still",)), np.array([])
+def test_run_too_short_for_an_allan_deviation_is_reported() -> None:
+    sensor, none = sensor_result(runs=("still",)), np.array([])
     check = replace(sensor.checks[0], tau=none, deviation=none, expected=none, whiteness_p=math.nan)
-    html = report_html(make_study(replace(sensor, checks=(check,))))
+    html = report_html(study_result(replace(sensor, checks=(check,))))
     assert "not tested" in html and "Allan deviation within" not in html
 
 
-def test_test_that_excites_nothing_is_reported(make_sensor, make_study) -> None:
-    sensor = make_sensor()
+def test_test_that_excites_nothing_is_reported() -> None:
+    sensor = sensor_result()
     terms = tuple(replace(term, verdict="untested") for term in sensor.selection.terms)
     models = replace(
         sensor.selection.models,
@@ -67,15 +66,15 @@ def test_test_that_excites_nothing_is_reported(make_sensor, make_study) -> None:
         n_models=1,
     )
     selection = replace(sensor.selection, terms=terms, model=(), models=models)
-    html = report_html(make_study(replace(sensor, selection=selection)))
+    html = report_html(study_result(replace(sensor, selection=selection)))
     assert "0 of 20 terms are needed" in html and "No term is kept" in html
 
 
-def test_components_that_share_their_rows_show_them_once(make_sensor, make_study) -> None:
-    first = make_sensor("IMU.ax")
+def test_components_that_share_their_rows_show_them_once() -> None:
+    first = sensor_result("IMU.ax")
     second = replace(first, id="IMU.ay")
-    html = report_html(make_study(first, second))
-    alone = report_html(make_study(first))
+    html = report_html(study_result(first, second))
+    alone = report_html(study_result(first))
     assert (
         html.count("Autocorrelation of the whitened") == alone.count("Autocorrelation of the whitened") == 2
     )
@@ -113,13 +112,13 @@ def test_folder_that_is_a_file_is_refused_with_its_name(tmp_path, result) -> Non
     assert (tmp_path / "out").read_text() == "a file" and len(list(tmp_path.iterdir())) == 1
 
 
-def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sensor, make_study) -> None:
+def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb() -> None:
     lib = library("accelerometer", powers=2, asymmetry=-1)
     names = [f"imu{k}-session{s}" for k in range(8) for s in range(3)]
     misfit = {"imu3-session1": "stills"}
-    triads = [make_sensor(f"{n}.ax", lib=lib, runs=("stills",), misfit=misfit.get(n, "")) for n in names]
+    triads = [sensor_result(f"{n}.ax", lib=lib, runs=("stills",), misfit=misfit.get(n, "")) for n in names]
     sensors = [replace(t, id=f"{t.id[:-2]}{axis}") for t in triads for axis in ("ax", "ay", "az")]
-    html = report_html(make_study(*sensors))
+    html = report_html(study_result(*sensors))
     assert len(html.encode()) < 2_000_000
     whole(Page(html))
     assert html.count("Autocorrelation of the whitened") == 3
@@ -128,8 +127,8 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb(make_sen
     assert html.index('<h2 id="s1">') < html.index("terms are needed")
 
 
-def test_report_says_what_scenes_require_in_words_where_components_are_many(make_sensor, make_study) -> None:
-    many = make_study(*(make_sensor(f"U{k}", runs=("tumble",)) for k in range(MANY + 1)))
+def test_report_says_what_scenes_require_in_words_where_components_are_many() -> None:
+    many = study_result(*(sensor_result(f"U{k}", runs=("tumble",)) for k in range(MANY + 1)))
     many = replace(many, scenes=tuple((sensor.id, a_relevance()) for sensor in many.sensors))
     html = report_html(many)
     assert all(f"{sensor.id} in quadrotor" in html for sensor in many.sensors)
@@ -138,6 +137,6 @@ def test_report_says_what_scenes_require_in_words_where_components_are_many(make
     whole(Page(html))
 
 
-def test_chains_that_have_not_converged_are_said_first_and_marked(make_sampled, make_study) -> None:
-    html = report_html(make_study(make_sampled(converged=False)))
+def test_chains_that_have_not_converged_are_said_first_and_marked() -> None:
+    html = report_html(study_result(sampled_result(converged=False)))
     assert '<p class="answer misfit"><strong>ACC-07: the chains have not converged' in html

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from results_found import sampled_result
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
 from imubayes.reporting.chain_views import exact_evidence
 
 
-def test_exact_evidence_is_the_density_of_the_data_with_coefficients_and_noise_integrated(make_sampled):
-    sensor, rng = make_sampled(), np.random.default_rng(8)
+def test_exact_evidence_is_the_density_of_the_data_with_coefficients_and_noise_integrated():
+    sensor, rng = sampled_result(), np.random.default_rng(8)
     columns = (*sensor.selection.columns, *(entry.extra.name for entry in sensor.extras))
     sd = np.array([*(t.prior_sd for t in sensor.selection.terms), *(e.extra.sd for e in sensor.extras)])
     runs, log_density = [], []
@@ -30,7 +31,7 @@ def test_exact_evidence_is_the_density_of_the_data_with_coefficients_and_noise_i
     assert exact_evidence(replace(sensor, runs=tuple(runs))) == pytest.approx(log_density, abs=1e-8)
 
 
-def test_component_of_a_triad_has_no_evidence_of_its_own(make_sampled) -> None:
-    sensor = make_sampled()
+def test_component_of_a_triad_has_no_evidence_of_its_own() -> None:
+    sensor = sampled_result()
     own = tuple(f"ay.{name}" for name in sensor.selection.columns)
     assert exact_evidence(replace(sensor, selection=replace(sensor.selection, columns=own))) is None

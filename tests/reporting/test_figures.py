@@ -3,6 +3,8 @@ from __future__ import annotations
 from dataclasses import replace
 from xml.etree import ElementTree
 
+from results_found import sensor_result
+
 from imubayes.reporting import figures, fit_figures, rows
 from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, draw
 from studies.decision_quality import figures as quality_figures
@@ -14,8 +16,8 @@ def test_alternative_text_is_escaped() -> None:
     assert ElementTree.fromstring(panel.svg).get("aria-label") == '"><script>alert(1)</script>'
 
 
-def test_models_disagree_only_on_terms_that_are_neither_in_nor_out(make_sensor, monkeypatch) -> None:
-    sensor = make_sensor()
+def test_models_disagree_only_on_terms_that_are_neither_in_nor_out(monkeypatch) -> None:
+    sensor = sensor_result()
     names = rows.candidates(sensor.selection)
     sure = [(names[:3], 0.99), *((names[:k], 1e-6) for k in (0, 1, 2, 4, 5))]
     monkeypatch.setattr(rows, "best_models", lambda selection: sure)
@@ -25,8 +27,8 @@ def test_models_disagree_only_on_terms_that_are_neither_in_nor_out(make_sensor, 
     assert figures.best_models(sensor, "k").title.endswith(f"and disagree on {names[3]}")
 
 
-def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit(make_sensor) -> None:
-    sensor = make_sensor()
+def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit() -> None:
+    sensor = sensor_result()
 
     def title(low: float) -> str:
         terms = tuple(replace(term, inclusion_range=(low, 1.0)) for term in sensor.selection.terms)
@@ -36,15 +38,15 @@ def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit(make_se
     assert "(0.90 to 1.00)" in title(0.9)
 
 
-def test_runs_that_fit_worst_are_drawn_when_there_are_many(make_sensor) -> None:
-    sensor = make_sensor(runs=tuple(f"r{k}" for k in range(12)), misfit="r7")
+def test_runs_that_fit_worst_are_drawn_when_there_are_many() -> None:
+    sensor = sensor_result(runs=tuple(f"r{k}" for k in range(12)), misfit="r7")
     shown = [check.run for check in fit_figures.shown_runs(sensor, 3)]
     assert len(shown) == 3 and "r7" in shown and shown == sorted(shown, key=lambda run: int(run[1:]))
 
 
-def test_posterior_counts_the_terms_that_the_test_narrows_tenfold(make_sensor) -> None:
+def test_posterior_counts_the_terms_that_the_test_narrows_tenfold() -> None:
     """b0, b1, b2, m_j and m_k of 1/357 to 1/65 of their priors' sds are kept."""
-    sensor = make_sensor()
+    sensor = sensor_result()
     panel = figures.posterior(sensor, "k")
     assert panel is not None and panel.title == "5 of 5 kept terms are known ten times as well as before"
     none = replace(sensor, selection=replace(sensor.selection, model=()))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from block_readings import panels, rows
+from results_found import judged_result, sampled_result
 
 from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting.fit_figures import channel_of, dependence_words
@@ -18,9 +19,9 @@ from imubayes.reporting.fit_views import (
 )
 
 
-def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decision(make_judged) -> None:
+def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decision() -> None:
     """What is drawn as found is in the sentence on what is missing, and not in that on what is not."""
-    sensor = make_judged()
+    sensor = judged_result()
     some = sensor.misfit
     assert some.found
     none = replace(some, found=(), dependences=[replace(one, p=0.4) for one in some.dependences])
@@ -35,8 +36,8 @@ def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decisio
             assert (f"{channel_of(one)} (p" in str(nothing.texts)) is (not misfit.found)
 
 
-def test_what_is_found_is_drawn_else_the_input_against_which_most_is_left(make_judged) -> None:
-    sensor = make_judged()
+def test_what_is_found_is_drawn_else_the_input_against_which_most_is_left() -> None:
+    sensor = judged_result()
     (found,) = panels(misfit_sections(sensor, "s1", drawn=True))
     assert found.title.startswith("T between heating and cooling") and "28 µg rms, 41% of" in found.title
     settled = replace(sensor, misfit=replace(sensor.misfit, found=()))
@@ -45,16 +46,16 @@ def test_what_is_found_is_drawn_else_the_input_against_which_most_is_left(make_j
 
 
 @pytest.mark.parametrize(("kind", "si"), [("accelerometer", 9.80665e-6), ("gyroscope", 4.84813681109536e-6)])
-def test_offset_of_a_dwell_is_in_the_unit_of_the_output(make_sampled, kind, si) -> None:
-    sensor = make_sampled()
+def test_offset_of_a_dwell_is_in_the_unit_of_the_output(kind, si) -> None:
+    sensor = sampled_result()
     dwell = replace(sensor.distrusted[0], offset=120.0 * si, sd=3.0 * si)
     (row,) = rows(dwell_sections(replace(sensor, kind=kind, distrusted=(dwell,))))
     assert row[-1].startswith("120.0 ± 3.0 ")
 
 
-def test_error_bars_are_judged_by_the_errors_of_known_quantities_wherever_there_are_some(make_judged) -> None:
+def test_error_bars_are_judged_by_the_errors_of_known_quantities_wherever_there_are_some() -> None:
     """Residuals below the noise beside stills that are off by twice what is predicted: one statement."""
-    sensor = make_judged()
+    sensor = judged_result()
     weak = (replace(sensor.checks[0], scale=0.6, whiteness_p=0.4, outliers=(), fits=False),)
     after, sd = np.repeat([3.0, 0.5], [8, 13])[:, None], np.ones((21, 1))
     off = Recovered("hand", "gravity", after, after, after, sd, 2.0 * sd)

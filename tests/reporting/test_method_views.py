@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from block_readings import rows
 from page_reading import printed
+from results_found import judged_result, study_result
 
 from imubayes.reporting.document import report_html
 from imubayes.reporting.method_views import (
@@ -18,16 +19,16 @@ from imubayes.reporting.tables import terminal_summary
 from imubayes.selection.panel import Unasked
 
 
-def test_methods_are_held_against_what_the_decision_keeps_and_can_tell(make_judged) -> None:
-    selection = make_judged().selection
+def test_methods_are_held_against_what_the_decision_keeps_and_can_tell() -> None:
+    selection = judged_result().selection
     assert decided(selection) == ("b0", "b1", "b2", "m_j", "m_k")
     likely = replace(selection, model=(*selection.model, "c_jj", "c_ij", "b0p"))
     # c_jj is inseparable and c_ij untested; b0p is undecided
     assert decided(likely) == ("b0", "b1", "b2", "m_j", "m_k", "b0p")
 
 
-def test_every_vote_has_its_mark_and_what_the_decision_does_not_share_stands_out(make_judged) -> None:
-    sensor = make_judged()
+def test_every_vote_has_its_mark_and_what_the_decision_does_not_share_stands_out() -> None:
+    sensor = judged_result()
     votes = sensor.panel.votes
     table = vote_table(votes, sensor.selection, {})
     found = {row[0]: row[1:] for row in rows([table])}
@@ -45,11 +46,9 @@ def test_every_vote_has_its_mark_and_what_the_decision_does_not_share_stands_out
 
 
 @pytest.mark.parametrize("many", [False, True])
-def test_report_holds_what_the_methods_say_in_the_section_on_the_choice(
-    make_judged, make_study, many
-) -> None:
-    sensors = [make_judged(f"ACC-{k}") for k in range(13 if many else 1)]
-    html = report_html(make_study(*sensors))
+def test_report_holds_what_the_methods_say_in_the_section_on_the_choice(many) -> None:
+    sensors = [judged_result(f"ACC-{k}") for k in range(13 if many else 1)]
+    html = report_html(study_result(*sensors))
     assert html.count("What other methods say") == html.count("How much the prior matters") == len(sensors)
     assert html.count("● a term in the method") == (3 if many else 1)
     places = [
@@ -62,11 +61,11 @@ def test_report_holds_what_the_methods_say_in_the_section_on_the_choice(
     assert 'class="answer misfit"' in html
 
 
-def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file(make_judged, make_study) -> None:
-    sensor = make_judged()
+def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() -> None:
+    sensor = judged_result()
     unasked = (Unasked("ssr", "ValueError, <nothing> to drop"), Unasked("reduced model", "no room"))
     panel = replace(sensor.panel, sindy=sensor.panel.sindy[:2], reduced=None, unasked=unasked)
-    result = make_study(replace(sensor, panel=panel))
+    result = study_result(replace(sensor, panel=panel))
     html = report_html(result)
     assert (
         "Left out: SSR (ValueError, &lt;nothing&gt; to drop)." in html and "Left out: reduced model" in html

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.reporting.posterior import LARGEST, SUFFIXES, variable_names, write_posterior, written_draws
 
@@ -29,11 +30,9 @@ def test_arviz_reads_back_every_draw_with_its_units(tmp_path, result, arviz) -> 
     assert draws.attrs["sensor"] == "ACC-07"
 
 
-def test_components_are_variables_named_by_id_whatever_the_id_holds(
-    tmp_path, make_sensor, make_study, arviz
-) -> None:
+def test_components_are_variables_named_by_id_whatever_the_id_holds(tmp_path, arviz) -> None:
     ids = ("IMU.ax", "IMU/ax", "IMU ay é", "")
-    study = make_study(*(make_sensor(name) for name in ids))
+    study = study_result(*(sensor_result(name) for name in ids))
     write_posterior(study, tmp_path / "posterior.nc")
     posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
     assert len(set(variable_names(study))) == len(ids)
@@ -48,11 +47,9 @@ def test_writing_again_replaces_the_file(tmp_path, result) -> None:
     assert path.stat().st_size == size
 
 
-def test_component_with_chains_fills_every_group_with_its_own_draws(
-    tmp_path, make_sampled, make_study, arviz
-) -> None:
-    sensor = make_sampled()
-    write_posterior(make_study(sensor), tmp_path / "posterior.nc")
+def test_component_with_chains_fills_every_group_with_its_own_draws(tmp_path, arviz) -> None:
+    sensor = sampled_result()
+    write_posterior(study_result(sensor), tmp_path / "posterior.nc")
     tree, chains = arviz.from_netcdf(tmp_path / "posterior.nc"), sensor.chains
     posterior = tree["posterior"]
     assert posterior.sizes["chain"] == 4
@@ -69,11 +66,9 @@ def test_component_with_chains_fills_every_group_with_its_own_draws(
     np.testing.assert_array_equal(tree["posterior_predictive"]["ACC_07"].values, chains.predicted[:, kept])
 
 
-def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(
-    tmp_path, make_sampled, make_study, arviz
-) -> None:
-    sensor = make_sampled()
-    write_posterior(make_study(sensor), tmp_path / "posterior.nc")
+def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(tmp_path, arviz) -> None:
+    sensor = sampled_result()
+    write_posterior(study_result(sensor), tmp_path / "posterior.nc")
     tree = arviz.from_netcdf(tmp_path / "posterior.nc")
     observed, full = tree["observed_data"]["ACC_07"], tree["posterior"]["ACC_07_full"]
     np.testing.assert_array_equal(observed.values, sensor.chains.observed)
@@ -84,8 +79,8 @@ def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(
     assert tree["posterior"]["ACC_07_noise_unit"].values.tolist()[0] == "m/s^2/sqrt(Hz)"
 
 
-def test_arviz_summarises_and_scores_what_was_written(tmp_path, make_sampled, make_study, arviz) -> None:
-    write_posterior(make_study(make_sampled(converged=False)), tmp_path / "posterior.nc")
+def test_arviz_summarises_and_scores_what_was_written(tmp_path, arviz) -> None:
+    write_posterior(study_result(sampled_result(converged=False)), tmp_path / "posterior.nc")
     tree = arviz.from_netcdf(tmp_path / "posterior.nc")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # terms that are in no model are constant
@@ -96,10 +91,8 @@ def test_arviz_summarises_and_scores_what_was_written(tmp_path, make_sampled, ma
     assert score.n_data_points == 24
 
 
-def test_components_of_any_shape_share_one_file_cut_to_the_smallest(
-    tmp_path, make_sensor, make_sampled, make_study, arviz
-) -> None:
-    one, two = make_sampled("A"), make_sampled("B")
+def test_components_of_any_shape_share_one_file_cut_to_the_smallest(tmp_path, arviz) -> None:
+    one, two = sampled_result("A"), sampled_result("B")
     part = replace(two.chains, theta=two.chains.theta[:3, :100], noise=two.chains.noise[:3, :100])
     part = replace(
         part,
@@ -107,7 +100,7 @@ def test_components_of_any_shape_share_one_file_cut_to_the_smallest(
         log_likelihood=two.chains.log_likelihood[:3, :100],
         predicted=two.chains.predicted[:3, :100],
     )
-    study = make_study(one, replace(two, chains=part), make_sensor("C"))
+    study = study_result(one, replace(two, chains=part), sensor_result("C"))
     write_posterior(study, tmp_path / "posterior.nc")
     posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
     assert (posterior.sizes["chain"], posterior.sizes["draw"]) == (3, 100)
@@ -116,20 +109,18 @@ def test_components_of_any_shape_share_one_file_cut_to_the_smallest(
     np.testing.assert_array_equal(posterior["A_full"].values[:, -1], one.chains.theta[:3, -1])
 
 
-def test_no_name_of_a_component_is_a_variable_of_another(make_sensor, make_study) -> None:
-    study = make_study(*(make_sensor(name) for name in ("A", "A_full", "chain", "A_2", "A")))
+def test_no_name_of_a_component_is_a_variable_of_another() -> None:
+    study = study_result(*(sensor_result(name) for name in ("A", "A_full", "chain", "A_2", "A")))
     derived = [name + suffix for name in variable_names(study) for suffix in SUFFIXES]
     assert len(set(derived)) == len(derived) and not set(derived) & {"chain", "draw", "noise"}
 
 
-def test_file_of_many_components_keeps_fewer_draws_and_stays_small(
-    tmp_path, make_sensor, make_sampled, make_study
-) -> None:
-    one, two = make_sampled("A"), make_sensor("B")
+def test_file_of_many_components_keeps_fewer_draws_and_stays_small(tmp_path) -> None:
+    one, two = sampled_result("A"), sensor_result("B")
     many = replace(two, draws=np.tile(two.draws, (200, 1)), prior_draws=np.tile(two.prior_draws, (200, 1)))
-    study = make_study(replace(one, chains=None), *(many for _ in range(2)))
+    study = study_result(replace(one, chains=None), *(many for _ in range(2)))
     assert written_draws(study) == 600
-    study = make_study(many, many)
+    study = study_result(many, many)
     write_posterior(study, tmp_path / "posterior.nc")
     assert 10_000 < written_draws(study) < 120_000
     assert (tmp_path / "posterior.nc").stat().st_size < 1.1 * LARGEST

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from results_found import judged_result, repeatability, sampled_result, sensor_result, study_result
 
 from imubayes.reporting.result.file import adapter
 from imubayes.reporting.results import (
@@ -46,8 +47,8 @@ def test_values_are_in_si(result) -> None:
     assert bias["unit"] == "m/s^2" and bias["mean"] == pytest.approx(1502.1e-6 * 9.80665, rel=1e-12)
 
 
-def test_component_of_a_triad_is_written_with_its_own_terms_only(make_sensor, make_study) -> None:
-    sensor = make_sensor("IMU.ay")
+def test_component_of_a_triad_is_written_with_its_own_terms_only() -> None:
+    sensor = sensor_result("IMU.ay")
     seen, own = sensor.selection.observability, [term.name for term in sensor.selection.terms]
     columns = tuple(f"ay.{name}" for name in own)
     wide = replace(
@@ -60,14 +61,14 @@ def test_component_of_a_triad_is_written_with_its_own_terms_only(make_sensor, ma
         groups=(),
     )
     selection = replace(sensor.selection, columns=columns, observability=wide)
-    (entry,) = written(make_study(replace(sensor, selection=selection)))["sensors"]
+    (entry,) = written(study_result(replace(sensor, selection=selection)))["sensors"]
     assert list(entry["observability"]) == own
     assert entry["observability"]["b0"]["ratio"] == seen.ratio[0]
 
 
-def test_votes_and_other_priors_read_back_as_they_were(make_judged, make_study) -> None:
-    sensor = make_judged()
-    (entry,) = written(make_study(sensor))["sensors"]
+def test_votes_and_other_priors_read_back_as_they_were() -> None:
+    sensor = judged_result()
+    (entry,) = written(study_result(sensor))["sensors"]
     votes, found = sensor.panel.votes, sensor.panel.sensitivity
     assert tuple(entry["votes"]["terms"]) == votes.terms
     for table, name in ((votes.strength, "strength"), (votes.keeps, "keeps")):
@@ -77,8 +78,8 @@ def test_votes_and_other_priors_read_back_as_they_were(make_judged, make_study) 
     assert entry["reduced"]["lost"] == pytest.approx(sensor.panel.reduced.lost, rel=1e-15)
 
 
-def test_terms_of_a_triads_component_have_their_own_names(make_judged, make_study) -> None:
-    sensor = make_judged()
+def test_terms_of_a_triads_component_have_their_own_names() -> None:
+    sensor = judged_result()
     columns = tuple(f"ay.{name}" for name in sensor.selection.columns)
     panel = sensor.panel
     there = tuple(f"ay.{name}" for name in panel.sensitivity.names)
@@ -91,42 +92,40 @@ def test_terms_of_a_triads_component_have_their_own_names(make_judged, make_stud
         names=tuple(f"ay.{name}" for name in sensor.selection.observability.names),
     )
     selection = replace(sensor.selection, columns=columns, observability=seen)
-    (block,) = published_result(make_study(replace(sensor, selection=selection, panel=far))).sensors
+    (block,) = published_result(study_result(replace(sensor, selection=selection, panel=far))).sensors
     assert block.sindy["stlsq"]["model"] == ("b0", "b1") and "b0" in block.sindy["stlsq"]["inclusion"]
     assert block.sensitivity["swing"] == ("b0",) and "b0" in block.sensitivity["g_prior"]
 
 
-def test_without_other_methods_their_keys_are_there_and_empty(make_sensor, make_study) -> None:
-    (block,) = published_result(make_study(make_sensor())).sensors
+def test_without_other_methods_their_keys_are_there_and_empty() -> None:
+    (block,) = published_result(study_result(sensor_result())).sensors
     assert block.criteria == block.sindy == {} and block.groups == ()
     assert (block.sensitivity, block.votes, block.reduced, block.misfit) == (None,) * 4
 
 
 @pytest.mark.parametrize(("method", "sampler"), [("plug-in", "exact"), ("collapsed", "collapsed")])
-def test_mcmc_block_names_how_draws_are_made(make_sensor, make_sampled, make_study, method, sampler) -> None:
-    sensor = make_sensor() if method == "plug-in" else make_sampled()
-    (entry,) = written(make_study(sensor))["sensors"]
+def test_mcmc_block_names_how_draws_are_made(method, sampler) -> None:
+    sensor = sensor_result() if method == "plug-in" else sampled_result()
+    (entry,) = written(study_result(sensor))["sensors"]
     assert (entry["mcmc"]["sampler"], entry["method"]) == (sampler, method)
 
 
-def test_moments_by_the_chains_stand_beside_each_term_and_are_null_where_exact(
-    make_sensor, make_sampled, make_study
-) -> None:
-    sensor = make_sampled()
-    terms = written(make_study(sensor))["sensors"][0]["terms"]
+def test_moments_by_the_chains_stand_beside_each_term_and_are_null_where_exact() -> None:
+    sensor = sampled_result()
+    terms = written(study_result(sensor))["sensors"][0]["terms"]
     first = sensor.chains.theta[:, :, 0].ravel().tolist()
     mean = sum(first) / len(first)
     sd = (sum((x - mean) ** 2 for x in first) / (len(first) - 1)) ** 0.5
     assert terms[0]["mcmc_mean"] == pytest.approx(mean, rel=1e-12)
     assert terms[0]["mcmc_sd"] == pytest.approx(sd, rel=1e-9)
     assert terms[4]["plug_in_inclusion"] == sensor.selection.plug_in[4]
-    exact = written(make_study(make_sensor()))["sensors"][0]
+    exact = written(study_result(sensor_result()))["sensors"][0]
     assert all(t["mcmc_mean"] is t["mcmc_sd"] is t["plug_in_inclusion"] is None for t in exact["terms"])
     assert exact["noise_posterior"] == {} and exact["extras"] == exact["distrusted"] == []
 
 
-def test_component_of_a_triad_takes_its_own_columns_of_the_chains(make_sampled) -> None:
-    sensor = make_sampled()
+def test_component_of_a_triad_takes_its_own_columns_of_the_chains() -> None:
+    sensor = sampled_result()
     columns = tuple(f"ay.{name}" for name in sensor.selection.columns)
     other = ("ax.b0", *columns, *sensor.chains.names[len(columns) :])
     theta = np.concatenate((sensor.chains.theta[:, :, :1] + 7.0, sensor.chains.theta), axis=-1)
@@ -138,8 +137,8 @@ def test_component_of_a_triad_takes_its_own_columns_of_the_chains(make_sampled) 
     assert column_moments(triad) == column_moments(sensor)
 
 
-def test_noise_posterior_holds_nine_tenths_of_the_draws_between_its_ends(make_sampled) -> None:
-    chains = make_sampled().chains
+def test_noise_posterior_holds_nine_tenths_of_the_draws_between_its_ends() -> None:
+    chains = sampled_result().chains
     for g, run in enumerate(chains.runs):
         for k, letter in enumerate("NBK"):
             told, draws = noise_posterior(chains)[run][letter], chains.noise[:, :, g, k]
@@ -149,15 +148,15 @@ def test_noise_posterior_holds_nine_tenths_of_the_draws_between_its_ends(make_sa
             assert told["q05"] < told["mean"] < told["q95"]
 
 
-def test_sessions_are_written_with_null_where_a_unit_lacks_one(make_study, make_sessions) -> None:
-    one = make_sessions("b0")
-    (entry,) = written(replace(make_study(), sessions=(one,)))["sessions"]
+def test_sessions_are_written_with_null_where_a_unit_lacks_one() -> None:
+    one = repeatability("b0")
+    (entry,) = written(replace(study_result(), sessions=(one,)))["sessions"]
     assert entry["mean"][-1][-1] is None and entry["mean"][0][0] == one.mean[0, 0]
     assert entry["between"] == dict(zip(("mean", "q05", "q95"), one.between, strict=True))
 
 
-def test_command_repeats_the_method_that_was_asked_for(make_study) -> None:
-    study = make_study().study
+def test_command_repeats_the_method_that_was_asked_for() -> None:
+    study = study_result().study
     assert command(study) == "imubayes run studies/acc07.toml"
     full = replace(study, sampling=replace(study.sampling, method="full"))
     assert command(full) == "imubayes run studies/acc07.toml --method full"

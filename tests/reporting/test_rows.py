@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from results_found import sampled_result, sensor_result
 
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, per_unit
 from imubayes.reporting.rows import (
@@ -38,26 +39,26 @@ def rows_by_name(sensor):
         ("S_ij", "not excited"),
     ],
 )
-def test_value_column_says_what_the_verdict_allows(make_sensor, name: str, text: str) -> None:
-    assert rows_by_name(make_sensor())[name].text == text
+def test_value_column_says_what_the_verdict_allows(name: str, text: str) -> None:
+    assert rows_by_name(sensor_result())[name].text == text
 
 
-def test_value_in_printed_unit_is_the_si_value_by_hand(make_sensor) -> None:
-    sensor = make_sensor()
+def test_value_in_printed_unit_is_the_si_value_by_hand() -> None:
+    sensor = sensor_result()
     row = rows_by_name(sensor)["b2"]
     # theta f^2 with theta in s^2/m: 1 ug/g^2 is 1e-6 g / g^2
     assert float(row.size.value) == pytest.approx(row.verdict.mean * G / 1e-6, rel=1e-3)
 
 
-def test_effect_is_printed_in_the_output_unit_only_where_the_term_has_a_value(make_sensor) -> None:
-    rows = rows_by_name(make_sensor())
+def test_effect_is_printed_in_the_output_unit_only_where_the_term_has_a_value() -> None:
+    rows = rows_by_name(sensor_result())
     assert str(rows["b0"].effect) == "1500 ug"
     assert all((row.effect is None) == (row.kind != "value") for row in rows.values())
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_noise_is_printed_in_data_sheet_units(make_sensor, kind: str) -> None:
-    run = make_sensor().runs[0]
+def test_noise_is_printed_in_data_sheet_units(kind: str) -> None:
+    run = sensor_result().runs[0]
     by_hand = {
         "accelerometer": (1e-6 * G, 1e-6 * G, 1e-6 * G),
         "gyroscope": (60.0 * DEG_H, DEG_H, DEG_H / 60.0),
@@ -68,8 +69,8 @@ def test_noise_is_printed_in_data_sheet_units(make_sensor, kind: str) -> None:
     assert [cell.value for cell, _ in noise_cells(one, kind)] == ["1.0", "1.0", "1.0"]
 
 
-def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error_bar(make_sensor) -> None:
-    run = make_sensor().runs[0]
+def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error_bar() -> None:
+    run = sensor_result().runs[0]
     cells = noise_cells(run, "accelerometer")
     assert [limit for _, limit in cells] == [False, False, True]
     # 0.4 ug/sqrt(s) times exp(1.645 * 1.4), rounded up
@@ -78,21 +79,21 @@ def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error
     assert [cell.sd for cell, _ in given] == ["", "", ""]
 
 
-def test_white_noise_prints_no_bias_instability(make_sensor) -> None:
-    run = replace(make_sensor().runs[0], noise=Noise(1e-4, 0.0, 0.0), noise_sd=(0.0, 0.0, 0.0))
+def test_white_noise_prints_no_bias_instability() -> None:
+    run = replace(sensor_result().runs[0], noise=Noise(1e-4, 0.0, 0.0), noise_sd=(0.0, 0.0, 0.0))
     assert [str(cell) for cell, _ in noise_cells(run, "accelerometer")[1:]] == ["0 ug", "0 ug/sqrt(s)"]
 
 
-def test_noise_floor_is_the_lowest_allan_deviation(make_sensor) -> None:
-    sensor = make_sensor()
+def test_noise_floor_is_the_lowest_allan_deviation() -> None:
+    sensor = sensor_result()
     tau = np.geomspace(1.0, 2880.0, 5000)
     lowest = min(float(np.sqrt(allan_variance(run.noise, tau).min())) for run in sensor.runs)
     assert float(noise_floor(sensor).value) == pytest.approx(lowest / (1e-6 * G), rel=0.05)
 
 
-def test_ranges_are_printed_in_units_that_people_use(make_sensor) -> None:
+def test_ranges_are_printed_in_units_that_people_use() -> None:
     ranges = {"f_i": (-20.0 * G, 20.0 * G), "w_j": (0.0, math.pi), "T": (293.15, 299.15), "dT": (0.0, 0.1)}
-    run = replace(make_sensor().runs[0], ranges=ranges)
+    run = replace(sensor_result().runs[0], ranges=ranges)
     assert tuple(range_texts(run, "accelerometer")) == (
         ("f_i", "-20", "20", "g"),
         ("w_j", "0", "180", "deg/s"),
@@ -101,13 +102,13 @@ def test_ranges_are_printed_in_units_that_people_use(make_sensor) -> None:
     )
 
 
-def test_gyroscope_rows_use_rates(make_sensor) -> None:
-    rows = rows_by_name(make_sensor(lib=library("gyroscope", set="extended")))
+def test_gyroscope_rows_use_rates() -> None:
+    rows = rows_by_name(sensor_result(lib=library("gyroscope", set="extended")))
     assert rows["b0"].text == "11.20 +- 0.31 deg/h" and rows["g_i"].text == "4.10 +- 0.20 deg/h/g"
 
 
-def test_noise_of_the_chains_is_printed_by_their_mean_and_sd(make_sampled) -> None:
-    sensor = make_sampled()
+def test_noise_of_the_chains_is_printed_by_their_mean_and_sd() -> None:
+    sensor = sampled_result()
     run, chains = sensor.runs[0], sensor.chains
     (N, _), _, (K, is_limit) = noise_cells(run, sensor.kind, chains)
     draws = chains.noise[:, :, 0, 0] / (1e-6 * G)
@@ -121,14 +122,14 @@ def test_noise_of_the_chains_is_printed_by_their_mean_and_sd(make_sampled) -> No
     assert noise_cells(shared, sensor.kind, chains) == noise_cells(run, sensor.kind, chains)
 
 
-def test_noise_that_was_not_sampled_is_printed_as_before(make_sampled) -> None:
-    sensor = make_sampled()
+def test_noise_that_was_not_sampled_is_printed_as_before() -> None:
+    sensor = sampled_result()
     run, still = sensor.runs[0], replace(sensor.chains, noise=np.ones_like(sensor.chains.noise))
     assert noise_cells(run, sensor.kind, still) == noise_cells(run, sensor.kind)
 
 
-def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once(make_sampled) -> None:
-    sensor = make_sampled()
+def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once() -> None:
+    sensor = sampled_result()
     partners = ("m_j", "fixture_j.tumble.1", "fixture_j.tumble.2", "gravity")
     terms = tuple(
         replace(term, confounded_with=partners) if term.name == "m_k" else term
@@ -138,8 +139,8 @@ def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once(make_sample
     assert rows_by_name(changed)["m_k"].partners == ("d_o", "fixture", "gravity")
 
 
-def test_directions_of_the_same_terms_are_one_group(make_sensor) -> None:
-    selection = make_sensor().selection
+def test_directions_of_the_same_terms_are_one_group() -> None:
+    selection = sensor_result().selection
     (group,) = selection.observability.groups
     other = replace(group, terms=("b0", "b2"))
     seen = replace(selection.observability, groups=(group, other, replace(group, direction=(1.0, 0.5))))

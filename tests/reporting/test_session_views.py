@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from block_readings import panels, rows, said
+from results_found import repeatability
 
 from imubayes.reporting.session_views import largest_pull, session_section
 
@@ -25,8 +26,8 @@ def test_study_without_sessions_has_no_section(result) -> None:
     assert session_section(result) is None
 
 
-def test_largest_pull_is_the_largest_difference_over_its_sd(make_sessions) -> None:
-    one = make_sessions("b0", units=4)
+def test_largest_pull_is_the_largest_difference_over_its_sd() -> None:
+    one = repeatability("b0", units=4)
     by_hand = {
         (u, s, r): abs(one.mean[u, s] - one.mean[u, r]) / math.hypot(one.sd[u, s], one.sd[u, r])
         for u in range(4)
@@ -40,22 +41,22 @@ def test_largest_pull_is_the_largest_difference_over_its_sd(make_sessions) -> No
     assert where == f"{one.units[u]}, {one.sessions[s]} to {one.sessions[r]}"
 
 
-def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result, make_sessions) -> None:
-    alone = viewed(result, make_sessions("ax.b0"), make_sessions("ay.b0"))
-    together = viewed(result, make_sessions("b0"), make_sessions("ax.b0"), make_sessions("ay.b0"))
+def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result) -> None:
+    alone = viewed(result, repeatability("ax.b0"), repeatability("ay.b0"))
+    together = viewed(result, repeatability("b0"), repeatability("ax.b0"), repeatability("ay.b0"))
     assert [row[0] for row in rows(alone)] == ["ax.b0", "ay.b0"]
     assert [row[0] for row in rows(together)] == ["b0"]
     assert "2 more parameters are in result.json" in said(together)
 
 
-def test_at_most_twelve_parameters_are_drawn(result, make_sessions) -> None:
-    found = [replace(make_sessions("b0", units=24), parameter=f"p{k}") for k in range(14)]
+def test_at_most_twelve_parameters_are_drawn(result) -> None:
+    found = [replace(repeatability("b0", units=24), parameter=f"p{k}") for k in range(14)]
     view = viewed(result, *found)
     assert len(rows(view)) == 14 and len(panels(view)) == 12
     assert "unit, 1 IMU-1 to 24 IMU-24" in panels(view)[0].svg
 
 
-def test_parameters_of_which_the_sessions_cannot_tell_are_not_drawn(result, make_sessions) -> None:
-    view = viewed(result, untold(make_sessions("c_jj")))
+def test_parameters_of_which_the_sessions_cannot_tell_are_not_drawn(result) -> None:
+    view = viewed(result, untold(repeatability("c_jj")))
     assert rows(view) == panels(view) == []
     assert "cannot tell of c_jj" in said(view)

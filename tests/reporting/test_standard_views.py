@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from block_readings import rows
+from results_found import sensor_result, study_result
 
 from imubayes.algebra.factor import factor_of
 from imubayes.reporting.document import report_html
@@ -29,14 +30,14 @@ def _correlation(p, rng):
 
 
 @pytest.fixture
-def study_of(make_study, make_sensor):
+def study_of():
     """A component of a class, with correlated coefficients."""
 
     def make(kind, class_id):
         lib = library(kind)
-        one = make_sensor("S", lib=lib)
+        one = sensor_result("S", lib=lib)
         one = replace(one, correlation=_correlation(len(lib.terms), np.random.default_rng(4)))
-        result = make_study(one)
+        result = study_result(one)
         spec = replace(result.study.sensors[0], sensor_class=sensor(class_id, kind=kind), library=lib)
         return replace(result, study=replace(result.study, sensors=(spec,)))
 

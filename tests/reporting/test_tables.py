@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 from page_reading import printed
+from results_found import sensor_result, study_result
 
 from imubayes.reporting import figures
 from imubayes.reporting.document import report_html
@@ -20,10 +21,10 @@ def test_value_columns_line_up_at_their_sd(result) -> None:
     assert len({line.index("+-") for line in lines[1:]}) == 1 and len(lines) == 7
 
 
-def test_what_is_one_is_in_the_singular(make_sensor, make_study) -> None:
+def test_what_is_one_is_in_the_singular() -> None:
     lib = replace(library("accelerometer", powers=1), terms=library("accelerometer", powers=1).terms[:1])
-    one = make_sensor(lib=lib, runs=("tumble",))
-    told = printed(terminal_summary(make_study(one))) + report_html(make_study(one))
+    one = sensor_result(lib=lib, runs=("tumble",))
+    told = printed(terminal_summary(study_result(one))) + report_html(study_result(one))
     told += figures.model_size(one, "k").title + figures.inclusion(one, "k").title
     assert "1 run" in told and "1 term" in told
     assert not re.findall(r"(?<![\d.,^])1 (?:terms|runs|models|samples|blocks|digits|units)\b", told)

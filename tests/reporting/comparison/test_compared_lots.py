@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from lots_found import lot_library, lot_result
 from published_found import FILE, a_result, a_sensor, a_term
+from results_found import sensor_result, study_result
 
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE, Share
@@ -199,13 +200,13 @@ def test_components_of_other_classes_are_named_and_none_at_all_is_refused():
         _beside(_unit([0.0]), _lot(), _lot())
 
 
-def test_page_says_whether_a_unit_is_typical(make_study, make_sensor, tmp_path):
+def test_page_says_whether_a_unit_is_typical(tmp_path):
     """A unit of the made-up class with the class's means for its terms, then with another bias."""
     lot = lot_result()
     (tmp_path / "lot.json").write_text(lots_json(lot))
     said = []
     for factor in (1.0, 1e3):
-        raw = json.loads(result_json(make_study(make_sensor("G-1", lib=lot_library()))))
+        raw = json.loads(result_json(study_result(sensor_result("G-1", lib=lot_library()))))
         (sensor,) = raw["sensors"]
         sensor |= {"noise": {}, "runs": []}
         for term, found in zip(sensor["terms"], lot.classes[1].terms, strict=True):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from published_found import FILE, a_result, a_sensor, a_term
+from results_found import sampled_result, study_result
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
@@ -52,8 +53,8 @@ def test_noise_that_was_given_is_not_compared_with_itself_and_has_no_sd():
     assert found.groups[0].noise["run0", "N"].pull is None and found.tests == 1
 
 
-def test_sampled_noise_has_the_mean_and_sd_of_its_draws(make_study, make_sampled):
-    (sensor,) = published_result(make_study(make_sampled())).sensors
+def test_sampled_noise_has_the_mean_and_sd_of_its_draws():
+    (sensor,) = published_result(study_result(sampled_result())).sensors
     for (run, letter), (mean, log_sd) in noise_of(sensor).items():
         said = sensor.noise_posterior[run][letter]
         # a log-normal of this mean and log sd has the sd that the draws have
