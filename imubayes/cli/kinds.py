@@ -126,12 +126,14 @@ def _together(write: Callable[[Any, Path], Written], found: object, folder: Path
 
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
-    from imubayes.reporting.document import write_results
-    from imubayes.reporting.tables import terminal_summary
     from imubayes.study.method import run as characterise
 
     study = replace(study, sampling=_sampling(study.sampling, asked))
     found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn)
+    # figures and their library take a second, and a file that cannot be read none of them
+    from imubayes.reporting.document import write_results
+    from imubayes.reporting.tables import terminal_summary
+
     return terminal_summary(found), partial(write_results, found)
 
 

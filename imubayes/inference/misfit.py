@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import f as f_test
+from scipy.special import chdtrc, fdtrc
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
@@ -246,7 +245,7 @@ def _fit(look: Look, noise: Noise) -> _Fit | None:
     total, explained = float(left[:, -1] @ left[:, -1]), float(amplitude @ amplitude)
     scale = max(total - explained, np.finfo(float).tiny) / dof
     return _Fit(
-        p=float(f_test.sf(explained / rank / scale, rank, dof)),
+        p=float(fdtrc(rank, dof, explained / rank / scale)),
         share=explained / total,
         scale=scale,
         amplitude=amplitude,
@@ -313,7 +312,7 @@ def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:
     white = whiten(run.noise, blocks.rows, np.column_stack((blocks.X, blocks.y)))[0]
     R = np.linalg.qr(white)[1]
     distance = np.sum((R[:, -1:] - R[:, :-1] @ draws) ** 2, axis=0)
-    return float(np.mean(chi2.sf(distance, len(white))))
+    return float(np.mean(chdtrc(len(white), distance)))
 
 
 def _text(found: Sequence[Dependence], unit: str) -> str:

@@ -157,3 +157,27 @@ def test_fault_of_ours_exits_with_one(command, study, monkeypatch):
     monkeypatch.setattr("imubayes.study.schema.read_study", unsettled)
     ended = command("check", study)
     assert ended.code == 1 and "REML did not settle" in ended.err
+
+
+def test_a_run_reads_its_files_before_it_loads_what_draws_and_tests(tmp_path):
+    """A file that is not there is told of at once: figures and distributions take a second to load."""
+    (tmp_path / "study.toml").write_text(
+        '[[sensor]]\nid = "A"\nkind = "gyroscope"\n[[sensor.run]]\nname = "log"\nprocedure = "static"\n'
+        'file = "nowhere.csv"\n'
+    )
+    script = (
+        "import sys\nfrom imubayes.cli import main\ntry:\n    main()\nexcept SystemExit:\n"
+        "    print([name for name in ('matplotlib', 'scipy.stats', 'sklearn', 'pandas') if name in sys.modules])"
+    )
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "run",
+        str(tmp_path / "study.toml"),
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "there is no such file" in ended.stderr
+    assert ended.stdout.strip() == "[]"
