@@ -126,11 +126,11 @@ def _known(sensor: SensorResult) -> str:
     inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
     if not of:
         return ""
-    told = held(inside, of)
-    verdict = "too small" if "larger" in told else "wider than they need be" if told else "right"
-    return (
-        f"and the error bars are {verdict}: {inside} of {of} errors of known quantities lie within 2 sd{told}"
-    )
+    told, errors = held(inside, of), "errors of known quantities"
+    if not told:
+        return f"and the {errors} are as predicted: {inside} of {of} lie within 2 sd"
+    verdict = "too small" if "larger" in told else "wider than they need be"
+    return f"and the error bars are {verdict}: {inside} of {of} {errors} lie within 2 sd{told}"
 
 
 def check_words(check: ResidualCheck) -> str:

@@ -405,7 +405,7 @@ def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) ->
         wider = math.sqrt(max(before.sd**2 - float(start.var()), 0.0))
         drawn = drawn + before.mean - start.mean() + wider * rng.standard_normal((len(drawn), 1))
     sizes = [(float(x.mean()), float(x.std())) for x in (*drawn.T, drawn[:, 2] - drawn[:, 0])]
-    bias = Bias(*sizes, drift.walk)
+    bias = Bias(*sizes, walk=drift.walk)
     (mean, sd), (q05, q95) = bias.mean, np.quantile(drawn[:, 1], [0.05, 0.95]).tolist()
     after = replace(
         before,

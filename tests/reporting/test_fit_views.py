@@ -65,4 +65,4 @@ def test_error_bars_are_judged_by_the_errors_of_known_quantities_wherever_there_
     told = fit_sentence(replace(sensor, checks=weak, recovered=(off,)))
     assert "error bars are too small: 13 of 21 errors of known quantities" in told and "wider" not in told
     right = fit_sentence(replace(sensor, checks=weak, recovered=(wide,)))
-    assert "error bars are right: 21 of 21" in right
+    assert "known quantities are as predicted: 21 of 21" in right
