@@ -130,7 +130,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
     study = replace(study, sampling=_sampling(study.sampling, asked))
     found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn)
-    # figures and their library take a second, and a file that cannot be read none of them
+    # a file that cannot be read is told of before the library of figures is loaded
     from imubayes.reporting.document import write_results
     from imubayes.reporting.tables import terminal_summary
 
