@@ -45,7 +45,7 @@ def test_ensembles_stop_by_themselves_with_the_right_moments():
 
 def test_independence_move_mixes_faster_than_stretch():
     tau = [
-        run_ensembles(target_of(*moves), Limits(seed=1)).tau.max()
+        run_ensembles(target_of(*moves), Limits(seed=1, ess=300.0)).tau.max()
         for moves in ((), (("stretch", None, 1.0),))
     ]
     assert tau[0] < 0.2 * tau[1]
@@ -138,7 +138,7 @@ run_ensembles(replace(target, log_prob=slow), limits)
 
 @pytest.mark.parametrize("wanted", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_killed_again_and_again_the_chain_is_the_one_that_was_not(tmp_path, wanted):
-    file, rng, ess = tmp_path / "a.h5", np.random.default_rng(8), 4_000.0 * wanted
+    file, rng, ess = tmp_path / "a.h5", np.random.default_rng(8), 2_000.0 * wanted
     command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(file), str(ess)]
     kills = 0
     while kills < wanted:
