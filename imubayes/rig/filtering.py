@@ -168,7 +168,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     worst = max(found, key=lambda colour: colour.samples)
     if worst.samples == 1:
         return run
-    parts = [held] if run.stream is None else (at_full_rate(run, part) for part in run.stream.parts("means"))
+    parts = (at_full_rate(run, part) for part in run.parts("means"))
     means = joined_parts([_averaged(part.inputs, part.output, worst) for part in parts])
     note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
     lasting = worst.samples * inputs.interval
@@ -186,9 +186,8 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
 
 
 def at_full_rate(run: Run, part: Part) -> Run:
-    """Some rows of a run that is read a part at a time, at full rate."""
-    interval = run.interval if run.stream is None else run.stream.interval
-    inputs = Inputs(part.t, part.channels, interval, part.mount, part.duration)
+    """Some rows of a run, at full rate."""
+    inputs = Inputs(part.t, part.channels, run.sampling, part.mount, part.duration)
     return replace(run, inputs=inputs, output=part.output, stream=None)
 
 
