@@ -353,24 +353,24 @@ def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[d
 
 
 def of_case(
-    spec: SensorSpec, case: Case, ready: Prepared, selections: Sequence[Selection], walking: Sequence[bool]
+    spec: SensorSpec,
+    case: Case,
+    ready: Prepared,
+    selections: Sequence[Selection],
+    walking: Sequence[bool],
+    flown: Sequence[float],
 ) -> list[dict[str, object]]:
     """Fields of `SensorResult` that the components of a decided case have for being in one.
 
-    Of a component whose bias is `walking` b0 is that on average over the record.
+    Of a component whose bias is `walking` b0 is that on average over the record; `flown` are the coefficients
+    that are exported, of all components.
     """
-    terms = [(one, term) for one in selections for term in one.terms]
-    kept = [
-        # of what is unresolved the data say nothing of their own
-        term.mean if term.name in one.model and term.verdict != "unresolved" else 0.0
-        for one, term in terms
-    ]
     runs = [run for run in ready.runs if not run.known]
     try:
-        found = recover(_over_record(case, selections, walking), runs, ready.prior.sd, np.array(kept))
+        found = recover(_over_record(case, selections, walking), runs, ready.prior.sd, np.array(flown))
     except ConvergenceError:  # data and prior disagree, which the report says first of all
         found = ()
-    rows = compensation(spec, case, [term.mean for _, term in terms])
+    rows = compensation(spec, case, [term.mean for one in selections for term in one.terms])
     return [{"calibration": row, "recovered": found} for row in rows]
 
 

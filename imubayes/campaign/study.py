@@ -23,6 +23,7 @@ from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
 from imubayes.scenes.relevance import CaseRelevance, Relevance
+from imubayes.selection.compensations import Compensation
 from imubayes.selection.decision import Bias, Selection
 from imubayes.selection.noise_choice import NoiseFound, NoiseQuestion
 from imubayes.selection.panel import Panel
@@ -208,6 +209,7 @@ class SensorResult:
         components; none where inputs are known.
     bias : at the start, on average and at the end of the record, where a random walk of the noise counts: b0
         is then the average. None where it is one and the same.
+    compensations : models that may be exported, the best predicting one first; none if nothing was left out.
     """
 
     id: str
@@ -237,6 +239,7 @@ class SensorResult:
     pulls: Mapping[str, FloatArray] = field(default_factory=dict)
     recovered: tuple[Recovered, ...] = ()
     bias: Bias | None = None
+    compensations: tuple[Compensation, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

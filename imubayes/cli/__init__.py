@@ -234,7 +234,7 @@ def _export(
     result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="A result, or its folder.")],
     to: Annotated[ExportFormat, typer.Option(help="What it is for.", show_default=False)],
     out: Folder,
-    model: Annotated[str, typer.Option(help="needed, full, or a scene of the result.")] = "needed",
+    model: Annotated[str, typer.Option(help="best, needed, full, basic, or a scene of the result.")] = "best",
     sensor: Annotated[str, typer.Option(help="Id, where the result has several.", show_default=False)] = "",
     bias_at: Annotated[
         BiasAt, typer.Option(help="start, mean or end of the record: whose bias, where it walks.")

@@ -18,6 +18,7 @@ from imubayes.reporting.rounding import duration, measured, minus, on_output, pe
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
+from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.fidelity import Choice
@@ -84,6 +85,28 @@ def _remedy(sensor: SensorResult) -> str:
     if sensor.choice is None:
         return "continue with --resume, or give more time"
     return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"
+
+
+MODELS = {
+    "full": "with every tested term",
+    "needed": "with the terms that the data ask for and resolve",
+    "basic": "with bias, scale and misalignment",
+}
+"""What each model keeps that may be exported."""
+
+
+def export_sentence(sensor: SensorResult) -> str:
+    """What each model that may be exported makes of dwells that were left out; empty where none was."""
+    if not sensor.compensations:
+        return ""
+    best = sensor.compensations[0]
+    errors = listed(
+        f"{MODELS[one.model]} {on_output(one.held_out, sensor.kind)} rms" for one in sensor.compensations
+    )
+    return (
+        f"Predicting each of {counted(best.positions, 'position')} from all others leaves {errors}."
+        " The first is what imubayes export writes."
+    )
 
 
 STRAYED = 2.6

@@ -15,6 +15,7 @@ from imubayes.reporting.chain_views import (
     bias_sentence,
     choice_sentences,
     distrust_sentence,
+    export_sentence,
     method_sentence,
     unconverged_sentence,
 )
@@ -116,6 +117,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         yield indented(temperature.replace("µ", "u").replace("−", "-"))  # as the table beside it
     if bias := bias_sentence(sensor):
         yield indented(bias)
+    if exports := export_sentence(sensor):
+        yield indented(exports)
     yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
     if distrusted := distrust_sentence(sensor):
         yield indented(distrusted)

@@ -10,6 +10,7 @@ from imubayes.reporting.chain_views import (
     bias_sentence,
     choice_sentences,
     distrust_sentence,
+    export_sentence,
     method_sentence,
     unconverged_sentence,
 )
@@ -53,6 +54,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_rest(sensor),
         *_cannot_tell(sensor),
         bias_sentence(sensor).replace("+-", "±"),
+        export_sentence(sensor),
         distrust_sentence(sensor),
         *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
         fit_sentence(sensor),

@@ -61,6 +61,7 @@ from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
+from imubayes.selection.compensations import Compensation, compensations
 from imubayes.selection.decision import (
     Bias,
     Selection,
@@ -217,6 +218,7 @@ class _Findings:
     misfit: Misfit | None
     drift: Drift | None = None
     bias: Bias | None = None
+    compensations: tuple[Compensation, ...] = ()
 
 
 def _ground(job: _Job, problem: Problem) -> Ground:
@@ -273,6 +275,7 @@ def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tu
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
     told = _drifting(job, ready, _Findings(found.selection, checks, panel, _misfit(job, ready, inputs)))
+    told = _with_compensations(job, ready, told)
     # an average no longer shows the quantization that it is made for
     fine = [
         rows if run.record is None or ready.summary.extras else linear_of(run.record, job.spec.library)
@@ -298,7 +301,7 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     if choice is None:
         told, resting = _components(job, case, ready, found), rows_at_rest(ready.runs, case)
     selections = [one.selection for one in told]
-    shared = of_case(spec, case, ready, selections, [one.bias is not None for one in told])
+    shared = of_case(spec, case, ready, selections, [one.bias is not None for one in told], _flown(told))
     pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
     seconds = (time.perf_counter() - start) / len(told)
     results, asking = [], _told_to(job)
@@ -313,6 +316,19 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
     return results
 
 
+def _flown(told: Sequence[_Findings]) -> list[float]:
+    """Coefficients that are exported of each component of a case; zero for a term that is not."""
+    flown: list[float] = []
+    for one in told:
+        chosen = one.selection
+        used = {t.name: t.mean for t in chosen.terms if t.name in chosen.model and t.verdict != "unresolved"}
+        if one.compensations:
+            best = one.compensations[0]
+            used = dict(zip(best.terms, best.mean.tolist(), strict=True))
+        flown += [used.get(term.name, 0.0) for term in chosen.terms]
+    return flown
+
+
 def _components(job: _Job, case: Case, ready: Prepared, found: Answer) -> list[_Findings]:
     """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
@@ -324,8 +340,16 @@ def _components(job: _Job, case: Case, ready: Prepared, found: Answer) -> list[_
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
         panel = _panel(job, own, found.posterior.chains, selection, one.parts)
         said = _Findings(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts])
-        told.append(_drifting(job, _part(ready, one.parts), said))
+        said = _drifting(job, _part(ready, one.parts), said)
+        told.append(_with_compensations(job, ready, said, one.parts))
     return told
+
+
+def _with_compensations(job: _Job, ready: Prepared, told: _Findings, parts: Sequence[int] = ()) -> _Findings:
+    """What is said of a component with the models that may be exported."""
+    job.tell("positions predicted from all others")
+    given = (ready.summary, ready.prior, ready.rows, told.selection)
+    return replace(told, compensations=compensations(*given, parts=parts, drift=told.drift))
 
 
 def _checks(job: _Job, ready: Prepared, theta: np.ndarray, cov: np.ndarray) -> tuple[ResidualCheck, ...]:
@@ -424,6 +448,7 @@ def _result(
         drive=drive(ready.rows, selection.columns, [term.name for term in selection.terms]),
         pulls=pulls(ready.summary.factor, ready.prior.sd, selection.carriers),
         bias=told.bias,
+        compensations=told.compensations,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from imubayes.errors import InputError
-from imubayes.reporting.export.characterized import NEEDED, Characterized, characterized
+from imubayes.reporting.export.characterized import BEST, Characterized, characterized
 from imubayes.reporting.export.parameters import filter_files, json_files, kalibr_files
 from imubayes.reporting.export.source_texts import c_files, matlab_files, python_files
 
@@ -24,7 +24,7 @@ FORMATS: Mapping[str, Callable[[Characterized], dict[str, str]]] = {
 
 
 def exported(
-    path: Path | str, to: str, *, sensor: str = "", model: str = NEEDED, bias_at: str = "mean"
+    path: Path | str, to: str, *, sensor: str = "", model: str = BEST, bias_at: str = "mean"
 ) -> dict[str, str]:
     """Texts by file name of a result in one format.
 

@@ -16,6 +16,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
+from imubayes.reporting.result.values import Exportable
 from imubayes.rig.recordings import CASES
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
@@ -24,8 +25,8 @@ from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE
 from imubayes.units import STANDARD_GRAVITY
 
-NEEDED, FULL = "needed", "full"
-"""Models that every result has; others are its scenes."""
+BEST, NEEDED, FULL, BASIC = "best", "needed", "full", "basic"
+"""Models that every result has, the first being that of the others which predicts best; scenes are more."""
 
 ALONE: dict[str, str] = {"accelerometer": "ax", "gyroscope": "gx"}
 """Place in the case of a component whose id names none."""
@@ -111,7 +112,7 @@ class Characterized:
 
 
 def characterized(
-    path: Path | str, *, sensor: str = "", model: str = NEEDED, bias_at: str = "mean"
+    path: Path | str, *, sensor: str = "", model: str = BEST, bias_at: str = "mean"
 ) -> Characterized:
     """Read an IMU, or one component, from a ``result.json``.
 
@@ -122,8 +123,11 @@ def characterized(
     ----------
     path : of the file, or of the folder that holds it; a text will do.
     sensor : id of the IMU or component; may be left out where there is one.
-    model : ``needed`` has the terms that the data show to be more probable than not, at their averaged means;
-        ``full`` all terms that were tested, under the full library; the name of a scene what that requires.
+    model : ``needed`` has the terms that the data show and resolve, ``full`` all terms that were tested,
+        ``basic`` bias, scale and misalignment; ``best`` of these the one that predicts best what is left out.
+        Smaller models have the posterior of the full one projected on their terms. A result from before had
+        no such entries: its ``best`` and ``needed`` have terms more probable than not, at averaged means. The
+        name of a scene has what that requires.
     bias_at : ``start``, ``mean`` or ``end`` of the record: whose bias, where it walks with the noise.
 
     Raises
@@ -166,18 +170,25 @@ def _chosen(groups: Mapping[str, object], sensor: str, path: Path) -> str:
 
 def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[str, Scene]:
     """What a scene says of each component, by its id; empty for the models that are no scenes."""
-    if model in (NEEDED, FULL):
+    if model in (BEST, NEEDED, FULL, BASIC):
         return {}
     asked = model.replace("_", "-")
     found = {one.sensor: one for one in result.scenes if one.name.replace("_", "-") == asked}
     if not found:
-        known = dict.fromkeys((NEEDED, FULL, *(one.name for one in result.scenes)))
+        known = dict.fromkeys((BEST, NEEDED, FULL, BASIC, *(one.name for one in result.scenes)))
         raise InputError(f"{source.path}: has no model '{model}': expected one of {', '.join(known)}")
     return found
 
 
 def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mapping[str, Scene]) -> Part:
     model, bias_at = asked
+    if (used := _compensation(sensor, model)) is not None:
+        return _projected(sensor, used, bias_at)
+    if model == BASIC:
+        raise InputError(
+            f"{source.path}: {sensor.id} has no model '{BASIC}': no dwell of it was predicted from others;"
+            f" choose {NEEDED} or {FULL}, or run the study again if an earlier version wrote it"
+        )
     by_name = {term.name: term for term in _terms(sensor, model, scene.get(sensor.id))}
     lib = library_of(sensor.kind, list(by_name))
     mean, sd = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
@@ -195,6 +206,35 @@ def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mappin
         symbols=tuple(by_name[name].symbol for name in lib.names),
         covariance=np.diag(spread**2) if joint is None else joint,
         joint=joint is not None,
+        noise=noise,
+        noise_runs=runs,
+        interval=float(np.median([run.sampling for run in sensor.runs])),
+    )
+
+
+def _compensation(sensor: Sensor, model: str) -> Exportable | None:
+    """Coefficients of a model as the result has them, the best one first; None of a scene, or without any."""
+    return next((one for one in sensor.compensations if model in (BEST, one["model"])), None)
+
+
+def _projected(sensor: Sensor, used: Exportable, bias_at: str) -> Part:
+    lib = library_of(sensor.kind, list(used["terms"]))
+    places = [used["terms"].index(name) for name in lib.names]
+    theta = np.array(used["mean"])[places]
+    covariance = np.array(used["covariance"]).reshape(len(places), len(places))[np.ix_(places, places)]
+    elsewhere = bool(sensor.bias) and bias_at != "mean" and "b0" in lib.names
+    if sensor.bias and elsewhere:
+        b0, told = lib.names.index("b0"), sensor.bias[bias_at]
+        theta[b0], covariance = told["mean"], np.diag(np.diag(covariance))
+        covariance[b0, b0] = told["sd"] ** 2
+    symbols = {term.name: term.symbol for term in sensor.terms}
+    runs, noise = _noise(sensor)
+    return Part(
+        sensor=sensor,
+        component=Component(lib, theta),
+        symbols=tuple(symbols[name] for name in lib.names),
+        covariance=covariance,
+        joint=not elsewhere,
         noise=noise,
         noise_runs=runs,
         interval=float(np.median([run.sampling for run in sensor.runs])),
@@ -384,14 +424,25 @@ def _walks(found: Characterized) -> bool:
 
 
 def _model_words(found: Characterized) -> str:
+    chosen = {place: _compensation(part.sensor, found.model) for place, part in found.parts.items()}
+    if any(chosen.values()):
+        told = "; ".join(f"{place} {_chosen_words(one)}" for place, one in chosen.items() if one)
+        return (
+            f"of each component the model {found.model}, and the rms error of what was left out, SI: {told}"
+        )
     if found.model == FULL:
         return "every term that was tested, under the full library"
-    if found.model == NEEDED:
+    if found.model in (BEST, NEEDED):
         return "the terms that the data show to be more probable than not, at their model-averaged means"
     left = ", ".join(f"{place} {size:.3g}" for place, size in found.left_out.items())
     return (
         f"the terms that the scene {found.model} requires; rms of what is left out, SI: {left or 'not known'}"
     )
+
+
+def _chosen_words(one: Exportable) -> str:
+    error = f"{one['held_out']:.3g} over {one['positions']} positions"
+    return f"{one['model']} ({', '.join(one['terms'])}), {error}"
 
 
 def _valid_words(found: Characterized) -> str:

@@ -173,7 +173,7 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
             for term, symbol, value, spread in terms
         ],
         "covariance": part.covariance,
-        "covariance_of": "draws of the posterior" if part.joint else "variances alone",
+        "covariance_of": "the joint posterior" if part.joint else "variances alone",
         "noise": {"N": part.noise.N, "B": part.noise.B, "K": part.noise.K, "runs": part.noise_runs},
         "gauss_markov": {"sd": floor, "tau": tau, "stands_for": "B"},
         "interval": part.interval,
@@ -255,7 +255,7 @@ def filter_record(found: Characterized) -> dict[str, Any]:
         "states": [state for place, part in found.parts.items() for state in _states(place, part)],
         "P0": np.asarray(block_diag(*blocks)).tolist(),
         "P0_of": {
-            place: "draws of the posterior" if part.joint else "variances alone"
+            place: "the joint posterior" if part.joint else "variances alone"
             for place, part in found.parts.items()
         },
         "white": {

@@ -23,6 +23,7 @@ from imubayes.reporting.result.values import (
     Drop,
     ErrorSize,
     Evidence,
+    Exportable,
     Flag,
     Kind,
     Loose,
@@ -226,6 +227,13 @@ class Sensor:
         "average over it (`mean`, which `b0` is) and at its `end`, and its `drift` from start to end; "
         "left out where no random walk of the noise counts: it is then the same throughout"
     )] = None
+    compensations: Annotated[tuple[Exportable, ...], says(
+        "coefficients that `imubayes export` writes, the best `model` first: `full` (every tested term), "
+        "`needed`, `basic` (bias, scale, misalignment); those of a smaller model are the posterior of the "
+        "full one projected on its `terms` over the inputs of the test: `mean` and `covariance`, SI. "
+        "`held_out`: rms error of the output, SI, on average over each of the `positions`, predicted from "
+        "all others. Left out where none could be"
+    )] = ()
     model: Annotated[Names, says(
         "excited terms with inclusion 0.5 or more (median probability model; with `[decision]` costs, "
         "from their threshold on). No term that is `untested` or `not needed` is in it"
@@ -341,9 +349,10 @@ class Sensor:
     seconds: Annotated[Number, says("of computing")]
 
     @model_serializer(mode="wrap")
-    def _without_bias(self, written: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_nothing(self, written: SerializerFunctionWrapHandler) -> dict[str, Any]:
         values = written(self)
-        return values if self.bias else {key: value for key, value in values.items() if key != "bias"}
+        optional = {"bias": self.bias, "compensations": self.compensations}
+        return {key: value for key, value in values.items() if optional.get(key, True)}
 
 
 @dataclass(frozen=True, kw_only=True, config=PUBLISHED)

@@ -145,6 +145,10 @@ Misfit = TypedDict("Misfit", {
     "predictive_p": dict[str, Number], "level": Number,
 })
 Size = TypedDict("Size", {"mean": Number, "sd": Number})
+Exportable = TypedDict("Exportable", {
+    "model": str, "terms": Names, "mean": Numbers, "covariance": Matrix, "held_out": Number,
+    "positions": Count,
+})
 Bias = TypedDict("Bias", {"start": Size, "mean": Size, "end": Size, "drift": Size})
 TermGroup = TypedDict("TermGroup", {"terms": Names, "any_inclusion": Number})
 Evidence = TypedDict("Evidence", {"value": Number, "sd": Number, "exact": Number})
