@@ -140,7 +140,7 @@ def observe(
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
     largest = factor.column_norms if reach is None else np.array([reach[name] for name in factor.names])
     bench = tuple(HEADS.get(_head(name), "") for name in factor.names)
-    exact = tuple(_exact(A, size, largest * sd, _late(bench)))
+    exact = tuple(_exact(A, size, largest * sd, _late(bench, size)))
     # that the data say little of an error of the test bench by itself is no news
     faint = (c for c in _below_noise(A, size, exact) if not bench[int(np.argmax(np.abs(c.v)))])
     combinations = (*_felt(exact, bench, ratio), *faint)
@@ -208,13 +208,17 @@ def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...
             yield _Combination(v, part, exact=False)
 
 
-def _late(bench: tuple[str, ...]) -> NDArray[np.intp]:
-    """Columns in the order of the model equation, but those of single mounts first.
+def _late(bench: tuple[str, ...], size: FloatArray) -> NDArray[np.intp]:
+    """Columns in the order of the model equation, but those of single mounts first, the strongest of them.
 
-    They are many: each term that they hide is told with all of them.
+    They are many: each term that they hide is told with all of them. A rotation about the input axis of a
+    sensor that is misaligned does what one across it does, a thousand times less: it hides no term, and must
+    not stand for the one that does.
     """
-    mounts = np.array([kind != "" and kind_of(kind).each == "mount" for kind in bench])
-    return np.concatenate([np.flatnonzero(mounts), np.flatnonzero(~mounts)])
+    mounts = np.flatnonzero([kind != "" and kind_of(kind).each == "mount" for kind in bench])
+    decades = np.round(np.log10(np.maximum(size[mounts], np.finfo(float).tiny)))
+    first = mounts[np.argsort(-decades, kind="stable")]
+    return np.concatenate([first, np.setdiff1d(np.arange(len(bench)), mounts)])
 
 
 def _felt(

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 import imubayes as ib
 from imubayes.algebra.factor import add, factor_of, reorder
+from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.observability import observe
 from imubayes.inference.summary import summarize
-from imubayes.rig.inputs import UNKNOWN
+from imubayes.rig.inputs import UNKNOWN, Inputs, Run
 from imubayes.sensors.catalogue import classes, typical_noise
 from imubayes.sensors.noise import NoiseRule
 
@@ -289,3 +290,27 @@ def test_facts_choose_the_words():
     assert free.reason == "only |f| = g is known of each still"
     unknown = observe(summary.factor, sd, UNKNOWN).groups[0]
     assert unknown.reason == "" and "changes by itself" in unknown.remedy
+
+
+def test_a_term_s_partner_is_the_rotation_that_moves_the_output_as_it_does():
+    """Six positions of three faces: one about the input axis moves a misaligned sensor 200 times less."""
+    sensor, library = ib.sensor("mems_consumer", kind="accelerometer"), ib.library("accelerometer", powers=1)
+    faces = 9.81 * np.repeat(np.vstack((np.eye(3), -np.eye(3)))[[0, 3, 1, 4, 2, 5]], 3, axis=0)
+    channels = dict(zip(("f_i", "f_j", "f_k"), faces.T, strict=True))
+    inputs = Inputs(np.arange(18.0), channels, 1.0, np.repeat(np.arange(3), 6))
+    run = Run("tumble", "tumble", inputs, faces[:, 0])
+    extras = extras_for([run], {"fixture": 1e-3})
+    tilted = np.where(np.isin(library.names, ["m_j", "m_k"]), 5e-3, 0.0)
+    rows = rows_with([run], library, extras, tilted, np.zeros(len(extras)))
+    rules = {"tumble": NoiseRule("fixed", ib.Noise(1e-4, 0.0, 0.0))}
+    summary = summarize([run], library, rules=rules, rows=rows, extras=extras)
+    sd = np.append(ib.prior(sensor, library).sd, [extra.sd for extra in extras])
+    seen = observe(summary.factor, sd, summary.facts, reach=summary.reach)
+    hidden = {name: [n for n in seen.partners(name) if n.startswith("fixture")] for name in ("m_j", "m_k")}
+    assert hidden == {"m_j": ["fixture_k.tumble.1"], "m_k": ["fixture_j.tumble.2"]}
+    columns = rows[0].X
+    for name, (partner,) in hidden.items():
+        ways = columns[:, [summary.names.index(name), summary.names.index(partner)]]
+        move = np.linalg.svd(ways)[2][-1]  # along the direction that they share nothing moves
+        assert np.linalg.norm(ways @ move) < 1e-3 * np.linalg.norm(ways[:, 0] * move[0])
+        assert 0.3 < abs(move[1] / move[0]) < 3.0
