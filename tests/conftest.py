@@ -115,6 +115,36 @@ def command() -> Callable[..., Ended]:
     return run
 
 
+STUDY = """
+[study]
+title = "small tumble"
+seed = 1
+method = "exact"
+[decision]
+compare = false
+[[sensor]]
+id = "ACC-1"
+kind = "accelerometer"
+class = "mems_tactical"
+[sensor.library]
+powers = 2
+asymmetry = -1
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = { angles = 8, planes = 2, dwell = "4 s", rate = "5 Hz" }
+"""
+"""A small tumble, decided at the estimated noise, with no other method beside."""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """A small study on file."""
+    path = tmp_path / "small.toml"
+    path.write_text(STUDY)
+    return path
+
+
 def _folder(variable: str, usual: Path) -> Path:
     folder = Path(os.environ.get(variable, usual))
     if not folder.is_dir():

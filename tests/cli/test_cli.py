@@ -21,33 +21,6 @@ HEAVY = {
     *("pyarrow", "pydantic", "rich", "scipy", "xarray"),
 }
 
-STUDY = """
-[study]
-title = "small tumble"
-seed = 1
-method = "exact"
-[decision]
-compare = false
-[[sensor]]
-id = "ACC-1"
-kind = "accelerometer"
-class = "mems_tactical"
-[sensor.library]
-powers = 2
-asymmetry = -1
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-simulate = { angles = 8, planes = 2, dwell = "4 s", rate = "5 Hz" }
-"""
-
-
-@pytest.fixture
-def study(tmp_path) -> Path:
-    path = tmp_path / "small.toml"
-    path.write_text(STUDY)
-    return path
-
 
 @pytest.mark.parametrize(
     ("module", "heavy"),
@@ -90,29 +63,30 @@ def _sampling(monkeypatch, command, *arguments: str) -> Sampling:
     return sampling
 
 
-SAMPLED = STUDY.replace('"exact"\n', '"full"\n[sampling]\ness = 50\n')
+@pytest.fixture
+def sampled(study) -> Path:
+    """The small study, with chains asked for."""
+    study.write_text(study.read_text().replace('"exact"\n', '"full"\n[sampling]\ness = 50\n'))
+    return study
 
 
-def test_sampling_is_the_studys_where_the_command_line_is_silent(command, study, tmp_path, monkeypatch):
-    study.write_text(SAMPLED)
-    assert _sampling(monkeypatch, command, str(study), "--out", str(tmp_path)) == Sampling(
+def test_sampling_is_the_studys_where_the_command_line_is_silent(command, sampled, tmp_path, monkeypatch):
+    assert _sampling(monkeypatch, command, str(sampled), "--out", str(tmp_path)) == Sampling(
         "full", 50.0, 600.0, checkpoints=tmp_path / "chains", resume=False
     )
 
 
-def test_command_line_wins_over_the_study(command, study, tmp_path, monkeypatch):
-    study.write_text(SAMPLED)
+def test_command_line_wins_over_the_study(command, sampled, tmp_path, monkeypatch):
     options = ("--method", "collapsed", "--time-limit", "5 min", "--ess", "300")
-    assert _sampling(monkeypatch, command, str(study), "--out", str(tmp_path), *options) == Sampling(
+    assert _sampling(monkeypatch, command, str(sampled), "--out", str(tmp_path), *options) == Sampling(
         "collapsed", 300.0, 300.0, checkpoints=tmp_path / "chains", resume=False
     )
 
 
-def test_chains_are_resumed_where_there_are_checkpoints(command, study, tmp_path, monkeypatch):
+def test_chains_are_resumed_where_there_are_checkpoints(command, sampled, tmp_path, monkeypatch):
     (tmp_path / "chains").mkdir()
     (tmp_path / "chains" / "ACC-1.h5").touch()
-    study.write_text(SAMPLED)
-    sampling = _sampling(monkeypatch, command, str(study), "--out", str(tmp_path), "--resume")
+    sampling = _sampling(monkeypatch, command, str(sampled), "--out", str(tmp_path), "--resume")
     assert sampling == Sampling("full", 50.0, 600.0, checkpoints=tmp_path / "chains", resume=True)
 
 

@@ -2,31 +2,6 @@ import json
 
 import pytest
 
-STUDY = """
-[study]
-title = "small tumble"
-seed = 1
-
-[[sensor]]
-id = "ACC-1"
-kind = "accelerometer"
-class = "mems_tactical"
-[sensor.library]
-powers = 2
-asymmetry = -1
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-simulate = { angles = 8, planes = 2, dwell = "4 s", rate = "5 Hz" }
-"""
-
-
-@pytest.fixture
-def study(tmp_path):
-    path = tmp_path / "small.toml"
-    path.write_text(STUDY)
-    return path
-
 
 @pytest.mark.slow
 def test_the_command_writes_a_report_of_processes_of_their_own(command, study, tmp_path):
