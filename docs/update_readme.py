@@ -1,7 +1,7 @@
 """Fill README.md's marked blocks, and draw docs/quickstart.svg, from real runs.
 
 Run it by ``python docs/update_readme.py`` where imubayes is installed; it takes less than a minute. It
-prints nothing. What stands between these markers of README.md is replaced:
+prints how far it is. What stands between these markers of README.md is replaced:
 
 ``<!-- quickstart -->``
     what ``imubayes run studies/quickstart.toml`` prints without a terminal, in 80 columns.

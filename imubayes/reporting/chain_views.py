@@ -14,7 +14,7 @@ from imubayes.campaign.fidelity import rung_of
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result.values import RungChoice, published
-from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, signed
+from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, share, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
@@ -132,8 +132,9 @@ def bias_sentence(sensor: SensorResult) -> str:
     usual = on_output(sensor.bias.walk, sensor.kind)
     return (
         f"{told} A random walk that fits the steps between strays {usual} (1 sd) in that time, and this is"
-        f" {strays:.1f} sd: no walk, but a warm-up or a change of temperature. Let the sensor warm up, or"
-        " record T and give its library temperature = 1."
+        f" {strays:.1f} sd, as {share(math.erfc(strays / math.sqrt(2.0)))} of walks do: more likely a warm-up"
+        " or a change of temperature. Let the sensor warm up, or record T and give its library temperature"
+        " = 1."
     )
 
 

@@ -278,7 +278,7 @@ OF_PAIR = readings(
             lambda of, m: [found := of[0].inside(*of[1], "needed"), len(found)],
         rf"the smallest model has ({NUM}) \(({NUM}) to ({NUM})\) terms \(median, and (90) % of the units\)":
             lambda of, m: [*_range_of(of[0].scenes[of[1]]["order"]), 90],
-        rf"with a calibration over the inputs of the test ({NUM}) \(({NUM}) to ({NUM})\)\.":
+        rf"with a calibration over the inputs of the test ({NUM}) \(({NUM}) to ({NUM})\)":
             lambda of, m: [*_range_of(of[0].scenes[of[1]]["tested_order"])],
         rf"Noise comes to ({SHARE}) (?:of )?the budget":
             lambda of, m: [of[0].scenes[of[1]]["noise_share_of_budget"]],
@@ -319,7 +319,7 @@ OF_ALL = readings(
         r"^The median unit needs ([\d.]+) terms of ([\w ]+), ([\d.]+) of ([\w ]+)$": _orders,
         r"(?:that the tests cannot tell: |; )([\w ]+): ([\w ]+), cannot tell (\d+)":
             lambda r, m: [None, _needed(r, m[1].strip()), len(r.of(m[1].strip(), "cannot tell"))],
-        rf"(?:% of the units: |; )([A-Za-z][\w ]*?) ({NUM}) \(({NUM}) to ({NUM})\)":
+        rf"(?:% of the units: |; (?!with a calibration))([A-Za-z][\w ]*?) ({NUM}) \(({NUM}) to ({NUM})\)":
             lambda r, m: [None, *_range_of(r.classes[m[1].strip()]["order"])],
         rf"^(\w+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
             _cell,

@@ -157,6 +157,35 @@ def _posterior(sensor: Found, match: Match) -> Iterable[Meant]:
     return [None, None if near and right else mean if right else math.nan, sd, None, away, None]
 
 
+def _bias(sensor: Found, match: Match) -> Iterable[Meant]:
+    """Mean and sd of the bias over the record, at its start and its end, and of its drift."""
+    unit = per_unit(_term(sensor, "b0")["printed_unit"], _term(sensor, "b0")["unit"])
+    for k, key in enumerate(("mean", "start", "end", "drift")):
+        mean, sd = (sensor["bias"][key][size] / unit for size in ("mean", "sd"))
+        (said, _), (_, half) = *written(match[2 * k + 1]), *written(match[2 * k + 2])
+        yield None if abs(said - mean) <= 1.02 * half else mean
+        yield sd
+
+
+def _strayed(sensor: Found, match: Match) -> Iterable[Meant]:
+    """Drift over what a walk strays in that time, and how many walks go as far."""
+    unit = per_unit(_term(sensor, "b0")["printed_unit"], _term(sensor, "b0")["unit"])
+    ratio = abs(sensor["bias"]["drift"]["mean"]) / unit / value(match[1])
+    low, high = (math.erfc((value(match[3]) + k) / math.sqrt(2.0)) for k in (0.05, -0.05))
+    yield from (None, None, None if abs(value(match[3]) / ratio - 1.0) < 0.05 else ratio)
+    yield None if low <= value(match[4]) <= high or high < 1e-3 else low
+
+
+LEFT_OUT = {"every": "full", "bias,": "basic", "the": "needed"}
+"""First word of what a compensation keeps, and what the result calls it."""
+
+
+def _left_out(sensor: Found, match: Match) -> Iterable[Meant]:
+    """Error of positions that are predicted from all others."""
+    one = named(sensor["compensations"], LEFT_OUT[match[1].split()[0]], "model")
+    return [None, one["held_out"] / _output(sensor)]
+
+
 def _narrowed(sensor: Found, match: Match) -> Iterable[Meant]:
     """Terms of the model that are known ten times as well as before."""
     terms = [_term(sensor, name) for name in sensor["model"]]
@@ -314,7 +343,7 @@ READINGS = readings(
         rf"The best model holds ({SHARE})": lambda s, m: [s["best_models"][0]["probability"]],
         rf"models hold {SHARE} and disagree on (\d+ terms?|{NAMES[1:-1]})$": _varied,
         rf"to the noise floor \(residual over noise ({NUM}), white, p {P}\)": _fit,
-        rf"(?:explain runs? |\), | and )([^,;()]+?(?: \([\w ]+\))?) \(residual over noise ({NUM}),"
+        rf"(?:explain runs? |\), | and )((?:(?!\. )[^,;()])+?(?: \([\w ]+\))?) \(residual over noise ({NUM}),"
         rf" (?:not )?white, p (?:= )?{P}(?:, (\d+) blocks? stands? out by up to ({NUM}) sd)?\)": _misfit,
         rf"(?:below p|p above) ({NUM})": lambda s, m: [s["residuals"][0]["level"]],
         r"Drawn below: the (?:run|\d+ runs) of (\d+) that fits? worst": lambda s, m: [len(s["residuals"])],
@@ -371,6 +400,14 @@ READINGS = readings(
         r"a polynomial of degree (\d) in T": lambda s, m: [
             max(int(n or 1) for t in s["terms"] for n in re.findall(r"\*T(\d?)$", t["name"]))
         ],
+        rf"is the mean over the record, ({NUM}) ± ({NUM}) \S+: ({NUM}) ± ({NUM}) \S+ at its start, ({NUM}) ±"
+        rf" ({NUM}) \S+ at its end, a drift of ({NUM}) ± ({NUM})": _bias,
+        rf"strays ({NUM}) \S+ \((1) sd\) in that time, and this is ({NUM}) sd, as ({SHARE}) of walks do":
+            _strayed,
+        r"library temperature = (1)": lambda s, m: [None],
+        r"Predicting each of (\d+) positions": lambda s, m: [s["compensations"][0]["positions"]],
+        rf"with (every tested term|bias, scale and misalignment|the terms that the data ask for and resolve)"
+        rf" ({NUM}) \S+ rms": _left_out,
         rf"^({NUM}) sd$": lambda s, m: [
             nearest(m[1], (o["size"] for one in s["residuals"] for o in one["outliers"]))
         ],
@@ -466,7 +503,7 @@ CASES = readings(
         rf"the posterior predicts {AMOUNT} for new ones: ": partial(_one_of, "fresh"),
         rf"new ones would be off by {AMOUNT}": partial(_one_of, "fresh"),
         rf"The kept terms alone leave {AMOUNT}": partial(_one_of, "flown"),
-        r"(\d+) of (\d+) (?:lie )?within 2 sd": _held,
+        r"(?<!\d)(?<!as predicted: )(\d+) of (\d+) (?:lie )?within 2 sd": _held,
         r"by (?:still|turn), (\d+) of them": _counted_places,
         rf"its (accelerometer|gyroscope)s need {NAMES}(?=[.;])":
             lambda case, m: _of_all(case["pooled"][m[1]], "needed"),
@@ -487,7 +524,17 @@ def _dealt(r: Sensors, match: Match, anchor: str) -> Iterable[Meant]:
     return [min(r.at(match, anchor)["mcmc"]["draws"], 16_000_000 // (8 * values))]
 
 
+def _as_predicted(r: Sensors, match: Match, anchor: str) -> Iterable[Meant]:
+    """Errors of known quantities of a component's kind within 2 sd, and how many there are."""
+    sensor = r.at(match, anchor)
+    case = next(one for one in r.cases if sensor["id"].startswith(f"{one['id']}."))
+    force = sensor["kind"] == "accelerometer"
+    rows = [one for one in case["recovered"] if (one["what"] == "gravity") == force]
+    return [sum(one[key] for one in rows) for key in ("within_2_sd", "of")]
+
+
 WHOLE = (
+    Reading(r"are (?:as predicted|too small|wider than they need be): (\d+) of (\d+)", _as_predicted),
     Reading(
         rf"((?:not )?needed (?:is|are)|undecided (?:is|are)|this test cannot tell of) {NAMES}(?=[.;])",
         _in_one_model,
@@ -509,6 +556,7 @@ def wrong_study(html: str, result: Found) -> list[str]:
         for c in one["criteria"].values()
         if c["note"]
     ]
+    notes += [note for one in result["sensors"] for run in one["runs"] for note in run["notes"]]
     notes += [s["exact"] for one in result["sensors"] for s in one["standards"].values() if s.get("exact")]
     read = (_without(block, notes) for block in blocks if block.text not in titles and not _doubt(block))
     ids = fixed(*(rf"(?<![\w-])({re.escape(one['id'])})(?![\w-])" for one in result["sensors"]))
