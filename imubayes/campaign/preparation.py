@@ -12,7 +12,7 @@ from imubayes.errors import ConvergenceError, StudyError
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
-from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble
+from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, trusted_stills
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
@@ -205,21 +205,22 @@ def prepare_case(
     ConvergenceError : if a linearisation does not settle.
     """
     prior, source = _triad_prior(spec)
-    runs = [condensed(run) for run in runs]
+    runs, distrusted = [condensed(run) for run in runs], ()
+    asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
+    if spec.robust and rng is not None and not _referenced(spec):
+        runs, distrusted = trusted_stills(runs, asked, gravity=_gravity(spec), rng=rng)
     if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
         case = _imu_case(spec, runs, (prior, own), rng)
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
+    elif _referenced(spec):
+        case = _of_sections(spec, runs, asked)
     else:
-        asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
-        if _referenced(spec):
-            case = _of_sections(spec, runs, asked)
-        else:
-            case = solve_free_tumble(runs, asked, gravity=_gravity(spec))
+        case = solve_free_tumble(runs, asked, gravity=_gravity(spec))
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
-    return case, Prepared(runs, case.summary, case.rows, whole, source, case.distrusted)
+    return case, Prepared(runs, case.summary, case.rows, whole, source, (*case.distrusted, *distrusted))
 
 
 def _imu_case(

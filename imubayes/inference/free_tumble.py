@@ -35,6 +35,7 @@ from imubayes.inference.between_stills import (
     turning,
 )
 from imubayes.inference.case import Asked, Case, Told, along, case_of
+from imubayes.inference.dwells import run_kept
 from imubayes.inference.linear import (
     Extra,
     Linear,
@@ -46,11 +47,13 @@ from imubayes.inference.linear import (
     with_columns,
 )
 from imubayes.inference.noise_model import NoiseEstimate, estimate
+from imubayes.inference.robust import ROUNDS, Distrusted, robust_rows
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.stills import (
     Stills,
     find_stills,
     lasting_of,
+    left_by,
     means_of,
     rows_of,
     samples_in,
@@ -113,6 +116,51 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, gravity: Extra | Non
     facts = Facts("accelerometer", one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
     known = dict.fromkeys(triad.components, facts)
     return case_of(told, [triad], known, extras, sd=sd, theta=found.place)
+
+
+def trusted_stills(
+    runs: Sequence[Run], asked: Asked, *, gravity: Extra | None = None, rng: np.random.Generator
+) -> tuple[tuple[Run, ...], tuple[Distrusted, ...]]:
+    """Runs without the stills, or the parts of a long rest, that somebody touched; and these.
+
+    All stills are linearised about coefficients that the spoilt ones pull at: so it is done again without
+    them.
+
+    Parameters
+    ----------
+    runs : free tumbles of one triad, or of one IMU.
+    asked : of the accelerometers, by whose lengths stills are judged.
+    gravity : error of the local gravity, if it is allowed for.
+    rng : the source of randomness.
+
+    Raises
+    ------
+    UnobservableError, ConvergenceError : as `solve_free_tumble`.
+    """
+    found: tuple[Distrusted, ...] = ()
+    for _ in range(ROUNDS):
+        case, stills = solve_free_tumble(runs, asked, gravity=gravity), [find_stills(run) for run in runs]
+        sd = np.concatenate((asked.prior.sd, [extra.sd for extra in case.summary.extras]))
+        first = [_start(run, own, asked) for run, own in zip(runs, stills, strict=True)]
+        at_rest = [
+            np.isin(np.arange(len(run.t)), rows_of(own)[0]) for run, own in zip(runs, stills, strict=True)
+        ]
+        resting = [run_kept(run, rows) for run, rows in zip(runs, at_rest, strict=True)]
+
+        def noise_of(_: Sequence[Run], rows: Sequence[Linear], first=first, sd=sd) -> list[Noise]:
+            return [one.noise for one in _judged([blocks_of(part) for part in rows], first, asked, sd)]
+
+        seen = robust_rows(resting, case.rows, sd, noise_of, rng=rng)
+        if not seen.distrusted and len(seen.runs) == len(runs):
+            break
+        spans = [[(d.start, d.stop) for d in seen.distrusted if d.run == run.name] for run in runs]
+        kept = [left_by(*one) for one in zip(runs, stills, spans, strict=True)]
+        there = {run.name for run in seen.runs}
+        left = [replace(run, stills=own) for run, own in zip(runs, kept, strict=True) if run.name in there]
+        source = replace(left[0].source, notes=(*left[0].source.notes, *seen.notes))
+        runs = [replace(left[0], source=source), *left[1:]]
+        found += seen.distrusted
+    return tuple(runs), found
 
 
 def _check_stills(count: int) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import BLOCKS, Linear
+from imubayes.rig.checks import stretches_of
 from imubayes.rig.inputs import Inputs, Part, Run, durations
 from imubayes.rig.stream_survey import averaged_parts
 
@@ -190,6 +191,16 @@ def condensed(run: Run) -> Run:
 def _measured(part: Part, inside: slice, table: FloatArray) -> None:
     """Write time, averaging time and outputs of some rows of a part."""
     table[:, 0], table[:, 1], table[:, 2:] = part.t[inside], part.duration[inside], part.output[inside]
+
+
+def left_by(run: Run, stills: Stills, spoilt: Sequence[tuple[float, float]]) -> Stills:
+    """What is left of a run's stills without some spans of time, s, in parts that are long enough."""
+    kept = np.ones(len(run.t), dtype=bool)
+    for start, stop in spoilt:
+        kept[(run.t > start) & (run.t < stop)] = False
+    least = 1 if run.inputs.averaged is not None else math.ceil(SHORTEST / run.interval)
+    parts = [first + stretches_of(kept[first:last]) for first, last in stills]
+    return tuple((a, b) for part in parts for a, b in part.tolist() if b - a >= least)
 
 
 def rows_of(stills: Stills) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -138,7 +138,6 @@ mems_tactical" += prior = { b0 = "0 ug" }
 procedure = "tumble" => procedure = "free-tumble"
 procedure = "tumble" => procedure = "free-tumble"\ngravity = "9.81 m"
 procedure = "tumble" => procedure = "free-tumble"\ngravity = { latitude = "45 deg" }
-procedure = "tumble" => procedure = "free-tumble"\ngravity = "1 g" && mems_tactical" += robust = true
 "tumble"\nfile => "free-tumble"\ngravity = "1 g"\nfile && mems_tactical" += reference = { fixture = true }
 mems_tactical" += reference = { gravty = true }
 mems_tactical" += reference = { gravity = 1e-6 }
@@ -211,7 +210,7 @@ free-tumble => tumble
 free-tumble => ferraris
 gravity = "9.81 m/s^2" =>
 g_i = "300 => g_x = "300
-id = "A" += robust = true
+id = "A" += robust = true && free-tumble => ferraris && 9.81 m/s^2" += sections = [{ rows = [0, 9], up = "x" }]
 id = "A" += reference = { fixture = true }
 kind = "imu" => kind = "accelerometer"
 """),

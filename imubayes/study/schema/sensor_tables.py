@@ -224,13 +224,8 @@ def _uncertainty(value: object, error: BenchError, place: Place) -> float:
 
 
 def _check_robust(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> None:
-    if table.robust and runs[0].procedure == FREE_TUMBLE:
-        raise place.error(
-            "a free tumble has no dwells that could be contaminated: its positions are found where it rests; "
-            "leave it out"
-        )
     if table.robust and runs[0].procedure == FERRARIS:
-        raise place.error("is not known for positions and turns of a whole IMU: leave it out")
+        raise place.error("is not known for positions and turns, of which each is there once: leave it out")
 
 
 def _check_session(table: SensorTable, place: Place) -> None:

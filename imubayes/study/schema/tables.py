@@ -332,7 +332,7 @@ class SensorTable:
     )
     robust: bool = key(
         "lets single dwells be contaminated (a knock, a wrong position, a spike): they lose their weight,"
-        " and the report lists them. Not for free tumbles",
+        " and the report lists them; of a test in the hand a still that was touched. Not for `ferraris`",
         True,
         False,
     )
