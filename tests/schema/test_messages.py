@@ -210,7 +210,7 @@ free-tumble => tumble
 free-tumble => ferraris
 gravity = "9.81 m/s^2" =>
 g_i = "300 => g_x = "300
-id = "A" += robust = true && free-tumble => ferraris && 9.81 m/s^2" += sections = [{ rows = [0, 9], up = "x" }]
+"A" += robust = true && free-tumble => ferraris && 9.81 m/s^2" += sections = [{ rows = [0, 9], up = "x" }]
 id = "A" += reference = { fixture = true }
 kind = "imu" => kind = "accelerometer"
 """),
