@@ -191,6 +191,7 @@ def test_help_says_what_it_said(name, command, golden):
 
 
 def _masked(text: str) -> str:
+    text = re.sub(r"^imubayes: after \d.*\n", "", text, flags=re.M)  # of a slow machine
     for pattern, sign in MASKS.items():
         text = re.sub(pattern, sign, text, flags=re.M)
     return text

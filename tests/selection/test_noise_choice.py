@@ -223,7 +223,8 @@ def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_pat
     monkeypatch.setattr(stream_survey, "STRETCH", 4096)
     lib = library("gyroscope", powers=1, asymmetry=-1)
     run = read_run(RunSpec("log", "static", file=tmp_path / "log.parquet"), "gyroscope")
-    rows = linear_of(run, lib)
+    assert run.record is not None  # coefficients are of means, noise of what quantization shows in
+    rows = linear_of(run.record, lib)
     candidates = ("B", "K", "Q")
     theta = np.zeros(len(lib.names))
     found = noise_of(rows, theta, CONSUMER, rng=np.random.default_rng(1), candidates=candidates)

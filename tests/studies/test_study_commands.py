@@ -42,6 +42,7 @@ def test_every_study_about_the_tool_is_tested():
 def test_small_study_runs_by_its_command_and_its_law_holds(name, tmp_path, monkeypatch):
     options = ["--small", "--seed", "5", "--out", str(tmp_path / "out")]
     monkeypatch.setattr(sys, "argv", [name, *options])
+    monkeypatch.delitem(sys.modules, f"studies.{name}.__main__", raising=False)  # of another test
     runpy.run_module(f"studies.{name}", run_name="__main__")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.json"]
     page, result = (tmp_path / "out" / name for name in ("report.html", "result.json"))
