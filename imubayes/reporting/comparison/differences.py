@@ -14,11 +14,11 @@ from itertools import combinations
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import imubayes
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE
 
 if TYPE_CHECKING:
+    from imubayes.reporting.blocks import Text
     from imubayes.reporting.result.file import Written
     from imubayes.reporting.result.values import Interval
     from imubayes.sensors.terms import Kind
@@ -123,18 +123,27 @@ class Entry:
 
     Attributes
     ----------
-    label : as sentences call it.
-    values : what each result says of it; None where it has no such thing.
+    name, label : as a table and as sentences call it.
+    cells : what a table says of each result's value.
+    record : the values as they are published.
     pulls : largest difference by what is compared; None where fewer than two can be.
     tests : number of comparisons: all pairs of results, of all that is compared.
+    missing : number of results that have no such thing.
     divided : whether the results decide on it differently.
+    silent : whether a terminal leaves it out where nothing differs.
+    shown : whether a page does show it there.
     """
 
+    name: str
     label: str
-    values: tuple[Any, ...]
+    cells: tuple[tuple[Text, ...], ...]
+    record: Mapping[str, Any]
     pulls: Mapping[str, Pull | None]
     tests: int
+    missing: int = 0
     divided: bool = False
+    silent: bool = False
+    shown: bool = True
 
     @property
     def largest(self) -> tuple[str, Pull | None]:
@@ -164,6 +173,7 @@ class Group:
     labels : of the results.
     members : of each result; None where it has no such thing.
     terms : by name.
+    record : what is published of it beside its entries.
     noise : by run and letter.
     scenes : that two results or more have.
     quantity : that a scene's budget is of.
@@ -175,6 +185,7 @@ class Group:
     labels: Sequence[str]
     members: tuple[Any, ...]
     terms: Mapping[str, Entry]
+    record: Mapping[str, Any]
     noise: Mapping[tuple[str, str], Entry] = field(default_factory=dict)
     scenes: tuple[Group, ...] = ()
     quantity: str = ""
@@ -253,16 +264,31 @@ def terms_of(members: Iterable[Any]) -> dict[str, tuple[Any, ...]]:
 
 def entry(
     labels: Sequence[str],
-    label: str,
-    values: Sequence[object],
+    name: str,
+    values: Sequence[Any],
     estimates: Sequence[Estimate | None],
+    cells: Callable[[Any], tuple[Text, ...]],
+    record: Mapping[str, Any],
+    *,
+    label: str = "",
     size: Callable[[Estimate, Estimate], float] = in_sd,
     decisions: Iterable[object] = (),
+    **other: bool,
 ) -> Entry:
     """Compare what is estimated in one way."""
     pull = largest(labels, estimates, size)
-    pairs = math.comb(sum(value is not None for value in values), 2) if pull else 0
-    return Entry(label, tuple(values), {"": pull}, pairs, len(set(decisions)) > 1)
+    missing = sum(value is None for value in values)
+    return Entry(
+        name,
+        label or name,
+        tuple(map(cells, values)),
+        record,
+        {"": pull},
+        math.comb(len(values) - missing, 2) if pull else 0,
+        missing,
+        divided=len(set(decisions)) > 1,
+        **other,
+    )
 
 
 def comparison(
@@ -312,27 +338,7 @@ def differing(entries: Iterable[Entry]) -> list[tuple[str, Pull]]:
     return sorted(found, key=lambda pair: -pair[1].size)
 
 
-def head_record(found: Comparison) -> dict[str, Any]:
-    """Which results, and what counts as a difference, as a comparison's ``result.json`` has it."""
-    return {
-        "imubayes": imubayes.__version__,
-        "results": [
-            {"label": label, "file": str(one.path), "sha256": one.sha256, "study": one.study}
-            for label, one in zip(found.labels, found.files, strict=True)
-        ],
-        "level": LEVEL,
-        "comparisons": found.tests,
-        "threshold": found.threshold,
-    }
-
-
-def pull_record(pull: Pull | None) -> dict[str, Any]:
-    """Largest difference; nulls where there is none."""
-    if pull is None:
-        return {"difference_over_sd": None, "between": None, "differs": None}
-    return {"difference_over_sd": pull.size, "between": list(pull.pair), "differs": pull.beyond}
-
-
-def column(values: Iterable[object], key: str) -> list[Any]:
-    """Values of one name; None where a result lacks it."""
-    return [None if value is None else getattr(value, key) for value in values]
+def columns(values: Iterable[object], **keys: str) -> dict[str, list[Any]]:
+    """Values by key, each with the attribute that it has in a result; None where a result lacks it."""
+    every = list(values)
+    return {key: [None if one is None else getattr(one, name) for one in every] for key, name in keys.items()}

@@ -26,12 +26,10 @@ from imubayes.reporting.comparison.differences import (
     differing,
     entry,
     fisher,
-    head_record,
     labels_of,
     largest,
     log_spread,
     normal_of,
-    pull_record,
     terms_of,
     with_scenes,
 )
@@ -40,6 +38,7 @@ from imubayes.reporting.comparison.page import (
     LITTLE,
     RESULT,
     comparison_page,
+    comparison_record,
     entry_rows,
     incomplete,
     most_different,
@@ -121,12 +120,20 @@ def _class(
         for result, one in zip(results, members, strict=True)
     )
     counts = [len(one.units) if one else 0 for one in members]
+    orders = [one.order for one in members if one]
     return Group(
         name,
         kind,
         labels,
         members,
-        {term: _term(term, values, members, labels) for term, values in terms_of(members).items()},
+        {term: _term(term, values, members, labels, kind) for term, values in terms_of(members).items()},
+        {
+            "id": name,
+            "orders": [one and one.order for one in members],
+            # the ranges of the numbers of needed terms do not overlap
+            "orders_apart": max(one["low"] for one in orders) > min(one["high"] for one in orders),
+            **dict.fromkeys(("terms", "scenes"), ()),
+        },
         scenes=tuple(
             _scene(scene, found, counts, labels, kind) for scene, found in aligned(scenes, least=2).items()
         ),
@@ -146,7 +153,11 @@ def population_of(term: ClassTerm, of: Class) -> Population:
 
 
 def _term(
-    name: str, values: Sequence[ClassTerm | None], members: Sequence[Class | None], labels: Sequence[str]
+    name: str,
+    values: Sequence[ClassTerm | None],
+    members: Sequence[Class | None],
+    labels: Sequence[str],
+    kind: Kind,
 ) -> Entry:
     found = [one and of and population_of(one, of) for one, of in zip(values, members, strict=True)]
     there = [(label, one) for label, one in zip(labels, found, strict=True) if one and one["tested"]]
@@ -157,7 +168,8 @@ def _term(
         "spread": largest(tested, [log_spread(one["spread"]) for _, one in there]),
     }
     tests = math.comb(len(there), 2) * sum(pull is not None for pull in pulls.values())
-    return Entry(name, tuple(found), pulls, tests)
+    cells = tuple(_cells(one, name, kind) for one in found)
+    return Entry(name, name, cells, {"name": name, "values": found}, pulls, tests, found.count(None))
 
 
 def _scene(
@@ -169,16 +181,28 @@ def _scene(
 ) -> Group:
     terms = {}
     for term, values in terms_of(members).items():
-        required = [
-            (round(one.required * count), count) if one else None
+        found = [
+            ((round(one.required * count), count), Share(one.share_of_budget, *one.share_range))
+            if one
+            else None
             for one, count in zip(values, counts, strict=True)
         ]
-        shares = [Share(one.share_of_budget, *one.share_range) if one else None for one in values]
-        divided = (count >= HALF * of for count, of in filter(None, required))
-        label = f"{term} (required in {scene_name(name)})"
-        found = [one and share and (one, share) for one, share in zip(required, shares, strict=True)]
-        terms[term] = entry(labels, label, found, required, fisher, divided)
-    return Group(name, kind, labels, members, terms)
+        required, shares = [one and one[0] for one in found], [one and asdict(one[1]) for one in found]
+        there = [one for one in found if one]
+        terms[term] = entry(
+            labels,
+            term,
+            found,
+            required,
+            _scene_cells,
+            {"name": term, "required": required, "shares": shares},
+            label=f"{term} (required in {scene_name(name)})",
+            size=fisher,
+            decisions=[count >= HALF * of for (count, of), _ in there],
+            shown=any(count or share.value >= LITTLE for (count, _), share in there),
+        )
+    record = {"name": name, "orders": [one and one.order for one in members], "terms": ()}
+    return Group(name, kind, labels, members, terms, record)
 
 
 def lots_page(found: Comparison) -> Page:
@@ -196,10 +220,11 @@ def lots_page(found: Comparison) -> Page:
 
 
 def _section(one: Group, whole: bool) -> Section:
+    terms = entry_rows(one.labels, one.terms.values(), whole=whole)
     blocks = (
         Prose(" ".join(_sentences(one))),
         titled("Model order", one.name, ORDER_HEAD, _order_rows(one), "ttt"),
-        titled("The population", one.name, HEAD, _rows(one, whole), "tttffn"),
+        titled("The population", one.name, HEAD, terms, "tttffn"),
         *(_scene_section(scene, one) for scene in one.scenes),
     )
     return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s")
@@ -209,7 +234,7 @@ def _sentences(one: Group) -> Iterator[str]:
     far = [f"{what}, {pull.size:.1f} sd" for what, pull in differing(with_scenes(one))]
     yield f"Beyond uncertainty: {'; '.join(far)}." if far else "Nothing differs beyond uncertainty."
     told = listed(f"{label} {member.order['value']:.3g}" for label, member in one.there)
-    apart = "; the ranges of the units do not overlap" if _apart(one) else ""
+    apart = "; the ranges of the units do not overlap" if one.record["orders_apart"] else ""
     yield f"The median unit needs {told} terms{apart}."
     for scene in one.scenes:
         other = [name for name, term in scene.terms.items() if term.divided]
@@ -219,24 +244,12 @@ def _sentences(one: Group) -> Iterator[str]:
     yield from incomplete(one, len(one.labels))
 
 
-def _apart(one: Group) -> bool:
-    """Whether the ranges of the numbers of needed terms do not overlap."""
-    orders = [member.order for _, member in one.there]
-    return max(order["low"] for order in orders) > min(order["high"] for order in orders)
-
-
 def _order_rows(one: Group) -> Iterator[Row]:
     """Numbers of terms: needed, and of the smallest model of each scene."""
     for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes)):
         for k, (label, member) in enumerate(zip(one.labels, group.members, strict=True)):
             order = amid(Share(**member.order)) if member else "not there"
             yield Row(("" if k else name, label, order), brief=name == "needed")
-
-
-def _rows(one: Group, whole: bool) -> Iterator[Row]:
-    for name, term in one.terms.items():
-        told = [_cells(value, name, one.kind) for value in term.values]
-        yield from entry_rows(one.labels, name, term, told, brief=whole)
 
 
 def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
@@ -283,12 +296,7 @@ def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
 
 
 def _scene_section(scene: Group, of: Group) -> Section:
-    rows = [
-        row
-        for name, term in scene.terms.items()
-        if any(count or share.value >= LITTLE for (count, _), share in filter(None, term.values))
-        for row in entry_rows(scene.labels, name, term, map(_scene_cells, term.values), brief=term.divided)
-    ]
+    rows = entry_rows(scene.labels, scene.terms.values(), whole=False)
     return titled(f"Scene {scene_name(scene.name)}", of.name, SCENE_HEAD, rows, "ttttn")
 
 
@@ -301,42 +309,7 @@ def _scene_cells(value: tuple[tuple[int, int], Share] | None) -> tuple[Text, ...
 
 def lots_record(found: Comparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
-    return {
-        **head_record(found),
-        "kind": found.results[0].lots.kind,
-        "units": [result.lots.units for result in found.results],
-        "classes": [_class_record(one) for one in found.groups],
-        "alone": [{"result": label, "class": name} for label, name in found.alone],
-    }
-
-
-def _class_record(one: Group) -> dict[str, Any]:
-    return {
-        "id": one.name,
-        "orders": [member and member.order for member in one.members],
-        "orders_apart": _apart(one),
-        "terms": [
-            {
-                "name": name,
-                "values": term.values,
-                **{what: pull_record(pull) for what, pull in term.pulls.items()},
-            }
-            for name, term in one.terms.items()
-        ],
-        "scenes": [
-            {
-                "name": scene.name,
-                "orders": [member and member.order for member in scene.members],
-                "terms": [
-                    {
-                        "name": name,
-                        "required": [value and value[0] for value in term.values],
-                        "shares": [value and asdict(value[1]) for value in term.values],
-                        **pull_record(term.pull),
-                    }
-                    for name, term in scene.terms.items()
-                ],
-            }
-            for scene in one.scenes
-        ],
-    }
+    lots = [result.lots for result in found.results]
+    return comparison_record(
+        found, "classes", ("class",), kind=lots[0].kind, units=[one.units for one in lots]
+    )

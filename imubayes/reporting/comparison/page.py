@@ -1,11 +1,13 @@
-"""What all comparisons say: which results, what counts as a difference, and each difference."""
+"""What all comparisons say and publish: which results, what counts as a difference, and each difference."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from markupsafe import Markup
 
+import imubayes
 from imubayes.reporting.blocks import (
     Both,
     Page,
@@ -77,18 +79,14 @@ def titled(
     return Section(title, (Prose(" ".join(said)), Table(f"{title}: {of}", head, tuple(rows), columns)))
 
 
-def entry_rows(
-    labels: Sequence[str],
-    name: str,
-    one: Entry,
-    told: Iterable[tuple[Text, ...]],
-    *,
-    brief: bool,
-) -> Iterator[Row]:
+def entry_rows(labels: Sequence[str], entries: Iterable[Entry], *, whole: bool) -> Iterator[Row]:
     """One line for each result: name and difference on the first, and the cells that say its value."""
-    for k, (label, cells) in enumerate(zip(labels, told, strict=True)):
-        first, last = (name, difference(one, len(labels))) if k == 0 else ("", "")
-        yield Row((first, label, *cells, last), strong=one.beyond, brief=brief or one.beyond)
+    for one in entries:
+        brief = one.beyond or (not one.silent and (whole or one.divided))
+        for k, (label, cells) in enumerate(zip(labels, one.cells, strict=True)):
+            first, last = ("", "") if k else (one.name, difference(one, len(labels)))
+            if one.shown or one.beyond:
+                yield Row((first, label, *cells, last), strong=one.beyond, brief=brief)
 
 
 def difference(one: Entry, count: int) -> Both:
@@ -126,6 +124,52 @@ def counted(count: int, one: str, many: str) -> str:
 
 def incomplete(group: Group, count: int) -> Iterator[str]:
     """Say which terms fewer than `count` results have."""
-    partly = [name for name, one in group.terms.items() if sum(v is not None for v in one.values) < count]
+    partly = [name for name, one in group.terms.items() if len(group.labels) - one.missing < count]
     if partly:
         yield f"Not in every library, which the other estimates depend on: {listed(partly)}."
+
+
+def comparison_record(found: Comparison, groups: str, alone: Sequence[str], **other: Any) -> dict[str, Any]:
+    """Values of a comparison's ``result.json``, SI.
+
+    Parameters
+    ----------
+    groups, alone : keys of the groups, and of what stands in one result alone.
+    other : what the kind says beside it.
+    """
+    return {
+        "imubayes": imubayes.__version__,
+        "results": [
+            {"label": label, "file": str(one.path), "sha256": one.sha256, "study": one.study}
+            for label, one in zip(found.labels, found.files, strict=True)
+        ],
+        "level": LEVEL,
+        "comparisons": found.tests,
+        "threshold": found.threshold,
+        **other,
+        groups: [_group_record(one) for one in found.groups],
+        "alone": [dict(zip(("result", *alone), one, strict=True)) for one in found.alone],
+    }
+
+
+def _group_record(one: Group) -> dict[str, Any]:
+    """What is published of a group; its record has the keys of what may be there."""
+    told = {
+        "terms": [_entry_record(term) for term in one.terms.values()],
+        "noise": [_entry_record(noise) for noise in one.noise.values()],
+        "scenes": [_group_record(scene) for scene in one.scenes],
+    }
+    return {**one.record, **{key: entries for key, entries in told.items() if key in one.record}}
+
+
+def _entry_record(one: Entry) -> dict[str, Any]:
+    """Values, and the largest difference of each kind; nulls where there is none."""
+    pulls = {
+        what: {
+            "difference_over_sd": pull and pull.size,
+            "between": pull and list(pull.pair),
+            "differs": pull and pull.beyond,
+        }
+        for what, pull in one.pulls.items()
+    }
+    return {**one.record, **pulls.pop("", {}), **pulls}

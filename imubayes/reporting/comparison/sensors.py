@@ -1,49 +1,52 @@
 """Results of sensors side by side: the same terms, noise and scenes, and what differs beyond uncertainty.
 
 Terms are compared under the full library, where an estimate does not depend on which other terms were kept,
-noise by its logarithm, and scenes by what each term takes of the budget. Results count as independent; two
-analyses of the same data agree better than that says.
+noise by its logarithm, and scenes by what each term takes of the budget: as errors in the budget's unit, so
+that a budget that was changed is no difference by itself, with the sd of a normal of the same 90 % interval.
+Results count as independent; two analyses of the same data agree better than that says.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE
-from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset, verdict
+from imubayes.reporting.blocks import Page, Prose, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
     Estimate,
     Group,
     aligned,
-    column,
+    columns,
     comparison,
     differing,
     entry,
-    head_record,
     labels_of,
+    normal_of,
     numbered,
-    pull_record,
     terms_of,
 )
 from imubayes.reporting.comparison.page import (
     DIFFERENCE,
+    LITTLE,
     RESULT,
     comparison_page,
+    comparison_record,
     counted,
     entry_rows,
     incomplete,
     most_different,
     titled,
 )
-from imubayes.reporting.comparison.scenes import scene_record, scene_section, scenes_compared
-from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
+from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term, TermInScene
 from imubayes.reporting.result.file import Written
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, below, measured, per_unit
+from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, below, duration, measured, per_unit, share
+from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.terms import Kind
@@ -58,6 +61,7 @@ QUESTION = "The same terms, their values, noise, verdicts and scenes: what diffe
 
 HEAD = ("term", RESULT, "value", "inclusion", "verdict", DIFFERENCE)
 NOISE_HEAD = ("noise, run", RESULT, "value", DIFFERENCE)
+SCENE_HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
 
 HOW = (
     "Terms are compared under the full library, noise by its logarithm, scenes by the errors that terms bring"
@@ -104,27 +108,47 @@ def _component(
     results: Sequence[SensorsResult], members: tuple[Sensor | None, ...], labels: Sequence[str]
 ) -> Group:
     there = [one for one in members if one]
+    kind, ids = there[0].kind, list(dict.fromkeys(one.id for one in there))
+    noise = aligned(_noise_tables(members)).items()
     return Group(
-        ", ".join(dict.fromkeys(one.id for one in there)),
-        there[0].kind,
+        ", ".join(ids),
+        kind,
         labels,
         members,
         {name: _term(name, values, labels) for name, values in terms_of(members).items()},
-        {key: _noise(*key, values, labels) for key, values in aligned(_noise_tables(members)).items()},
-        scenes_compared(results, members, labels),
+        {
+            **columns(members, ids="id"),
+            "kind": kind,
+            "matched_by": "order" if len(ids) > 1 else "id",
+            **columns(members, classes="class_", models="model"),
+            **dict.fromkeys(("terms", "noise", "scenes"), ()),
+        },
+        {key: _noise(*key, values, labels, kind) for key, values in noise},
+        _scenes(results, members, labels),
     )
 
 
 def _term(name: str, values: Sequence[Term | None], labels: Sequence[str]) -> Entry:
     there = {label: value for label, value in zip(labels, values, strict=True) if value}
-    if len({value.unit for value in there.values()}) > 1:
-        units = ", ".join(f"{label} {value.unit}" for label, value in there.items())
+    used = {label: value.unit for label, value in there.items()}
+    if len(set(used.values())) > 1:
+        units = ", ".join(f"{label} {unit}" for label, unit in used.items())
         raise InputError(f"term {name} has different units ({units}): run the studies with the same version")
     tested = [
         (value.full_mean, value.full_sd) if value and value.verdict != "untested" else None
         for value in values
     ]
-    return entry(labels, name, values, tested, decisions=(value.verdict for value in there.values()))
+    verdicts = [value.verdict for value in there.values()]
+    record = {
+        "name": name,
+        "unit": next(iter(used.values())),
+        **columns(
+            values, full_mean="full_mean", full_sd="full_sd", inclusion="inclusion", verdicts="verdict"
+        ),
+        "verdicts_differ": len(set(verdicts)) > 1,
+    }
+    silent = not any(tested)
+    return entry(labels, name, values, tested, _term_cells, record, decisions=verdicts, silent=silent)
 
 
 def noise_of(sensor: Sensor) -> dict[tuple[str, str], Estimate]:
@@ -159,9 +183,73 @@ def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, 
         yield {(name[run], letter): value for (run, letter), value in table.items()}
 
 
-def _noise(run: str, letter: str, values: Sequence[Estimate | None], labels: Sequence[str]) -> Entry:
+def _noise(
+    run: str, letter: str, values: Sequence[Estimate | None], labels: Sequence[str], kind: Kind
+) -> Entry:
     logs = [(math.log(value[0]), value[1]) if value and value[0] > 0.0 else None for value in values]
-    return entry(labels, f"noise {letter} of run {run}", values, logs)
+    sizes, log_sds = ([value and value[k] for value in values] for k in (0, 1))
+    return entry(
+        labels,
+        f"{letter} {run}",
+        values,
+        logs,
+        lambda value: _noise_cells(value, letter, kind),
+        {"run": run, "name": letter, "value": sizes, "log_sd": log_sds},
+        label=f"noise {letter} of run {run}",
+    )
+
+
+def _scenes(
+    results: Sequence[SensorsResult], members: Sequence[Sensor | None], labels: Sequence[str]
+) -> tuple[Group, ...]:
+    """Scenes of a matched component side by side: by name and by what the budget is of."""
+    tables = [
+        numbered(
+            (scene for scene in result.scenes if scene.sensor == one.id),
+            lambda scene: (scene.name, scene.budget["quantity"]),
+        )
+        if one
+        else {}
+        for result, one in zip(results, members, strict=True)
+    ]
+    kind: Kind = next(one.kind for one in members if one)
+    reseeded = len({result.seed for result, table in zip(results, tables, strict=True) if table}) > 1
+    return tuple(
+        replace(_scene(*key, found, labels, kind), reseeded=reseeded)
+        for (key, _), found in aligned(tables, least=2).items()
+    )
+
+
+def _scene(
+    name: str, quantity: str, members: tuple[Scene | None, ...], labels: Sequence[str], kind: Kind
+) -> Group:
+    limits = [one and one.budget["limit"] for one in members]
+    terms = {}
+    for term, values in terms_of(members).items():
+        errors = [
+            (limit * one.share_of_budget, limit * normal_of(one.share_q05, one.share_q95))
+            if one and limit is not None
+            else None
+            for one, limit in zip(values, limits, strict=True)
+        ]
+        kept = {one.kept for one in values if one}
+        shares = dict.fromkeys(("share_of_budget", "share_q05", "share_q95"))
+        record = {
+            "name": term,
+            **columns(values, **{key: key for key in shares}, required="kept"),
+            "required_differs": len(kept) > 1,
+        }
+        shown = any(one and (one.kept or one.share_q95 >= LITTLE) for one in values)
+        terms[term] = entry(labels, term, values, errors, _share_cells, record, decisions=kept, shown=shown)
+    record = {
+        "name": name,
+        "quantity": quantity,
+        "limits": limits,
+        **columns(members, durations="duration", models="model"),
+        "left_out_q95": [one and one.left_out["q95"] for one in members],
+        "terms": (),
+    }
+    return Group(name, kind, labels, members, terms, record, quantity=quantity)
 
 
 def sensors_page(found: Comparison) -> Page:
@@ -191,32 +279,14 @@ def _answer(found: Comparison) -> str:
 
 def _section(k: int, one: Group, found: Comparison) -> Section:
     whole = len(found.groups) <= WHOLE
-    terms = [row for name, term in one.terms.items() for row in _term_rows(name, term, one.labels, whole)]
-    noise = [
-        row
-        for (run, letter), figure in one.noise.items()
-        for row in entry_rows(
-            one.labels,
-            f"{letter} {run}",
-            figure,
-            [_noise_cells(value, letter, one.kind) for value in figure.values],
-            brief=whole,
-        )
-    ]
+    terms, noise = (
+        [*entry_rows(one.labels, entries.values(), whole=whole)] for entries in (one.terms, one.noise)
+    )
     tables = [titled("The terms", one.name, HEAD, terms, "tttnfn")]
     if noise:
         tables.append(titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
-    scenes = (scene_section(scene, one.name, whole=whole) for scene in one.scenes)
+    scenes = (_scene_section(scene, one.name, whole=whole) for scene in one.scenes)
     return Section(one.name, [Prose(" ".join(_sentences(one))), *tables, *scenes], f"c{k + 1}", one.kind)
-
-
-def _is_untested(term: Entry) -> bool:
-    return all(value is None or value.verdict == "untested" for value in term.values)
-
-
-def _term_rows(name: str, term: Entry, labels: Sequence[str], whole: bool) -> Iterator[Row]:
-    brief = not _is_untested(term) and (whole or term.divided)
-    return entry_rows(labels, name, term, map(_term_cells, term.values), brief=brief)
 
 
 def _term_cells(value: Term | None) -> tuple[Text, ...]:
@@ -266,7 +336,7 @@ def _sentences(one: Group) -> Iterator[str]:
         if far
         else f"None of {compared} terms and noise figures differs beyond uncertainty."
     )
-    untested = [name for name, term in one.terms.items() if _is_untested(term)]
+    untested = [name for name, term in one.terms.items() if term.silent]
     if untested:
         yield f"No result tests {listed(untested)}."
     changed = [name for name, term in one.terms.items() if term.divided]
@@ -275,43 +345,65 @@ def _sentences(one: Group) -> Iterator[str]:
     yield from incomplete(one, len(one.there))
 
 
+def _scene_section(scene: Group, of: str, *, whole: bool) -> Section:
+    """Shares of the budget, a line for each result, of terms that count in one of them, and what they say."""
+    called = f"{scene.name.replace('_', ' ')} ({scene.quantity})"
+    rows = entry_rows(scene.labels, scene.terms.values(), whole=whole)
+    said = (*_scene_sentences(scene, called), *_conditions(scene))
+    return titled(f"Scene {called}", of, SCENE_HEAD, rows, "ttttn", *said)
+
+
+def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
+    if value is None:
+        return "not there", ""
+    low, high = share(value.share_q05), share(value.share_q95)
+    return f"{share(value.share_of_budget)} ({low} to {high})", "yes" if value.kept else "no"
+
+
+def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
+    """Say what differs in a scene, what it requires, and what leaving out the rest costs."""
+    other = [name for name, term in scene.terms.items() if term.divided]
+    if other:
+        yield f"In the scene {called} models differ in {listed(other)}."
+    else:
+        model = scene.there[0][1].model
+        yield f"In the scene {called} all require the same: {listed(model) if model else 'no term'}."
+    far = [name for name, term in scene.terms.items() if term.beyond]
+    if far:
+        yield f"Beyond uncertainty there: {listed(far)}."
+    left = listed(
+        f"{label} {amount(one.left_out['q95'], scene.quantity, scene.kind)}" for label, one in scene.there
+    )
+    yield f"What the terms left out come to there, with 95 %: {left}."
+
+
+def _conditions(scene: Group) -> Iterator[str]:
+    """Say what is not the same of the scenes."""
+    if len({(one.budget["limit"], one.duration) for _, one in scene.there}) > 1:
+        asked = listed(
+            f"{label} {amount(one.budget['limit'], scene.quantity, scene.kind)} over {duration(one.duration)}"
+            for label, one in scene.there
+        )
+        yield f"The budgets are not the same: {asked}."
+    if scene.reseeded:
+        yield "The studies have different seeds, by which a scene of the catalogue moves differently."
+    failed = [label for label, one in scene.there if not one.within_budget]
+    if failed:
+        yield f"No model stays within the budget in {listed(failed)}."
+
+
+def amount(value: float, quantity: str, kind: Kind) -> str:
+    """Size of an error in the unit that people use, two digits.
+
+    Examples
+    --------
+    >>> amount(0.0123, "attitude", "gyroscope"), amount(0.0, "position", "gyroscope")
+    ('0.70 deg', '0 m')
+    """
+    unit, size = budget_unit(quantity, kind)
+    return str(measured(value / size, 0.0, unit))
+
+
 def sensors_record(found: Comparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
-    return {
-        **head_record(found),
-        "components": [_component_record(one) for one in found.groups],
-        "alone": [{"result": label, "id": name} for label, name in found.alone],
-    }
-
-
-def _component_record(one: Group) -> dict[str, Any]:
-    ids = column(one.members, "id")
-    return {
-        "ids": ids,
-        "kind": one.kind,
-        "matched_by": "order" if len({*ids} - {None}) > 1 else "id",
-        "classes": column(one.members, "class_"),
-        "models": column(one.members, "model"),
-        "terms": [
-            {
-                "name": name,
-                "unit": next(value.unit for value in term.values if value),
-                **{key: column(term.values, key) for key in ("full_mean", "full_sd", "inclusion")},
-                "verdicts": column(term.values, "verdict"),
-                "verdicts_differ": term.divided,
-                **pull_record(term.pull),
-            }
-            for name, term in one.terms.items()
-        ],
-        "noise": [
-            {
-                "run": run,
-                "name": letter,
-                "value": [value and value[0] for value in noise.values],
-                "log_sd": [value and value[1] for value in noise.values],
-                **pull_record(noise.pull),
-            }
-            for (run, letter), noise in one.noise.items()
-        ],
-        "scenes": [scene_record(scene) for scene in one.scenes],
-    }
+    return comparison_record(found, "components", ("id",))

@@ -23,13 +23,17 @@ from imubayes.reporting.comparison.differences import (
     Pull,
     comparison,
     differing,
-    head_record,
     log_spread,
     normal_of,
-    pull_record,
 )
 from imubayes.reporting.comparison.lots import Population, population_of, population_texts, unit_of_term
-from imubayes.reporting.comparison.page import DIFFERENCE, comparison_page, difference, titled
+from imubayes.reporting.comparison.page import (
+    DIFFERENCE,
+    comparison_page,
+    comparison_record,
+    difference,
+    titled,
+)
 from imubayes.reporting.comparison.sensors import noise_of, noise_unit, term_value
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
@@ -99,16 +103,42 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
 def _unit(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Group:
     population = {term.name: population_of(term, of) for term in of.terms}
     terms = {
-        one.name: _entry(one.name, (one, known), _size(one, known), pair)
+        one.name: _term(one, known, sensor.kind, pair)
         for one in sensor.terms
         if (known := population.get(one.name))
     }
-    return Group(sensor.id, sensor.kind, pair, (sensor, of), terms, dict(_noise(sensor, of, pair)))
+    record = {
+        "result": pair[0],
+        "id": sensor.id,
+        "class": of.id,
+        "typical": None,  # known when everything is compared
+        **dict.fromkeys(("terms", "noise"), ()),
+        "missing": [term.name for term in sensor.terms if term.name not in terms],
+    }
+    return Group(sensor.id, sensor.kind, pair, (sensor, of), terms, record, dict(_noise(sensor, of, pair)))
 
 
-def _entry(label: str, values: tuple[Any, ...], size: float, pair: tuple[str, str]) -> Entry:
+def _term(unit: Term, population: Population, kind: Kind, pair: tuple[str, str]) -> Entry:
+    keys = ("name", "unit", "full_mean", "full_sd", "verdict")
+    record = {**{key: getattr(unit, key) for key in keys}, "population": population}
+    silent = not population["tested"] or unit.verdict == "untested"
+    return _entry(
+        unit.name, unit.name, _cells(unit, population, kind), record, _size(unit, population), pair, silent
+    )
+
+
+def _entry(
+    name: str,
+    label: str,
+    cells: tuple[Text, ...],
+    record: dict[str, Any],
+    size: float,
+    pair: tuple[str, str],
+    silent: bool = False,
+) -> Entry:
     known = math.isfinite(size)
-    return Entry(label, values, {"": Pull(pair, size) if known else None}, int(known))
+    pulls = {"": Pull(pair, size) if known else None}
+    return Entry(name, label, (cells,), record, pulls, int(known), silent=silent)
 
 
 def _size(unit: Term, population: Population) -> float:
@@ -141,10 +171,17 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
         if not own or len(logs) < 2:
             continue
         value, error = fmean(one for one, _ in own), max(log_sd for _, log_sd in own)
-        spread = stdev(logs)
+        median, spread = math.exp(fmean(logs)), stdev(logs)
         sd = math.hypot(spread * math.sqrt(1.0 + 1.0 / len(logs)), error)
         size = abs(math.log(value) - fmean(logs)) / sd if sd > 0.0 else math.nan
-        yield ("", letter), _entry(f"noise {letter}", (value, math.exp(fmean(logs)), spread), size, pair)
+        record = {"value": value, "class_median": median, "class_log_sd": spread}
+        unit, scale = noise_unit(letter, sensor.kind)
+        sizes = (measured(value / scale, 0.0, unit), measured(median / scale, median / scale * spread, unit))
+        cells = tuple(typeset(str(one)) for one in sizes)
+        yield (
+            ("", letter),
+            _entry(letter, f"noise {letter}", cells, {"name": letter, **record}, size, pair),
+        )
 
 
 def units_page(found: Comparison) -> Page:
@@ -170,13 +207,19 @@ def _answer(one: Group) -> str:
 
 def _section(k: int, one: Group) -> Section:
     label, lot_label = one.labels
-    terms = (_line(term, one.kind) for term in one.terms.values())
+    terms, noise = (
+        [
+            Row((each.name, *each.cells[0], difference(each, 2)), strong=each.beyond, brief=not each.silent)
+            for each in entries.values()
+        ]
+        for entries in (one.terms, one.noise)
+    )
     return Section(
         one.name,
         (
             Prose(" ".join(_sentences(one))),
             titled("The terms", one.name, HEAD, terms, "ttfttfn"),
-            titled("Noise", one.name, NOISE_HEAD, _noise_lines(one), "tttn"),
+            titled("Noise", one.name, NOISE_HEAD, noise, "tttn"),
         ),
         f"u{k + 1}",
         f"{one.kind} of {label}, beside the {one.members[1].id} of {lot_label}",
@@ -194,71 +237,24 @@ def _sentences(one: Group) -> Iterator[str]:
     silent = [name for name, term in one.terms.items() if term.pull is None]
     if silent:
         yield f"Not tested in the unit or the class: {listed(silent)}."
-    if missing := _missing(one):
+    if missing := one.record["missing"]:
         yield f"The class-level study does not have {listed(missing)}."
 
 
-def _missing(one: Group) -> list[str]:
-    """Terms of the component that the class-level study does not have."""
-    return [term.name for term in one.members[0].terms if term.name not in one.terms]
-
-
-def _line(term: Entry, kind: Kind) -> Row:
-    unit, population = term.values
-    tested = population["tested"]
+def _cells(unit: Term, population: Population, kind: Kind) -> tuple[Text, ...]:
     known: tuple[Text, ...] = ("not tested", "", "")
-    if tested:
+    if population["tested"]:
         share, mean, spread = population_texts(population, unit.name, kind)
         printed, size = unit_of_term(unit.name, kind)
         both = measured(population["mean"]["value"] / size, population["spread"]["value"] / size, printed)
         brief = str(both).replace("+-", ",").replace(" ,", ",")  # mean and spread, two digits of the spread
         known = (Both(typeset(mean).page, brief), typeset(spread), share)
-    told = (verdict(unit.verdict), difference(term, 2))
-    cells = (unit.name, typeset(term_value(unit)), *known, *told)
-    return Row(cells, strong=term.beyond, brief=tested and unit.verdict != "untested")
-
-
-def _noise_lines(one: Group) -> Iterator[Row]:
-    for (_, letter), noise in one.noise.items():
-        value, median, log_sd = noise.values
-        unit, size = noise_unit(letter, one.kind)
-        own = typeset(str(measured(value / size, 0.0, unit)))
-        lot = typeset(str(measured(median / size, median / size * log_sd, unit)))
-        yield Row((letter, own, lot, difference(noise, 2)), strong=noise.beyond)
+    return (typeset(term_value(unit)), *known, verdict(unit.verdict))
 
 
 def units_record(found: Comparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
-    return {
-        **head_record(found),
-        "units": [_unit_record(one) for one in found.groups],
-        "alone": [{"result": label, "id": name, "class": entry} for label, name, entry in found.alone],
-    }
-
-
-def _unit_record(one: Group) -> dict[str, Any]:
-    return {
-        "result": one.labels[0],
-        "id": one.name,
-        "class": one.members[1].id,
-        "typical": not differing(one.entries),
-        "terms": [_term_record(term) for term in one.terms.values()],
-        "noise": [
-            {
-                "name": letter,
-                **dict(zip(("value", "class_median", "class_log_sd"), noise.values, strict=True)),
-                **pull_record(noise.pull),
-            }
-            for (_, letter), noise in one.noise.items()
-        ],
-        "missing": _missing(one),
-    }
-
-
-def _term_record(term: Entry) -> dict[str, Any]:
-    unit, population = term.values
-    return {
-        **{key: getattr(unit, key) for key in ("name", "unit", "full_mean", "full_sd", "verdict")},
-        "population": population,
-        **pull_record(term.pull),
-    }
+    record = comparison_record(found, "units", ("id", "class"))
+    for unit, one in zip(record["units"], found.groups, strict=True):
+        unit["typical"] = not differing(one.entries)
+    return record
