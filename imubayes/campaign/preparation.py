@@ -348,7 +348,9 @@ def compensation(spec: SensorSpec, case: Case, theta: Sequence[float]) -> list[d
         row | angles
         for triad, mean in zip(case.triads, parts, strict=False)
         for row in calibration(
-            replace(triad, theta=mean), [nominal_columns(spec, name) for name in triad.components]
+            replace(triad, theta=mean),
+            [nominal_columns(spec, name) for name in triad.components],
+            alone=len(case.triads) == 1,
         )
     ]
 

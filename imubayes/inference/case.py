@@ -278,10 +278,11 @@ def _found(run: Run, case: Case) -> tuple[Stills, FloatArray]:
 def _of_run(run: Run, stills: Stills, force: FloatArray, case: Case) -> Iterator[tuple[str, Linear]]:
     """Rows of every component of one run."""
     columns = tuple(f"still {k + 1}" for k in range(len(stills)))
-    for name, said in zip(case.triads[0].components, run.force.T, strict=True):
-        yield name, still_rows(run, stills, name, columns, said, np.eye(len(stills)))
-    if run.rate.size:
-        triad = case.triads[1]
-        X = triad.regressors(np.zeros_like(force), force)
-        for name, lib, said, own in zip(triad.components, triad.libraries, run.rate.T, X, strict=True):
-            yield name, still_rows(run, stills, name, lib.names, said, own)
+    for triad in case.triads:
+        X: Sequence[FloatArray] = [np.eye(len(stills))] * 3
+        names = [columns] * 3
+        if triad.kind == "gyroscope":
+            X = triad.regressors(np.zeros_like(force), force)
+            names = [lib.names for lib in triad.libraries]
+        for k, (name, said) in enumerate(zip(triad.components, run.triad(triad.kind).T, strict=True)):
+            yield name, still_rows(run, stills, name, names[k], said, X[k])

@@ -121,13 +121,13 @@ def _components(run: Run, kind: Kind) -> Iterator[tuple[str, Kind, FloatArray, F
 def _of_sections(run: Run) -> Iterator[tuple[str, Kind, FloatArray, FloatArray]]:
     """Means of the sections at rest for the accelerometers, of the turns for the gyroscopes."""
     for names, turned in ((ACCELEROMETERS, False), (GYROSCOPES, True)):
-        sections = [one for one in run.sections if (one.angle != 0.0) == turned]
-        means = [run.output[one.start : one.stop].mean(axis=0) for one in sections]
+        said = run.triad(kind_of(names[0]))
+        sections = [one for one in run.sections if (one.angle != 0.0) == turned and said.size]
+        means = [said[one.start : one.stop].mean(axis=0) for one in sections]
         lasting = [(one.stop - one.start) * run.interval for one in sections]
         size = [one.angle / s if turned else run.gravity for one, s in zip(sections, lasting, strict=True)]
         along = np.array([s * one.direction for s, one in zip(size, sections, strict=True)]).reshape(-1, 3)
-        for name in names if len(sections) else ():
-            y = np.array(means)[:, COMPONENTS.index(name)]
+        for name, y in zip(names, np.transpose(means), strict=False):
             yield name, kind_of(name), y, along[:, list(axes_of(name))]
 
 

@@ -56,12 +56,12 @@ def solve_ferraris(
     gravity: Extra | None = None,
     fixture: float | None = None,
 ) -> Case:
-    """Characterise the six components of an IMU, or accelerometers alone, from known positions and turns.
+    """Characterise the six components of an IMU, or one triad of it, from known positions and turns.
 
     Parameters
     ----------
-    runs : of one IMU, with sections.
-    asked : of the accelerometers, and of the gyroscopes where there are some; priors are of whole triads
+    runs : of one IMU, or of a triad, with sections.
+    asked : of the accelerometers, and of the gyroscopes, where there are such; priors are of whole triads
         (``triad_of(lib, referenced=True)``).
     gravity : error of the local gravity, if it is allowed for.
     fixture : sd, rad, of the rotation of the case in each section about each axis across it, if allowed for.
@@ -145,7 +145,7 @@ def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:
 
 def _pieces(run: Run, triad: Triad) -> Iterator[_Piece]:
     """Sections that say something of a triad, in the order of time."""
-    gyroscopes = triad.libraries[0].kind == "gyroscope"
+    gyroscopes = triad.kind == "gyroscope"
     numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
     for n, section in numbered:
         if section.angle == 0.0:
@@ -157,11 +157,11 @@ def _pieces(run: Run, triad: Triad) -> Iterator[_Piece]:
 def _at_rest(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
     inside = slice(section.start, section.stop)
     force, nothing = run.gravity * section.direction, np.zeros(3)
-    gyroscopes = triad.libraries[0].kind == "gyroscope"
+    gyroscopes = triad.kind == "gyroscope"
     own, other = (nothing, force) if gyroscopes else (force, nothing)
     X = triad.regressors(own[None], other[None])
     index = np.arange(section.start, section.stop)
-    output = (run.rate if gyroscopes else run.force)[inside]
+    output = run.triad(triad.kind)[inside]
     return _Piece(n, run.t[inside], lasting_of(run, index)[0], output, own, tuple(part[0] for part in X))
 
 
@@ -242,14 +242,17 @@ def _inputs(run: Run, part: Linear) -> dict[str, FloatArray]:
 def _ranges(run: Run, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:
     """Inputs of the sections that say something of a component: compensated, sample by sample.
 
-    Where the coefficients are too far off for that (a column's scale or offset is wrong), as they are known.
+    Where the coefficients are too far off for that (a column's scale or offset is wrong), as they are known;
+    so is the force that no accelerometer measures.
     """
-    of_rate = component.startswith("g")
+    of_rate, of_kind = component.startswith("g"), {triad.kind: triad for triad in triads}
     sections = [s for s in run.sections if of_rate or not s.angle]
     inside = np.concatenate([np.arange(s.start, s.stop) for s in sections])
+    f = run.gravity * np.repeat([s.direction for s in sections], [s.stop - s.start for s in sections], axis=0)
     try:
-        f = triads[0].compensate(run.force[inside])
-        w = triads[1].compensate(run.rate[inside], f) if of_rate else None
+        if "accelerometer" in of_kind:
+            f = of_kind["accelerometer"].compensate(run.force[inside])
+        w = of_kind["gyroscope"].compensate(run.rate[inside], f) if of_rate else None
     except ConvergenceError:
         f = np.array([run.gravity * s.direction for s in sections])
         w = np.array([s.angle / ((s.stop - s.start) * run.interval) * s.direction for s in sections])

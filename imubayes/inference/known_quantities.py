@@ -11,7 +11,7 @@ the covariance ``C - X P X'``; new rows at the same inputs will be off by ``C + 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -190,27 +190,31 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
     """Positions, and turns by known angles."""
     still = [s for s in run.sections if not s.angle]
     turned = [s for s in run.sections if s.angle]
-    if not run.rate.size:
-        lengths = [
-            [_length(those[0].compensate(_means(run, run.force, still)), run.gravity)] for those in triads
-        ]
-        seen = [judge.spread(f"{run.name} ({name})", _times(run, still)) for name in ACCELEROMETERS]
-        return _collected(run.name, ("gravity",), lengths, [_along(seen, still)])
-    values = [[*_held(run, still, those), _angles(run, turned, those)] for those in triads]
-    places = [_times(run, part) for part in (still, turned)]
-    of_force = [judge.spread(f"{run.name} ({name})", places[0]) for name in ACCELEROMETERS]
-    at_rest = [judge.spread(f"{run.name} ({name})", places[0]) for name in GYROSCOPES]
-    of_turn = [judge.spread(f"{run.name} ({name})", places[1]) for name in GYROSCOPES]
-    whole = np.array([(s.stop - s.start) * run.interval for s in turned])
-    fitted, fresh = (sd * whole[:, None] for sd in _along(of_turn, turned))
-    spreads = [_along(of_force, still), _side_by_side(at_rest), (fitted, fresh)]
-    return _collected(run.name, ("gravity", "rest", "turn"), values, spreads)
+
+    def spreads(names: Sequence[str], sections: Sequence[Section]) -> list[Spread]:
+        return [judge.spread(f"{run.name} ({name})", _times(run, sections)) for name in names]
+
+    what, found = [], []
+    if run.force.size:
+        what, found = ["gravity"], [_along(spreads(ACCELEROMETERS, still), still)]
+    if run.rate.size:
+        whole = np.array([(s.stop - s.start) * run.interval for s in turned])
+        fitted, fresh = (sd * whole[:, None] for sd in _along(spreads(GYROSCOPES, turned), turned))
+        what += ["rest", "turn"]
+        found += [_side_by_side(spreads(GYROSCOPES, still)), (fitted, fresh)]
+    return _collected(run.name, what, [_held(run, still, turned, those) for those in triads], found)
 
 
-def _held(run: Run, still: Sequence[Section], triads: Triads) -> list[FloatArray]:
-    """Errors of gravity (k, 1) and of rest (k, 3)."""
-    f = triads[0].compensate(_means(run, run.force, still))
-    return [_length(f, run.gravity), triads[1].compensate(_means(run, run.rate, still), f)]
+def _held(run: Run, still: Sequence[Section], turned: Sequence[Section], triads: Triads) -> list[FloatArray]:
+    """Errors of gravity (k, 1), of rest (k, 3), and of turns (m, 1), as far as there are triads for them."""
+    found, of_kind = [], {triad.kind: triad for triad in triads}
+    f = run.gravity * np.array([s.direction for s in still])
+    if accelerometers := of_kind.get("accelerometer"):
+        f = accelerometers.compensate(_means(run, run.force, still))
+        found += [_length(f, run.gravity)]
+    if gyroscopes := of_kind.get("gyroscope"):
+        found += [gyroscopes.compensate(_means(run, run.rate, still), f), _angles(run, turned, of_kind)]
+    return found
 
 
 def _means(run: Run, values: FloatArray, still: Sequence[Section]) -> FloatArray:
@@ -218,12 +222,15 @@ def _means(run: Run, values: FloatArray, still: Sequence[Section]) -> FloatArray
     return means_of(run, values, tuple((s.start, s.stop) for s in still))
 
 
-def _angles(run: Run, turned: Sequence[Section], triads: Triads) -> FloatArray:
+def _angles(run: Run, turned: Sequence[Section], of_kind: Mapping[str, Triad]) -> FloatArray:
     """Integrated rate about the axis of each turn minus its angle, (m, 1), rad."""
     found = []
     for s in turned:
         inside = slice(s.start, s.stop)
-        w = triads[1].compensate(run.rate[inside], triads[0].compensate(run.force[inside]))
+        f = np.tile(run.gravity * s.direction, (s.stop - s.start, 1))
+        if accelerometers := of_kind.get("accelerometer"):
+            f = accelerometers.compensate(run.force[inside])
+        w = of_kind["gyroscope"].compensate(run.rate[inside], f)
         found.append(float(run.interval * np.sum(w @ s.direction) - s.angle))
     return np.array(found)[:, None]
 

@@ -169,16 +169,19 @@ def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
     return Triad((x, y, z), np.zeros(sum(len(part.terms) for part in libraries)))
 
 
-def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[dict[str, object], ...]:
+def calibration(
+    triad: Triad, nominal: Sequence[tuple[float, float]], *, alone: bool = False
+) -> tuple[dict[str, object], ...]:
     """Compensation of each component, as calibration tools publish it.
 
     With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T has ones on its diagonal and is upper
-    triangular for accelerometers, from ``T K = (I + M)^-1 diag(scale)``: imu_tk's form, and its signs.
+    triangular where no direction is known, from ``T K = (I + M)^-1 diag(scale)``: imu_tk's form and signs.
 
     Parameters
     ----------
     triad : at the coefficients to publish.
     nominal : (scale in SI per file unit, offset in file units) that made SI outputs of each column.
+    alone : whether gyroscopes have no accelerometers beside them that say how the case lies.
 
     Returns
     -------
@@ -197,29 +200,25 @@ def calibration(triad: Triad, nominal: Sequence[tuple[float, float]]) -> tuple[d
                 "scale": float(T[c, c]) * scale,
                 "bias": offset + bias[c] / scale,
                 "nonorthogonality": {name: float(T[c, axis] / T[axis, axis]) for name, axis in names},
-                "convention": CONVENTIONS[triad.kind if _upper(triad) else "referenced"],
+                "convention": _convention(triad, alone=alone),
             }
         )
     return tuple(rows)
 
 
-def _upper(triad: Triad) -> bool:
-    """Whether the case is that of the accelerometers, so that the gain is of their convention."""
-    return triad.kind == "gyroscope" or "m_k" not in triad.libraries[1].names
-
-
-_SIGNS = (
-    " Entries of T have the opposite sign of the misalignments m of the model, which go from input to output."
-)
-
-CONVENTIONS = {
-    "accelerometer": "f = T K (raw - bias), K diagonal (scale), T upper triangular with ones on the diagonal:"
-    " the sensor's z axis is the case's, its y axis lies in the case's y-z plane." + _SIGNS,
-    "gyroscope": "w = T K (raw - bias), K diagonal (scale), T with ones on the diagonal: the case is that"
-    " which the accelerometers are given in." + _SIGNS,
-    "referenced": "f = T K (raw - bias), K diagonal (scale), T with ones on the diagonal: the case is that"
-    " of the known directions." + _SIGNS,
-}
+def _convention(triad: Triad, *, alone: bool) -> str:
+    """What the numbers of a compensation mean: its formula, and which case the axes are of."""
+    letter, form = "f" if triad.kind == "accelerometer" else "w", "T with"
+    case = "the case is that of the known directions"
+    if triad.kind == "gyroscope" and not alone:
+        case = "the case is that which the accelerometers are given in"
+    elif "m_k" not in triad.libraries[1].names:
+        form = "T upper triangular with"
+        case = "the sensor's z axis is the case's, its y axis lies in the case's y-z plane"
+    return (
+        f"{letter} = T K (raw - bias), K diagonal (scale), {form} ones on the diagonal: {case}. Entries of T"
+        " have the opposite sign of the misalignments m of the model, which go from input to output."
+    )
 
 
 LINEAR = ("b1", "m_j", "m_k")

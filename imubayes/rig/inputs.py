@@ -110,6 +110,7 @@ class Run:
     sections : the parts of such a run whose inputs are known; none for a free tumble.
     record : the samples of a run of means, where nothing but quantization shows in them; None else.
     stills : (start, stop) rows of each still, where they were looked for already.
+    components : of a case, those whose output it is.
     """
 
     name: str
@@ -122,6 +123,7 @@ class Run:
     sections: tuple[Section, ...] = ()
     record: Run | None = None
     stills: tuple[tuple[int, int], ...] = ()
+    components: tuple[str, ...] = COMPONENTS
 
     def parts(self, purpose: str) -> Iterator[Part]:
         """Read all rows of the record a part at a time, memory being one part."""
@@ -170,17 +172,21 @@ class Run:
 
     @property
     def force(self) -> FloatArray:
-        """(n, 3) what the accelerometers of a case said, m/s^2."""
-        return self.output[:, :3]
+        """(n, 3) what the accelerometers of a case said, m/s^2; (n, 0) where there are none."""
+        return self.output[:, : 3 * ("ax" in self.components)]
 
     @property
     def rate(self) -> FloatArray:
         """(n, 3) what the gyroscopes of a case said, rad/s; (n, 0) where there are none."""
-        return self.output[:, 3:]
+        return self.output[:, 3 * ("ax" in self.components) :]
+
+    def triad(self, kind: str) -> FloatArray:
+        """(n, 3) what the triad of a kind said, SI."""
+        return self.force if kind == "accelerometer" else self.rate
 
     def component(self, name: str) -> Run:
         """Run of one component of a case, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
-        output = self.output[:, COMPONENTS.index(name)]
+        output = self.output[:, self.components.index(name)]
         stream = None if self.stream is None else self.stream.component(name)
         return replace(self, inputs=own_inputs(self.inputs, name), output=output, stream=stream)
 

@@ -17,7 +17,7 @@ from imubayes.errors import DataError
 from imubayes.rig.checks import gaps, interval_jump
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
-from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS
+from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
 
@@ -40,8 +40,8 @@ FERRARIS: Procedure = "ferraris"
 
 OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
-TRIAD = ACCELEROMETERS
-"""Outputs of a reference-free run, along the case axes."""
+TRIADS: Mapping[Kind, tuple[str, ...]] = {"accelerometer": ACCELEROMETERS, "gyroscope": GYROSCOPES}
+"""Outputs of a triad in one case, along its axes."""
 
 IMU_CHANNELS = ("t", *COMPONENTS)
 """Columns of a run of a whole IMU."""

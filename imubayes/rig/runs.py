@@ -35,6 +35,7 @@ from imubayes.rig.recordings import (
     CASES,
     INPUTS,
     OUTPUT_UNIT,
+    TRIADS,
     RunSpec,
     assumed,
     existing,
@@ -55,7 +56,7 @@ ALMOST = 0.01
 
 
 def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
-    """Read and check the file of a run of one component, or of a triad in a free tumble.
+    """Read and check the file of a run of one component, or of a triad whose inputs are known in part.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
     """
     path = _path(spec)
     if spec.procedure in CASES:
-        return _partly_known(spec, _opened(spec, path, ("t", *ACCELEROMETERS), (DWELL,), tell=tell))
+        return _partly_known(spec, _opened(spec, path, ("t", *TRIADS[kind]), (DWELL,), tell=tell))
     optional, unit = (*INPUTS, MOUNT, DWELL, SCATTER), OUTPUT_UNIT[kind]
     file = _opened(spec, path, ("t", "output"), optional, unit=unit, tell=tell)
     return _known(spec, file, kind)
@@ -225,7 +226,7 @@ def _partly_known(spec: RunSpec, file: RunFile) -> Run:
         output, source = taken(file.output(rows.values), kept), file.source((*notes, *means))
         run, lost = Run(spec.name, spec.procedure, inputs, output, source), stretches_of(~kept)
     sections = tuple(_among(section, lost, run) for section in spec.sections)
-    return replace(run, gravity=spec.gravity or 0.0, sections=sections)
+    return replace(run, gravity=spec.gravity or 0.0, sections=sections, components=file.outputs)
 
 
 def _among(section: Section, lost: Stretches, run: Run) -> Section:

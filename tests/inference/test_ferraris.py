@@ -17,6 +17,7 @@ from imubayes.inference.stills import condensed
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.imu import GYROSCOPES
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library, library
 
@@ -107,6 +108,15 @@ def test_accelerometers_alone_are_those_of_the_whole_imu(session):
     np.testing.assert_allclose(alone.theta, case.triads[0].theta, rtol=1e-9, atol=1e-12)
     with pytest.raises(UnobservableError, match="tells accelerometers nothing"):
         solve_ferraris([replace(run, output=run.force)], asked(0))
+
+
+def test_gyroscopes_alone_are_those_of_the_whole_imu(session):
+    run, *_ = session
+    case, *_ = solved(run)
+    alone = solve_ferraris([replace(run, output=run.rate, components=GYROSCOPES)], asked(1))
+    np.testing.assert_allclose(alone.theta, case.triads[1].theta, rtol=1e-9, atol=1e-12)
+    assert [one.name for one in alone.components] == list(GYROSCOPES)
+    assert {run.ranges["f_x"] for run in alone.summary.runs} == {(-9.81, 9.81)}
 
 
 def test_session_has_the_matrices_that_imucal_computes(session):

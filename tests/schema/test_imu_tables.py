@@ -189,3 +189,15 @@ def test_six_components_can_be_checked_before_the_test(tmp_path):
     ]
     path = written(tmp_path, NO_SENSOR + FERRARIS + f"sections = [{', '.join(parts)}]\n")
     assert [one.id for one in check(read_study(path))] == ["A.ax", "A.ay", "A.az", "A.gx", "A.gy", "A.gz"]
+
+
+def test_gyroscopes_alone_are_checked_in_positions_and_turns(tmp_path):
+    rate = record(tmp_path / "both.csv", CHANNELS[1:])
+    parts = '{ rows = [0, 20], up = "x" }, { rows = [20, 40], up = "x", turn = "90 deg" }'
+    head = HEAD.partition("class")[0].replace("imu", "gyroscope") + 'class = "mems_consumer"\n'
+    text = head + f"accept_prior_conflict = true\n{FERRARIS}sections = [{parts}]\n"
+    path = written(tmp_path, text)
+    (run,) = read_runs(path)
+    np.testing.assert_allclose(run.rate, np.deg2rad(rate), rtol=1e-12)
+    assert run.force.size == 0
+    assert [one.id for one in check(read_study(path))] == ["A.gx", "A.gy", "A.gz"]

@@ -20,7 +20,7 @@ from imubayes.rig.recordings import (
     KNOWN_IMU_CHANNELS,
     OUTPUT_UNIT,
     RUN_CHANNELS,
-    TRIAD,
+    TRIADS,
     RunSpec,
 )
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -60,7 +60,7 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         raise place.error(
             f"expected either file or simulate, came {'neither' if run.file is None else 'both'}"
         )
-    if run.procedure in CASES and kind != "accelerometer" and not imu:
+    if run.procedure == FREE_TUMBLE and kind != "accelerometer" and not imu:
         raise place.at("procedure").error(
             'calibrates accelerometers, or a whole IMU: expected another procedure, or kind = "imu"'
         )
@@ -161,7 +161,7 @@ def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str,
         known = IMU_CHANNELS if run.procedure in CASES else KNOWN_IMU_CHANNELS
         _refuse_component_axes(run.columns, known, place)
     else:
-        known = ("t", *TRIAD, DWELL) if run.procedure in CASES else RUN_CHANNELS
+        known = ("t", *TRIADS[kind], DWELL) if run.procedure in CASES else RUN_CHANNELS
     return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
 
 

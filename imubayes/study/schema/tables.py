@@ -126,7 +126,7 @@ class DecisionTable:
 
 @shape
 class SectionTable:
-    """``sections``: one of those of a run of an IMU."""
+    """``sections``: one of those of a run of a whole IMU or of one triad."""
 
     rows: Annotated[tuple[int, int], Several] = key(
         "first row, and the row after the last, counted from 0", [540, 1271]
@@ -222,7 +222,7 @@ class RunTable:
         "`tumble`, `centrifuge`, `rate-table`, `oscillation`, `thermal`, `static`, `other`: inputs are"
         " known. `free-tumble`: held in many positions by hand, only gravity is known; an accelerometer"
         " triad or an IMU, and no other procedure in the same sensor. `ferraris`: known positions and turns"
-        " of an IMU, or known positions of an accelerometer triad",
+        " of an IMU or of its gyroscopes alone, or known positions of an accelerometer triad",
         "centrifuge",
     )
     file: Text | None = key(
