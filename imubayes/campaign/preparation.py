@@ -51,19 +51,18 @@ def runs_of(
     """
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
+    kinds = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
+    priors = {one.kind: (one.sensor_class, one.prior) for one in kinds}
+
     def read(one: RunSpec) -> Run:
         run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
         run = with_stills(run, one.still_window or WINDOW, one.still_threshold)
-        return condensed(run) if run.sections else run
+        held = condensed(with_disturbances(run, spec.kind))
+        if not spec.accept_prior_conflict:  # in the hand it is the samples that tell how a case turns
+            refuse_conflicts(held if run.sections else run, spec.kind, priors)
+        return held
 
-    runs = tuple(
-        simulated[s.name] if s.simulate else with_disturbances(read(s), spec.kind) for s in spec.runs
-    )
-    if not spec.accept_prior_conflict:
-        recorded = [run for run, one in zip(runs, spec.runs, strict=True) if not one.simulate]
-        kinds = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-        refuse_conflicts(recorded, spec.kind, {one.kind: (one.sensor_class, one.prior) for one in kinds})
-    return runs
+    return tuple(simulated[s.name] if s.simulate else read(s) for s in spec.runs)
 
 
 def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run, ...], Mapping[str, float]]:
@@ -205,18 +204,19 @@ def prepare_case(
     ConvergenceError : if a linearisation does not settle.
     """
     prior, source = _triad_prior(spec)
-    runs, distrusted = [condensed(run) for run in runs], ()
+    distrusted: tuple[Distrusted, ...] = ()
+    free: Case | None = None
     asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
     if spec.robust and rng is not None and not _referenced(spec):
-        runs, distrusted = trusted_stills(runs, asked, gravity=_gravity(spec), rng=rng)
+        runs, distrusted, free = trusted_stills(runs, asked, gravity=_gravity(spec), rng=rng)
     if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
-        case = _imu_case(spec, runs, (prior, own), rng)
+        case = _imu_case(spec, runs, (prior, own), rng, free)
         prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
     elif _referenced(spec):
         case = _of_sections(spec, runs, asked)
     else:
-        case = solve_free_tumble(runs, asked, gravity=_gravity(spec))
+        case = free or solve_free_tumble(runs, asked, gravity=_gravity(spec))
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
@@ -228,6 +228,7 @@ def _imu_case(
     runs: Sequence[Run],
     priors: tuple[ScalePrior, ScalePrior],
     rng: np.random.Generator | None,
+    free: Case | None,
 ) -> Case:
     """Characterise an IMU in one piece, by what its runs know."""
     known = runs[0].known
@@ -245,7 +246,7 @@ def _imu_case(
         return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)
     if runs[0].procedure == FERRARIS:
         return _of_sections(spec, runs, *asked)
-    return solve_imu_tumble(runs, *asked, gravity=_gravity(spec))
+    return solve_imu_tumble(runs, *asked, gravity=_gravity(spec), free=free)
 
 
 def _of_sections(spec: SensorSpec, runs: Sequence[Run], *asked: Asked) -> Case:

@@ -16,7 +16,7 @@ from functools import reduce
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import Factor, add, noise_scale, posterior, reorder, with_prior_rows
+from imubayes.algebra.factor import VANISHED, Factor, add, noise_scale, posterior, reorder, with_prior_rows
 from imubayes.inference.linear import Extra, Linear, narrowed
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Distrusted
@@ -222,7 +222,8 @@ def _elsewhere(
 ) -> Factor | None:
     """What the other runs say of the columns `kept`, the rest integrated out under their priors.
 
-    As many rows as say something of them: how well the other runs are fitted is no matter of the component.
+    As many rows as say something of them, beside what the elimination rounds: how well the other runs are
+    fitted is no matter of the component.
     """
     if not others:
         return None
@@ -233,7 +234,8 @@ def _elsewhere(
     prior = np.array([scale / width[name] for name in gone] + [0.0] * len(kept))
     R = with_prior_rows(f.R, prior)[len(gone) :, len(gone) :].copy()
     R[-1, -1] = 0.0
-    return Factor(kept, R, int(np.count_nonzero(np.diag(R))))
+    told = np.abs(np.diag(R)[:-1]) > VANISHED * f.column_norms[len(gone) :]
+    return Factor(kept, R, int(np.count_nonzero(told)))
 
 
 def _among(run: RunSummary, f: Factor, names: Sequence[str]) -> RunSummary:

@@ -6,7 +6,7 @@ prior, the mistakes that people make are tried one by one; one that explains the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import permutations, product
 
 import numpy as np
@@ -58,12 +58,12 @@ Priors = Mapping[Kind, tuple[SensorClass | None, Mapping[str, float]]]
 """Class, and prior sds of terms that take the place of its own, by kind."""
 
 
-def refuse_conflicts(runs: Sequence[Run], kind: Kind, priors: Priors) -> None:
-    """Refuse runs whose outputs no sensor of the class gives, with the likely mistake.
+def refuse_conflicts(run: Run, kind: Kind, priors: Priors) -> None:
+    """Refuse a run whose outputs no sensor of the class gives, with the likely mistake.
 
     Parameters
     ----------
-    runs : recorded, of a component of a kind, of a triad, or of a whole IMU.
+    run : recorded, of a component of a kind, of a triad, or of a whole IMU.
     kind : of a component.
     priors : of each kind that is asked for.
 
@@ -71,13 +71,11 @@ def refuse_conflicts(runs: Sequence[Run], kind: Kind, priors: Priors) -> None:
     ------
     DataError : naming the run, what it looks like, and what to write.
     """
-    for run in runs:
-        cause = next(_causes(run, kind, priors), "")
-        if cause:
-            raise DataError(
-                f"run '{run.name}' ({run.source.file}): {cause}; if the sensor is like that, go on with"
-                " accept_prior_conflict = true in its [[sensor]]"
-            )
+    if cause := next(_causes(run, kind, priors), ""):
+        raise DataError(
+            f"run '{run.name}' ({run.source.file}): {cause}; if the sensor is like that, go on with"
+            " accept_prior_conflict = true in its [[sensor]]"
+        )
 
 
 def _causes(run: Run, kind: Kind, priors: Priors) -> Iterator[str]:

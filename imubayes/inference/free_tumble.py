@@ -120,8 +120,8 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, gravity: Extra | Non
 
 def trusted_stills(
     runs: Sequence[Run], asked: Asked, *, gravity: Extra | None = None, rng: np.random.Generator
-) -> tuple[tuple[Run, ...], tuple[Distrusted, ...]]:
-    """Runs without the stills, or the parts of a long rest, that somebody touched; and these.
+) -> tuple[tuple[Run, ...], tuple[Distrusted, ...], Case]:
+    """Runs without the stills, or parts of a rest, that somebody touched; these; and the case that is left.
 
     All stills are linearised about coefficients that the spoilt ones pull at: so it is done again without
     them.
@@ -138,29 +138,29 @@ def trusted_stills(
     UnobservableError, ConvergenceError : as `solve_free_tumble`.
     """
     found: tuple[Distrusted, ...] = ()
+    runs = [replace(run, stills=find_stills(run)) for run in runs]
+    case = solve_free_tumble(runs, asked, gravity=gravity)
+    sd = np.concatenate((asked.prior.sd, [extra.sd for extra in case.summary.extras]))
     for _ in range(ROUNDS):
-        case, stills = solve_free_tumble(runs, asked, gravity=gravity), [find_stills(run) for run in runs]
-        sd = np.concatenate((asked.prior.sd, [extra.sd for extra in case.summary.extras]))
-        first = [_start(run, own, asked) for run, own in zip(runs, stills, strict=True)]
-        at_rest = [
-            np.isin(np.arange(len(run.t)), rows_of(own)[0]) for run, own in zip(runs, stills, strict=True)
-        ]
+        first = [_start(run, run.stills, asked) for run in runs]
+        at_rest = [np.isin(np.arange(len(run.t)), rows_of(run.stills)[0]) for run in runs]
         resting = [run_kept(run, rows) for run, rows in zip(runs, at_rest, strict=True)]
 
-        def noise_of(_: Sequence[Run], rows: Sequence[Linear], first=first, sd=sd) -> list[Noise]:
+        def noise_of(_: Sequence[Run], rows: Sequence[Linear], first=first) -> list[Noise]:
             return [one.noise for one in _judged([blocks_of(part) for part in rows], first, asked, sd)]
 
         seen = robust_rows(resting, case.rows, sd, noise_of, rng=rng)
         if not seen.distrusted and len(seen.runs) == len(runs):
             break
         spans = [[(d.start, d.stop) for d in seen.distrusted if d.run == run.name] for run in runs]
-        kept = [left_by(*one) for one in zip(runs, stills, spans, strict=True)]
+        kept = [left_by(run, run.stills, own) for run, own in zip(runs, spans, strict=True)]
         there = {run.name for run in seen.runs}
         left = [replace(run, stills=own) for run, own in zip(runs, kept, strict=True) if run.name in there]
         source = replace(left[0].source, notes=(*left[0].source.notes, *seen.notes))
         runs = [replace(left[0], source=source), *left[1:]]
         found += seen.distrusted
-    return tuple(runs), found
+        case = solve_free_tumble(runs, asked, gravity=gravity)
+    return tuple(runs), found, case
 
 
 def _check_stills(count: int) -> None:
@@ -255,7 +255,12 @@ def _samples(run: Run, stills: Stills) -> int:
 
 
 def solve_imu_tumble(
-    runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked, *, gravity: Extra | None = None
+    runs: Sequence[Run],
+    accelerometer: Asked,
+    gyroscope: Asked,
+    *,
+    gravity: Extra | None = None,
+    free: Case | None = None,
 ) -> Case:
     """Characterise the six components of an IMU that was turned by hand between stills.
 
@@ -264,13 +269,14 @@ def solve_imu_tumble(
     runs : of one IMU.
     accelerometer, gyroscope : what is asked of the components of each kind.
     gravity : error of the local gravity, if it is allowed for.
+    free : the accelerometers of these runs, where they are solved already.
 
     Raises
     ------
     UnobservableError : if there are fewer than 9 stills, or in a run fewer than 6 turns between them.
     ConvergenceError : if a linearisation does not settle; it carries the coefficients so far.
     """
-    free = solve_free_tumble(runs, accelerometer, gravity=gravity)
+    free = free or solve_free_tumble(runs, accelerometer, gravity=gravity)
     seen = [directions(free.triads[0], run, find_stills(run)) for run in runs]
     gyroscopes, extras = triad_of(gyroscope.library), free.summary.extras
     names = (*free.triads[0].names, *gyroscopes.names, *(extra.name for extra in extras))

@@ -8,10 +8,11 @@ import hands
 import numpy as np
 import pytest
 
-from imubayes.algebra.factor import posterior
+from imubayes.algebra.factor import add, factor_of, posterior
 from imubayes.inference.case import Asked, apart
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.prior import ScalePrior
+from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library, library
@@ -66,3 +67,19 @@ def test_a_component_of_all_runs_has_nothing_elsewhere(problem):
     every = range(len(case.rows))
     own = apart(case.summary, sd, case.rows, every, ["ax.b0"])
     assert own.known is None and own.summary.names == case.summary.names
+
+
+def test_what_an_elimination_rounds_is_no_row(problem):
+    """Nine rows of a large column that the component does not have say two things of its own three."""
+    case, _ = problem
+    names, rng = ("other", "a", "b", "c"), np.random.default_rng(1)
+    told = rng.standard_normal((9, 2))
+    elsewhere = np.column_stack((1e9 * rng.standard_normal(9), told, told @ [0.3, -0.7]))
+    factors = [factor_of(X, np.zeros(9), names) for X in (np.eye(4)[rng.integers(1, 4, 9)], elsewhere)]
+    runs = tuple(
+        replace(case.summary.runs[0], factor=f, reach=np.abs(f.R[:, :-1]).max(axis=0)) for f in factors
+    )
+    rows = [replace(case.rows[0], names=names)] * 2
+    summary = Summary(add(*factors), runs)
+    own = apart(summary, np.full(4, 1e3), rows, [0], ["a", "b", "c"])
+    assert own.known is not None and own.known.n == 2

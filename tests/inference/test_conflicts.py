@@ -52,12 +52,12 @@ KNOWN = {
 def test_mistake_in_a_run_with_known_inputs_is_named(mistake, priors):
     run, said = KNOWN[mistake]
     with pytest.raises(DataError, match=rf"run '{run.name}'.*{said}.*accept_prior_conflict = true"):
-        refuse_conflicts([run], "gyroscope" if run.name == "table" else "accelerometer", priors)
+        refuse_conflicts(run, "gyroscope" if run.name == "table" else "accelerometer", priors)
 
 
 def test_output_beyond_the_class_that_nothing_explains_is_refused():
     with pytest.raises(DataError, match=r"output is .* prior sds from"):
-        refuse_conflicts([a_tumble(lambda y: y + 80.0)], "accelerometer", PRIORS)
+        refuse_conflicts(a_tumble(lambda y: y + 80.0), "accelerometer", PRIORS)
 
 
 IN_HAND = hands.in_the_hand(
@@ -84,7 +84,7 @@ HELD = {
 def test_mistake_with_an_imu_in_the_hand_is_named(mistake):
     run, said = HELD[mistake]
     with pytest.raises(DataError, match=said):
-        refuse_conflicts([run], "accelerometer", PRIORS)
+        refuse_conflicts(run, "accelerometer", PRIORS)
 
 
 def test_mistake_in_positions_and_turns_is_named():
@@ -104,13 +104,13 @@ def test_mistake_in_positions_and_turns_is_named():
         gravity=9.81,
         sections=tuple(sections),
     )
-    refuse_conflicts([run], "accelerometer", PRIORS)
+    refuse_conflicts(run, "accelerometer", PRIORS)
     swapped = replace(run, output=output[:, [0, 2, 1, 3, 4, 5]])
     with pytest.raises(DataError, match="ay follows f_z and not f_y"):
-        refuse_conflicts([swapped], "accelerometer", PRIORS)
+        refuse_conflicts(swapped, "accelerometer", PRIORS)
     with pytest.raises(DataError, match="gx looks like deg/s under rad/s"):
         refuse_conflicts(
-            [replace(run, output=output * ([1.0] * 3 + [1.0 / DEGREE] * 3))], "accelerometer", PRIORS
+            replace(run, output=output * ([1.0] * 3 + [1.0 / DEGREE] * 3)), "accelerometer", PRIORS
         )
 
 
@@ -121,8 +121,8 @@ def test_what_a_sensor_of_the_class_may_be_is_let_pass():
     for seed in range(20):
         b0, b1, m_j, _ = 10.0 * sd * np.random.default_rng(seed).standard_normal(4)
         run = a_tumble(lambda y, more=b0 + b1 * f["f_i"] + m_j * f["f_j"]: y + more)
-        refuse_conflicts([run], "accelerometer", PRIORS)
+        refuse_conflicts(run, "accelerometer", PRIORS)
     for priors in (PRIORS, WIDE):
-        refuse_conflicts([a_tumble()], "accelerometer", priors)
-        refuse_conflicts([a_rate_table()], "gyroscope", priors)
-    refuse_conflicts([IN_HAND], "accelerometer", PRIORS)
+        refuse_conflicts(a_tumble(), "accelerometer", priors)
+        refuse_conflicts(a_rate_table(), "gyroscope", priors)
+    refuse_conflicts(IN_HAND, "accelerometer", PRIORS)

@@ -43,20 +43,21 @@ def asked():
 
 def test_a_still_that_was_touched_is_found_and_the_others_say_what_they_said(touched):
     clean, spoilt, stills = touched
-    runs, distrusted = trusted_stills([spoilt], asked(), rng=np.random.default_rng(1))
+    runs, distrusted, case = trusted_stills([spoilt], asked(), rng=np.random.default_rng(1))
     assert len(distrusted) == 1
     t = spoilt.t[stills[7][0]], spoilt.t[stills[7][1] - 1]
     assert distrusted[0].start <= t[1] and distrusted[0].stop >= t[0]
     assert len(find_stills(runs[0])) == len(stills) - 1
     without = replace(clean, stills=find_stills(runs[0]))
     expected, found, pulled = (solve_free_tumble([run], asked()).theta for run in (without, runs[0], spoilt))
+    np.testing.assert_array_equal(case.theta, found)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert np.abs(pulled - expected).max() > 10.0 * np.abs(found - expected).max() + 1e-3
 
 
 def test_nothing_is_left_out_where_nobody_touched_anything(touched):
     clean, _, stills = touched
-    runs, distrusted = trusted_stills([clean], asked(), rng=np.random.default_rng(1))
+    runs, distrusted, _ = trusted_stills([clean], asked(), rng=np.random.default_rng(1))
     assert distrusted == () and find_stills(runs[0]) == stills
 
 
