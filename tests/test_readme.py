@@ -23,7 +23,7 @@ from imubayes.errors import UnitError
 from imubayes.reporting.rows import MARKS
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
-from imubayes.rig.recordings import RUN_CHANNELS, TRIAD, Procedure
+from imubayes.rig.recordings import IMU_CHANNELS, RUN_CHANNELS, Procedure
 from imubayes.rig.reference import KINDS
 from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
@@ -223,7 +223,7 @@ def test_documented_procedures_channels_formats_units_and_verdicts_are_those_tha
     procedures = next(row[3] for row in SECTIONS["[[sensor.run]]"] if row[0] == "`procedure`")
     assert set(_code(procedures)) == set(get_args(Procedure))
     files = {name for row in SECTIONS["Files and columns"] for name in _code(row[0])}
-    assert files == {*FORMATS, *RUN_CHANNELS, *TRIAD}
+    assert files == {*FORMATS, *RUN_CHANNELS, *IMU_CHANNELS}
     assert _names("Verdicts") == set(MARKS)
     units = [unit for row in SECTIONS["Units"] for unit in _code(row[1])]
     assert all(factor(unit, like=unit) > 0.0 for unit in units)
