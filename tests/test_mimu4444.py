@@ -3,7 +3,6 @@
 Data of Carlsson, Skog and Jalden (IEEE Sensors Journal 21, 2021). Temperature was neither held nor recorded.
 """
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,7 +20,6 @@ from imubayes.inference.triad import triad_of
 from imubayes.population.sessions import SessionVerdict, repeatability
 from imubayes.rig.inputs import Run
 from imubayes.sensors.imu import ACCELEROMETERS as COMPONENTS
-from imubayes.study.method import run
 from imubayes.study.schema import read_runs, read_study
 
 STUDY = Path(__file__).parents[1] / "studies" / "mimu4444.toml"
@@ -156,65 +154,3 @@ def test_bias_changes_between_sessions_and_the_scale_factor_does_not(first_two):
 
 def test_terms_that_stills_do_not_excite_are_not_compared(first_two):
     assert not {"S_ij", "s_k"} & set(compared(first_two))
-
-
-@pytest.fixture(scope="module")
-def whole(study):
-    start = time.perf_counter()
-    result = run(study)
-    return result, time.perf_counter() - start
-
-
-@pytest.mark.slow
-def test_eight_units_come_back_in_all_but_their_biases(whole, measured):
-    result, seconds = whole
-    found = {one.parameter: one for one in result.sessions}
-    measured("s for 24 triads", round(seconds, 1))
-    for axis in COMPONENTS:
-        measured(f"mg: {axis}.b0 between sessions", round(found[f"{axis}.b0"].between[0] / MG, 3))
-    measured("mg: b0 between sessions, all axes", round(found["b0"].between[0] / MG, 3))
-    measured("ppm: b1 between sessions, all axes", round(found["b1"].between[0] / PPM, 1))
-    assert {name for name, one in found.items() if one.exceeds} == {"b0", "ax.b0", "az.b0"}
-    assert 0.7 * MG < found["b0"].between[1] < found["b0"].between[2] < 1.4 * MG
-    assert found["b1"].between[2] < 100.0 * PPM
-    # all eight move alike: by chance an eighth of the scatter would be common to them
-    assert min(found["ax.b0"].shared, found["az.b0"].shared) > 0.7
-
-
-@pytest.mark.slow
-def test_class_needs_bias_scale_and_misalignment_and_its_turn_on_is_common_to_all_units(whole, measured):
-    """Eight units on one board: what a session does, it does to all of them."""
-    result, _ = whole
-    (found,) = result.classes
-    terms = {term.name: term for term in found.terms}
-    verdicts = {name: term.need.verdict for name, term in terms.items()}
-    assert (len(found.units), found.sessions, found.components) == (8, ("1", "2", "3"), COMPONENTS)
-    needed = {f"{axis}.{name}" for axis in COMPONENTS for name in ("b0", "b1")} | {"ay.m_j", "ax.m_k"}
-    assert {name for name, verdict in verdicts.items() if verdict == "needed" and "." in name} == needed
-    assert verdicts["ax.m_j"] == "not needed"
-    for name in ("b2", "c_ij", "c_jj", "S_ij", "s_k"):
-        assert verdicts[name] == "cannot tell"
-    bias, scale = terms["b0"].spreads, terms["b1"].spreads
-    measured("mg: b0 between sessions, of 8 units that move together", round(bias.turn_on.value / MG, 3))
-    # the sd of units that move independently is inside the interval of those that need not
-    between = next(one for one in result.sessions if one.parameter == "b0").between[0]
-    assert bias.turn_on.low < between < bias.turn_on.high < 2.5 * MG
-    assert terms["az.b0"].spreads.common_share.low > 0.7
-    assert scale.turn_on.high < 100.0 * PPM < 0.05 * scale.unit.value
-
-
-@pytest.mark.slow
-def test_noise_model_holds_within_a_session_but_for_the_first_second_of_a_still(whole):
-    """The board rocks for a moment where it is put down; the fourth unit's x axis is filtered otherwise."""
-    result, _ = whole
-    checks = [(one, one.checks[0]) for one in result.sensors[::3]]
-    assert all(abs(check.scale - 1.0) < 0.15 for _, check in checks)
-    assert sum(check.whiteness_p > 0.01 for _, check in checks) >= 23
-    late = [
-        min(abs(outlier[0] - start) for start, _ in one.runs[0].stills)
-        for one, check in checks
-        for outlier in check.outliers
-    ]
-    # a still is twenty blocks: one in twenty would be the first by chance
-    assert sum(s < 0.1 for s in late) > 0.75 * len(late)
-    assert len(late) < 0.005 * sum(len(check.t) for _, check in checks)

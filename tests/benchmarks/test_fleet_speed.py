@@ -10,7 +10,6 @@ from itertools import repeat
 from multiprocessing import get_context
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from imubayes.campaign.study import SensorSpec
@@ -80,14 +79,3 @@ def test_fleet_takes_little_longer_than_a_bare_pool(benchmark, measured, tmp_pat
     measured(f"{where}: units a second", round(UNITS / mine, 1))
     measured(f"{where}: time over a bare pool's", round(mine / peer, 2))
     assert mine / peer <= OVER_A_BARE_POOL
-
-
-def test_time_grows_in_proportion_to_the_units(benchmark, measured, tmp_path, scheduler):
-    _seconds(tmp_path / "warm", scheduler, 16)
-    sizes = np.array([50, 100, 200, 400])
-    seconds = [_seconds(tmp_path / str(n), scheduler, int(n)) for n in sizes]
-    exponent = float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
-    benchmark.extra_info |= {"exponent": exponent, **{str(n): s for n, s in zip(sizes, seconds, strict=True)}}
-    benchmark.pedantic(_seconds, args=(tmp_path / "once", scheduler, 50), rounds=1)
-    measured("exponent of time against units", round(exponent, 2))
-    assert 0.7 < exponent < 1.2

@@ -13,7 +13,6 @@ import pytest
 from celerite2 import driver
 from pyarrow import parquet as pq
 
-from imubayes.algebra import factor as algebra
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import mattering, states_of
 from imubayes.inference.whitened import pieces_of
@@ -94,51 +93,6 @@ def test_a_pass_over_a_file_has_at_least_half_the_rows_a_second_of_gram_and_cele
     benchmark.extra_info["rows a second over X'X and celerite2"] = share
     measured("share of the peers' rows a second", round(share, 2))
     assert share >= SHARE
-
-
-def columns_of_condition(exponent: float, n: int, p: int) -> np.ndarray:
-    rng = np.random.default_rng(3)
-    U, V = np.linalg.qr(rng.normal(size=(n, p)))[0], np.linalg.qr(rng.normal(size=(p, p)))[0]
-    return (U * 10.0 ** np.linspace(0.0, -exponent, p)) @ V.T
-
-
-def preconditioned(table: np.ndarray) -> np.ndarray:
-    """Factor by Gram matrices of blocks in the coordinates of the factor of those before."""
-    from scipy.linalg.blas import dtrsm
-
-    R = np.linalg.qr(table[:8192], mode="r")
-    for a in range(8192, len(table), 8192):
-        rows = dtrsm(1.0, R, table[a : a + 8192].T, trans_a=1)
-        R = np.linalg.cholesky(np.eye(len(R)) + rows @ rows.T).T @ R
-    return R
-
-
-@pytest.mark.parametrize("exponent", [0, 5, 10])
-def test_blocked_householder_keeps_the_digits_that_a_preconditioned_gram_matrix_keeps(
-    benchmark, measured, exponent
-):
-    """Digits of the coefficients against the same rows in extended precision."""
-    n, p = 65_536, 21
-    X = columns_of_condition(exponent, n, p)
-    truth = np.linspace(1.0, 2.0, p)
-    table = np.column_stack((X, X @ truth + 1e-6 * np.random.default_rng(4).normal(size=n)))
-    exact = algebra._householder(table)
-    reference = np.linalg.solve(exact[:p, :p].astype(float), exact[:p, p].astype(float))
-    blocks = [table[a : a + 8192] for a in range(0, n, 8192)]
-
-    def digits(R: np.ndarray) -> float:
-        found = np.linalg.solve(R[:p, :p], R[:p, p])
-        return -np.log10(np.max(np.abs(found - reference)) / np.max(np.abs(reference)) + 1e-17)
-
-    start = time.perf_counter()
-    gram = preconditioned(table)
-    seconds = time.perf_counter() - start
-    R = benchmark.pedantic(algebra.triangular, args=(blocks, p + 1), rounds=3)
-    measured("digits, Householder", round(digits(R), 1))
-    measured("digits, preconditioned Gram", round(digits(gram), 1))
-    measured("time of Householder over preconditioned Gram", round(benchmark.stats.stats.min / seconds, 2))
-    assert digits(R) >= 14.0 - exponent - 1.0
-    assert digits(R) >= digits(gram) - 1.0
 
 
 PEAK = """

@@ -44,38 +44,6 @@ def test_deviation_is_the_definition_over_every_pair_of_neighbouring_averages():
     assert tau.max() <= 0.5 * 60 * interval
 
 
-def test_an_offset_changes_nothing_and_a_scale_scales():
-    y, t = thousand_points(), np.arange(1000.0)
-    plain = allan_deviation(y, t, 1.0)[1]
-    np.testing.assert_allclose(allan_deviation(3.0 * y + 9.8e3, t, 1.0)[1], 3.0 * plain, rtol=1e-9)
-
-
-def test_a_ramp_has_the_deviation_of_its_slope():
-    tau, deviation = allan_deviation(0.3 * np.arange(200.0), np.arange(200.0), 1.0)
-    np.testing.assert_allclose(deviation, 0.3 * tau / math.sqrt(2.0), rtol=1e-10)
-
-
-def test_parts_between_gaps_are_pooled_by_their_number_of_differences():
-    y = thousand_points()
-    first, second = (
-        allan_deviation(y[:300], np.arange(300.0), 1.0),
-        allan_deviation(y[300:], np.arange(700.0), 1.0),
-    )
-    t = np.concatenate((np.arange(300.0), 1e4 + np.arange(700.0)))
-    pooled = allan_deviation(y, t, 1.0)
-    for m in (1, 10, 100):
-        counts = 300 - 2 * m + 1, 700 - 2 * m + 1
-        expected = (counts[0] * at(first, m) ** 2 + counts[1] * at(second, m) ** 2) / sum(counts)
-        assert at(pooled, m) ** 2 == pytest.approx(expected, rel=1e-10)
-
-
-def test_a_step_across_a_gap_does_not_count():
-    y = np.concatenate((np.zeros(50), np.ones(50)))
-    t = np.concatenate((np.arange(50.0), 100.0 + np.arange(50.0)))
-    assert not allan_deviation(y, t, 1.0)[1].any()
-    assert allan_deviation(y, np.arange(100.0), 1.0)[1].any()
-
-
 def test_dwells_of_one_sample_have_no_deviation():
     tau, deviation = allan_deviation(np.ones(5), 10.0 * np.arange(5.0), 1.0)
     assert len(tau) == len(deviation) == 0

@@ -40,15 +40,6 @@ def test_a_constant_in_a_first_order_process_has_the_known_number_of_samples(a):
     assert _constant_under(3.0 * a**lag) == pytest.approx(expected, rel=1e-10)
 
 
-def test_a_constant_in_a_random_walk_is_known_from_the_first_row_alone():
-    n = 50
-    steps = np.arange(1, n + 1)
-    # information 1 / K^2 of the first row, against the sum of 1 / (i K^2) of independent rows
-    assert _constant_under(0.7 * np.minimum.outer(steps, steps)) == pytest.approx(
-        n / np.sum(1.0 / steps), rel=1e-10
-    )
-
-
 def test_white_rows_of_any_column_count_one_each():
     rng = np.random.default_rng(1)
     rows = _rows(300, rng.normal(size=300))

@@ -16,9 +16,8 @@ from imubayes.inference.triad import RELATIVE, angles_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import Made, simulate_imu
-from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import sensor, typical_noise
-from imubayes.sensors.imu import COMPONENTS, Component, component_channels, forward, imu_of, kind_of, signals
+from imubayes.sensors.imu import COMPONENTS, Component, forward, imu_of, kind_of, signals
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library, library
 
@@ -28,7 +27,6 @@ SMALL = {
     "accelerometer": library("accelerometer", powers=2, asymmetry=-1),
     "gyroscope": library("gyroscope", powers=2, asymmetry=-1),
 }
-LATITUDE = math.radians(45.0)
 SPECS = (
     RunSpec("tumble", "tumble", simulate={"profile": "tumble", "angles": 8, "dwell": 10.0, "rate": 2.0}),
     RunSpec(
@@ -119,21 +117,6 @@ def test_without_errors_of_the_bench_six_components_are_what_each_is_alone(rule)
             assert found[1] == pytest.approx(spread, rel=1e-9), (name, term)
 
 
-def test_a_component_of_each_kind_has_the_verdicts_that_it_has_alone():
-    runs, _ = simulated(5)
-    wanted = asked(rules=given())
-    case = solve_known_case(runs, *wanted)
-    prior = ScalePrior(sds(case, wanted))
-    for component in (case.components[1], case.components[5]):
-        one = wanted[KINDS.index(component.library.kind)]
-        alone = summarize(
-            [run.component(component.name) for run in runs], one.library, sensor=one.sensor, rules=one.rules
-        )
-        apart = select(alone, ScalePrior(one.prior.sd[: len(one.library.terms)]))
-        joint = select(case.summary, prior, component.library, component=component.name)
-        assert [term.verdict for term in joint.terms] == [term.verdict for term in apart.terms]
-
-
 def test_forward_model_of_an_imu_is_inverted_term_by_term():
     """Axes of every component, by a route that shares no code with the columns: the vectorised model."""
     rng = np.random.default_rng(1)
@@ -151,16 +134,6 @@ def test_forward_model_of_an_imu_is_inverted_term_by_term():
     found = estimates(solve_known_case([run], *wanted), wanted)
     for name, value in truth.items():
         assert found[name][0] == pytest.approx(value, rel=0.0, abs=1e-6 * sizes[name]), name
-
-
-def test_inputs_of_the_columns_and_of_the_model_are_the_same():
-    rng = np.random.default_rng(2)
-    f, w = rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
-    run = spoken(f, w, {})
-    for name in COMPONENTS:
-        model = component_channels(name, signals(f, w))
-        for channel, values in run.component(name).inputs.channels.items():
-            np.testing.assert_array_equal(values, model[channel])
 
 
 BENCH = {"gravity": 1e-3, "rate_scale": 3e-4, "plane_zero": 2e-4, "turn_on": 1e-3}

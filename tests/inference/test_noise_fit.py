@@ -69,9 +69,3 @@ def test_time_constant_has_the_quantiles_of_a_grid(size, tau):
     cell = math.prod(axis[1] - axis[0] for axis in axes)
     expected = peak + math.log(heights.sum() * cell) - np.log(WIDTH).sum() - 1.5 * math.log(2.0 * math.pi)
     assert fit.log_evidence[0] == pytest.approx(expected, abs=4.0 / math.sqrt(effective) + 0.05)
-
-
-def test_sizes_are_drawn_alike_at_a_seed():
-    data = data_of(1.0, 30.0, samples=300)
-    one, other = fitted(data), fitted(data)
-    np.testing.assert_array_equal(one.draws, other.draws)

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import cho_factor, cho_solve
-from scipy.stats import multivariate_normal
 
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_model import likelihood, likelihood_of, process_model
@@ -119,17 +118,6 @@ def test_a_ramp_adds_its_prior_to_the_covariance():
     assert told.levels[1] - told.levels[0] == pytest.approx(wider - plain, abs=2e-3)
 
 
-def test_columns_of_the_library_do_not_reach_the_likelihood_of():
-    rng = np.random.default_rng(5)
-    y, X = rng.normal(size=500), rng.normal(size=(500, 3))
-    plain = process_model(noise_rows(linear(y, columns=X)), PRIOR)
-    moved = process_model(noise_rows(linear(y + X @ [3.0, -7.0, 50.0], columns=X)), PRIOR)
-    noise = NoiseProcesses(1.0, K=0.1)
-    assert likelihood_of(moved, noise).levels[0] == pytest.approx(
-        likelihood_of(plain, noise).levels[0], abs=1e-7
-    )
-
-
 def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
     """The average over a block has the quantization of its ends alone: 2 Q^2 / T^2, however it is cut."""
     Q, n = 0.7, 12
@@ -170,17 +158,3 @@ def test_pieces_do_not_reach_across_a_gap():
     t = np.concatenate((np.arange(5000.0), 9000.0 + np.arange(5000.0)))
     edges, _ = piece_edges(t, 1.0)
     assert 5000 in edges
-
-
-def test_likelihood_of_white_noise_is_the_normal_density_of_the_contrasts():
-    y = np.random.default_rng(8).normal(size=30)
-    data = process_model(noise_rows(linear(y)), PRIOR)
-    H = np.linalg.svd(np.ones((1, 30)))[2][1:]
-    ratio = multivariate_normal(cov=4.0 * np.eye(29)).logpdf(H @ y) - multivariate_normal(
-        cov=np.eye(29)
-    ).logpdf(H @ y)
-    found = (
-        likelihood_of(data, NoiseProcesses(2.0)).levels[0]
-        - likelihood_of(data, NoiseProcesses(1.0)).levels[0]
-    )
-    assert found == pytest.approx(ratio, rel=1e-9)

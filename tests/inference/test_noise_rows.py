@@ -11,7 +11,6 @@ from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_files, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.selection.noise_choice import identify_noise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import NoiseProcesses, class_prior
 from imubayes.sensors.terms import library
@@ -54,15 +53,3 @@ def test_pieces_of_a_stream_are_its_stretch_and_the_blocks_beside_it(runs):
             *np.searchsorted(whole.t + 0.5 * INTERVAL, start[k] + [1e-6, means.duration[k] + 1e-6])
         )
         assert means.y[k] == pytest.approx(whole.y[inside].mean(), rel=1e-6)
-
-
-def test_processes_of_a_stream_are_those_of_the_same_log_in_memory(runs):
-    found = [
-        identify_noise(rows, CONSUMER, rng=np.random.default_rng(2), candidates=("B", "Q")) for rows in runs
-    ]
-    assert [one.identified for one in found] == [("B",), ("B",)]
-    for name in ("N", "B"):
-        for one in found:
-            size = one.size(name)
-            assert abs(size.mean - getattr(NOISE, name)) < 4.0 * size.sd < 0.4 * getattr(NOISE, name)
-    assert found[1].samples == SAMPLES

@@ -20,7 +20,7 @@ from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
 from imubayes.rig.reference import KINDS, TILT
 from imubayes.sensors.catalogue import draw_unit
-from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
+from imubayes.sensors.noise import Noise, NoiseRule
 
 ARCSEC = math.pi / 648000.0
 LIB = ib.library("accelerometer")
@@ -124,17 +124,6 @@ def test_settling_on_block_averages_first_ends_at_the_same_place(monkeypatch):
     )
 
 
-def test_the_summary_tells_how_the_noise_was_judged():
-    runs, kinds, sd, _ = raw_campaign(105)
-    rules = {"tumble": NoiseRule(), "centrifuge": NoiseRule("fixed", like="tumble")}
-    summary, _ = solve(runs, LIB, sd, {"radius": kinds["radius"]}, sensor=RAW, rules=rules)
-    tumbled, spun = summary.runs
-    assert (tumbled.noise_origin, spun.noise_origin) == ("REML", "run tumble")
-    assert spun.noise_run == "tumble" and spun.noise == tumbled.noise
-    assert tumbled.noise_sd == spun.noise_sd and min(tumbled.noise_sd) > 0.0
-    assert tumbled.steering == noise_prior(RAW) == tumbled.noise_prior
-
-
 @pytest.mark.parametrize(
     ("rule", "origin"), [(NoiseRule("fixed", Noise(2e-3, 0.0, 0.0)), "given"), (NoiseRule("white"), "white")]
 )
@@ -162,18 +151,6 @@ def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):
     with pytest.raises(ConvergenceError, match="did not settle in 1 rounds") as caught:
         solve(runs, LIB, sd, kinds, sensor=RAW)
     assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + len(TILT.parts)
-
-
-def test_columns_for_the_bench_carry_its_names_units_and_sds():
-    extras = extras_for(nominal(PLANS), {"gravity": 1e-5, "plane_zero": 1e-6, "turn_on": 1e-3})
-    assert [(e.name, e.sd, e.unit) for e in extras] == [
-        ("gravity", 1e-5, "m/s^2"),
-        *((f"plane_zero.tumble.{k}", 1e-6, "rad") for k in range(3)),
-        ("turn_on.tumble", 1e-3, "m/s^2"),
-        ("turn_on.centrifuge", 1e-3, "m/s^2"),
-    ]
-    (offset, _) = extras_for(nominal(PLANS), {"turn_on": 1e-6}, sensor="gyroscope")
-    assert (offset.unit, offset.printed) == ("rad/s", "deg/h")
 
 
 def test_errors_that_no_run_shows_or_nobody_knows_are_refused():

@@ -120,15 +120,6 @@ def test_a_knock_is_listed_first_and_at_its_instant():
     assert not result.fits
 
 
-def test_time_series_for_the_figures_belong_together():
-    run = tumble(7)
-    result = checked(run)
-    assert len(result.t) == len(result.shown) <= 500
-    measured = result.deviation[result.tau <= 2.0] / result.expected[result.tau <= 2.0]
-    np.testing.assert_allclose(measured, 1.0, atol=0.1)
-    assert result.lags[0] == 1 and np.max(np.abs(result.autocorrelation)) <= 1.0
-
-
 def test_a_p_value_alarms_in_a_study_of_one_test_and_not_in_one_of_many():
     """0.007 in one of many runs is what chance brings."""
     noise, rng = Noise(1.0, 0.0, 0.0), np.random.default_rng(12)

@@ -130,20 +130,6 @@ def test_a_latency_reaches_across_the_borders_of_parts(monkeypatch):
     np.testing.assert_allclose(parts, whole, atol=1e-9 * np.abs(whole).max())
 
 
-def test_latency_of_a_rate_is_minus_its_derivative():
-    lib = ib.library("gyroscope", powers=1, asymmetry=-1)
-    (rows,) = rows_with(
-        nominal([SWING]),
-        lib,
-        extras_for(nominal([SWING]), {"latency": 1e-3}, sensor="gyroscope"),
-        np.zeros(len(lib.terms)),
-        np.zeros(1),
-    )
-    slope = rows.columns(0, 400)[1:-1, -1]
-    # central differences of a sine: short by (3 h)^2/6
-    np.testing.assert_allclose(slope, -SWING.inputs.channels["dw_i"][1:-1] * (1.0 - 0.15**2 / 6.0), atol=1e-3)
-
-
 def test_where_the_input_axis_is_horizontal_an_asymmetry_stays_on_its_jump():
     lib = ib.library("accelerometer")
     runs = nominal([ib.tumble(angles=4, planes=1, **SHORT)])
@@ -156,16 +142,6 @@ def test_where_the_input_axis_is_horizontal_an_asymmetry_stays_on_its_jump():
         np.testing.assert_allclose(
             X[:, -1], -9.80665 * np.repeat(np.sin(np.arange(4) * np.pi / 2 + zero), 2), atol=1e-7
         )
-
-
-def test_turn_on_is_an_indicator_of_its_run():
-    lib = ib.library("accelerometer")
-    runs = nominal(PLANS["accelerometer"])
-    extras = extras_for(runs, {"turn_on": 1.0})
-    rows = rows_with(runs, lib, extras, np.ones(len(lib.terms)), np.array([3.0, 4.0]))
-    for k, part in enumerate(rows):
-        columns = part.columns(0, len(part))[:, -2:]
-        assert (columns[:, k] == 1.0).all() and not columns[:, 1 - k].any()
 
 
 def test_a_tilt_turns_what_the_coefficients_see_and_not_the_input():

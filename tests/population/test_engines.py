@@ -219,19 +219,3 @@ def _patiently(address: str) -> Iterator[processes.Engine]:
             if "the scheduler is gone" in str(error) or attempt == 29:
                 raise
             time.sleep(1.0)
-
-
-@pytest.mark.slow
-def test_thousand_units_are_the_same_on_dask_and_on_the_local_pool(cluster, tmp_path, measured):
-    study = fleet(1000, part=8)
-    seconds = {}
-    answers = {}
-    for name, address in (("local", "local"), ("dask", cluster.scheduler_address)):
-        start = time.perf_counter()
-        with engine(address, 2) as workers:
-            answers[name] = measure(study, tmp_path / name, workers).answer
-        seconds[name] = time.perf_counter() - start
-        measured(f"s for 1,000 units, {name}", round(seconds[name], 1))
-    assert answers["local"].units == 1000
-    assert _rows(tmp_path / "local").equals(_rows(tmp_path / "dask"))
-    assert answers["local"].terms == answers["dask"].terms

@@ -9,7 +9,7 @@ from pyarrow import parquet
 from imubayes.errors import InputError
 from imubayes.population.dataset import GROWING, UNITS
 from imubayes.population.fleet import ENDED, lot_of, measure
-from imubayes.population.processes import Engine, Lost, as_done, engine
+from imubayes.population.processes import Engine, Lost, as_done
 from imubayes.population.records import part_found
 from imubayes.study.schema import read
 
@@ -195,25 +195,3 @@ def test_unit_that_is_a_part_of_its_own_is_not_tried_again(tmp_path):
     result = measure(fleet(3, part=1), tmp_path, Engine("made up", do))
     assert [one.number for one in result.answer.broken] == [1]
     assert result.answer.units == 2
-
-
-@pytest.mark.slow
-def test_process_killed_in_the_middle_changes_no_digit(whole, tmp_path):
-    done: list[str] = []
-
-    def kill(message: str) -> None:
-        done.append(message)
-        if len(done) == 1:
-            os.kill(_children()[0], signal.SIGKILL)
-
-    with engine("local", 2) as workers:
-        result = measure(fleet(8), tmp_path, workers, progress=kill)
-    assert result.answer.broken == ()
-    assert _rows(tmp_path).equals(_rows(whole[0]))
-    assert result.answer.terms == whole[1].answer.terms
-
-
-def _children() -> list[int]:
-    from multiprocessing import active_children
-
-    return [child.pid for child in active_children() if child.pid]

@@ -144,16 +144,6 @@ def test_interval_of_the_sd_between_sessions_covers_as_often_as_it_says():
     assert 0.86 <= hits / 200 <= 0.94
 
 
-@pytest.mark.parametrize("tau", [1e-3, 4e-3])
-def test_interval_covers_a_given_sd_between_sessions(tau):
-    """At one truth beside a prior that is far wider than it, as the class's size of a coefficient is."""
-    rng, hits = np.random.default_rng(8), 0
-    for _ in range(200):
-        _, low, high = between_sd(*drawn(rng, tau), PRIOR)
-        hits += low < tau < high
-    assert 0.86 <= hits / 200 <= 0.94
-
-
 def test_missing_session_is_left_out_and_nothing_else():
     value, error = drawn(np.random.default_rng(9), 2e-3)
     value[0, 1] = np.nan

@@ -15,7 +15,7 @@ from imubayes.inference.intervals import frequency
 from imubayes.inference.summary import pulls
 from imubayes.population.levels import Likelihoods, block_of, likelihoods, over_sessions
 from imubayes.population.sessions import between_sd
-from imubayes.population.spreads import FEWEST, lot_sizes, spread, spreads
+from imubayes.population.spreads import lot_sizes, spread, spreads
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
@@ -195,14 +195,6 @@ def test_unit_of_the_numbers_changes_the_spreads_by_itself(factor):
     assert a.common_share.value == pytest.approx(b.common_share.value, rel=1e-6)
 
 
-def test_constant_added_to_all_units_moves_their_mean_alone():
-    one = drawn(np.random.default_rng(9), (0.1, 0.5, 0.2))
-    a = spreads([one], SIZE)
-    b = spreads([Likelihoods(one.value + 40.0, one.noise, one.alias)], SIZE)
-    assert b.mean.value - 40.0 == pytest.approx(a.mean.value, abs=1e-9)
-    assert b.unit.high == pytest.approx(a.unit.high, rel=1e-9)
-
-
 def test_axes_together_have_the_spreads_that_they_share():
     """The likelihoods of two axes multiply; a mean of both is not asked for."""
     rng = np.random.default_rng(10)
@@ -233,15 +225,6 @@ def test_shifts_of_sessions_are_their_distances_from_the_mean_of_all():
     assert found.common_share.low > 0.5
 
 
-def test_three_units_are_no_population():
-    one = drawn(np.random.default_rng(13), (0.1, 0.5, 0.2), units=FEWEST)
-    assert not math.isnan(spreads([one], SIZE).unit.value)
-    one.value[0] = np.nan
-    found = spreads([one], SIZE)
-    assert math.isnan(found.unit.value) and math.isnan(found.mean_sd)
-    assert found.noise == pytest.approx(np.median(one.noise[1:]))
-
-
 def lots_found(rng, sds, lots):
     """Truths of simulated lots, and of a further unit, beside their intervals: (lots, 6, 3)."""
     for _ in range(lots):
@@ -265,16 +248,6 @@ def test_intervals_hold_the_truth_of_lots_drawn_from_the_prior():
     low, truth, high = np.moveaxis([*lots_found(np.random.default_rng(14), sds, 100)], -1, 0)
     share = ((low < truth) & (truth < high)).mean(axis=0)
     assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 100)), share
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sds", [(0.02, 0.3, 0.1), (0.1, 0.3, 0.02), (0.05, 0.5, 0.2)])
-def test_intervals_hold_the_truth_of_a_given_population(sds):
-    """At one truth, far below the class's size: 86 % of 200 lots or more, beside two standard errors."""
-    lots = [*lots_found(np.random.default_rng(15), lambda rng: sds, 200)]
-    low, truth, high = np.moveaxis(lots, -1, 0)
-    share = ((low < truth) & (truth < high)).mean(axis=0)
-    assert np.all(share > 0.86 - 2.0 * math.sqrt(0.09 / 200)), share
 
 
 def test_posterior_agrees_with_direct_integration_over_mean_and_spread():
@@ -322,14 +295,6 @@ def test_a_badly_measured_unit_counts_for_nothing():
     with_it, without = (spread(estimate[:n], variance[:n], (1e-2, 1e2)) for n in (4, 3))
     assert with_it[0].value == pytest.approx(without[0].value, rel=1e-6)
     assert with_it[1].high == pytest.approx(without[1].high, rel=1e-6)
-
-
-def test_unit_of_measure_scales_mean_and_spread():
-    estimate, variance = np.array([1.0, 2.0, 4.0]), np.array([0.1, 0.2, 0.1])
-    mu, tau = spread(estimate, variance, (1e-2, 1e2))
-    small = spread(1e-6 * estimate, 1e-12 * variance, (1e-8, 1e-4))
-    assert small[1].value == pytest.approx(1e-6 * tau.value, rel=1e-9)
-    assert small[0].low == pytest.approx(1e-6 * mu.low, rel=1e-9)
 
 
 @pytest.mark.parametrize(

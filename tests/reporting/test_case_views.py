@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from block_readings import panels, rows, said
+from block_readings import rows, said
 from results_found import sensor_result, study_result
 from scipy import stats
 
@@ -28,7 +26,6 @@ from imubayes.reporting.case_views import (
 )
 from imubayes.reporting.document import report_html
 from imubayes.reporting.figures import KNOWN
-from imubayes.reporting.results import result_json
 from imubayes.selection.verdicts import EQUAL
 
 MG = 9.80665e-3
@@ -79,10 +76,6 @@ def test_a_case_names_what_one_of_its_components_needs_beyond_the_others(cased):
     )
 
 
-def test_sensors_that_stand_alone_are_no_case(result):
-    assert not cases_of(result) and list(published_cases(result)) == []
-
-
 @pytest.mark.parametrize(("what", "width"), [("gravity", 1), ("rest", 3), ("closure", 2), ("turn", 1)])
 def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     """Of a closure the two directions make one angle; of the others each number counts."""
@@ -96,14 +89,6 @@ def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     assert record["rms"]["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
     assert (record["within_2_sd"], record["of"]) == (one.inside, 30 * width)
     assert row[-1] == f"{one.inside} of {30 * width}"
-
-
-def test_the_sentence_on_gravity_has_the_numbers_of_its_row(cased):
-    section = shown(cased(recovered(), recovered("rest", width=3)))
-    row, text = rows(section)[0], said(section)
-    assert all(f"{size} mg" in text for size in row[3:8])
-    assert f"{row[-1]} lie within 2 sd" in text
-    assert len(panels(section)) == 2
 
 
 def test_where_the_fit_has_a_coefficient_for_each_error_nothing_is_predicted_of_it(cased):
@@ -132,15 +117,6 @@ def test_what_no_component_can_tell_is_not_told_by_all_and_no_answer_is_against_
     assert pooled_verdict(inclusion, (*BLIND, "needed", "undecided")) != "not needed"
 
 
-def test_the_page_and_the_file_hold_a_case(cased):
-    study = cased(recovered())
-    page = report_html(study)
-    assert "U0 as a whole" in page and "within 2 sd" in page
-    (case,) = json.loads(result_json(study))["cases"]
-    assert case["id"] == "U0" and case["recovered"][0]["what"] == "gravity"
-    assert case["pooled"]["accelerometer"]["b0p"] == {"inclusion": 0.97, "verdict": "needed"}
-
-
 @pytest.mark.parametrize(
     ("scale", "word"), [(2.0, "larger than predicted"), (0.5, "smaller than predicted"), (1.0, "as many as")]
 )
@@ -158,13 +134,6 @@ def test_many_cases_say_on_the_first_screen_whether_their_errors_are_as_large_as
     assert sum(entry["within_2_sd"] for entry in records) == 6 * found.inside
     first, _, _ = report_html(study).partition('<h2 id="cases">')
     assert _ and word in first
-
-
-def test_many_cases_share_one_table(cased):
-    page = report_html(cased(recovered(), cases=4))
-    (table,) = re.findall(r'<h2 id="cases">.*?</section>', page, re.DOTALL)
-    assert [f"U{k}" in table for k in range(4)] == [True] * 4
-    assert table.count("<tr>") == 5 and "as a whole" not in page
 
 
 def angled(misalignment):
@@ -196,8 +165,3 @@ def test_angles_are_rounded_by_their_own_sd_and_the_sentence_says_whether_a_rota
         ("non-orthogonality of x and y", "−479 ± 16", ""),
     ]
     assert told in said(section) and "are known to 16 µrad" in said(section)
-
-
-@pytest.mark.parametrize("calibration", [{"scale": 1.0}, None])
-def test_without_known_directions_there_are_no_angles(calibration):
-    assert not list(angle_sections("U0", [SimpleNamespace(calibration=calibration)]))

@@ -8,10 +8,9 @@ from dataclasses import replace
 import pytest
 from page_reading import printed
 
-from imubayes.reporting.catalogue_tables import bench_list, class_list, class_page
+from imubayes.reporting.catalogue_tables import class_list, class_page
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.catalogue_file import packaged_tables
-from imubayes.sensors.terms import library
 
 every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
 LETTER = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
@@ -69,16 +68,6 @@ def test_page_prints_every_number_of_a_class_as_it_is_written_with_unit_and_sour
 
 
 @every_class
-def test_page_gives_the_prior_of_every_term_and_the_noise(entry):
-    rows = _rows(printed(class_page(entry)), "term")
-    names = library(entry.kind, set="extended", temperature=1).names
-    assert list(rows) == [*names, "N", "B", "K"]
-    figures = packaged_tables()[entry.kind][entry.id]
-    assert float(rows["N"][2]) == figures["noise"]["N"][1]
-    assert rows["N"][3] == figures["noise"]["N"][3]
-
-
-@every_class
 def test_page_prints_bias_instability_as_coefficient_and_as_floor_and_says_which_is_stated(entry):
     rows = _rows(printed(class_page(entry)), "key")
     stated = "floor" if "floor" in packaged_tables()[entry.kind][entry.id]["noise"] else "B"
@@ -88,13 +77,6 @@ def test_page_prints_bias_instability_as_coefficient_and_as_floor_and_says_which
     numbers = {key: [float(text) for text in rows[key][at - 3 : at]] for key, at in end.items()}
     for B, floor in zip(numbers["B"], numbers["floor"], strict=True):
         assert floor / B == pytest.approx(0.664, rel=0.01)
-
-
-def test_page_names_terms_and_symbols_of_a_figure():
-    rows = _rows(printed(class_page(sensor("mems_tactical", kind="accelerometer"))), "key")
-    assert rows["K2"] == ["K2", "K2", "b2", "5", "30", "150", "ug/g^2", "o", "o", "o"]
-    assert rows["K0"] == ["K0", "K0", "b0", "500", "1500", "5000", "ug", "o", "s", "o"]
-    assert rows["Kx"][:7] == ["Kx", "Kip,", "Kio,", "Kpo", "c_ij", "ik", "jk"]
 
 
 def test_page_keeps_digits_of_large_ratings_and_temperatures_in_celsius():
@@ -115,15 +97,3 @@ def test_texts_of_a_file_cannot_steer_the_terminal():
         text = printed(renderable)
         assert "\x1b" not in text and "\x07" not in text and "a?[31m" in text
     assert "[red]b?" in printed(class_page(entry))
-
-
-def test_bench_list_prints_the_errors_of_test_equipment_as_they_are_written():
-    text = printed(bench_list())
-    assert _fits(text)
-    figures = packaged_tables()["reference"]["figures"]
-    rows = _rows(text, "error")
-    assert rows.keys() == figures.keys()
-    for key, (*values, unit) in figures.items():
-        assert [float(number) for number in rows[key][1:4]] == values
-        assert rows[key][4] == unit
-    assert rows["centrifuge_radius"][5:] == ["o", "s", "o"] and rows["gravity"][5:] == ["o", "o", "o"]

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -22,37 +21,10 @@ def test_dollar_signs_in_names_are_no_mathematics() -> None:
     assert "$\\frac{" in report_html(study_result(sensor_result(runs=("$\\frac{",))))
 
 
-def test_report_of_eight_components_with_long_libraries_and_many_runs_stays_below_2_mb() -> None:
-    lib = library("accelerometer", powers=3, asymmetry=2, set="extended", temperature=1)
-    runs = tuple(f"mount {k}" for k in range(12))
-    study = study_result(*(sensor_result(f"IMU.{k}", lib=lib, runs=runs, misfit="mount 3") for k in range(8)))
-    html = report_html(study)
-    assert len(html.encode()) < 2_000_000
-    whole(Page(html))
-
-
-def test_calibration_of_a_reference_free_triad_is_shown_with_its_convention() -> None:
-    row = {
-        "scale": 2.4e-3,
-        "bias": 33124.0,
-        "nonorthogonality": {"m_j": -3.1e-4},
-        "convention": "signs as ours",
-    }
-    html = report_html(study_result(replace(sensor_result(), calibration=row)))
-    assert "33124" in html and "−0.000310" in html and "signs as ours" in html
-
-
 def test_report_says_the_misfit_first() -> None:
     html = report_html(study_result(sensor_result(misfit="centrifuge")))
     assert 'class="answer misfit"' in html
     assert html.index("does not explain run centrifuge") < html.index(">The terms<")
-
-
-def test_run_too_short_for_an_allan_deviation_is_reported() -> None:
-    sensor, none = sensor_result(runs=("still",)), np.array([])
-    check = replace(sensor.checks[0], tau=none, deviation=none, expected=none, whiteness_p=math.nan)
-    html = report_html(study_result(replace(sensor, checks=(check,))))
-    assert "not tested" in html and "Allan deviation within" not in html
 
 
 def test_test_that_excites_nothing_is_reported() -> None:

@@ -22,8 +22,3 @@ def test_recorded_units_have_no_column_of_the_truth(html):
     assert ">true</th>" in html
     assert ">true</th>" not in other
     assert "10 recorded tactical MEMS" in other
-
-
-def test_units_that_are_all_read_need_no_section_of_broken_ones(html):
-    assert '<h2 id="broken">' in html
-    assert 'id="broken"' not in page_html(fleet_page(fleet_result(broken=())))

@@ -1,5 +1,4 @@
 import re
-from dataclasses import replace
 
 import pytest
 from lots_found import SIZES, lot_result
@@ -14,7 +13,6 @@ from imubayes.reporting.lots_figures import (
     scene_matrix,
 )
 from imubayes.reporting.lots_page import lots_page
-from imubayes.reporting.lots_words import counts
 
 
 @pytest.fixture(scope="module")
@@ -32,24 +30,6 @@ def test_every_cell_of_the_first_matrix_leads_to_the_row_of_its_numbers(html, re
     cells = [f"class-{name}-{term}" for term in result.study.library.names for name in SIZES]
     assert re.findall(r'href="#([^"]+)"', matrix) == cells
     assert all(f'<tr id="{cell}">' in html for cell in cells)
-
-
-def test_triad_is_only_spoken_of_where_it_was_asked(html):
-    assert '<h2 id="basic">' in html
-    assert "triad" not in page_html(lots_page(lot_result(basic=False)))
-
-
-def test_study_without_scenes_has_its_classes_only(result):
-    bare = [replace(one, missions=()) for one in result.classes]
-    found = replace(result, study=replace(result.study, missions=()), classes=tuple(bare))
-    assert 'id="scenes"' not in page_html(lots_page(found))
-    assert '<h2 id="class-mems_tactical">' in page_html(lots_page(found))
-
-
-def test_table_of_a_scene_has_what_is_required_or_takes_a_hundredth():
-    near, far = (one.missions[0] for one in lot_result().classes[::2])
-    assert all(counts(term) for term in near.terms)
-    assert not any(counts(term) for term in far.terms)
 
 
 def test_bar_of_a_lot_is_as_long_as_its_shares(result):
@@ -78,9 +58,3 @@ def test_question_mark_stands_where_the_test_cannot_tell_of_half_of_the_units(re
 def test_each_answer_in_a_scene_has_a_mark_of_its_own(result, answer, mark):
     given = (told for one in result.classes for _, told in answers_in(one, one.missions[0]))
     assert scene_matrix(result, 0, "b").svg.count(mark) == sum(told == answer for told in given) > 0
-
-
-def test_term_that_takes_nothing_anywhere_has_no_row(result):
-    assert ">b0</text>" in scene_matrix(result, 0, "b").svg
-    rows = re.findall(r'text-anchor="end">(\w+)</text>', scene_matrix(result, 1, "b").svg)
-    assert rows == ["g_i", "g_k", "S_kk"]

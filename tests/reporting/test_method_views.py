@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from block_readings import rows
 from page_reading import printed
 from results_found import judged_result, study_result
@@ -43,22 +42,6 @@ def test_every_vote_has_its_mark_and_what_the_decision_does_not_share_stands_out
         told = [marks.get(one[-1], np.nan) for one in cells]
         np.testing.assert_array_equal(told, keeps)
         assert word.endswith({t.name: t.verdict for t in sensor.selection.terms}[name])
-
-
-@pytest.mark.parametrize("many", [False, True])
-def test_report_holds_what_the_methods_say_in_the_section_on_the_choice(many) -> None:
-    sensors = [judged_result(f"ACC-{k}") for k in range(13 if many else 1)]
-    html = report_html(study_result(*sensors))
-    assert html.count("What other methods say") == html.count("How much the prior matters") == len(sensors)
-    assert html.count("● a term in the method") == (3 if many else 1)
-    places = [
-        html.index(text)
-        for text in ('id="s1-tell"', "At least one of c_jj and c_kk", 'id="s1-fit"', "Does the library miss",
-                     'id="s1-choice"', "What other methods say", "AIC, WAIC, SR3 keep b3",
-                     "The smallest model that predicts", 'id="s1-posterior"')
-    ]  # fmt: skip
-    assert places == sorted(places)
-    assert 'class="answer misfit"' in html
 
 
 def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() -> None:

@@ -1,7 +1,6 @@
 """Noise processes as they are printed and stored."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,6 @@ from block_readings import panels, rows
 from imubayes.inference.allan import AllanFit, allan_curve
 from imubayes.reporting.noise_views import (
     process_blocks,
-    process_sentence,
     process_units,
     published_processes,
 )
@@ -57,13 +55,6 @@ def gyro():
     )
 
 
-def test_sentence_says_what_is_there_in_data_sheet_units_and_what_cannot_be_told(gyro):
-    text = process_sentence(gyro.processes[0].choice, gyro)
-    assert "white noise N = 0.150 +- 0.015 deg/sqrt(h) and bias instability B = 2.00 +- 0.20 deg/h" in text
-    assert "one of K and R, and cannot say which" in text
-    assert "Not there: Q." in text
-
-
 def test_rows_hold_both_routes_and_limits_of_what_is_not_there(gyro):
     blocks = list(process_blocks(gyro, "s1", drawn=True))
     found = {row[0]: row[3:7] for row in rows(blocks)}
@@ -75,21 +66,12 @@ def test_rows_hold_both_routes_and_limits_of_what_is_not_there(gyro):
     assert "deg" not in panel.svg and "°/h" in panel.svg
 
 
-def test_no_figure_where_none_is_drawn(gyro):
-    assert not panels(process_blocks(gyro, "s1", drawn=False))
-
-
 def test_published_processes_are_in_si_and_name_both_units(gyro):
     record = published_processes(gyro)["quiet"]
     assert record["identified"] == ("N", "B")
     assert record["processes"]["B"]["mean"] == pytest.approx(2.0 * DPH)
     assert record["processes"]["B"]["printed_unit"] == "deg/h"
     assert record["allan"]["values"]["N"] == pytest.approx(0.151 * ARW)
-
-
-def test_record_without_a_fit_says_none(gyro):
-    gyro.processes = (replace(gyro.processes[0], fit=None),)
-    assert published_processes(gyro)["quiet"]["allan"] is None
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])

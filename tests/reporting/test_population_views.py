@@ -12,10 +12,6 @@ from imubayes.reporting.population_views import resolved, spread_text
 from imubayes.reporting.results import result_json
 
 
-def test_study_of_few_units_has_no_section(result) -> None:
-    assert "What units of this class have in common" not in report_html(result)
-
-
 def test_units_of_one_session_have_no_column_of_sessions(result) -> None:
     text = report_html(replace(result, classes=(class_found(sessions=("",)),)))
     assert ">unit to unit<" in text and ">between sessions<" not in text

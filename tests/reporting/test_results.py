@@ -41,12 +41,6 @@ def test_what_is_not_finite_becomes_null(result, value: float) -> None:
     assert entry["calibration"] == {"scale": None, "bias": 2.0}
 
 
-def test_values_are_in_si(result) -> None:
-    (sensor,) = written(result)["sensors"]
-    bias = next(term for term in sensor["terms"] if term["name"] == "b0")
-    assert bias["unit"] == "m/s^2" and bias["mean"] == pytest.approx(1502.1e-6 * 9.80665, rel=1e-12)
-
-
 def test_component_of_a_triad_is_written_with_its_own_terms_only() -> None:
     sensor = sensor_result("IMU.ay")
     seen, own = sensor.selection.observability, [term.name for term in sensor.selection.terms]
@@ -66,18 +60,6 @@ def test_component_of_a_triad_is_written_with_its_own_terms_only() -> None:
     assert entry["observability"]["b0"]["ratio"] == seen.ratio[0]
 
 
-def test_votes_and_other_priors_read_back_as_they_were() -> None:
-    sensor = judged_result()
-    (entry,) = written(study_result(sensor))["sensors"]
-    votes, found = sensor.panel.votes, sensor.panel.sensitivity
-    assert tuple(entry["votes"]["terms"]) == votes.terms
-    for table, name in ((votes.strength, "strength"), (votes.keeps, "keeps")):
-        assert tuple(entry["votes"][name]) == votes.methods
-        assert np.array_equal(np.array(list(entry["votes"][name].values())), table)
-    assert np.array_equal(np.array(list(entry["sensitivity"]["inclusion"].values())).T, found.inclusion)
-    assert entry["reduced"]["lost"] == pytest.approx(sensor.panel.reduced.lost, rel=1e-15)
-
-
 def test_terms_of_a_triads_component_have_their_own_names() -> None:
     sensor = judged_result()
     columns = tuple(f"ay.{name}" for name in sensor.selection.columns)
@@ -95,19 +77,6 @@ def test_terms_of_a_triads_component_have_their_own_names() -> None:
     (block,) = published_result(study_result(replace(sensor, selection=selection, panel=far))).sensors
     assert block.sindy["stlsq"]["model"] == ("b0", "b1") and "b0" in block.sindy["stlsq"]["inclusion"]
     assert block.sensitivity["swing"] == ("b0",) and "b0" in block.sensitivity["g_prior"]
-
-
-def test_without_other_methods_their_keys_are_there_and_empty() -> None:
-    (block,) = published_result(study_result(sensor_result())).sensors
-    assert block.criteria == block.sindy == {} and block.groups == ()
-    assert (block.sensitivity, block.votes, block.reduced, block.misfit) == (None,) * 4
-
-
-@pytest.mark.parametrize(("method", "sampler"), [("plug-in", "exact"), ("collapsed", "collapsed")])
-def test_mcmc_block_names_how_draws_are_made(method, sampler) -> None:
-    sensor = sensor_result() if method == "plug-in" else sampled_result()
-    (entry,) = written(study_result(sensor))["sensors"]
-    assert (entry["mcmc"]["sampler"], entry["method"]) == (sampler, method)
 
 
 def test_moments_by_the_chains_stand_beside_each_term_and_are_null_where_exact() -> None:

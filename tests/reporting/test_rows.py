@@ -17,7 +17,6 @@ from imubayes.reporting.rows import (
     term_rows,
 )
 from imubayes.sensors.noise import Noise, allan_variance
-from imubayes.sensors.terms import library
 
 G = 9.80665
 DEG_H = math.pi / 180.0 / 3600.0
@@ -25,22 +24,6 @@ DEG_H = math.pi / 180.0 / 3600.0
 
 def rows_by_name(sensor):
     return {row.verdict.name: row for row in term_rows(sensor)}
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("b0", "1502.1 +- 4.2 ug"),
-        ("b2", "41.80 +- 0.62 ug/g^2"),
-        ("m_j", "-912.0 +- 2.4 urad"),
-        ("b3", "below 0.23 ug/g^3"),
-        ("c_jj", "with Koo"),
-        ("c_jk", "as the prior"),
-        ("S_ij", "not excited"),
-    ],
-)
-def test_value_column_says_what_the_verdict_allows(name: str, text: str) -> None:
-    assert rows_by_name(sensor_result())[name].text == text
 
 
 def test_value_in_printed_unit_is_the_si_value_by_hand() -> None:
@@ -79,11 +62,6 @@ def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error
     assert [cell.sd for cell, _ in given] == ["", "", ""]
 
 
-def test_white_noise_prints_no_bias_instability() -> None:
-    run = replace(sensor_result().runs[0], noise=Noise(1e-4, 0.0, 0.0), noise_sd=(0.0, 0.0, 0.0))
-    assert [str(cell) for cell, _ in noise_cells(run, "accelerometer")[1:]] == ["0 ug", "0 ug/sqrt(s)"]
-
-
 def test_noise_floor_is_the_lowest_allan_deviation() -> None:
     sensor = sensor_result()
     tau = np.geomspace(1.0, 2880.0, 5000)
@@ -102,11 +80,6 @@ def test_ranges_are_printed_in_units_that_people_use() -> None:
     )
 
 
-def test_gyroscope_rows_use_rates() -> None:
-    rows = rows_by_name(sensor_result(lib=library("gyroscope", set="extended")))
-    assert rows["b0"].text == "11.20 +- 0.31 deg/h" and rows["g_i"].text == "4.10 +- 0.20 deg/h/g"
-
-
 def test_noise_of_the_chains_is_printed_by_their_mean_and_sd() -> None:
     sensor = sampled_result()
     run, chains = sensor.runs[0], sensor.chains
@@ -120,12 +93,6 @@ def test_noise_of_the_chains_is_printed_by_their_mean_and_sd() -> None:
     assert 0.95 <= below.mean() < 0.97
     shared = replace(sensor.runs[1], noise_run="tumble")
     assert noise_cells(shared, sensor.kind, chains) == noise_cells(run, sensor.kind, chains)
-
-
-def test_noise_that_was_not_sampled_is_printed_as_before() -> None:
-    sensor = sampled_result()
-    run, still = sensor.runs[0], replace(sensor.chains, noise=np.ones_like(sensor.chains.noise))
-    assert noise_cells(run, sensor.kind, still) == noise_cells(run, sensor.kind)
 
 
 def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once() -> None:

@@ -22,10 +22,6 @@ def untold(one):
     )
 
 
-def test_study_without_sessions_has_no_section(result) -> None:
-    assert session_section(result) is None
-
-
 def test_largest_pull_is_the_largest_difference_over_its_sd() -> None:
     one = repeatability("b0", units=4)
     by_hand = {
@@ -47,13 +43,6 @@ def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result) -
     assert [row[0] for row in rows(alone)] == ["ax.b0", "ay.b0"]
     assert [row[0] for row in rows(together)] == ["b0"]
     assert "2 more parameters are in result.json" in said(together)
-
-
-def test_at_most_twelve_parameters_are_drawn(result) -> None:
-    found = [replace(repeatability("b0", units=24), parameter=f"p{k}") for k in range(14)]
-    view = viewed(result, *found)
-    assert len(rows(view)) == 14 and len(panels(view)) == 12
-    assert "unit, 1 IMU-1 to 24 IMU-24" in panels(view)[0].svg
 
 
 def test_parameters_of_which_the_sessions_cannot_tell_are_not_drawn(result) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.rig.inputs import Inputs, facts_of, sampling_interval
+from imubayes.rig.inputs import facts_of, sampling_interval
 from imubayes.rig.plans import EARTH_RATE
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.tumbles import positions, static, tumble
@@ -83,7 +83,3 @@ def test_gaps_between_dwells_do_not_stretch_a_sample():
     t = np.concatenate([1e3 * k + 0.1 * np.arange(20.0) for k in range(9)])
     assert sampling_interval(t) == pytest.approx(0.1)
     assert sampling_interval(t[:1]) == 1.0
-
-
-def test_length_of_inputs_is_their_number_of_rows():
-    assert len(Inputs(np.arange(7.0), {}, 1.0)) == 7

@@ -18,15 +18,6 @@ def test_turning_is_scipys_rotation_at_any_angle(seed, size):
     np.testing.assert_allclose(turned(v, rotation), Rotation.from_rotvec(rotation).apply(v), atol=1e-12)
 
 
-@given(seeds)
-def test_turning_keeps_lengths_and_is_undone_by_turning_back(seed):
-    rng = np.random.default_rng(seed)
-    v, rotation = rng.normal(size=(5, 3)), rng.normal(size=(5, 3))
-    there = turned(v, rotation)
-    np.testing.assert_allclose(np.linalg.norm(there, axis=1), np.linalg.norm(v, axis=1), rtol=ULPS)
-    np.testing.assert_allclose(turned(there, -rotation), v, atol=1e-13)
-
-
 def spinning(rng, *, w=None, dw=None, radius=0.7, n=6):
     """Random axis, rate and its derivative: f of a point at that radius, gravity along the axis."""
     axis, out = rng.normal(size=(2, n, 3))

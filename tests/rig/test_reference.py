@@ -14,7 +14,6 @@ from imubayes.rig.reference import (
     KINDS,
     TILT,
     errors_of,
-    for_sensor,
     kind_of,
 )
 from imubayes.rig.rotations import centrifuge, rate_table
@@ -67,12 +66,6 @@ def test_default_is_the_typical_size_in_the_catalogue(name, size):
         assert KINDS[name].default == pytest.approx(size, rel=1e-12)
         low, _, high = reference_errors()[KINDS[name].key]
         assert low < size < high
-
-
-def test_only_the_offset_of_the_bias_has_the_unit_of_the_output():
-    changed = [name for name, kind in KINDS.items() if for_sensor(kind, "gyroscope") != kind]
-    assert changed == ["turn_on"]
-    assert for_sensor(KINDS["turn_on"], "accelerometer").unit == "m/s^2"
 
 
 @pytest.mark.parametrize(

@@ -38,12 +38,6 @@ def test_integral_of_the_rate_is_the_angle_and_its_derivative_the_angular_accele
         np.testing.assert_allclose(angle, AMPLITUDE * np.sin(pulse * t), atol=1.01 * AMPLITUDE * short)
 
 
-def test_rate_and_angular_acceleration_are_in_quadrature():
-    w, dw = dwells_of("w_i"), dwells_of("dw_i")
-    sizes = np.sqrt(np.mean(w**2, axis=1) * np.mean(dw**2, axis=1))
-    assert np.max(np.abs(np.mean(w * dw, axis=1)) / sizes) < 1e-12
-
-
 def test_force_off_the_axis_is_gravity_and_the_acceleration_of_a_point_of_a_rigid_body():
     radius = 0.07
     plan = oscillation(FREQUENCIES, amplitude=1.0, dwell=4.0, rate=200.0, radius=radius, latitude=None)
@@ -120,18 +114,6 @@ def test_a_table_whose_steps_come_in_another_order_is_turned_by_what_came_before
     north = Rotation.from_rotvec([-angle, 0.0, 0.0]).apply([0.0, 1.0, 0.0])
     expected = EARTH_RATE * (math.sin(0.6) * np.array([1.0, 0.0, 0.0]) + math.cos(0.6) * north)
     np.testing.assert_allclose(rest, np.tile(expected, (4, 1)), atol=1e-12)
-
-
-def test_centripetal_force_of_an_oscillation_does_not_average_out():
-    radius, rate = 0.01, 2.0 * math.pi * 2.0
-    plan = oscillation([2.0], amplitude=1.0, mounts=1, dwell=4.0, radius=radius, latitude=0.0)
-    assert plan.inputs.channels["f_j"].mean() == pytest.approx(-radius * rate**2 / 2.0, rel=1e-12)
-
-
-def test_centripetal_force_of_a_turn_looks_like_a_quadratic_rate_error_of_a_sensitivity_to_force():
-    plan = rate_table([-5.0, -2.0, 2.0, 5.0], mounts=1, radius=0.02, latitude=None, dwell=1.0, rate=1.0)
-    w, f = plan.inputs.channels["w_i"], plan.inputs.channels["f_j"]
-    np.testing.assert_allclose(f, -0.02 * w**2, rtol=1e-14)
 
 
 def test_rate_off_by_a_share_is_an_oscillation_of_that_much_more_amplitude():

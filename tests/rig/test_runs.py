@@ -15,12 +15,11 @@ from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.runs import read_run
-from imubayes.rig.simulate import PROFILES, plan_run, simulate, simulate_runs
+from imubayes.rig.simulate import plan_run, simulate, simulate_runs
 from imubayes.rig.thermal import temperature_rate
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
-from imubayes.study.schema.tables import CALLED
 
 G = 9.80665
 DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -173,13 +172,6 @@ def test_free_tumble_is_a_triad_with_gravity(tmp_path):
     assert (run.gravity, run.interval) == (9.81, 0.5)
 
 
-def test_values_of_a_run_cannot_be_written_to(tmp_path):
-    path = _csv(tmp_path, "t [s],output [g],f_i [g]", _rows(3))
-    run = read_run(RunSpec("a", "tumble", path), "accelerometer")
-    for values in (run.output, run.inputs.t, run.inputs.channels["f_i"]):
-        assert not values.flags.writeable
-
-
 def test_wrapping_clock_is_refused_at_its_row(tmp_path):
     clock = np.array([2**32 - 2, 2**32 - 1, 0, 1], dtype=np.uint32)
     np.savez(tmp_path / "run.npz", t=clock, output=np.arange(4.0))
@@ -206,21 +198,6 @@ def test_public_recordings_are_read(file, time, axes, samples):
     columns = {"t": time, **{f"a{x}": ColumnSpec(axis, unit) for x, axis in zip("xyz", axes, strict=True)}}
     run = read_run(RunSpec("a", "free-tumble", path, columns=columns, gravity=9.81), "accelerometer")
     assert run.output.shape == (samples, 3)
-
-
-@pytest.mark.parametrize("profile", PROFILES)
-def test_every_profile_becomes_a_plan_under_the_runs_name(profile):
-    needed = {
-        "static": {"duration": 5.0, "rate": 2.0},
-        "rate-table": {"rates": (1.0,)},
-        "oscillation": {"frequencies": (1.0,)},
-        "centrifuge": {"levels": (2.0,)},
-        "vibration": {"levels": (2.0,)},
-        "thermal": {"temperatures": (300.0,)},
-    }
-    spec = RunSpec("bench 3", "other", simulate={"profile": profile, **needed.get(profile, {})})
-    plan = plan_run(spec)
-    assert (plan.name, plan.procedure) == ("bench 3", CALLED.get(profile, profile))
 
 
 def test_simulated_runs_are_of_one_unit_and_say_which():

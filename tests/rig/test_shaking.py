@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from imubayes.algebra.factor import factor_of, posterior
 from imubayes.errors import InputError
-from imubayes.inference.prior import class_sd
 from imubayes.rig.shaking import vibration
-from imubayes.rig.simulate import simulate
-from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library
 
 G = 9.80665
@@ -98,30 +93,6 @@ def test_mean_of_a_product_halfway_between_two_axes_is_half_the_variance(mount, 
     lib = library("accelerometer")
     X = in_dwells(columns(lib, PLAN.inputs.channels, len(PLAN.inputs)))[mount, :, :, lib.names.index(name)]
     np.testing.assert_allclose(X.mean(axis=1), 0.5 * (G * np.array(LEVELS)) ** 2, atol=1e-10 * G**2)
-
-
-def test_mean_output_moves_with_the_square_of_the_level_by_the_quadratic_term():
-    tactical = sensor("mems_tactical", kind="accelerometer")
-    (run,) = simulate(tactical, [PLAN], seed=1, truth={"b2": 3e-6}, noise=Noise(0.0, 0.0, 0.0))
-    error = in_dwells(run.output - run.inputs.channels["f_i"]).mean(axis=2)
-    for mount in (0, 1, 2):
-        moved = error[mount] - error[mount, 0]
-        np.testing.assert_allclose(moved, 3e-6 * (G * np.array(LEVELS)) ** 2, rtol=1e-9, atol=1e-15)
-
-
-def test_averages_of_output_and_columns_alone_tell_what_rectifies():
-    servo, lib = sensor("quartz_flexure_servo", kind="accelerometer"), library("accelerometer")
-    rng, wide = np.random.default_rng(4), 1000.0 * class_sd(servo, lib)
-    truth, noise = rng.normal(0.0, wide), Noise(servo.noise["N"][1], 0.0, 0.0)
-    named = dict(zip(lib.names, truth, strict=True))
-    (run,) = simulate(servo, [PLAN], seed=rng, truth=named, noise=noise)
-    X = in_dwells(columns(lib, run.inputs.channels, len(run.inputs))).mean(axis=2).reshape(-1, len(lib.terms))
-    y = in_dwells(run.output - run.inputs.channels["f_i"]).mean(axis=2).ravel()
-    white = noise.N / math.sqrt(DWELL)
-    mean, sd = posterior(factor_of(X / white, y / white, lib.names), wide)
-    assert np.abs((mean - truth) / sd).max() < 4.0
-    told = {name for name, ratio in zip(lib.names, sd / wide, strict=True) if ratio < 0.1}
-    assert told >= {"b0", "b2", "b3", "b1p", "c_jj", "c_kk", "c_ij", "c_ik", "c_jk"}
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,6 @@ from imubayes.algebra.factor import posterior
 from imubayes.errors import InputError
 from imubayes.inference.prior import class_sd
 from imubayes.rig.thermal import temperature_rate
-from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import columns
 
 G = 9.80665
 UP_AND_DOWN = [253.0, 293.0, 333.0, 293.0, 253.0]
@@ -38,17 +36,6 @@ def test_sensor_is_at_rest_under_gravity_in_as_many_directions_as_asked():
         np.testing.assert_allclose(np.linalg.norm(f, axis=0), G, rtol=1e-15)
         # during ramps the input axis points both ways, whatever the positions
         assert len(np.unique(f.T.round(6), axis=0)) == max(positions, 2)
-
-
-@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_two_positions_tell_scale_from_bias_over_temperature(kind):
-    bases = ("b0", "b1")
-    lib = ib.library(kind, powers=1, asymmetry=-1, temperature=2, temperature_of=bases, rate_of=bases[:1])
-    inputs = chamber(positions=2, turning=1.0 if kind == "gyroscope" else 0.0)
-    wanted = [j for j, name in enumerate(lib.names) if name.partition("*")[0] in bases]
-    X = columns(lib, inputs.channels, len(inputs))[:, wanted]
-    spread = np.linalg.svd(X / np.linalg.norm(X, axis=0), compute_uv=False)
-    assert len(wanted) == 7 and spread[-1] > 0.05 * spread[0]
 
 
 def test_terms_by_temperature_and_its_rate_come_back_from_a_simulated_chamber():
@@ -88,12 +75,6 @@ def test_coefficient_of_a_derived_rate_is_neither_shortened_by_noise_nor_stretch
     assert coefficient == pytest.approx(1.0, abs=0.0075)
 
 
-def test_central_differences_of_the_same_record_would_lose_the_coefficient():
-    t, T, rate, read = recorded(0.1, 0.25)
-    X = np.column_stack((np.ones(len(t)), T - T.mean(), np.gradient(read, t)))
-    assert np.linalg.lstsq(X, rate, rcond=None)[0][2] < 0.1
-
-
 def test_rate_of_a_parabola_is_exact_also_beside_gaps():
     t = np.concatenate((np.arange(0.0, 300.0), np.arange(2000.0, 2500.0)))
     T = 290.0 + 0.01 * t - 3e-6 * t**2
@@ -126,13 +107,3 @@ def test_constant_temperature_has_no_rate():
 def test_chamber_that_cannot_be_run_is_refused(temperatures, options, message):
     with pytest.raises(InputError, match=message):
         ib.thermal(temperatures, **options)
-
-
-def test_noise_free_output_is_what_the_temperature_terms_make_of_the_plan():
-    entry, inputs = ib.sensor("mems_tactical", kind="accelerometer"), chamber()
-    truth = {"b0*T2": 1e-5, "b1*dT": 1e-3}
-    plan = ib.thermal(UP_AND_DOWN, dwell=30.0, soak=600.0, rate=0.5)
-    (run,) = ib.simulate(entry, [plan], seed=1, truth=truth, noise=Noise(0.0, 0.0, 0.0))
-    c = inputs.channels
-    expected = c["f_i"] + 1e-5 * (c["T"] - 298.15) ** 2 + 1e-3 * c["f_i"] * c["dT"]
-    np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-14 * G)

@@ -13,7 +13,6 @@ from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.rotations import oscillation, rate_table
 from imubayes.rig.tumbles import positions, static, tumble
-from imubayes.sensors.terms import columns, library
 
 G = 9.80665
 SHORT = {"dwell": 1.0, "rate": 1.0}
@@ -59,19 +58,6 @@ def test_4_and_12_positions_are_a_tumble_in_one_plane():
         np.testing.assert_array_equal(applied(positions(number, **SHORT), "f"), expected)
 
 
-def test_variance_inflation_in_26_directions_is_six_for_scale_and_cubic_and_one_for_the_rest():
-    # the published size, of a model of powers alone; one of the four even terms is left out (|f| = g)
-    lib = library("accelerometer", asymmetry=-1)
-    X = columns(lib, positions(26, **SHORT).inputs.channels, 26)
-    names = [name for name in lib.names if name[0] not in "Ss" and name != "c_kk"]
-    X = X[:, [lib.names.index(name) for name in names]]
-    centred = X[:, 1:] - X[:, 1:].mean(axis=0)
-    inflation = dict(zip(names[1:], np.diag(np.linalg.inv(np.corrcoef(centred.T))), strict=True))
-    assert inflation["b1"] == pytest.approx(6.0, abs=0.5)
-    assert inflation["b3"] == pytest.approx(6.0, abs=0.5)
-    assert [inflation[name] for name in ("m_j", "m_k", "c_ij", "c_ik", "c_jk")] == pytest.approx([1.0] * 5)
-
-
 LATITUDES = [-1.2, 0.0, 0.4, math.pi / 2.0]
 
 
@@ -105,18 +91,6 @@ def test_axis_that_a_tumbling_case_turns_about_stays_level_to_the_north_in_every
     for up, rate in zip(f / G, w / EARTH_RATE, strict=True):
         steps = np.cross(up, np.roll(up, -1, axis=0)) / math.sin(2.0 * math.pi / 24)
         np.testing.assert_allclose(rate - math.sin(0.7) * up, math.cos(0.7) * steps, atol=1e-14)
-
-
-def test_earths_rate_in_a_tumble_looks_like_g_sensitivity_but_for_steps_from_plane_to_plane():
-    lib = library("gyroscope", powers=1, asymmetry=-1, set="extended")
-    wanted = [lib.names.index(name) for name in ("b0", "b1", "m_j", "m_k", "g_i", "g_j", "g_k")]
-    for planes, rank in ((1, 3), (2, 5), (3, 6)):
-        plan = tumble(angles=12, planes=planes, latitude=0.7, **SHORT)
-        X = columns(lib, plan.inputs.channels, 12 * planes)[:, wanted]
-        sizes = np.linalg.norm(X, axis=0)
-        scaled = X / np.where(sizes > 0.0, sizes, 1.0)
-        assert np.linalg.matrix_rank(scaled, tol=1e-9) == rank
-    assert "w_i" not in tumble(**SHORT).inputs.channels
 
 
 def test_earths_rate_is_15_041_degrees_an_hour_upwards_at_the_north_pole_and_downwards_at_the_south_pole():

@@ -12,7 +12,6 @@ import pytest
 from imubayes.algebra.factor import Factor, factor_of, triangular
 from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces
-from imubayes.inference.whiten import samples_of
 from imubayes.selection import criteria as module
 from imubayes.selection.criteria import Criterion, criteria, with_sampled_noise
 from imubayes.selection.model_sets import Every
@@ -68,18 +67,6 @@ def test_every_subset_of_leaps_has_its_rss_cp_aic_and_bic(references, name):
         assert rss / full - f.n + 2.0 * (K - 1) == pytest.approx(float(row["cp"]), rel=1e-8)
 
 
-@pytest.mark.parametrize("name", ["attitude", "hald"])
-@pytest.mark.parametrize("criterion", ["aic", "bic"])
-def test_best_subset_is_that_of_leaps(references, name, criterion):
-    f, names, rows = _best_of_r(references, name)
-    best = min(rows, key=lambda row: float(row[f"{criterion.upper()}_R"]))
-    found = _by_name(criteria(f, [], np.array([np.inf, *np.ones(len(names))]), names))[criterion]
-    assert found.model == tuple(n for n, digit in zip(names, best["gamma"], strict=True) if digit == "1")
-    assert found.value == pytest.approx(float(best[f"{criterion.upper()}_R"]), rel=1e-10)
-    assert found.exact
-    assert found.compared == 2 ** len(names)
-
-
 def _direct(X: np.ndarray, y: np.ndarray, m: float) -> dict[str, dict[tuple[int, ...], float]]:
     """Every criterion of every subset by its formula."""
     out: dict[str, dict[tuple[int, ...], float]] = {name: {} for name in ORDER[:5]}
@@ -111,16 +98,6 @@ def test_criteria_are_their_formulas_with_the_effective_sample_size_for_n(sample
         assert list(found[name].inclusion.values()) == pytest.approx(share, rel=1e-9)
 
 
-def test_criteria_come_in_their_order_and_without_dwells_end_before_prediction():
-    X, y = _problem()
-    f = factor_of(X, y, NAMES)
-    pieces = [_cut(X[:30], y[:30], NAMES, 6), _cut(X[30:], y[30:], NAMES, 6)]
-    found = criteria(f, pieces, np.ones(5), NAMES)
-    assert tuple(c.name for c in found) == ORDER
-    assert tuple(c.name for c in criteria(f, [], np.ones(5), NAMES)) == ORDER[:5]
-    assert all(c.exact and c.compared == 32 and c.note == "" for c in found)
-
-
 def test_a_child_is_never_in_without_its_parent():
     X, y = _problem()
     f, pieces = factor_of(X, y, NAMES), [_cut(X, y, NAMES, 6)]
@@ -144,38 +121,6 @@ def test_of_columns_that_depend_on_each_other_the_smallest_subset_with_their_spa
     expected = 60 * (math.log(2.0 * math.pi * np.sum(left**2) / 60) + 1.0) + 2.0 * 4
     assert values["aic"].value == pytest.approx(expected, abs=1e-4)
     assert not {"b", "c", "sum"} <= set(_by_name(criteria(f, [], np.ones(6), names))["bic"].model)
-
-
-def _kept_of_ten(rng: np.random.Generator, rho: float, n: int) -> tuple[int, int, float]:
-    """False terms that BIC keeps of ten, rows taken as white and whitened, and the effective sample size.
-
-    Noise and columns are first-order processes, as inputs that dwell are.
-    """
-    drive = rng.normal(size=(n, 11))
-    drive[1:] *= math.sqrt(1.0 - rho**2)
-    rows = np.empty_like(drive)
-    rows[0] = drive[0]
-    for i in range(1, n):
-        rows[i] = rho * rows[i - 1] + drive[i]
-    white = rows.copy()
-    white[1:] = (rows[1:] - rho * rows[:-1]) / math.sqrt(1.0 - rho**2)
-    names = tuple("abcdefghij")
-    raw, whitened = factor_of(rows[:, :10], rows[:, 10], names), factor_of(white[:, :10], white[:, 10], names)
-    size = samples_of(whitened.column_norms**2, raw.column_norms**2, n)
-    taken, right = (
-        len(_by_name(criteria(f, [], np.ones(10), names, samples=m))["bic"].model)
-        for f, m in ((raw, float(n)), (whitened, size))
-    )
-    return taken, right, size
-
-
-def test_bic_keeps_most_false_terms_of_coloured_rows_taken_as_white_and_few_of_whitened_ones(measured):
-    rng = np.random.default_rng(7)
-    kept = np.array([_kept_of_ten(rng, 0.98, 2000)[:2] for _ in range(20)]).mean(axis=0)
-    measured("false terms of ten that BIC keeps at rho 0.98, taken as white", float(kept[0]))
-    measured("false terms of ten that BIC keeps at rho 0.98, whitened", float(kept[1]))
-    assert kept[0] > 5.0
-    assert kept[1] < 0.5
 
 
 def test_beyond_the_budget_the_best_subset_is_still_found_and_said_not_to_be_exact(monkeypatch):

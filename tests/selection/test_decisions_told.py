@@ -46,37 +46,10 @@ def draws(selection):
     return posterior_draws(selection, DRAWS, np.random.default_rng(1))
 
 
-def unconfounded(selection):
-    return [(j, t) for j, t in enumerate(selection.terms) if not t.confounded_with]
-
-
 def test_share_of_draws_that_contain_a_term_is_its_inclusion(selection, draws):
     for count, term in zip(np.count_nonzero(draws, axis=0), selection.terms, strict=True):
         assert binomtest(int(count), DRAWS, term.inclusion).pvalue > FOUR_SIGMA
     assert any(0.02 < term.inclusion < 0.98 for term in selection.terms)
-
-
-def test_mean_and_sd_of_the_draws_are_the_model_averaged_ones(selection, draws):
-    for j, term in unconfounded(selection):
-        values = draws[:, j]
-        assert abs(values.mean() - term.mean) <= 4.0 * term.sd / math.sqrt(DRAWS)
-        fourth = np.mean((values - values.mean()) ** 4)
-        assert abs(values.var() - term.sd**2) <= 4.0 * math.sqrt(fourth / DRAWS) + 1e-12 * term.sd**2
-
-
-def test_quantiles_of_the_draws_are_the_model_averaged_ones(selection, draws):
-    for j, term in unconfounded(selection):
-        spread = 4.0 * math.sqrt(0.05 * 0.95 / DRAWS)
-        assert (
-            np.mean(draws[:, j] < term.q05)
-            <= 0.05 + spread
-            <= np.mean(draws[:, j] <= term.q05) + 2.0 * spread
-        )
-        assert (
-            np.mean(draws[:, j] <= term.q95)
-            >= 0.95 - spread
-            >= np.mean(draws[:, j] < term.q95) - 2.0 * spread
-        )
 
 
 def test_draws_of_one_model_hold_the_correlations_of_its_posterior(selection, draws):

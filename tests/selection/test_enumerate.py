@@ -137,44 +137,6 @@ def test_forced_columns_are_projected_out():
     np.testing.assert_allclose(found.sd[1:], spread, rtol=1e-7)
 
 
-def test_a_flat_prior_is_the_limit_of_a_wide_one():
-    X, y, sd = _problem()
-    s, wide = Summary.from_arrays(X, y, NAMES[:4]), 1e6
-    flat = enumerate_models(s, ScalePrior(sd), forced=["b"])
-    proper = enumerate_models(s, ScalePrior([sd[0], wide, *sd[2:]]), always=["b"])
-    level = 1e-7  # of the steps of the noise scale; what the width leaves out is of order 1e-12
-    assert flat.log_evidence == pytest.approx(
-        proper.log_evidence + 0.5 * math.log(2.0 * math.pi * wide**2), abs=level
-    )
-    np.testing.assert_allclose(flat.inclusion, proper.inclusion, rtol=level)
-    free = [0, 2, 3]
-    np.testing.assert_allclose(flat.mean[free], proper.mean[free], rtol=level, atol=level)
-    np.testing.assert_allclose(flat.sd[free], proper.sd[free], rtol=level)
-    # the moments of a column that is always in under its own prior are not kept
-    weight = _weights("beta-binomial", 3)
-    dense = _by_quadrature(X, y, np.array([sd[0], 1e4, *sd[2:]]), weight, always=(1,))
-    assert (flat.mean[1], flat.sd[1]) == pytest.approx((dense[2][1], dense[3][1]), rel=1e-7)
-
-
-def _g_density(prior, n: int, g: np.ndarray) -> np.ndarray:
-    if isinstance(prior, HyperG):
-        return (prior.a / 2.0 - 1.0) * (1.0 + g) ** (-prior.a / 2.0)
-    beta = n * prior.scale**2 / 2.0
-    return math.sqrt(beta / math.pi) * g**-1.5 * np.exp(-beta / g)
-
-
-def test_zellner_siow_without_forced_columns_counts_all_rows():
-    X, y, _ = _problem(p=2)
-    bare = enumerate_models(Summary.from_arrays(X, y, NAMES[:2]), ZellnerSiow(1.0), "uniform")
-    g, step = np.exp(np.arange(-30.0, 60.0, 0.1)), 0.1
-    b = np.linalg.lstsq(X, y, rcond=None)[0]
-    u, n = np.sum((y - X @ b) ** 2) / (y @ y), len(y)
-    log_factor = logsumexp(
-        0.5 * (n - 2) * np.log1p(g) - 0.5 * n * np.log1p(g * u), b=_g_density(ZellnerSiow(), n, g) * g * step
-    )
-    assert math.log(bare.weight[3] / bare.weight[0]) == pytest.approx(log_factor, abs=1e-7)
-
-
 BMS = [
     (name, prior, model)
     for name in ("attitude", "hald")
@@ -262,14 +224,6 @@ def test_a_column_that_was_never_excited_keeps_its_prior():
         Summary.from_arrays(X[:, [0, 1, 3]], y, ("a", "b", "d")), ScalePrior(sd[[0, 1, 3]]), 0.2
     )
     assert found.log_evidence == pytest.approx(without.log_evidence, abs=1e-7)
-
-
-def test_columns_that_are_one_and_the_same_share_their_inclusion():
-    X, y, _ = _problem(p=3)
-    X[:, 2] = X[:, 0]
-    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:3]), ScalePrior(1.0))
-    assert found.inclusion[2] == pytest.approx(found.inclusion[0], rel=1e-9)
-    assert found.mean[2] == pytest.approx(found.mean[0], rel=1e-9)
 
 
 def test_an_exact_fit_includes_what_is_in_it_and_nothing_else():

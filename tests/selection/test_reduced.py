@@ -39,13 +39,6 @@ def test_the_best_subset_of_each_size_is_that_of_brute_force(seed, alike):
         assert every[tuple(kept)] == pytest.approx(loss, rel=1e-9, abs=1e-12 * whole)
 
 
-def test_projected_coefficients_are_those_of_least_squares_on_the_kept_columns():
-    S, theta = upper(40, 6, seed=2, alike=1.0)
-    kept = [0, 3, 4]
-    by_normal_equations = np.linalg.solve(S[:, kept].T @ S[:, kept], S[:, kept].T @ S @ theta)
-    np.testing.assert_allclose(project(S, theta, kept), by_normal_equations, rtol=1e-7)
-
-
 def test_elimination_finds_the_best_subsets_of_orthogonal_columns():
     """Of 24 terms, too many for all subsets: the best of each size are the largest effects."""
     rng = np.random.default_rng(3)

@@ -184,15 +184,6 @@ def test_temperature_expanded_library_is_certified():
     assert found.log_missing - np.logaddexp.reduce(found.log_joint) < math.log(1.01e-6)
 
 
-@pytest.mark.slow
-def test_walks_of_two_seeds_agree_on_a_temperature_expanded_library():
-    problem = _thermal(3e-3, EXPANDED)
-    prior = _beta_binomial(len(problem[1]))
-    one, two = (search(*problem, prior, effort=50.0, rng=np.random.default_rng(s)) for s in (1, 2))
-    assert max(one.error.max(), two.error.max()) < 0.01
-    assert (np.abs(one.frequency - two.frequency) < 4.5 * np.hypot(one.error, two.error) + 1e-4).all()
-
-
 def test_a_hundred_candidates_are_searched():
     problem = _problem("random", 100, seed=11)
     found = search(*problem, _beta_binomial(100), effort=2.0, most=20_000, rng=np.random.default_rng(1))
@@ -304,16 +295,6 @@ def _walked_problem(
         parents[child, 0] |= np.uint64(1 << parent)
         exact[(masks >> child & 1 == 1) & (masks >> parent & 1 == 0)] = -math.inf
     return T, TreeProblem(2.0, log_prior, parents), exact
-
-
-def test_probabilities_of_flipping_are_those_of_enumeration():
-    T, problem, exact = _walked_problem(10, 2, ())
-    inside = np.random.default_rng(1).random(10) < 0.5
-    state = begin(T, inside, problem)
-    mask = int(inside @ (1 << np.arange(10)))
-    expected = [1.0 / (1.0 + math.exp(exact[mask] - exact[mask ^ (1 << j)])) for j in state.column.tolist()]
-    np.testing.assert_allclose(state.flip, expected, rtol=1e-9)
-    np.testing.assert_allclose(state.log_joint[0], exact[mask], rtol=1e-11)
 
 
 @pytest.mark.parametrize(("silent", "needs"), [(0, ()), (6, ()), (5, ((3, 1), (8, 3), (9, 2)))])

@@ -68,14 +68,6 @@ def test_each_optimizer_finds_the_terms_that_stand_out(found):
         assert max(s.inclusion[name] for name in NAMES[3:]) < 0.5
 
 
-def test_choice_is_the_best_support_on_the_path(found):
-    for s in found:
-        assert s.score.max() == 0.0
-        assert s.score[s.chosen] == pytest.approx(0.0, abs=1e-9)
-        assert s.model == tuple(name for name, c in zip(NAMES, s.path[s.chosen], strict=True) if c)
-        assert s.path.shape == (len(s.strength), P)
-
-
 def test_path_tells_coefficients_as_distances_from_zero(clear, found):
     """With every term in: least squares over sd, of which a prior of 70 sd takes less than 1/70^2."""
     least = algebra.least_squares(clear[0])
@@ -253,11 +245,6 @@ def test_two_halves_share_no_dwell_and_leave_none():
         assert first[6:].sum() in (2, 3)
 
 
-def test_half_without_any_row_is_a_factor_of_nothing(pieces):
-    dwells = dwelled(pieces, ("b0", "b1"))
-    assert not resampled(dwells, np.zeros(sum(dwells.sizes), dtype=np.int64)).R.any()
-
-
 def drifting(seed, q=40, m=25, drift=2.0):
     """Dwells of m rows with a drift in common: whitened as dwells, and their raw rows taken for white."""
     rng = np.random.default_rng(seed)
@@ -296,19 +283,3 @@ def test_dwells_drawn_whole_spread_as_the_coefficient_does_and_single_rows_do_no
     found = np.sqrt(np.mean(np.square(ratios), axis=0))
     error = 1.0 / np.sqrt(2.0 * 40 * 8)
     assert found == pytest.approx([1.0, np.sqrt(5.0 / 101.0)], rel=4.0 * error)
-
-
-def test_counts_of_rows_do_not_change_what_dwells_say(pieces):
-    """A dwell cut in two names two dwells and the same whole."""
-    first = pieces[0]
-    halved = replace(
-        first,
-        start=np.repeat(first.start, 2),
-        stop=np.repeat(first.stop, 2),
-        rows=np.repeat(first.rows // 2, 2),
-        R=np.repeat(first.R / np.sqrt(2.0), 2, axis=0),
-        log_det=np.repeat(first.log_det / 2.0, 2),
-    )
-    whole = resampled(dwelled([first], ("b0", "b1")), np.ones(len(first), dtype=np.int64))
-    cut = resampled(dwelled([halved], ("b0", "b1")), np.ones(2 * len(first), dtype=np.int64))
-    assert np.abs(gram(cut.R) - gram(whole.R)).max() < 1e-10 * gram(whole.R).max()

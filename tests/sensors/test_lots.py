@@ -31,14 +31,6 @@ def _mean_is(values, expected, sd):
     return abs(np.mean(values) - expected) < 4.0 * sd / math.sqrt(len(values))
 
 
-@every_class
-def test_lots_of_every_class_have_finite_coefficients_and_positive_noise(entry):
-    lib = library(entry.kind, powers=5, asymmetry=3, set="extended", temperature=2)
-    lot = draw_lot(entry, lib, 3, np.random.default_rng(1))
-    assert np.isfinite(lot.theta).all() and (lot.sd > 0.0).all()
-    assert min(min(noise.N, noise.B, noise.K) for noise in lot.noise) > 0.0
-
-
 def test_units_of_a_lot_have_the_mean_and_the_spread_of_its_population():
     lot = draw_lot(TACTICAL, LIB, NUMBER, np.random.default_rng(2))
     scaled = (lot.theta - lot.mean) / lot.sd

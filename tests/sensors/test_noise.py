@@ -119,15 +119,6 @@ def test_gauss_markov_deviation_peaks_at_0_617_sd_and_1_893_time_constants():
     assert x[deviation.argmax()] == pytest.approx(1.893, abs=5e-3)
 
 
-def test_gauss_markov_is_a_random_walk_when_fast_averages_see_it_and_white_when_slow_ones_do():
-    sd, Tc = 0.3, 50.0
-    short, long = np.array([1e-3 * Tc]), np.array([1e4 * Tc])
-    walk = shares(NoiseProcesses(N=0.0, K=sd * math.sqrt(2.0 / Tc)), short)["K"]
-    white = shares(NoiseProcesses(N=sd * math.sqrt(2.0 * Tc)), long)["N"]
-    assert gauss_markov_variance(sd, Tc, short) == pytest.approx(walk, rel=1e-3)
-    assert gauss_markov_variance(sd, Tc, long) == pytest.approx(white, rel=2e-4)
-
-
 def test_gauss_markov_variance_is_smooth_where_its_series_takes_over():
     low, high = gauss_markov_variance(1.0, 1.0, np.array([0.01 - 1e-9, 0.01 + 1e-9]))
     # the series lacks terms of x^4: 1e-8 of the first; the closed form loses 1e-16 / x^2

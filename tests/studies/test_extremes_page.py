@@ -7,12 +7,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 from tool_readings import wrong_extremes
 
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.terminal import terminal_page
 from studies.extremes.measure import QUANTITIES, Extremes, ExtremesStudy, Outcome, Told, measure
 from studies.extremes.page import (
     extremes_answer,
@@ -60,15 +58,6 @@ def test_numbers_of_every_case_are_in_the_result(found):
         for name, told in one.told.items():
             correct = case["digits"][name]["correct"]
             assert correct is None if math.isnan(told.correct) else correct == told.correct
-
-
-def test_terminal_fits_eighty_columns_and_names_every_family(found):
-    console = Console(width=80)
-    with console.capture() as capture:
-        console.print(terminal_page(extremes_page(found)))
-    lines = [line.rstrip() for line in capture.get().splitlines() if line.strip()]
-    assert lines[-1].strip().startswith("columns")
-    assert max(map(len, lines)) <= 80
 
 
 def test_every_number_of_the_page_is_one_of_the_result(found):

@@ -3,19 +3,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 from tool_readings import wrong_quality
 
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.rounding import NARROW
-from imubayes.reporting.terminal import terminal_page
 from studies.decision_quality.measure import Quality
 from studies.decision_quality.page import quality_page, quality_record
 from studies.decision_quality.questions import Interval
 from studies.decision_quality.scores import EDGES, scores
 from studies.decision_quality.trials import DECISION, MODELLED, SURE, WHITE, QualityStudy, Trial
-from studies.decision_quality.words import claim, quality_answer, wrong_models
+from studies.decision_quality.words import claim, quality_answer
 
 METHODS = (DECISION, SURE, "aic", "ebic", "bic", "leave_one_run_out", "stlsq")
 STUDY = QualityStudy(seed=3, sensors=20, treatments=(MODELLED, WHITE), misspecified=20, processes=1)
@@ -86,20 +84,6 @@ def test_claim_is_kept_only_with_its_interval(value, high, said):
     assert said in claim(Interval(value, 0.0, high), "false keeps").replace(NARROW, " ")
 
 
-def test_every_wrong_treatment_has_a_sentence(quality):
-    (text,) = wrong_models(quality)
-    assert text.startswith("With noise assumed white, it calls ")
-
-
-def test_page_holds_its_command_and_every_method_under_every_treatment(quality):
-    html = page_html(quality_page(quality))
-    assert quality.study.command in html
-    for name in ("decision, needed only", "AIC", "EBIC", "run left out", "STLSQ"):
-        # the table of scores and that of drops, for two treatments
-        assert html.count(f'<th scope="row" class="once">{name}</th>') == 4
-    assert html.count("<svg") == 8
-
-
 def test_result_has_the_scores_and_no_number_that_is_not_finite(quality):
     told = json.loads(json_text(quality_record(quality)))
     assert len(told["scores"]) == 4
@@ -108,20 +92,6 @@ def test_result_has_the_scores_and_no_number_that_is_not_finite(quality):
     assert first[1]["brier"]["value"] is None
     assert first[0]["cost"]["value"] == quality.scores[0].methods[0].cost.value
     assert told["effect_edges"] == list(EDGES[:-1])
-
-
-def test_terminal_has_a_line_a_method(quality):
-    console = Console(width=80)
-    with console.capture() as capture:
-        console.print(terminal_page(quality_page(quality)))
-    lines = [line.rstrip() for line in capture.get().splitlines()]
-    assert max(map(len, lines)) <= 80
-    named = [
-        name
-        for name in (DECISION, SURE, "AIC", "EBIC", "STLSQ")
-        if any(line.startswith(f"{name} ") for line in lines)
-    ]
-    assert len(named) == 5
 
 
 def test_every_number_of_the_page_is_one_of_the_result(quality):

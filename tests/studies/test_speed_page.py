@@ -7,13 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from rich.console import Console
 from tool_readings import wrong_speed
 
 from imubayes.ladder.costs import Machine
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.terminal import terminal_page
 from studies.speed.contests import Ladder, SpeedStudy
 from studies.speed.growth import fitted
 from studies.speed.measure import Found, Place, Speed
@@ -74,25 +72,6 @@ def test_page_marks_the_wrong_answer_and_names_who_was_left_out(speed):
     assert "far off (wrong)" in page
     assert "Least squares of &lt;rows&gt;" in page
     assert "1.00 ± 0.01" in page
-
-
-def test_terminal_has_every_entrant_with_time_ratio_and_error(speed):
-    console = Console(width=80)
-    with console.capture() as capture:
-        console.print(terminal_page(speed_page(speed)))
-    lines = capture.get().splitlines()
-    assert max(map(len, lines)) <= 80
-    right = next(line for line in lines if line.strip().startswith("right"))
-    assert right.split() == ["right", "20", "ms", "10", "0.01"]
-    assert any(line.split()[-3:] == ["1.00", "±", "0.01"] for line in lines)
-
-
-def test_result_file_holds_every_time_and_no_number_that_is_not_finite(speed):
-    read = json.loads(json_text(speed_record(speed)))
-    assert read["contests"][0]["places"][1]["seconds"] == [0.02, 0.05]
-    assert read["contests"][0]["places"][3]["error"] is None
-    assert read["growth"][0]["exponent"] == pytest.approx(1.0)
-    assert read["machine"]["load"] is None
 
 
 def test_every_number_of_the_page_is_one_of_the_result(speed):

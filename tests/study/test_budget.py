@@ -139,15 +139,6 @@ def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(
         assert one["choice"]["met"] and one["method"] == "averaged"
 
 
-@pytest.mark.slow
-def test_the_noise_of_a_case_is_averaged_over_as_that_of_one_component(command, tmp_path):
-    path = tmp_path / "imu.toml"
-    path.write_text(IMU)
-    assert command("run", path, "--out", tmp_path / "out", "--method", "averaged").code == 0
-    sensors = json.loads((tmp_path / "out" / "result.json").read_text())["sensors"]
-    assert {sensor["method"] for sensor in sensors} == {"averaged"}
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

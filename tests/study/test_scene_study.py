@@ -9,7 +9,6 @@ from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.reporting.document import write_results
 from imubayes.reporting.export import exported
-from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import columns
 from imubayes.study.method import run
 from imubayes.study.schema import read_study, record_study
@@ -107,23 +106,6 @@ def test_correlation_is_that_of_the_posterior_covariance(result):
     assert algebra.posterior(ready.summary.factor, ready.prior.sd)[1] == pytest.approx(
         sd * ready.prior.sd, rel=1e-8
     )
-
-
-def test_files_hold_the_scenes_and_the_standards(result, tmp_path):
-    write_results(result, tmp_path / "out")
-    document = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert [(one["name"], one["sensor"]) for one in document["scenes"]] == [
-        ("flight", "ACC"),
-        ("quadrotor", "ACC"),
-    ]
-    assert {"name", "rms", "share_of_budget"} <= set(document["scenes"][0]["terms"][0])
-    standards = document["sensors"][0]["standards"]
-    assert [row["symbol"] for row in standards["ieee1293"]["values"]][:2] == ["K1", "K0"]
-
-
-def test_same_study_gives_the_same_scenes(result, folder):
-    again = json.loads(result_json(run(read_study(folder / "use.toml"))))["scenes"]
-    assert again == json.loads(result_json(result))["scenes"]
 
 
 def test_recorded_study_still_finds_its_log_and_its_catalogue(folder, tmp_path):

@@ -1,6 +1,5 @@
 """The whole method on the study that ships, and on small ones."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,35 +66,6 @@ def test_quickstart_needs_its_true_terms_and_no_other(quickstart, result):
     assert all(check.fits for check in sensor.checks)
 
 
-def test_result_says_what_was_done(quickstart, result):
-    (sensor,) = result.sensors
-    assert (sensor.id, sensor.kind, sensor.class_id) == ("ACC-07", "accelerometer", "mems_tactical")
-    assert sensor.samples == sum(run.samples for run in sensor.runs) == 72 * 300 + 12 * 4 * 300
-    assert (
-        [run.name for run in sensor.runs]
-        == [check.run for check in sensor.checks]
-        == ["tumble", "centrifuge"]
-    )
-    assert [run.noise_origin for run in sensor.runs] == ["REML", "REML"]
-    assert sensor.prior_source == "typical magnitudes of class mems_tactical"
-    assert sensor.draws.shape == sensor.prior_draws.shape == (method.DRAWS, len(sensor.selection.terms))
-
-
-def test_inclusions_are_probabilities(result):
-    for term in result.sensors[0].selection.terms:
-        assert 0.0 <= term.inclusion_range[0] <= term.inclusion <= term.inclusion_range[1] <= 1.0, term.name
-
-
-def test_draws_agree_with_the_table(result):
-    (sensor,) = result.sensors
-    for values, term in zip(sensor.draws.T, sensor.selection.terms, strict=True):
-        share = np.mean(values != 0.0)
-        spread = np.sqrt(term.inclusion * (1.0 - term.inclusion) / method.DRAWS)
-        assert abs(share - term.inclusion) <= 4.5 * spread + 1e-9
-        if not term.confounded_with:
-            assert abs(values.mean() - term.mean) <= 4.5 * term.sd / np.sqrt(method.DRAWS)
-
-
 def test_the_same_seed_gives_the_same_result_and_another_one_another():
     once, again, other = (method.run(small(seed=seed)).sensors[0] for seed in (1, 1, 2))
     for a, b in zip(once.selection.terms, again.selection.terms, strict=True):
@@ -143,12 +113,6 @@ def test_check_foretells_the_error_bars_of_the_run(quickstart, result):
     for name, ratio, term in zip(seen.names, seen.ratio, selection.terms, strict=True):
         assert name == term.name
         assert term.full_sd / term.prior_sd == pytest.approx(ratio, rel=0.5), name
-
-
-def test_check_of_a_tumble_names_what_it_cannot_tell():
-    (seen,) = method.check(small())
-    assert seen.id == "A"
-    assert seen.observability.partners("b0") == ("b2", "c_jj", "c_kk")
 
 
 def test_a_study_s_own_prior_takes_the_place_of_the_class_s():
@@ -216,14 +180,6 @@ def test_chains_and_averaged_components_are_one_posterior():
         assert theta[:, k].std() == pytest.approx(term.full_sd, rel=0.15), term.name
 
 
-def test_given_noise_is_exact_and_says_why():
-    given = NoiseRule("fixed", Noise(6e-4, 4e-4, 1e-6))
-    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=given),)
-    (sensor,) = method.run(small(spec(runs=runs), method="auto")).sensors
-    assert sensor.method == "plug-in"
-    assert "given" in sensor.method_reason
-
-
 def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_path):
     stopped = small(method="full", ess=200.0, time_limit=1e-3, checkpoints=tmp_path)
     first = method.run(stopped).sensors[0].chains
@@ -235,13 +191,6 @@ def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_p
     assert resumed.diagnostics.seconds > first.diagnostics.seconds
     whole = method.run(small(method="full", ess=200.0)).sensors[0].chains
     np.testing.assert_array_equal(resumed.theta, whole.theta)
-
-
-def test_progress_counts_one_run_in_the_singular():
-    told: list[str] = []
-    method.run(small(), progress=told.append)
-    assert "A: reading 1 run" in told
-    assert not [text for text in told if re.search(r"\b1 (?:run|term|scene|sample|draw)s\b", text)]
 
 
 def test_sessions_of_a_unit_are_compared():
@@ -315,19 +264,6 @@ def test_a_free_tumble_without_a_class_is_refused(hand_held):
 def hand_held(monkeypatch):
     run = Run("hand", "free-tumble", Inputs(np.arange(5.0), {}, 1.0), np.ones((5, 3)), gravity=9.81)
     monkeypatch.setattr(method, "runs_of", lambda *_: (run,))
-
-
-def test_shipped_xsens_study_gives_the_published_calibration(recordings, monkeypatch):
-    monkeypatch.setenv("IMUBAYES_DATA", str(recordings))
-    study = ib.read_study(QUICKSTART.parent / "xsens_tumble.toml")
-    sensors = method.run(replace(study, sampling=Sampling(method="exact"), compare=False)).sensors
-    assert [sensor.id for sensor in sensors] == ["MTi.ax", "MTi.ay", "MTi.az"]
-    rows = [sensor.calibration for sensor in sensors]
-    np.testing.assert_allclose([r["scale"] for r in rows], [2.41278e-3, 2.42712e-3, 2.41168e-3], rtol=5e-4)
-    np.testing.assert_allclose([r["bias"] for r in rows], [33124.2, 33275.2, 32364.4], atol=2.0)
-    entries = [value for row in rows for value in row["nonorthogonality"].values()]
-    np.testing.assert_allclose(entries, [-0.0033593, -0.00890639, -0.0213341], atol=5e-4)
-    assert len(sensors[0].runs[0].stills) == 38
 
 
 def test_noise_whose_density_cannot_be_followed_is_held_at_its_estimate(monkeypatch):

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from lots_found import lot_library, lot_result
+from lots_found import lot_result
 from published_found import FILE, a_result, a_sensor, a_term
-from results_found import sensor_result, study_result
 
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE, Share
-from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.comparison.differences import LEVEL, fisher
 from imubayes.reporting.comparison.lots import lots_compared, lots_record, unit_of_term
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
-from imubayes.reporting.lots_page import lots_json, published_lots
-from imubayes.reporting.result.file import json_text
-from imubayes.reporting.results import result_json
+from imubayes.reporting.lots_page import published_lots
 from imubayes.sensors.terms import library
 
 TERMS = 10
@@ -41,13 +36,6 @@ def _compared(*results):
 def _first(*results):
     """The first term of the first class."""
     return _compared(*results).groups[0].terms["b0"]
-
-
-def test_equal_results_do_not_differ():
-    found = _compared(lot_result(), lot_result())
-    pulls = [p for one in found.groups for term in one.terms.values() for p in term.pulls.values()]
-    assert max(pull.size for pull in pulls) == 0.0 and not any(pull.beyond for pull in pulls)
-    assert found.alone == []
 
 
 def test_mean_differs_over_its_sd_and_spread_by_its_logarithm():
@@ -100,18 +88,6 @@ def test_every_term_that_a_library_can_have_is_printed_in_its_own_unit():
         "gyroscope", powers=5, asymmetry=3, set="extended", temperature=2, temperature_of=("b0", "c_ij")
     )
     assert all(unit_of_term(term.name, "gyroscope")[0] == term.printed for term in lib.terms)
-
-
-def test_numbers_say_what_differs():
-    record = lots_record(_compared(lot_result(), _changed(lot_result(), mean=Share(1e3, 0.9e3, 1.1e3))))
-    differing = [
-        (one["id"], term["name"])
-        for one in record["classes"]
-        for term in one["terms"]
-        if term["mean"]["differs"]
-    ]
-    assert differing == [("mems_consumer", "b0")]
-    assert np.isfinite(record["threshold"])
 
 
 def _interval(value, low, high):
@@ -198,23 +174,3 @@ def test_components_of_other_classes_are_named_and_none_at_all_is_refused():
         _beside(other, _lot())
     with pytest.raises(InputError, match="one class-level result, came 2"):
         _beside(_unit([0.0]), _lot(), _lot())
-
-
-def test_page_says_whether_a_unit_is_typical(tmp_path):
-    """A unit of the made-up class with the class's means for its terms, then with another bias."""
-    lot = lot_result()
-    (tmp_path / "lot.json").write_text(lots_json(lot))
-    said = []
-    for factor in (1.0, 1e3):
-        raw = json.loads(result_json(study_result(sensor_result("G-1", lib=lot_library()))))
-        (sensor,) = raw["sensors"]
-        sensor |= {"noise": {}, "runs": []}
-        for term, found in zip(sensor["terms"], lot.classes[1].terms, strict=True):
-            term |= {"full_mean": found.mean.value * (factor if term["name"] == "b0" else 1.0)}
-        (tmp_path / "unit.json").write_text(json.dumps(raw))
-        page, values = side_by_side([tmp_path / "unit.json", tmp_path / "lot.json"])
-        said.append(str(page.first[0].texts.striptags()))
-        (unit,) = json.loads(json_text(values))["units"]
-        assert [t["name"] for t in unit["terms"] if t["differs"]] == (["b0"] if factor > 1.0 else [])
-    assert said[0] == "G-1 is typical of the lot of class mems_tactical."
-    assert said[1].startswith("G-1 is not typical of the lot of class mems_tactical: b0 is")

@@ -168,15 +168,3 @@ def test_scenes_are_matched_by_name_and_by_what_is_budgeted():
     turned = replace(found, budget=replace(found.budget, quantity="attitude"))
     scenes = _compared(_scenes(found, other), _scenes(turned, other, found)).groups[0].scenes
     assert [(one.name, one.quantity) for one in scenes] == [("quadrotor", "position"), ("marine", "position")]
-
-
-def test_threshold_counts_the_shares_of_a_scene():
-    bare, seen = ([_scenes(*scenes)] * 2 for scenes in ((), (a_relevance(),)))
-    assert _compared(*seen).tests == _compared(*bare).tests + 4
-
-
-def test_numbers_say_what_a_scene_requires_in_one_result_only():
-    found = _compared(_scenes(a_relevance()), _scenes(_moved("b2", 0.0, 0.01, 0.02, kept=False), seed=2))
-    (scene,) = sensors_record(found)["components"][0]["scenes"]
-    assert [term["name"] for term in scene["terms"] if term["required_differs"]] == ["b2"]
-    assert scene["models"] == [("b0", "b2"), ("b0",)]

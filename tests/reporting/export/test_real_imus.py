@@ -13,7 +13,6 @@ from compiling import built, call
 from scipy.spatial.transform import Rotation
 
 from imubayes.reporting.export.characterized import characterized, identifier
-from imubayes.sensors.noise import flicker
 from imubayes.study.schema import read_runs
 
 ROOT = Path(__file__).parents[3]
@@ -129,26 +128,3 @@ def test_turns_of_the_ferraris_session_are_whole_turns(recording):
         told = one.told["turn"]["rms"]["before" if raw else "flown"]
         assert rms(errors) == pytest.approx(told, rel=1e-3, abs=1e-6)
     assert rms(np.rad2deg(errors)) < 0.2
-
-
-def test_the_norm_of_the_compensated_stills_is_gravity_to_the_noise_of_their_means(
-    tmp_path, monkeypatch, recordings
-):
-    monkeypatch.setenv("IMUBAYES_DATA", str(recordings))
-    (run,) = read_runs(ROOT / "studies" / "xsens_tumble.toml")
-    result = ROOT / "reports" / "xsens_tumble" / "result.json"
-    stills = json.loads(result.read_text())["sensors"][0]["runs"][0]["stills"]
-    found = characterized(result)
-    before = np.array([run.output[(run.t >= a) & (run.t <= b)].mean(axis=0) for a, b in stills])
-    known = np.tile([0.0, 0.0, 0.0, T0, 0.0], (len(stills), 1))
-    library = built(found, tmp_path)
-    after, codes = call(library.mti_compensate, np.hstack([before, 0.0 * before]), known, np.float64)
-    error = np.linalg.norm(after[:, :3], axis=1) - run.gravity
-    noise = max((part.noise for part in found.parts.values()), key=lambda one: one.B)
-    lengths = np.array([b - a for a, b in stills])
-    floor, _ = flicker(noise.B, lengths.min(), run.t[-1] - run.t[0])
-    # an upper bound: the fit takes a part of the slow noise with it
-    predicted = np.sqrt(np.mean(noise.N**2 / lengths) + floor.sum())
-    assert not codes.any()
-    assert np.sqrt(np.mean((np.linalg.norm(before, axis=1) - run.gravity) ** 2)) > 300.0 * predicted
-    assert np.sqrt(np.mean(error**2)) < predicted

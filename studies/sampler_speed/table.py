@@ -1,23 +1,18 @@
 """Effective samples a second of the worst parameter, against the peers on the likelihood of every row.
 
 This writes the table that the report of ``studies/sampler_speed.toml`` shows; it needs the extra
-``benchmark`` and a quarter of an hour::
-
-    OMP_NUM_THREADS=1 IMUBAYES_TABLE=studies/sampler_speed.csv \\
-        pytest -m benchmark tests/benchmarks/test_sampler_speed.py
+``benchmark`` and a quarter of an hour: ``OMP_NUM_THREADS=1 python -m studies.sampler_speed.table``.
 """
 
 from __future__ import annotations
 
 import csv
-import os
 import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from imubayes.inference.linear import Linear, linear_of
@@ -27,8 +22,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
-from imubayes.inference.whiten import mattering, whiten
-from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
+from imubayes.sensors.noise import NoiseRule, noise_prior
 from imubayes.study.schema import read_runs, read_study
 from studies.sampler_speed.full_data import (
     FreeNoise,
@@ -41,10 +35,8 @@ from studies.sampler_speed.full_data import (
 )
 from studies.sampler_speed.peers import Sampled, nuts, nuts_ess, stretch, stretch_ess
 
-pytestmark = pytest.mark.benchmark
-
 STUDY = Path(__file__).parents[2] / "studies" / "sampler_speed.toml"
-TABLE = "IMUBAYES_TABLE"
+TABLE = STUDY.with_suffix(".csv")
 HEADER = ("noise", "sampler", "likelihood", "seconds", "least ESS", "least ESS/s", "ours is ahead", "remark")
 SEED = 3
 LONG_RUN, SHORT_RUN = 120.0, 60.0
@@ -54,10 +46,6 @@ TUNE, DRAWS = 400, {"given": 3000, "free": 600}
 WALKERS = 256
 """Of ours: a step then costs its arithmetic, not Python's; a peer's costs its rows anyhow."""
 LEAST_ESS = {"given": 100_000.0, "free": 10_000.0}
-TIMES_STRETCH = 100.0
-STANDARD_ERRORS = 5.0
-NATS = 1.0
-"""Differences of the log density that change no autocorrelation time; a constant one changes nothing."""
 OURS, STRETCH, NUTS = "imubayes, full", "emcee, stretch move", "nutpie, NUTS"
 
 
@@ -84,11 +72,12 @@ class Timed:
 
     @property
     def rate(self) -> float:
+        """Effective samples a second of the worst parameter."""
         return float(self.ess.min()) / self.seconds
 
 
-@pytest.fixture(scope="module")
 def problems() -> dict[str, Problem]:
+    """The campaign of the study, with its noise given and free."""
     (spec,), runs = read_study(STUDY).sensors, read_runs(STUDY)
     assert spec.sensor_class is not None
     assert len(spec.library.terms) == 21
@@ -101,15 +90,6 @@ def problems() -> dict[str, Problem]:
     spreads = [run.noise_sd for run in free.runs]
     wide = free_noise(rows, density, noise, spreads, noise_prior(spec.sensor_class))
     return {"given": Problem(given, rows, sd, density), "free": Problem(free, rows, sd, wide)}
-
-
-@pytest.fixture(scope="module")
-def timings(problems) -> dict[str, dict[str, Timed]]:
-    pytest.importorskip("nutpie", reason="needs the extra benchmark: pip install -e '.[benchmark]'")
-    found = {noise: {one.sampler: one for one in _all(noise, problem)} for noise, problem in problems.items()}
-    if TABLE in os.environ:
-        _write(Path(os.environ[TABLE]), found)
-    return found
 
 
 def _all(noise: str, problem: Problem) -> list[Timed]:
@@ -202,69 +182,5 @@ def _line(noise: str, one: Timed, ahead: float) -> tuple[str, ...]:
     )
 
 
-@pytest.mark.parametrize("noise", ["given", "free"])
-def test_our_moves_give_a_hundred_times_the_effective_samples_of_the_stretch_move(timings, measured, noise):
-    ratio = timings[noise][OURS].rate / timings[noise][STRETCH].rate
-    measured(f"effective samples a second over the stretch move's, noise {noise}", round(ratio, 1))
-    assert ratio >= TIMES_STRETCH
-
-
-@pytest.mark.parametrize("noise", ["given", "free"])
-def test_our_moves_give_more_effective_samples_than_nuts(timings, measured, noise):
-    ratio = min(
-        timings[noise][OURS].rate / one.rate for name, one in timings[noise].items() if name.startswith(NUTS)
-    )
-    measured(f"effective samples a second over NUTS', noise {noise}", round(ratio, 1))
-    assert ratio > 1.0
-
-
-def test_all_samplers_find_the_exact_posterior_where_the_noise_is_given(timings, problems):
-    exact = problems["given"].density.coordinates
-    sd = np.linalg.norm(exact.basis, axis=1)
-    for one in timings["given"].values():
-        size = np.minimum(one.ess, len(one.draws))
-        assert np.all(np.abs(one.draws.mean(axis=0) - exact.center) < STANDARD_ERRORS * sd / np.sqrt(size))
-        assert np.all(np.abs(np.log(one.draws.std(axis=0) / sd)) < STANDARD_ERRORS / np.sqrt(2.0 * size))
-
-
-def test_we_and_nuts_find_the_same_posterior_where_the_noise_is_free(timings):
-    ours, peer = timings["free"][OURS], timings["free"][NUTS]
-    error = np.sqrt(sum(1.0 / np.minimum(one.ess, len(one.draws)) for one in (ours, peer)))
-    sd = ours.draws.std(axis=0)
-    assert np.all(np.abs(ours.draws.mean(axis=0) - peer.draws.mean(axis=0)) < STANDARD_ERRORS * sd * error)
-
-
-def test_the_likelihood_of_every_row_is_the_one_that_whitening_gives(problems):
-    problem, rng = problems["free"], np.random.default_rng(1)
-    density = problem.density
-    phi = density.coordinates.parameters(rng.normal(size=len(density.coordinates)))
-    theta, logs = phi[:21], phi[21:].reshape(-1, 3)
-    for rows, known, run, own in zip(problem.rows, problem.summary.runs, density.runs, logs, strict=True):
-        left = (rows.y - rows.columns(0, len(rows)) @ theta)[:, None]
-        z, d = whiten(Noise(*np.exp(own).tolist()), rows.rows, left, mattering(known.noise, rows.rows))
-        expected = -0.5 * float(np.sum(z**2) + np.sum(np.log(d)))
-        assert run.value(theta, own) == pytest.approx(expected, rel=1e-10)
-
-
-def test_the_posterior_on_the_factor_is_that_of_every_row(problems):
-    problem, rng = problems["free"], np.random.default_rng(4)
-    ours = density_of(problem.summary, problem.rows, problem.sd, rng)
-    same = on_factor(problem.density, ours)
-    x = rng.normal(size=(20, len(same.coordinates)))
-    phi = same.coordinates.parameters(x)
-    there = np.linalg.solve(problem.density.coordinates.basis, (phi - problem.density.coordinates.center).T).T
-    apart = same.values(x) - problem.density.values(there)
-    assert np.ptp(apart) < NATS
-
-
-@pytest.mark.parametrize("noise", ["given", "free"])
-def test_the_gradient_that_nuts_follows_is_the_slope_of_the_density(problems, noise):
-    density, rng = problems[noise].density, np.random.default_rng(2)
-    x, step = rng.normal(size=len(density.coordinates)), 1e-3
-    value, slope = density.gradient(x)
-    assert value == pytest.approx(float(density.values(x[None])[0]), rel=1e-12)
-    for along in rng.normal(size=(3, len(x))):
-        above, below = density.values(np.array([x + step * along, x - step * along]))
-        # rounding of the values, 1e-16 of them, is divided by the step; the third derivative enters squared
-        tolerance = 1e-15 * abs(value) / step + step**2 * float(np.sum(np.abs(along)) ** 3)
-        assert (above - below) / (2.0 * step) == pytest.approx(float(slope @ along), abs=tolerance)
+if __name__ == "__main__":
+    _write(TABLE, {noise: {one.sampler: one for one in _all(noise, p)} for noise, p in problems().items()})
