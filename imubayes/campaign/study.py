@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.campaign.fidelity import Choice
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
@@ -33,6 +32,7 @@ from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Name, Positive, Seconds
 
 if TYPE_CHECKING:
+    from imubayes.ladder import Choice
     from imubayes.population.classes import ClassInCommon
     from imubayes.population.sessions import Repeatability
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from imubayes.campaign.fidelity import METHODS
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import ConvergenceError, InputError, TermError, hint
+from imubayes.ladder import METHODS
 
 if TYPE_CHECKING:
     from imubayes.cli.kinds import Done

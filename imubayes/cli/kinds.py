@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign.fidelity import CHAINED
 from imubayes.cli.console import Waiting, complete, fail
 from imubayes.errors import InputError
+from imubayes.ladder import CHAINED
 
 Written = tuple[Path, ...]
 Done = tuple[object, Callable[[Path], Written]]

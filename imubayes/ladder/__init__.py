@@ -1,1 +1,140 @@
-"""The rungs of the ladder as functions with one interface."""
+"""The ladder of methods, from the cheapest to the best: what each leaves out, and what it takes.
+
+What a rung takes follows a law in the size of the problem, whose constants are those of the machine; what a
+rung leaves out is said in a sentence, and measured by a trade study.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from imubayes.errors import InputError
+
+RungName = Literal["means", "sparse", "plug-in", "averaged", "collapsed", "full", "raw"]
+Method = Literal["auto", RungName, "exact"]
+"""What a study and ``--method`` may say: a rung; ``auto``, the one that suits the study; ``exact``, which is
+another word for plug-in."""
+
+METHODS: tuple[str, ...] = get_args(Method)
+
+AT_ONCE = ("means", "sparse")
+"""Rungs that decide on their way, of one component with known inputs."""
+
+CHAINED = ("auto", "collapsed", "full")
+"""Methods that may keep chains, which can be resumed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """A method of the ladder; `leaves_out` is what only the next rung does, empty for the last."""
+
+    name: RungName
+    title: str
+    leaves_out: str
+
+
+LADDER: tuple[Rung, ...] = (
+    Rung("means", "dwell means, ordinary least squares, BIC",
+         "takes the noise as white and as strong as the scatter of the dwells: drift counts as signal."),
+    Rung("sparse", "whitened factor, sparse regression along its path",
+         "weighs the models of one path only, and gives no probabilities of its own."),
+    Rung("plug-in", "whitened factor, every model, noise as estimated",
+         "takes the noise as known but for its strength."),
+    Rung("averaged", "every model, averaged over draws of the noise",
+         "takes the noise's posterior as normal about its peak in logarithms, reweighted."),
+    Rung("collapsed", "emcee over the noise, every model",
+         "takes the coefficients as Gaussian given the noise, which they are but for errors of the bench."),
+    Rung("full", "emcee over coefficients and noise on compressed rows",
+         "takes exact whitenings at a few places and carries them on between."),
+    Rung("raw", "emcee over coefficients and noise on every row", ""),
+)  # fmt: skip
+"""From the cheapest to the best."""
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """What the time of a rung depends on.
+
+    Columns are terms and errors of the bench, candidates terms that are excited, of which every subset is a
+    model; of the rows of all runs some are `streamed`: read a part at a time, again for each whitening. Of
+    several components in a case rows, columns and runs are those of all, and candidates stand for the mean
+    number of models of one.
+    """
+
+    rows: int
+    columns: int
+    candidates: float
+    runs: int
+    streamed: int = 0
+    components: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which rung was taken, and why: part of a result.
+
+    Attributes
+    ----------
+    rung : that was taken.
+    asked : in words, as the user asked: a budget of time, an accuracy, or a rung by its name.
+    seconds : that it took, with all rungs below it that were climbed.
+    foreseen : s, what the machine's cost law said before.
+    climbed : rungs that were run, with the change that each made to the coefficients against the one before
+        (largest over terms, in posterior sd) and to the inclusions (largest difference); 0 for the first.
+    next_rung : the one above; None at the top.
+    next_seconds : what it would take.
+    next_change : what it would change: (coefficients in posterior sd, inclusions), foreseen as
+        `next_reason` says.
+    next_reason : how `next_change` was foreseen, a sentence; where there is no rung above, why.
+    budget : s, where a budget was asked for.
+    accuracy : in posterior sd, where an accuracy was asked for.
+    """
+
+    rung: RungName
+    asked: str
+    seconds: float
+    foreseen: float
+    climbed: tuple[tuple[RungName, float, float], ...]
+    next_rung: RungName | None
+    next_seconds: float
+    next_change: tuple[float, float]
+    next_reason: str
+    budget: float | None = None
+    accuracy: float | None = None
+
+    @property
+    def met(self) -> bool:
+        """Whether what was asked for is what came: in time, or a last step within the accuracy."""
+        if self.accuracy is not None:
+            return len(self.climbed) > 1 and self.climbed[-1][1] <= self.accuracy
+        return self.budget is None or self.seconds <= self.budget
+
+
+NEEDS_ROWS = "it needs every row at every step, and a run that is read a part at a time does not hold them"
+"""Why the last rung is not for streamed runs."""
+
+
+def rungs_for(size: Size) -> tuple[RungName, ...]:
+    """Rungs that a problem can be put to, from the cheapest: not every one takes streamed runs, or a case.
+
+    Examples
+    --------
+    >>> rungs_for(Size(rows=10_000_000, columns=20, candidates=17, runs=1, streamed=10_000_000))[-1]
+    'full'
+    """
+    out = (*(("raw",) if size.streamed else ()), *(AT_ONCE if size.components > 1 else ()))
+    return tuple(rung.name for rung in LADDER if rung.name not in out)
+
+
+def rung_of(name: str) -> Rung:
+    """Rung of a name; an `InputError` if there is none."""
+    for rung in LADDER:
+        if rung.name == name:
+            return rung
+    raise InputError(f"rung '{name}' is not known: expected one of {', '.join(get_args(RungName))}")
+
+
+CostLaw = Mapping[RungName, Mapping[str, float]]
+"""Seconds of each rung by unit of a feature of the problem's size (see `imubayes.ladder.costs.FEATURES`)."""

@@ -25,11 +25,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from imubayes.campaign.fidelity import CostLaw, RungName, Size, rungs_for
 from imubayes.inference.linear import BLOCKS, Rows
 from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten
+from imubayes.ladder import CostLaw, RungName, Size, rungs_for
 from imubayes.selection.enumerate import LARGEST
 from imubayes.selection.kernels import walk
 from imubayes.sensors.noise import Noise

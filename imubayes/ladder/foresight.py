@@ -14,7 +14,6 @@ from scipy.special import expit, logit
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posterior, reorder
-from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.preparation import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, blocks_of, linear_of
@@ -22,6 +21,7 @@ from imubayes.inference.noise_model import estimate
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import whiten
+from imubayes.ladder import RungName
 from imubayes.ladder.averaged import weighted
 from imubayes.ladder.problem import Answer, Ground, Problem, prepared
 from imubayes.ladder.regression import EXHAUSTIVE, by_bic

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.fidelity import RungName, Size
 from imubayes.campaign.preparation import Prepared, component_prior, prepare
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
@@ -21,6 +20,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
+from imubayes.ladder import RungName, Size
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
 from imubayes.selection.enumerate import LARGEST

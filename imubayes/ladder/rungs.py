@@ -9,7 +9,9 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from imubayes.campaign.fidelity import (
+from imubayes.errors import ConvergenceError, InputError
+from imubayes.inference.summary import Summary
+from imubayes.ladder import (
     AT_ONCE,
     LADDER,
     NEEDS_ROWS,
@@ -19,8 +21,6 @@ from imubayes.campaign.fidelity import (
     rung_of,
     rungs_for,
 )
-from imubayes.errors import ConvergenceError, InputError
-from imubayes.inference.summary import Summary
 from imubayes.ladder.averaged import averaged, plug_in
 from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.foresight import foresee

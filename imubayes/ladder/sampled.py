@@ -16,7 +16,6 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.fidelity import NEEDS_ROWS, RungName
 from imubayes.campaign.preparation import Prepared
 from imubayes.errors import InputError
 from imubayes.inference.importance import Student
@@ -29,6 +28,7 @@ from imubayes.inference.mcmc.moves import TAIL, independent
 from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten
+from imubayes.ladder import NEEDS_ROWS, RungName
 from imubayes.ladder.averaged import groups_of, noises_of
 from imubayes.ladder.problem import Ground, Posterior, Tell, chained, prepared
 from imubayes.sensors.noise import Noise

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imubayes.algebra.factor import add, with_prior_rows
-from imubayes.campaign.fidelity import rung_of
 from imubayes.inference.mcmc.ensembles import STILL
+from imubayes.ladder import rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result.values import RungChoice, published
 from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, share, signed
@@ -21,9 +21,9 @@ from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.fidelity import Choice
     from imubayes.campaign.study import ExtraPosterior, SensorResult
     from imubayes.inference.mcmc.chains import Chains
+    from imubayes.ladder import Choice
 
 CHANGED = 0.02
 """Change of an inclusion probability that is worth a row."""
@@ -157,7 +157,7 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from imubayes.campaign.fidelity import Choice
+    >>> from imubayes.ladder import Choice
     >>> given = ("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
     >>> choice_sentences(Choice(*given, budget=1.0))[0]
     'Method: whitened factor, sparse regression along its path, the best that fits a budget of 1 s (0.4 s).'

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.campaign.fidelity import RungName
+from imubayes.ladder import RungName
 from imubayes.ladder.trade.components import DEFAULT
 from imubayes.ladder.trade.table import allowed
 from imubayes.reporting.canvas import (

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import imubayes
-from imubayes.campaign.fidelity import rung_of
+from imubayes.ladder import rung_of
 from imubayes.ladder.trade.components import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
 from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong, write_page

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra import factor as algebra
-from imubayes.campaign.fidelity import Choice
 from imubayes.campaign.preparation import (
     Prepared,
     before_fit,
@@ -45,6 +44,7 @@ from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, level_of
 from imubayes.inference.stills import STILLS
 from imubayes.inference.summary import correlation, pulls
+from imubayes.ladder import Choice
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import (
     Answer,

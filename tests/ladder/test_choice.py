@@ -7,7 +7,7 @@ import pytest
 from campaigns import campaign_of
 
 import imubayes as ib
-from imubayes.campaign.fidelity import RungName
+from imubayes.ladder import RungName
 from imubayes.ladder.rungs import chosen_method
 
 FIXED = ib.NoiseRule("fixed", ib.Noise(6e-4, 4e-4, 3e-6))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from ladders import ground, problem
 
-from imubayes.campaign.fidelity import LADDER, Size
-from imubayes.ladder import costs
+from imubayes.ladder import LADDER, Size, costs
 from imubayes.ladder.costs import REFERENCE, calibrate, foreseen, law_of, measured_speeds, within
 from imubayes.ladder.problem import size_of
 from imubayes.ladder.rungs import stand

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from ladders import ground, in_memory_and_streamed, problem
 
-from imubayes.campaign.fidelity import LADDER, RungName
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.prior import ScalePrior
+from imubayes.ladder import LADDER, RungName
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, prepared, problem_of, size_of
 from imubayes.ladder.rungs import AT_ONCE, POSTERIORS, stand

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from pyarrow import parquet as pq
 from trades import in_this_process, mission, problem, told, trade
 
-from imubayes.campaign.fidelity import NEEDS_ROWS
 from imubayes.errors import InputError
 from imubayes.inference.intervals import frequency
+from imubayes.ladder import NEEDS_ROWS
 from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade import table
 from imubayes.ladder.trade.components import NAMES, Subject, rungs_of, with_options

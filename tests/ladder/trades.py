@@ -8,9 +8,9 @@ from pathlib import Path
 import ladders
 import numpy as np
 
-from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.study import Mission
 from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder import RungName
 from imubayes.ladder.problem import Problem
 from imubayes.ladder.trade.components import Subject, Trade
 from imubayes.ladder.trade.measurement import Measured, here

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from trades import told, trade
 
-from imubayes.campaign.fidelity import RungName
 from imubayes.inference.intervals import frequency
+from imubayes.ladder import RungName
 from imubayes.ladder.costs import Machine
 from imubayes.ladder.trade.repeats import Rate, Score
 from imubayes.ladder.trade.table import Traded, standing_of

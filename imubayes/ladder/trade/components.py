@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.fidelity import LADDER, RungName, rung_of
 from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Mission, SensorSpec, Study
 from imubayes.errors import InputError, hint
+from imubayes.ladder import LADDER, RungName, rung_of
 from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, problem_of
 from imubayes.population.lots import LotStudy, lot_of, spec_of

@@ -16,10 +16,10 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import posterior
-from imubayes.campaign.fidelity import RungName
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.mcmc.engine import LONG
 from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder import RungName
 from imubayes.ladder.costs import with_peak
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.campaign.fidelity import RungName
 from imubayes.inference.intervals import SIDE, Share, frequency
 from imubayes.inference.linear import library_rows
 from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder import RungName
 from imubayes.ladder.problem import Problem, ground_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.components import Subject, unit_of

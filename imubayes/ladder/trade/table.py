@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.campaign.fidelity import NEEDS_ROWS, CostLaw, RungName, Size, rungs_for
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder import NEEDS_ROWS, CostLaw, RungName, Size, rungs_for
 from imubayes.ladder.costs import Machine, calibrate, foreseen, machine
 from imubayes.ladder.problem import size_of
 from imubayes.ladder.trade.components import DEFAULT, Subject, Trade

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from imubayes.campaign.fidelity import Method
 from imubayes.campaign.study import Sampling
+from imubayes.ladder import Method
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import Procedure
 from imubayes.rig.sequences import Dwell
