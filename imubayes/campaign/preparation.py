@@ -23,7 +23,7 @@ from imubayes.inference.stills import WINDOW, condensed, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
-from imubayes.rig.disturbances import with_disturbances
+from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS

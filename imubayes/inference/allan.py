@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.noise_limits import Spectrum, density
+from imubayes.inference.noise_fit import Spectrum, density
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import NoiseProcesses, shares
 

@@ -1,8 +1,8 @@
 """Gyroscopes without a reference: the turns between stills, whose ends the accelerometers know.
 
 A direction u that is fixed in the lab, up, is seen by the accelerometers at each still. From one still to the
-next the gyroscopes carry it on, ``u_T = C u_0`` (see `strapdown`), and meet what the accelerometers see then,
-but for their errors. With the rates w^ that the current coefficients theta_0 give, true ones are
+next the gyroscopes carry it on, ``u_T = C u_0`` (`imubayes.rig.motion`), and meet what the accelerometers see
+then, but for their errors. With the rates w^ that the current coefficients theta_0 give, true ones are
 ``w = w^ - G^-1 (X (theta - theta_0) + noise)``, G = I + M, so that to first order two rows, along unit
 vectors e across u_T, say::
 
@@ -28,9 +28,9 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Linear
 from imubayes.inference.stills import Stills, means_of, samples_in, still_rows
-from imubayes.inference.strapdown import cross_matrix, onward
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import GAP, Run
+from imubayes.rig.motion import cross_matrix, onward
 from imubayes.sensors.noise import Noise
 
 TURNS = "turns"

@@ -1,22 +1,28 @@
-"""Posterior and evidence of one set of noise processes.
+"""Posterior and evidence of one set of noise processes, and how small a process a run can still tell.
 
 The mode and its curvature give Laplace's approximation, and the proposal of importance draws that put right
 what is not normal: a process that hides below the others has a long tail to small sizes, and of a slow
 Gauss-Markov process only the walk ``2 G^2 / tau`` is known. A ramp is linear: with and without it the
 evidence comes from the same factor.
+
+A process of size s is told from the others when they cannot take its place: the information of the run
+against the best model without it, ``D = min over the others of sum_f [S1/S0 - 1 - ln(S1/S0)]`` over the
+frequencies of the run (Whittle), must exceed what evidence of 19 to 1 takes. The others may grow, and one
+that is not there may come in, at the price of their priors; chance may take 1.645 sqrt(2 D).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.importance import Student, drawn_until
-from imubayes.inference.noise_model import Cost, NoiseModel, likelihood, mode_of
+from imubayes.inference.noise_model import Cost, NoiseModel, likelihood, likelihood_of, mode_of
+from imubayes.sensors.noise import NoiseProcesses, ProcessPrior
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,3 +114,225 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
         weights=weights / weights.sum(),
         ramps=found.told[:, 3:] * model.prior.ramp,
     )
+
+
+EVIDENCE = math.log(19.0)
+"""Nats of evidence that make a process needed."""
+
+SURE = 1.6448536269514722
+"""Sds of the log likelihood ratio, sqrt(2 D) at a mean of D, that chance takes away in one log of twenty."""
+
+PARAMETER = 2.0
+"""Nats that a parameter more costs, its prior over its posterior: for widths of the class of 0.5 to 2."""
+
+REACH = 8.0
+"""Sds of a prior within which a limit is sought."""
+
+BINS = 40
+"""Frequencies of a level, each standing for its neighbours."""
+
+HALVINGS = 10
+"""Halvings of the interval of ln s: to a hundredth of a prior sd."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectrum:
+    """Frequencies of a run: (q,) Hz, how many Fourier frequencies each stands for, length averaged, s."""
+
+    f: FloatArray
+    count: FloatArray
+    length: FloatArray
+
+
+def detection_limits(data: NoiseModel, noise: NoiseProcesses, candidates: Sequence[str]) -> dict[str, float]:
+    """Size from which each candidate is found with 95 %, beside the other processes; infinite if at none.
+
+    Parameters
+    ----------
+    data : the run.
+    noise : the processes that it has.
+    candidates : that could take each other's place.
+    """
+    grid = spectrum(data.levels, ramp="R" in candidates, parts=_parts(data))
+    limits = {
+        name: _limit(grid, noise, name, [c for c in candidates if c not in (name, "R")], data.prior)
+        for name in candidates
+        if name != "R"
+    }
+    return limits | ({"R": _ramp_limit(data, grid, noise, candidates)} if "R" in candidates else {})
+
+
+def _parts(data: NoiseModel) -> FloatArray | None:
+    """Lengths of the unbroken parts, s, where the columns are enough to take out the mean of each."""
+    begins = np.flatnonzero(~data.joined)
+    few = data.table.shape[1] - 2 < len(begins)
+    return None if few or len(begins) == 1 else np.add.reduceat(data.rows.duration, begins)
+
+
+def spectrum(
+    levels: Sequence[tuple[float, int]], *, ramp: bool = False, parts: FloatArray | None = None
+) -> Spectrum:
+    """Frequencies that the averages of a run see; a ramp takes the lowest one.
+
+    Parameters
+    ----------
+    levels : (length in s, how many) of the averages.
+    ramp : whether a ramp is taken out.
+    parts : lengths, s, of parts whose means are taken out: only parts that hold a period see a frequency.
+
+    Examples
+    --------
+    >>> whole, parted = (spectrum(((1.0, 100),), parts=p) for p in (None, np.array([30.0, 70.0])))
+    >>> float(whole.count[whole.f < 0.03].sum()), round(float(parted.count[parted.f < 0.03].sum()), 3)
+    (2.0, 0.7)
+    """
+    tables = [
+        _level(length, number, ramp=ramp and k == len(levels) - 1)
+        for k, (length, number) in enumerate(levels)
+    ]
+    f, count, length = (np.concatenate(column) for column in zip(*tables, strict=True))
+    if parts is not None:
+        count = count * (parts * (parts * f[:, None] >= 1.0)).sum(axis=1) / parts.sum()
+    return Spectrum(f, count, length)
+
+
+def _level(length: float, number: int, *, ramp: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    k = np.arange(1 + ramp, max(number // 2, 1 + ramp) + 1)
+    edges = np.unique(np.rint(np.geomspace(k[0], k[-1] + 1, BINS + 1)).astype(int))
+    count = np.diff(edges).astype(float)
+    center = 0.5 * (edges[:-1] + edges[1:] - 1)
+    return center / (number * length), count, np.full(len(count), length)
+
+
+def density(noise: NoiseProcesses, grid: Spectrum) -> FloatArray:
+    """Two-sided density (q,) of averages over the grid's lengths, u^2/Hz; a ramp has none."""
+    return np.sum([_part(name, noise, grid) for name in ("N", "B", "K", "Q", "G")], axis=0)
+
+
+def _part(name: str, noise: NoiseProcesses, grid: Spectrum) -> FloatArray:
+    """Density of one process."""
+    w = 2.0 * np.pi * grid.f
+    if name == "N":
+        return np.full_like(w, noise.N**2)
+    if name == "B":
+        return noise.B**2 / w
+    if name == "K":
+        return (noise.K / w) ** 2
+    if name == "Q":
+        return 4.0 * noise.Q**2 / grid.length * np.sin(0.5 * w * grid.length) ** 2
+    return 2.0 * noise.G**2 * noise.tau / (1.0 + (w * noise.tau) ** 2)
+
+
+def _slopes(names: Sequence[str], noise: NoiseProcesses, grid: Spectrum) -> FloatArray:
+    """Derivatives (k, q) of the density by the logarithms of the sizes and of the time constant."""
+    x2 = (2.0 * np.pi * grid.f * noise.tau) ** 2
+    return np.array(
+        [
+            _part("G", noise, grid) * (1.0 - x2) / (1.0 + x2)
+            if name == "tau"
+            else 2.0 * _part(name, noise, grid)
+            for name in names
+        ]
+    )
+
+
+def information(there: FloatArray, instead: FloatArray, count: FloatArray) -> float:
+    """Mean log likelihood ratio, nats, of a log with the density `there` against the density `instead`."""
+    ratio = there / instead
+    return float(count @ (ratio - 1.0 - np.log(ratio)))
+
+
+def _limit(
+    grid: Spectrum, noise: NoiseProcesses, name: str, others: Sequence[str], prior: ProcessPrior
+) -> float:
+    """Halve the interval of ln s until the information is what evidence takes."""
+    median, width = prior.log_normal[name]
+    usual = noise.tau if noise.G > 0.0 else prior.log_normal["tau"][0]
+
+    def told(log_size: float) -> bool:
+        there = replace(noise, **{name: math.exp(log_size), "tau": usual})
+        return _evidence(grid, there, name, others, prior) > EVIDENCE
+
+    low, high = math.log(median) - REACH * width, math.log(median) + REACH * width
+    return math.exp(_first(told, low, high))
+
+
+def _first(told: Callable[[float], bool], low: float, high: float) -> float:
+    """Least argument for which a growing condition holds; infinite if it never does."""
+    if not told(high):
+        return math.inf
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if told(middle) else (middle, high)
+    return high
+
+
+def _evidence(
+    grid: Spectrum, there: NoiseProcesses, name: str, others: Sequence[str], prior: ProcessPrior
+) -> float:
+    """Nats by which a set with a process beats every one without it, in all but one log of twenty."""
+    present = [n for n in others if getattr(there, n) > 0.0]
+    newcomers = [(), *((n,) for n in others if n not in present)]
+    own = PARAMETER * (2 if name == "G" else 1)
+    return min(
+        _alternative(grid, there, ("N", *present), new, prior) + PARAMETER * (len(new) + ("G" in new)) - own
+        for new in newcomers
+    )
+
+
+def _alternative(
+    grid: Spectrum, there: NoiseProcesses, present: Sequence[str], new: Sequence[str], prior: ProcessPrior
+) -> float:
+    """Information against the best sizes of one set, their price included, less what chance takes."""
+    from scipy.optimize import minimize
+
+    names = [*present, *new, *(["tau"] if "G" in (*present, *new) else [])]
+    center = np.log([prior.log_normal[n][0] for n in names])
+    width = np.array([prior.log_normal[n][1] for n in names])
+    held = np.array([n in present or (n == "tau" and "G" in present) for n in names])
+    now = np.where(held, np.log([getattr(there, n) or 1.0 for n in names]), center)
+    spent, truth = np.where(held, ((now - center) / width) ** 2, 0.0), density(there, grid)
+
+    def told(x: FloatArray) -> tuple[FloatArray, NoiseProcesses]:
+        noise = NoiseProcesses(**dict(zip(names, np.exp(x).tolist(), strict=True)))
+        return density(noise, grid), noise
+
+    def cost(x: FloatArray) -> tuple[float, FloatArray]:
+        (instead, noise), z = told(x), (x - center) / width
+        slope = _slopes(names, noise, grid) @ (grid.count * (1.0 - truth / instead) / instead)
+        price = 0.5 * float(np.sum(z**2 - spent))
+        return information(truth, instead, grid.count) + price, slope + z / width
+
+    bounds = list(zip(center - REACH * width, center + REACH * width, strict=True))
+    found = [
+        minimize(
+            cost, np.where(held, now, center + shift * width), jac=True, method="L-BFGS-B", bounds=bounds
+        )
+        for shift in ((0.0, 2.0) if new else (0.0,))
+    ]
+    best = min(found, key=lambda one: float(one.fun))
+    return float(best.fun) - SURE * math.sqrt(2.0 * information(truth, told(best.x)[0], grid.count))
+
+
+def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candidates: Sequence[str]) -> float:
+    """Ramp that a random walk could not stand for, u/s."""
+    median, width = data.prior.log_normal["K"]
+    walks = (
+        np.exp(math.log(median) + width * np.linspace(-4.0, 4.0, 17)) if "K" in candidates else np.empty(0)
+    )
+    models = [noise, *(replace(noise, K=float(walk)) for walk in walks)]
+    truth = density(noise, grid)
+    told = np.array([information(truth, density(one, grid), grid.count) for one in models])
+    slopes = np.array([1.0 / likelihood_of(data, one).last[1] ** 2 - 1.0 for one in models])
+    if not slopes.min() > 0.0:
+        return math.inf
+    # half the square of the ramp's size over its sd is its own information; the ramp is one parameter more
+    need = EVIDENCE + PARAMETER - PARAMETER * (np.arange(len(models)) > 0) - told
+    square = 2.0 * _informative(np.maximum(need, 0.0)) / slopes
+    return data.prior.ramp * float(np.sqrt(np.max(square)))
+
+
+def _informative(need: FloatArray) -> FloatArray:
+    """Mean information D that leaves what is needed in 19 logs of 20: D - 1.645 sqrt(2 D) = need."""
+    half = SURE / math.sqrt(2.0)
+    return np.where(need > 0.0, (half + np.sqrt(half**2 + need)) ** 2, 0.0)

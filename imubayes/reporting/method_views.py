@@ -20,15 +20,14 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
+    from imubayes.selection.compensations import Reduced
     from imubayes.selection.criteria import Criterion
     from imubayes.selection.decision import Selection
     from imubayes.selection.panel import Panel as Methods
-    from imubayes.selection.panel import Unasked
-    from imubayes.selection.reduced import Reduced
+    from imubayes.selection.panel import Unasked, Votes
     from imubayes.selection.sensitivity import Sensitivity
     from imubayes.selection.sindy import Sparse
     from imubayes.selection.verdicts import Costs
-    from imubayes.selection.votes import Votes
     from imubayes.sensors.terms import Kind
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.strapdown import onward
+from imubayes.rig.motion import onward
 from imubayes.units import STANDARD_GRAVITY
 
 LEVELLING = 2.0

@@ -31,8 +31,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError
-from imubayes.inference.strapdown import cross_matrix
-from imubayes.rig.motion import vectors
+from imubayes.rig.motion import cross_matrix, vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import FLOOR, flicker

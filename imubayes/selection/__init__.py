@@ -4,8 +4,8 @@
 models      `model_prior`, `model_sets`, `mixture`, `models`, `evidence`, `enumerate`; beyond enumeration
             `search`, with `bounds`, `branching` and `model_walk`; compiled `kernels`, `lanes`
 decision    `verdicts`, the rule; `decision`, on one component; `digits` that can be trusted
-opinions    `criteria`, `predictive`, `effects`, `sindy`, `sensitivity`, `reduced`; `panel` asks them
-            all, `votes` puts them side by side, `causes` says why they differ
+opinions    `criteria`, `predictive`, `effects`, `sindy`, `sensitivity`, `compensations`; `panel` asks
+            them all and puts them side by side, `causes` says why they differ
 noise       `noise_choice`: which processes a run shows
 ==========  ==========================================================================================
 """

@@ -19,8 +19,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
-from imubayes.inference.noise_fit import ProcessFit, fit_draws, fit_mode, parameters
-from imubayes.inference.noise_limits import detection_limits
+from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters
 from imubayes.inference.noise_model import NoiseModel, process_model, span
 from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
 from imubayes.rig.inputs import between_gaps

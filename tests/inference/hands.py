@@ -10,10 +10,10 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
 
-from imubayes.inference.strapdown import rotation
 from imubayes.inference.triad import Triad, triad_of
 from imubayes.rig import stream_files, stream_survey, streams
 from imubayes.rig.inputs import Inputs, Run
+from imubayes.rig.motion import rotation
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import synthesise

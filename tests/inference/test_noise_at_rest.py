@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imubayes.inference.case import rows_at_rest
-from imubayes.inference.noise_limits import detection_limits
+from imubayes.inference.noise_fit import detection_limits
 from imubayes.inference.noise_model import likelihood_of, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.inference.stills import find_stills

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imubayes.inference.linear import Linear
-from imubayes.inference.noise_limits import Spectrum, density, detection_limits, information, spectrum
+from imubayes.inference.noise_fit import Spectrum, density, detection_limits, information, spectrum
 from imubayes.inference.noise_model import process_model
 from imubayes.inference.noise_rows import NoiseRows, piece_edges
 from imubayes.sensors.catalogue import sensor

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from imubayes.inference.strapdown import onward, rotation, rotation_vectors
+from imubayes.rig.motion import onward, rotation, rotation_vectors
 
 T = np.linspace(0.0, 2.0, 201)
 

@@ -37,7 +37,7 @@ from imubayes.rig import stream_files, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import synthesise
-from imubayes.selection.reduced import design_factor
+from imubayes.selection.compensations import design_factor
 from imubayes.sensors.catalogue import sensor as catalogue_sensor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library

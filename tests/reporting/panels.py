@@ -9,13 +9,12 @@ import numpy as np
 
 from imubayes.campaign.study import SensorResult
 from imubayes.inference.misfit import Dependence, Misfit
+from imubayes.selection.compensations import Reduced
 from imubayes.selection.criteria import Criterion
-from imubayes.selection.panel import Panel
-from imubayes.selection.reduced import Reduced
+from imubayes.selection.panel import Disagreement, Panel, Votes
 from imubayes.selection.sensitivity import Sensitivity
 from imubayes.selection.sindy import Sparse
 from imubayes.selection.verdicts import TermVerdict
-from imubayes.selection.votes import Disagreement, Votes
 
 UG = 9.80665e-6
 

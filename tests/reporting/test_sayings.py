@@ -70,8 +70,8 @@ from imubayes.reporting.session_views import session_section, session_sentence
 from imubayes.reporting.tables import terminal_check, terminal_summary
 from imubayes.reporting.words import answer, confounded_sentences, sensor_groups
 from imubayes.scenes.propagation import Budget
+from imubayes.selection.panel import Votes
 from imubayes.selection.verdicts import EQUAL, Costs
-from imubayes.selection.votes import Votes
 from imubayes.sensors.terms import library
 
 Sayings = Iterator[tuple[str, Any]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imubayes.rig.checks import faults
-from imubayes.rig.disturbances import with_disturbances
+from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run

@@ -9,8 +9,7 @@ from pyarrow import parquet as pq
 from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear, linear_of
-from imubayes.inference.noise_fit import fit_draws, fit_mode
-from imubayes.inference.noise_limits import detection_limits
+from imubayes.inference.noise_fit import detection_limits, fit_draws, fit_mode
 from imubayes.inference.noise_model import likelihood_of, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams

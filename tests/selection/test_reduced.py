@@ -8,8 +8,8 @@ import pytest
 
 import imubayes as ib
 from imubayes.algebra.factor import factor_of
+from imubayes.selection.compensations import design_factor, project, reduced, subsets_by_size
 from imubayes.selection.decision import select
-from imubayes.selection.reduced import design_factor, project, reduced, subsets_by_size
 
 
 def upper(n, p, *, seed, alike=0.0):

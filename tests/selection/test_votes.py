@@ -10,10 +10,10 @@ import imubayes as ib
 from imubayes.selection.causes import line_of
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import select
+from imubayes.selection.panel import votes
 from imubayes.selection.sensitivity import sensitivity
 from imubayes.selection.sindy import Sparse
 from imubayes.selection.verdicts import Costs
-from imubayes.selection.votes import votes
 
 LIB = ib.library("accelerometer", powers=3, asymmetry=0)
 N = 2000

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from imubayes.inference.noise_limits import Spectrum, density
+from imubayes.inference.noise_fit import Spectrum, density
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import (
     Noise,

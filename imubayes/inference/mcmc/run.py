@@ -16,9 +16,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
-from imubayes.inference.importance import Student
+from imubayes.inference.importance import Student, log_integral
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc import bridge
 from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell
 from imubayes.inference.mcmc.density import (
     Density,
@@ -340,7 +339,7 @@ def _bridged(
 
     step = max(1, len(samples) // BRIDGE)
     tau = float(history.tau.max())
-    return bridge.log_evidence(samples[::step], log_prob[::step], in_parts, tau=tau, rng=rng)
+    return log_integral(samples[::step], log_prob[::step], in_parts, tau=tau, rng=rng)
 
 
 def _noise_of(density: Density, summary: Summary, x: FloatArray) -> FloatArray:

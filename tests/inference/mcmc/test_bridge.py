@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import gammaln
 
-from imubayes.inference.mcmc.bridge import log_evidence
+from imubayes.inference.importance import log_integral
 
 SIZE = 6000
 
@@ -27,7 +27,7 @@ def correlated_normal(d, seed):
 @pytest.mark.parametrize("d", [1, 6, 26])
 def test_evidence_of_a_normal_density_is_its_integral(d):
     density, x, expected = correlated_normal(d, d)
-    value, error = log_evidence(x, density(x), density, tau=1.0, rng=np.random.default_rng(1))
+    value, error = log_integral(x, density(x), density, tau=1.0, rng=np.random.default_rng(1))
     assert error < 0.05
     assert abs(value - expected) < 4.0 * error + 1e-6
 
@@ -40,7 +40,7 @@ def test_evidence_of_a_heavy_tailed_density_is_its_integral():
         return -0.5 * (nu + d) * np.log1p((x**2).sum(axis=1) / nu)
 
     expected = gammaln(0.5 * nu) - gammaln(0.5 * (nu + d)) + 0.5 * d * math.log(nu * math.pi)
-    value, error = log_evidence(x, density(x), density, tau=1.0, rng=np.random.default_rng(1))
+    value, error = log_integral(x, density(x), density, tau=1.0, rng=np.random.default_rng(1))
     assert abs(value - expected) < 4.0 * error
 
 
@@ -52,7 +52,7 @@ def test_stated_error_is_the_scatter_over_repeats():
         x = np.random.default_rng([3, seed]).standard_normal((800, 4)) @ L.T
         # a target a little off the normal one, so that there is an error at all
         skewed = lambda x: density(x) + 0.3 * np.tanh(x[:, 0])  # noqa: E731
-        found.append(log_evidence(x, skewed(x), skewed, tau=1.0, rng=np.random.default_rng([4, seed])))
+        found.append(log_integral(x, skewed(x), skewed, tau=1.0, rng=np.random.default_rng([4, seed])))
     values, errors = np.array(found).T
     assert 0.5 < values.std() / errors.mean() < 2.0
     assert abs(values.mean() - expected) < 0.3
