@@ -93,11 +93,11 @@ def command(study: Study) -> str:
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     selection, models = sensor.selection, sensor.selection.models
     told = _of_panel(sensor.panel, own_names(selection)) if sensor.panel else NO_PANEL
-    return published(
+    found = published(
         Sensor,
         sensor,
         **told,
-        class_=sensor.class_id or None,
+        **{"class": sensor.class_id or None},
         noise={run.name: run.noise for run in sensor.runs},
         noise_posterior=noise_posterior(sensor.chains),
         noise_processes=published_processes(sensor),
@@ -129,6 +129,11 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         pooled_inclusion=sensor.pooled,
         standards=standards(study, sensor),
     )
+    if not sensor.bias:
+        del found["bias"]
+    if not sensor.compensations:
+        del found["compensations"]
+    return found
 
 
 def _terms(sensor: SensorResult) -> tuple[Term, ...]:

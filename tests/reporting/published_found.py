@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
@@ -22,29 +21,29 @@ BASE: SensorsResult = adapter().validate_python(QUICKSTART)
 
 def a_term(name: str, mean: float, sd: float, verdict: str = "needed", unit: str = "m/s^2") -> Term:
     """Term with its mean and sd under the full library."""
-    term = BASE.sensors[0].terms[0]
-    return replace(term, name=name, unit=unit, printed_unit=unit, full_mean=mean, full_sd=sd, verdict=verdict)
+    told = {"name": name, "unit": unit, "printed_unit": unit, "full_mean": mean, "full_sd": sd}
+    return BASE["sensors"][0]["terms"][0] | told | {"verdict": verdict}
 
 
 def a_sensor(
     id: str, terms: Sequence[Term], noise: Mapping[str, tuple[float, float]], **other: object
 ) -> Sensor:
     """Component with terms, and N of its runs with the sd of its logarithm."""
-    base, unknown = BASE.sensors[0], {"B": math.nan, "K": math.nan}
-    return replace(
-        base,
-        **{"id": id, "kind": "accelerometer", "class_": None, "terms": tuple(terms), "noise_posterior": {}}
+    base, unknown = BASE["sensors"][0], {"B": math.nan, "K": math.nan}
+    return (
+        base
+        | {"id": id, "kind": "accelerometer", "class": None, "terms": tuple(terms), "noise_posterior": {}}
         | {"noise": {run: {"N": value, **unknown} for run, (value, _) in noise.items()}}
         | {
             "runs": tuple(
-                replace(base.runs[0], name=run, noise_log_sd={"N": sd, **unknown})
+                base["runs"][0] | {"name": run, "noise_log_sd": {"N": sd, **unknown}}
                 for run, (_, sd) in noise.items()
             )
         }
-        | other,
+        | other
     )
 
 
 def a_result(*sensors: Sensor, scenes: Sequence[Scene] = (), seed: int = 1) -> SensorsResult:
     """Result of a study of sensors."""
-    return replace(BASE, sensors=sensors, scenes=tuple(scenes), seed=seed)
+    return BASE | {"sensors": sensors, "scenes": tuple(scenes), "seed": seed}

@@ -74,9 +74,9 @@ def test_terms_of_a_triads_component_have_their_own_names() -> None:
         names=tuple(f"ay.{name}" for name in sensor.selection.observability.names),
     )
     selection = replace(sensor.selection, columns=columns, observability=seen)
-    (block,) = published_result(study_result(replace(sensor, selection=selection, panel=far))).sensors
-    assert block.sindy["stlsq"]["model"] == ("b0", "b1") and "b0" in block.sindy["stlsq"]["inclusion"]
-    assert block.sensitivity["swing"] == ("b0",) and "b0" in block.sensitivity["g_prior"]
+    (block,) = published_result(study_result(replace(sensor, selection=selection, panel=far)))["sensors"]
+    assert block["sindy"]["stlsq"]["model"] == ("b0", "b1") and "b0" in block["sindy"]["stlsq"]["inclusion"]
+    assert block["sensitivity"]["swing"] == ("b0",) and "b0" in block["sensitivity"]["g_prior"]
 
 
 def test_moments_by_the_chains_stand_beside_each_term_and_are_null_where_exact() -> None:

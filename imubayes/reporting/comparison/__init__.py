@@ -15,8 +15,8 @@ from imubayes.reporting.result.file import no_result, read, written
 from imubayes.reporting.result.many import LotsResult
 
 KINDS = {
-    frozenset({SensorsResult}): (sensors_compared, sensors_page, sensors_record),
-    frozenset({LotsResult}): (lots_compared, lots_page, lots_record),
+    frozenset({"sensors"}): (sensors_compared, sensors_page, sensors_record),
+    frozenset({"lots"}): (lots_compared, lots_page, lots_record),
 }
 """Comparison of results of one kind, its page, and its values; of others units are held against classes."""
 
@@ -41,7 +41,7 @@ def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
         read(one, LotsResult, "classes") if "lots" in one.raw else read(one, SensorsResult, "sensors")
         for one in files
     ]
-    kinds = frozenset(map(type, results))
+    kinds = frozenset("lots" if "lots" in one else "sensors" for one in results)
     compared, page, record = KINDS.get(kinds, (units_compared, units_page, units_record))
     found = compared(files, results)
     return page(found), record(found)

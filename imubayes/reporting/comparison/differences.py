@@ -259,7 +259,7 @@ def aligned(tables: Iterable[Mapping[Key, Value]], least: int = 1) -> dict[Key, 
 
 def terms_of(members: Iterable[Any]) -> dict[str, tuple[Any, ...]]:
     """Terms by name, of each member; None where it lacks a term."""
-    return aligned({term.name: term for term in one.terms} if one else {} for one in members)
+    return aligned({term["name"]: term for term in one["terms"]} if one else {} for one in members)
 
 
 def entry(
@@ -338,7 +338,7 @@ def differing(entries: Iterable[Entry]) -> list[tuple[str, Pull]]:
     return sorted(found, key=lambda pair: -pair[1].size)
 
 
-def columns(values: Iterable[object], **keys: str) -> dict[str, list[Any]]:
-    """Values by key, each with the attribute that it has in a result; None where a result lacks it."""
+def columns(values: Iterable[Any], **keys: str) -> dict[str, list[Any]]:
+    """Values by key, each with the key that it has in a result; None where a result lacks it."""
     every = list(values)
-    return {key: [None if one is None else getattr(one, name) for one in every] for key, name in keys.items()}
+    return {key: [None if one is None else one[name] for one in every] for key, name in keys.items()}

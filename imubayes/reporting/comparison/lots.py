@@ -93,11 +93,11 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
         or no two have a class in common.
     """
     labels = labels_of(results)
-    lots = [result.lots for result in results]
-    if len({one.kind for one in lots}) > 1:
-        kinds = ", ".join(f"{label} {one.kind}s" for label, one in zip(labels, lots, strict=True))
+    lots = [result["lots"] for result in results]
+    if len({one["kind"] for one in lots}) > 1:
+        kinds = ", ".join(f"{label} {one['kind']}s" for label, one in zip(labels, lots, strict=True))
         raise InputError(f"the classes are of different kinds of sensors ({kinds}): compare lots of one kind")
-    tables = [{one.id: one for one in lot.classes} for lot in lots]
+    tables = [{one["id"]: one for one in lot["classes"]} for lot in lots]
     shared = aligned(tables, least=2)
     if not shared:
         classes = "; ".join(f"{label} {', '.join(one)}" for label, one in zip(labels, tables, strict=True))
@@ -114,13 +114,13 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
 def _class(
     results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...], labels: Sequence[str]
 ) -> Group:
-    kind = results[0].lots.kind
+    kind = results[0]["lots"]["kind"]
     scenes = (
-        {scene.name: scene for scene in result.scenes if one and scene.sensor == name}
+        {scene["name"]: scene for scene in result["scenes"] if one and scene["sensor"] == name}
         for result, one in zip(results, members, strict=True)
     )
-    counts = [len(one.units) if one else 0 for one in members]
-    orders = [one.order for one in members if one]
+    counts = [len(one["units"]) if one else 0 for one in members]
+    orders = [one["order"] for one in members if one]
     return Group(
         name,
         kind,
@@ -129,7 +129,7 @@ def _class(
         {term: _term(term, values, members, labels, kind) for term, values in terms_of(members).items()},
         {
             "id": name,
-            "orders": [one and one.order for one in members],
+            "orders": [one and one["order"] for one in members],
             # the ranges of the numbers of needed terms do not overlap
             "orders_apart": max(one["low"] for one in orders) > min(one["high"] for one in orders),
             **dict.fromkeys(("terms", "scenes"), ()),
@@ -142,13 +142,13 @@ def _class(
 
 def population_of(term: ClassTerm, of: Class) -> Population:
     """Publish a term over the units of a class."""
-    k, n = [one.name for one in of.terms].index(term.name), len(of.units)
+    k, n = [one["name"] for one in of["terms"]].index(term["name"]), len(of["units"])
     return {
-        "needed": (round(term.needed["value"] * n), n),
-        "share": term.needed,
-        "mean": term.mean,
-        "spread": term.spread,
-        "tested": any(unit.verdicts[k] != "untested" for unit in of.units),
+        "needed": (round(term["needed"]["value"] * n), n),
+        "share": term["needed"],
+        "mean": term["mean"],
+        "spread": term["spread"],
+        "tested": any(unit["verdicts"][k] != "untested" for unit in of["units"]),
     }
 
 
@@ -182,7 +182,7 @@ def _scene(
     terms = {}
     for term, values in terms_of(members).items():
         found = [
-            ((round(one.required * count), count), Share(one.share_of_budget, *one.share_range))
+            ((round(one["required"] * count), count), Share(one["share_of_budget"], *one["share_range"]))
             if one
             else None
             for one, count in zip(values, counts, strict=True)
@@ -201,7 +201,7 @@ def _scene(
             decisions=[count >= HALF * of for (count, of), _ in there],
             shown=any(count or share.value >= LITTLE for (count, _), share in there),
         )
-    record = {"name": name, "orders": [one and one.order for one in members], "terms": ()}
+    record = {"name": name, "orders": [one and one["order"] for one in members], "terms": ()}
     return Group(name, kind, labels, members, terms, record)
 
 
@@ -233,7 +233,7 @@ def _section(one: Group, whole: bool) -> Section:
 def _sentences(one: Group) -> Iterator[str]:
     far = [f"{what}, {pull.size:.1f} sd" for what, pull in differing(with_scenes(one))]
     yield f"Beyond uncertainty: {'; '.join(far)}." if far else "Nothing differs beyond uncertainty."
-    told = listed(f"{label} {member.order['value']:.3g}" for label, member in one.there)
+    told = listed(f"{label} {member['order']['value']:.3g}" for label, member in one.there)
     apart = "; the ranges of the units do not overlap" if one.record["orders_apart"] else ""
     yield f"The median unit needs {told} terms{apart}."
     for scene in one.scenes:
@@ -248,7 +248,7 @@ def _order_rows(one: Group) -> Iterator[Row]:
     """Numbers of terms: needed, and of the smallest model of each scene."""
     for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes)):
         for k, (label, member) in enumerate(zip(one.labels, group.members, strict=True)):
-            order = amid(Share(**member.order)) if member else "not there"
+            order = amid(Share(**member["order"])) if member else "not there"
             yield Row(("" if k else name, label, order), brief=name == "needed")
 
 
@@ -309,7 +309,7 @@ def _scene_cells(value: tuple[tuple[int, int], Share] | None) -> tuple[Text, ...
 
 def lots_record(found: Comparison) -> dict[str, Any]:
     """Values of ``result.json``, SI."""
-    lots = [result.lots for result in found.results]
+    lots = [result["lots"] for result in found.results]
     return comparison_record(
-        found, "classes", ("class",), kind=lots[0].kind, units=[one.units for one in lots]
+        found, "classes", ("class",), kind=lots[0]["kind"], units=[one["units"] for one in lots]
     )

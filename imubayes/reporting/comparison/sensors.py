@@ -81,7 +81,7 @@ def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult])
     InputError : if there are fewer than two or more than 26 results, or no two have a component in common.
     """
     labels = labels_of(results)
-    rest = [list(result.sensors) for result in results]
+    rest = [list(result["sensors"]) for result in results]
     groups: list[Group] = []
     for key in (_name, _place):
         for members in aligned((numbered(left, key) for left in rest), least=2).values():
@@ -90,25 +90,25 @@ def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult])
                 left[:] = [one for one in left if one is not member]
     if not groups:
         raise InputError("the results have no kind of sensor in common: there is nothing to compare")
-    alone = [(label, one.id) for label, left in zip(labels, rest, strict=True) for one in left]
+    alone = [(label, one["id"]) for label, left in zip(labels, rest, strict=True) for one in left]
     return comparison(files, results, groups, alone)
 
 
 def _name(sensor: Sensor) -> tuple[str, str]:
-    return sensor.kind, sensor.id
+    return sensor["kind"], sensor["id"]
 
 
 def _place(sensor: Sensor) -> tuple[str, str]:
     """Kind, and axis of a triad's component, which is compared with its own kind only."""
-    axis = sensor.id.rpartition(".")[2]
-    return sensor.kind, axis if axis in COMPONENTS else ""
+    axis = sensor["id"].rpartition(".")[2]
+    return sensor["kind"], axis if axis in COMPONENTS else ""
 
 
 def _component(
     results: Sequence[SensorsResult], members: tuple[Sensor | None, ...], labels: Sequence[str]
 ) -> Group:
     there = [one for one in members if one]
-    kind, ids = there[0].kind, list(dict.fromkeys(one.id for one in there))
+    kind, ids = there[0]["kind"], list(dict.fromkeys(one["id"] for one in there))
     noise = aligned(_noise_tables(members)).items()
     return Group(
         ", ".join(ids),
@@ -120,7 +120,7 @@ def _component(
             **columns(members, ids="id"),
             "kind": kind,
             "matched_by": "order" if len(ids) > 1 else "id",
-            **columns(members, classes="class_", models="model"),
+            **columns(members, classes="class", models="model"),
             **dict.fromkeys(("terms", "noise", "scenes"), ()),
         },
         {key: _noise(*key, values, labels, kind) for key, values in noise},
@@ -130,15 +130,15 @@ def _component(
 
 def _term(name: str, values: Sequence[Term | None], labels: Sequence[str]) -> Entry:
     there = {label: value for label, value in zip(labels, values, strict=True) if value}
-    used = {label: value.unit for label, value in there.items()}
+    used = {label: value["unit"] for label, value in there.items()}
     if len(set(used.values())) > 1:
         units = ", ".join(f"{label} {unit}" for label, unit in used.items())
         raise InputError(f"term {name} has different units ({units}): run the studies with the same version")
     tested = [
-        (value.full_mean, value.full_sd) if value and value.verdict != "untested" else None
+        (value["full_mean"], value["full_sd"]) if value and value["verdict"] != "untested" else None
         for value in values
     ]
-    verdicts = [value.verdict for value in there.values()]
+    verdicts = [value["verdict"] for value in there.values()]
     record = {
         "name": name,
         "unit": next(iter(used.values())),
@@ -157,13 +157,13 @@ def noise_of(sensor: Sensor) -> dict[tuple[str, str], Estimate]:
     By the chains where it was sampled, as a log-normal value of the same mean and sd; else as it was
     estimated or given.
     """
-    spreads = {run.name: run.noise_log_sd for run in sensor.runs}
+    spreads = {run["name"]: run["noise_log_sd"] for run in sensor["runs"]}
     found = {
         (run, letter): (values[letter], spreads[run][letter] if run in spreads else math.nan)
-        for run, values in sensor.noise.items()
+        for run, values in sensor["noise"].items()
         for letter in ("N", "B", "K")
     }
-    for run, draws in sensor.noise_posterior.items():
+    for run, draws in sensor["noise_posterior"].items():
         for letter in ("N", "B", "K"):
             mean, sd = draws[letter]["mean"], draws[letter]["sd"]
             log_sd = math.sqrt(math.log1p((sd / mean) ** 2)) if mean > 0.0 else math.nan
@@ -205,15 +205,15 @@ def _scenes(
     """Scenes of a matched component side by side: by name and by what the budget is of."""
     tables = [
         numbered(
-            (scene for scene in result.scenes if scene.sensor == one.id),
-            lambda scene: (scene.name, scene.budget["quantity"]),
+            (scene for scene in result["scenes"] if scene["sensor"] == one["id"]),
+            lambda scene: (scene["name"], scene["budget"]["quantity"]),
         )
         if one
         else {}
         for result, one in zip(results, members, strict=True)
     ]
-    kind: Kind = next(one.kind for one in members if one)
-    reseeded = len({result.seed for result, table in zip(results, tables, strict=True) if table}) > 1
+    kind: Kind = next(one["kind"] for one in members if one)
+    reseeded = len({result["seed"] for result, table in zip(results, tables, strict=True) if table}) > 1
     return tuple(
         replace(_scene(*key, found, labels, kind), reseeded=reseeded)
         for (key, _), found in aligned(tables, least=2).items()
@@ -223,30 +223,30 @@ def _scenes(
 def _scene(
     name: str, quantity: str, members: tuple[Scene | None, ...], labels: Sequence[str], kind: Kind
 ) -> Group:
-    limits = [one and one.budget["limit"] for one in members]
+    limits = [one and one["budget"]["limit"] for one in members]
     terms = {}
     for term, values in terms_of(members).items():
         errors = [
-            (limit * one.share_of_budget, limit * normal_of(one.share_q05, one.share_q95))
+            (limit * one["share_of_budget"], limit * normal_of(one["share_q05"], one["share_q95"]))
             if one and limit is not None
             else None
             for one, limit in zip(values, limits, strict=True)
         ]
-        kept = {one.kept for one in values if one}
+        kept = {one["kept"] for one in values if one}
         shares = dict.fromkeys(("share_of_budget", "share_q05", "share_q95"))
         record = {
             "name": term,
             **columns(values, **{key: key for key in shares}, required="kept"),
             "required_differs": len(kept) > 1,
         }
-        shown = any(one and (one.kept or one.share_q95 >= LITTLE) for one in values)
+        shown = any(one and (one["kept"] or one["share_q95"] >= LITTLE) for one in values)
         terms[term] = entry(labels, term, values, errors, _share_cells, record, decisions=kept, shown=shown)
     record = {
         "name": name,
         "quantity": quantity,
         "limits": limits,
         **columns(members, durations="duration", models="model"),
-        "left_out_q95": [one and one.left_out["q95"] for one in members],
+        "left_out_q95": [one and one["left_out"]["q95"] for one in members],
         "terms": (),
     }
     return Group(name, kind, labels, members, terms, record, quantity=quantity)
@@ -292,15 +292,15 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
 def _term_cells(value: Term | None) -> tuple[Text, ...]:
     if value is None:
         return "not in the library", "", ""
-    return typeset(term_value(value)), f"{value.inclusion:.3f}", verdict(value.verdict)
+    return typeset(term_value(value)), f"{value['inclusion']:.3f}", verdict(value["verdict"])
 
 
 def term_value(value: Term) -> str:
     """Coefficient of a term under the full library, in the unit that people use."""
-    if value.verdict == "untested":
+    if value["verdict"] == "untested":
         return "not tested"
-    scale = per_unit(value.printed_unit, value.unit)
-    return str(measured(value.full_mean / scale, value.full_sd / scale, value.printed_unit))
+    scale = per_unit(value["printed_unit"], value["unit"])
+    return str(measured(value["full_mean"] / scale, value["full_sd"] / scale, value["printed_unit"]))
 
 
 def _noise_cells(value: Estimate | None, letter: str, kind: Kind) -> tuple[Text, ...]:
@@ -323,11 +323,11 @@ def noise_unit(letter: str, kind: Kind) -> tuple[str, float]:
 
 def _sentences(one: Group) -> Iterator[str]:
     """Say how a component was matched, what differs, and what cannot be compared."""
-    if len({member.id for _, member in one.there}) > 1:
-        names = listed([f"{label} {member.id}" for label, member in one.there])
+    if len({member["id"] for _, member in one.there}) > 1:
+        names = listed([f"{label} {member['id']}" for label, member in one.there])
         yield f"The ids differ: matched by kind and order, {names}."
-    if len({member.class_ for _, member in one.there}) > 1:
-        classes = listed([f"{label} {member.class_ or 'none'}" for label, member in one.there])
+    if len({member["class"] for _, member in one.there}) > 1:
+        classes = listed([f"{label} {member['class'] or 'none'}" for label, member in one.there])
         yield f"The classes, and so the priors, differ: {classes}."
     far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differing(one.entries)]
     compared = sum(each.pull is not None for each in one.entries)
@@ -356,8 +356,8 @@ def _scene_section(scene: Group, of: str, *, whole: bool) -> Section:
 def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
     if value is None:
         return "not there", ""
-    low, high = share(value.share_q05), share(value.share_q95)
-    return f"{share(value.share_of_budget)} ({low} to {high})", "yes" if value.kept else "no"
+    low, high = share(value["share_q05"]), share(value["share_q95"])
+    return f"{share(value['share_of_budget'])} ({low} to {high})", "yes" if value["kept"] else "no"
 
 
 def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
@@ -366,28 +366,29 @@ def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
     if other:
         yield f"In the scene {called} models differ in {listed(other)}."
     else:
-        model = scene.there[0][1].model
+        model = scene.there[0][1]["model"]
         yield f"In the scene {called} all require the same: {listed(model) if model else 'no term'}."
     far = [name for name, term in scene.terms.items() if term.beyond]
     if far:
         yield f"Beyond uncertainty there: {listed(far)}."
     left = listed(
-        f"{label} {amount(one.left_out['q95'], scene.quantity, scene.kind)}" for label, one in scene.there
+        f"{label} {amount(one['left_out']['q95'], scene.quantity, scene.kind)}" for label, one in scene.there
     )
     yield f"What the terms left out come to there, with 95 %: {left}."
 
 
 def _conditions(scene: Group) -> Iterator[str]:
     """Say what is not the same of the scenes."""
-    if len({(one.budget["limit"], one.duration) for _, one in scene.there}) > 1:
-        asked = listed(
-            f"{label} {amount(one.budget['limit'], scene.quantity, scene.kind)} over {duration(one.duration)}"
+    if len({(one["budget"]["limit"], one["duration"]) for _, one in scene.there}) > 1:
+        limits = [
+            (label, amount(one["budget"]["limit"], scene.quantity, scene.kind), duration(one["duration"]))
             for label, one in scene.there
-        )
+        ]
+        asked = listed(f"{label} {limit} over {time}" for label, limit, time in limits)
         yield f"The budgets are not the same: {asked}."
     if scene.reseeded:
         yield "The studies have different seeds, by which a scene of the catalogue moves differently."
-    failed = [label for label, one in scene.there if not one.within_budget]
+    failed = [label for label, one in scene.there if not one["within_budget"]]
     if failed:
         yield f"No model stays within the budget in {listed(failed)}."
 

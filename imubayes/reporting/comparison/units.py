@@ -71,9 +71,9 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
     InputError : if there is not exactly one class-level result, or it has the class of no component.
     """
     lots = [
-        (file, label, one.lots)
+        (file, label, one["lots"])
         for file, label, one in zip(files, LETTERS, results, strict=False)
-        if isinstance(one, LotsResult)
+        if "lots" in one
     ]
     if len(lots) != 1 or len(results) > len(LETTERS):
         raise InputError(
@@ -81,49 +81,57 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
             " compare the class-level results with each other first"
         )
     ((file, lot_label, lot),) = lots
-    known = {one.id: one for one in lot.classes}
+    known = {one["id"]: one for one in lot["classes"]}
     components = [
         (label, c)
         for label, one in zip(LETTERS, results, strict=False)
-        if isinstance(one, SensorsResult)
-        for c in one.sensors
+        if "sensors" in one
+        for c in one["sensors"]
     ]
-    typical = [(label, c) for label, c in components if c.kind == lot.kind and c.class_ in known]
+    typical = [(label, c) for label, c in components if c["kind"] == lot["kind"] and c["class"] in known]
     if not typical:
-        came = ", ".join(f"{c.id}: {c.kind} of class {c.class_ or 'none'}" for _, c in components)
+        came = ", ".join(f"{c['id']}: {c['kind']} of class {c['class'] or 'none'}" for _, c in components)
         raise InputError(
-            f"{file.path}: has {lot.kind}s of the classes {', '.join(known)}, and the units are"
+            f"{file.path}: has {lot['kind']}s of the classes {', '.join(known)}, and the units are"
             f" others ({came}): expected the class in both studies"
         )
-    groups = [_unit(c, known[c.class_ or ""], (label, lot_label)) for label, c in typical]
-    alone = [(label, c.id, c.class_ or "") for label, c in components if (label, c) not in typical]
+    groups = [_unit(c, known[c["class"] or ""], (label, lot_label)) for label, c in typical]
+    alone = [(label, c["id"], c["class"] or "") for label, c in components if (label, c) not in typical]
     return comparison(files, results, groups, alone)
 
 
 def _unit(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Group:
-    population = {term.name: population_of(term, of) for term in of.terms}
+    population = {term["name"]: population_of(term, of) for term in of["terms"]}
     terms = {
-        one.name: _term(one, known, sensor.kind, pair)
-        for one in sensor.terms
-        if (known := population.get(one.name))
+        one["name"]: _term(one, known, sensor["kind"], pair)
+        for one in sensor["terms"]
+        if (known := population.get(one["name"]))
     }
     record = {
         "result": pair[0],
-        "id": sensor.id,
-        "class": of.id,
+        "id": sensor["id"],
+        "class": of["id"],
         "typical": None,  # known when everything is compared
         **dict.fromkeys(("terms", "noise"), ()),
-        "missing": [term.name for term in sensor.terms if term.name not in terms],
+        "missing": [term["name"] for term in sensor["terms"] if term["name"] not in terms],
     }
-    return Group(sensor.id, sensor.kind, pair, (sensor, of), terms, record, dict(_noise(sensor, of, pair)))
+    return Group(
+        sensor["id"], sensor["kind"], pair, (sensor, of), terms, record, dict(_noise(sensor, of, pair))
+    )
 
 
 def _term(unit: Term, population: Population, kind: Kind, pair: tuple[str, str]) -> Entry:
     keys = ("name", "unit", "full_mean", "full_sd", "verdict")
-    record = {**{key: getattr(unit, key) for key in keys}, "population": population}
-    silent = not population["tested"] or unit.verdict == "untested"
+    record = {**{key: unit[key] for key in keys}, "population": population}
+    silent = not population["tested"] or unit["verdict"] == "untested"
     return _entry(
-        unit.name, unit.name, _cells(unit, population, kind), record, _size(unit, population), pair, silent
+        unit["name"],
+        unit["name"],
+        _cells(unit, population, kind),
+        record,
+        _size(unit, population),
+        pair,
+        silent,
     )
 
 
@@ -143,10 +151,10 @@ def _entry(
 
 def _size(unit: Term, population: Population) -> float:
     """Distance of a unit from its class in sd; nan where one of them was not tested."""
-    sd = predictive_sd(unit.full_sd, population)
-    if unit.verdict == "untested" or not population["tested"] or not 0.0 < sd < math.inf:
+    sd = predictive_sd(unit["full_sd"], population)
+    if unit["verdict"] == "untested" or not population["tested"] or not 0.0 < sd < math.inf:
         return math.nan
-    return abs(unit.full_mean - population["mean"]["value"]) / sd
+    return abs(unit["full_mean"] - population["mean"]["value"]) / sd
 
 
 def predictive_sd(sd: float, population: Population) -> float:
@@ -167,7 +175,7 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
     runs = noise_of(sensor)
     for letter in ("N", "B", "K"):
         own = [one for (_, which), one in runs.items() if which == letter and one[0] > 0.0]
-        logs = [math.log(unit.noise[letter]) for unit in of.units if unit.noise[letter] > 0.0]
+        logs = [math.log(unit["noise"][letter]) for unit in of["units"] if unit["noise"][letter] > 0.0]
         if not own or len(logs) < 2:
             continue
         value, error = fmean(one for one, _ in own), max(log_sd for _, log_sd in own)
@@ -175,7 +183,7 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
         sd = math.hypot(spread * math.sqrt(1.0 + 1.0 / len(logs)), error)
         size = abs(math.log(value) - fmean(logs)) / sd if sd > 0.0 else math.nan
         record = {"value": value, "class_median": median, "class_log_sd": spread}
-        unit, scale = noise_unit(letter, sensor.kind)
+        unit, scale = noise_unit(letter, sensor["kind"])
         sizes = (measured(value / scale, 0.0, unit), measured(median / scale, median / scale * spread, unit))
         cells = tuple(typeset(str(one)) for one in sizes)
         yield (
@@ -199,7 +207,7 @@ def units_page(found: Comparison) -> Page:
 
 def _answer(one: Group) -> str:
     far = differing(one.entries)
-    lot = f"the lot of class {one.members[1].id}"
+    lot = f"the lot of class {one.members[1]['id']}"
     if not far:
         return f"{one.name} is typical of {lot}."
     return f"{one.name} is not typical of {lot}: {far[0][0]} is {far[0][1].size:.1f} sd from it."
@@ -222,7 +230,7 @@ def _section(k: int, one: Group) -> Section:
             titled("Noise", one.name, NOISE_HEAD, noise, "tttn"),
         ),
         f"u{k + 1}",
-        f"{one.kind} of {label}, beside the {one.members[1].id} of {lot_label}",
+        f"{one.kind} of {label}, beside the {one.members[1]['id']} of {lot_label}",
     )
 
 
@@ -244,12 +252,12 @@ def _sentences(one: Group) -> Iterator[str]:
 def _cells(unit: Term, population: Population, kind: Kind) -> tuple[Text, ...]:
     known: tuple[Text, ...] = ("not tested", "", "")
     if population["tested"]:
-        share, mean, spread = population_texts(population, unit.name, kind)
-        printed, size = unit_of_term(unit.name, kind)
+        share, mean, spread = population_texts(population, unit["name"], kind)
+        printed, size = unit_of_term(unit["name"], kind)
         both = measured(population["mean"]["value"] / size, population["spread"]["value"] / size, printed)
         brief = str(both).replace("+-", ",").replace(" ,", ",")  # mean and spread, two digits of the spread
         known = (Both(typeset(mean).page, brief), typeset(spread), share)
-    return (typeset(term_value(unit)), *known, verdict(unit.verdict))
+    return (typeset(term_value(unit)), *known, verdict(unit["verdict"]))
 
 
 def units_record(found: Comparison) -> dict[str, Any]:

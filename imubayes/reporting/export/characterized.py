@@ -137,11 +137,13 @@ def characterized(
     """
     source = written(Path(path))
     result = read(source, SensorsResult, "coefficients of a sensor")
-    groups = _groups(result.sensors)
+    groups = _groups(result["sensors"])
     name = _chosen(groups, sensor, source.path)
     scene = _scene_entries(source, result, model)
     parts = {place: _part(source, one, (model, bias_at), scene) for place, one in groups[name].items()}
-    left_out = {place: scene[one.id].left_out_rms for place, one in groups[name].items() if one.id in scene}
+    left_out = {
+        place: scene[one["id"]]["left_out_rms"] for place, one in groups[name].items() if one["id"] in scene
+    }
     return Characterized(name, model, parts, _range(parts, groups[name]), source, left_out, bias_at)
 
 
@@ -149,9 +151,9 @@ def _groups(sensors: Sequence[Sensor]) -> dict[str, dict[str, Sensor]]:
     """Components by IMU and place in its case."""
     groups: dict[str, dict[str, Sensor]] = {}
     for one in sensors:
-        first, dot, place = one.id.rpartition(".")
+        first, dot, place = one["id"].rpartition(".")
         if not dot or place not in COMPONENTS:
-            first, place = one.id, ALONE[one.kind]
+            first, place = one["id"], ALONE[one["kind"]]
         groups.setdefault(first, {})[place] = one
     return groups
 
@@ -173,87 +175,72 @@ def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[s
     if model in (BEST, NEEDED, FULL, BASIC):
         return {}
     asked = model.replace("_", "-")
-    found = {one.sensor: one for one in result.scenes if one.name.replace("_", "-") == asked}
+    found = {one["sensor"]: one for one in result["scenes"] if one["name"].replace("_", "-") == asked}
     if not found:
-        known = dict.fromkeys((BEST, NEEDED, FULL, BASIC, *(one.name for one in result.scenes)))
+        known = dict.fromkeys((BEST, NEEDED, FULL, BASIC, *(one["name"] for one in result["scenes"])))
         raise InputError(f"{source.path}: has no model '{model}': expected one of {', '.join(known)}")
     return found
 
 
 def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mapping[str, Scene]) -> Part:
     model, bias_at = asked
+    bias = sensor.get("bias") if bias_at != "mean" else None
     if (used := _compensation(sensor, model)) is not None:
-        return _projected(sensor, used, bias_at)
-    if model == BASIC:
+        names, mean, joint = list(used["terms"]), np.array(used["mean"]), True
+        covariance = np.array(used["covariance"]).reshape(len(names), len(names))
+    elif model == BASIC:
         raise InputError(
-            f"{source.path}: {sensor.id} has no model '{BASIC}': no dwell of it was predicted from others;"
+            f"{source.path}: {sensor['id']} has no model '{BASIC}': no dwell of it was predicted from others;"
             f" choose {NEEDED} or {FULL}, or run the study again if an earlier version wrote it"
         )
-    by_name = {term.name: term for term in _terms(sensor, model, scene.get(sensor.id))}
-    lib = library_of(sensor.kind, list(by_name))
-    mean, sd = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
-    theta, spread = (
-        np.nan_to_num(np.array([getattr(by_name[name], key) for name in lib.names])) for key in (mean, sd)
-    )
-    joint = None if model == FULL else posterior_covariance(source.path, sensor.id, lib.names)
-    if sensor.bias and bias_at != "mean" and "b0" in lib.names:
-        place, joint = lib.names.index("b0"), None  # the draws are of the mean
-        theta[place], spread[place] = sensor.bias[bias_at]["mean"], sensor.bias[bias_at]["sd"]
-    runs, noise = _noise(sensor)
-    return Part(
-        sensor=sensor,
-        component=Component(lib, theta),
-        symbols=tuple(by_name[name].symbol for name in lib.names),
-        covariance=np.diag(spread**2) if joint is None else joint,
-        joint=joint is not None,
-        noise=noise,
-        noise_runs=runs,
-        interval=float(np.median([run.sampling for run in sensor.runs])),
-    )
-
-
-def _compensation(sensor: Sensor, model: str) -> Exportable | None:
-    """Coefficients of a model as the result has them, the best one first; None of a scene, or without any."""
-    return next((one for one in sensor.compensations if model in (BEST, one["model"])), None)
-
-
-def _projected(sensor: Sensor, used: Exportable, bias_at: str) -> Part:
-    lib = library_of(sensor.kind, list(used["terms"]))
-    places = [used["terms"].index(name) for name in lib.names]
-    theta = np.array(used["mean"])[places]
-    covariance = np.array(used["covariance"]).reshape(len(places), len(places))[np.ix_(places, places)]
-    elsewhere = bool(sensor.bias) and bias_at != "mean" and "b0" in lib.names
-    if sensor.bias and elsewhere:
-        b0, told = lib.names.index("b0"), sensor.bias[bias_at]
-        theta[b0], covariance = told["mean"], np.diag(np.diag(covariance))
-        covariance[b0, b0] = told["sd"] ** 2
-    symbols = {term.name: term.symbol for term in sensor.terms}
-    runs, noise = _noise(sensor)
+    else:
+        terms = _terms(sensor, model, scene.get(sensor["id"]))
+        names, keys = (
+            [one["name"] for one in terms],
+            ("full_mean", "full_sd") if model == FULL else ("mean", "sd"),
+        )
+        mean, spread = (np.nan_to_num(np.array([one[key] for one in terms], dtype=float)) for key in keys)
+        alone = model == FULL or (bias and "b0" in names)  # the draws are of the mean bias
+        drawn = None if alone else posterior_covariance(source.path, sensor["id"], names)
+        covariance, joint = np.diag(spread**2) if drawn is None else drawn, drawn is not None
+    lib = library_of(sensor["kind"], names)
+    places = [names.index(name) for name in lib.names]
+    theta, covariance = mean[places], covariance[np.ix_(places, places)]
+    if bias and "b0" in lib.names:
+        b0, joint = lib.names.index("b0"), False
+        theta[b0], covariance = bias[bias_at]["mean"], np.diag(np.diag(covariance))
+        covariance[b0, b0] = bias[bias_at]["sd"] ** 2
+    symbols, (runs, noise) = {one["name"]: one["symbol"] for one in sensor["terms"]}, _noise(sensor)
     return Part(
         sensor=sensor,
         component=Component(lib, theta),
         symbols=tuple(symbols[name] for name in lib.names),
         covariance=covariance,
-        joint=not elsewhere,
+        joint=joint,
         noise=noise,
         noise_runs=runs,
-        interval=float(np.median([run.sampling for run in sensor.runs])),
+        interval=float(np.median([run["sampling"] for run in sensor["runs"]])),
     )
+
+
+def _compensation(sensor: Sensor, model: str) -> Exportable | None:
+    """Coefficients of a model as the result has them, the best one first; None of a scene, or without any."""
+    return next((one for one in sensor.get("compensations", ()) if model in (BEST, one["model"])), None)
 
 
 def _terms(sensor: Sensor, model: str, scene: Scene | None) -> list[Term]:
     """Terms of the model; what was never excited, or is as the prior, has no value of the data's own."""
     silent = ("untested",) if model == FULL else ("untested", "unresolved")
-    names = sensor.model if scene is None else scene.model
-    told = [term for term in sensor.terms if term.verdict not in silent]
-    return told if model == FULL else [term for term in told if term.name in names]
+    names = sensor["model"] if scene is None else scene["model"]
+    told = [term for term in sensor["terms"] if term["verdict"] not in silent]
+    return told if model == FULL else [term for term in told if term["name"] in names]
 
 
 def _noise(sensor: Sensor) -> tuple[tuple[str, ...], Noise]:
     """Largest N, B and K over the static runs, or over all where there is none: posterior means, if drawn."""
-    static = [run.name for run in sensor.runs if run.procedure == "static"]
-    draws = sensor.noise_posterior.items()
-    known = sensor.noise | {run: {key: sizes[key]["mean"] for key in "NBK"} for run, sizes in draws}
+    static = [run["name"] for run in sensor["runs"] if run["procedure"] == "static"]
+    draws = sensor["noise_posterior"].items()
+    known = sensor["noise"] | {run: {key: sizes[key]["mean"] for key in "NBK"} for run, sizes in draws}
     found = [(name, known[name]) for name in static or known if name in known]
     N, B, K = (max((one[key] for _, one in found if math.isfinite(one[key])), default=0.0) for key in "NBK")
     return tuple(name for name, _ in found), Noise(N, B, K)
@@ -317,7 +304,7 @@ def _range(parts: Mapping[str, Part], entries: Mapping[str, Sensor]) -> InputRan
     within = InputRange(
         (f[0], f[1], f[2]), (w[0], w[1], w[2]), (dw[0], dw[1], dw[2]), (low, high), size("dT")
     )
-    if not any(run.procedure in CASES for one in entries.values() for run in one.runs):
+    if not any(run["procedure"] in CASES for one in entries.values() for run in one["runs"]):
         return within
     # positions in the hand are all over the sphere of 1 g, and an axis is upright in none of them exactly
     x, y, z = (max(end, HELD) for end in f)
@@ -334,9 +321,9 @@ def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
     """
     found: dict[str, dict[str, list[float]]] = {}
     for place, one in entries.items():
-        for channel, ends in (item for run in one.runs for item in run.ranges.items()):
+        for channel, ends in (item for run in one["runs"] for item in run["ranges"].items()):
             for name in _case_names(place, channel):
-                found.setdefault(name, {}).setdefault(one.kind, []).extend(filter(math.isfinite, ends))
+                found.setdefault(name, {}).setdefault(one["kind"], []).extend(filter(math.isfinite, ends))
     return {
         name: of_kind.get(OWN.get(name[:1], ""), [end for ends in of_kind.values() for end in ends])
         for name, of_kind in found.items()
@@ -406,7 +393,8 @@ def validity(found: Characterized) -> dict[str, Any]:
 def _lines(found: Characterized) -> Iterator[str]:
     about = provenance(found)
     yield f"{found.name}: {_model_words(found)}"
-    yield f"Components: {', '.join(f'{place} ({part.sensor.id})' for place, part in found.parts.items())}."
+    ids = ", ".join(f"{place} ({part.sensor['id']})" for place, part in found.parts.items())
+    yield f"Components: {ids}."
     if missing := [name for name in COMPONENTS if name not in found.parts]:
         yield f"Not in the result, and taken as ideal: {', '.join(missing)}."
     if _walks(found):
@@ -420,7 +408,7 @@ def _lines(found: Characterized) -> Iterator[str]:
 
 
 def _walks(found: Characterized) -> bool:
-    return any(part.sensor.bias for part in found.parts.values())
+    return any(part.sensor.get("bias") for part in found.parts.values())
 
 
 def _model_words(found: Characterized) -> str:

@@ -76,7 +76,7 @@ def triads(found: Characterized) -> dict[str, list[Part]]:
     InputError : if there is none of a kind.
     """
     kinds = {
-        kind: [p for p in found.parts.values() if p.sensor.kind == kind]
+        kind: [p for p in found.parts.values() if p.sensor["kind"] == kind]
         for kind in ("accelerometer", "gyroscope")
     }
     for kind, parts in kinds.items():
@@ -95,7 +95,7 @@ def check_noise(found: Characterized) -> None:
     ------
     InputError : names the components.
     """
-    silent = [part.sensor.id for part in found.parts.values() if not part.noise.N > 0.0]
+    silent = [part.sensor["id"] for part in found.parts.values() if not part.noise.N > 0.0]
     if silent:
         raise InputError(
             f"{found.source.path}: says nothing of the noise of {', '.join(silent)}: expected N of a run of"
@@ -162,9 +162,9 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
     terms = zip(part.component.library.terms, part.symbols, part.component.theta, sd, strict=True)
     floor, tau = floor_process(part.noise)
     return {
-        "id": part.sensor.id,
-        "kind": part.sensor.kind,
-        "class": part.sensor.class_,
+        "id": part.sensor["id"],
+        "kind": part.sensor["kind"],
+        "class": part.sensor["class"],
         "terms": [
             {
                 "name": term.name, "symbol": symbol, "unit": term.unit, "value": float(value),
@@ -259,7 +259,7 @@ def filter_record(found: Characterized) -> dict[str, Any]:
             for place, part in found.parts.items()
         },
         "white": {
-            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({OUTPUT[part.sensor.kind]})^2/Hz"}
+            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({OUTPUT[part.sensor['kind']]})^2/Hz"}
             for place, part in found.parts.items()
         },
     }
@@ -271,7 +271,7 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
         name = "b0" if term is None else term.name
         yield {
             "name": f"{place}.{name}",
-            "unit": OUTPUT[part.sensor.kind] if term is None else term.unit,
+            "unit": OUTPUT[part.sensor["kind"]] if term is None else term.unit,
             "regressor": "1" if term is None else regressor(place, term),
             "process": "random walk" if name == "b0" else "constant",
             "decay": 0.0,
@@ -280,7 +280,7 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
     sd, tau = floor_process(part.noise)
     yield {
         "name": f"{place}.B",
-        "unit": OUTPUT[part.sensor.kind],
+        "unit": OUTPUT[part.sensor["kind"]],
         "regressor": "1",
         "process": "first-order Gauss-Markov",
         "sd": sd,

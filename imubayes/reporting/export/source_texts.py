@@ -160,7 +160,7 @@ def _parts(found: Characterized) -> list[dict[str, object]]:
     return [
         {
             "place": place,
-            "id": quoted(part.sensor.id),
+            "id": quoted(part.sensor["id"]),
             "names": ", ".join(quoted(name) for name in part.component.library.names),
             "units": ", ".join(quoted(term.unit) for term in part.component.library.terms),
             "coefficients": _row(part.component.theta),

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NotRequired
+from typing import Annotated, NotRequired
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
-from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
 from imubayes.reporting.result.many import Population, Sessions
 from imubayes.reporting.result.values import (
-    PUBLISHED,
     Appendix,
     Bias,
     Budget,
@@ -139,8 +136,7 @@ Case = TypedDict("Case", {
 })
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Term:
+class Term(TypedDict):
     """A term of a component; `printed_unit` is the one that people use."""
 
     name: Annotated[str, says("of the term")]
@@ -176,8 +172,7 @@ class Term:
     mcmc_sd: Annotated[Number, says("the same")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Run:
+class Run(TypedDict):
     """A run: its source, and what it applied."""
 
     name: str
@@ -196,147 +191,144 @@ class Run:
     stills: Matrix
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Sensor:
-    """What a study says of one component."""
-
-    id: Annotated[str, says("of the component")]
-    kind: Annotated[Kind, says("accelerometer or gyroscope")]
-    class_: Annotated[str | None, Field(alias="class", description="of the catalogue; null without one")]
-    samples: Annotated[Count, says("that were used")]
-    noise: Annotated[dict[str, Noise], says("N, B, K of each run")]
-    noise_posterior: Annotated[dict[str, NoiseDraws], says(
+Sensor = TypedDict("Sensor", {
+    "id": Annotated[str, says("of the component")],
+    "kind": Annotated[Kind, says("accelerometer or gyroscope")],
+    "class": Annotated[str | None, says("of the catalogue; null without one")],
+    "samples": Annotated[Count, says("that were used")],
+    "noise": Annotated[dict[str, Noise], says("N, B, K of each run")],
+    "noise_posterior": Annotated[dict[str, NoiseDraws], says(
         "the same by the chains (mean, sd, 5 % and 95 % points); empty without chains"
-    )]
-    noise_processes: Annotated[dict[str, Processes], says(
+    )],
+    "noise_processes": Annotated[dict[str, Processes], says(
         "of each run that was asked: processes `identified`; of each process inclusion, mean, sd and "
         "quantiles over the sets that have it, `limit95`, `detection_limit` (size that a run of this "
         "length finds with 95 %), verdict; the best `sets`; the fit of the Allan variance (`allan`)"
-    )]
-    method: Annotated[str, says("how the posterior was computed")]
-    method_reason: Annotated[str, says("why so")]
-    choice: Annotated[RungChoice | None, says(
+    )],
+    "method": Annotated[str, says("how the posterior was computed")],
+    "method_reason": Annotated[str, says("why so")],
+    "choice": Annotated[RungChoice | None, says(
         "where `--budget` or `--accuracy` chose the method, else null: the `rung` taken, what was "
         "`asked`, whether that was `met`, its `seconds` and what was foreseen (`foreseen_seconds`), "
         "what each step `climbed` changed (`change_sd`, `change_inclusion`), and the `next` one with "
         "what it would take and change"
-    )]
-    terms: Annotated[tuple[Term, ...], says("of the library")]
-    bias: Annotated[Bias | None, says(
+    )],
+    "terms": Annotated[tuple[Term, ...], says("of the library")],
+    "bias": NotRequired[Annotated[Bias, says(
         "`mean` and `sd` of the bias, SI, averaged over models, at the `start` of the record, on "
         "average over it (`mean`, which `b0` is) and at its `end`, and its `drift` from start to end; "
         "left out where no random walk of the noise counts: it is then the same throughout"
-    )] = None
-    compensations: Annotated[tuple[Exportable, ...], says(
+    )]],
+    "compensations": NotRequired[Annotated[tuple[Exportable, ...], says(
         "coefficients that `imubayes export` writes, the best `model` first: `full` (every tested term), "
         "`needed`, `basic` (bias, scale, misalignment); those of a smaller model are the posterior of the "
         "full one projected on its `terms` over the inputs of the test: `mean` and `covariance`, SI. "
         "`held_out`: rms error of the output, SI, on average over each of the `positions`, predicted from "
         "all others. Left out where none could be"
-    )] = ()
-    model: Annotated[Names, says(
+    )]],
+    "model": Annotated[Names, says(
         "excited terms with inclusion 0.5 or more (median probability model; with `[decision]` costs, "
         "from their threshold on). No term that is `untested` or `not needed` is in it"
-    )]
-    log_evidence: Annotated[Number, says("of the data, averaged over all models")]
-    criteria: Annotated[dict[str, Criterion], says(
+    )],
+    "log_evidence": Annotated[Number, says("of the data, averaged over all models")],
+    "criteria": Annotated[dict[str, Criterion], says(
         "of each information criterion and predictive score: its best subset `model`, `value` "
         "(deviance scale: smaller is better), `lead` over the next subset, weight of each term "
         "(`inclusion`), effective `samples` of the coloured noise, subsets that were `compared` and "
         "whether that is all of them (`exact`), tail of importance sampling (`pareto_k`), `note`; "
         "empty without `compare`"
-    )]
-    sindy: Annotated[dict[str, SparseSupport], says(
+    )],
+    "sindy": Annotated[dict[str, SparseSupport], says(
         "of each sparse regression: the support `model`, the `strength` (threshold in detectable "
         "effects, or number of terms) that it is chosen at, frequency of each term over resampled "
         "campaigns (`inclusion`), terms that are `stable` at the frequency `cut`, and how many of "
         "these are false at most, on average (`false_bound`)"
-    )]
-    sensitivity: Annotated[Sensitivity | None, says(
+    )],
+    "sensitivity": Annotated[Sensitivity | None, says(
         "inclusion of each term over prior `widths`, under a hyper-g prior (`g_prior`; not of terms "
         "that are `left_out`), and terms whose inclusion crosses a threshold between 1/3 and 3 "
         "(`swing`); like the next two `null` without `compare`"
-    )]
-    votes: Annotated[Votes | None, says(
+    )],
+    "votes": Annotated[Votes | None, says(
         "for each of the `terms` that the test excites, in their order, how strongly each method is "
         "for it (`strength`) and whether its model has it (`keeps`: 1 or 0, `null` where it says "
         "nothing); `disagreements` with the decision: `term`, `methods`, `cause`, `text`"
-    )]
-    reduced: Annotated[Reduced | None, says(
+    )],
+    "reduced": Annotated[Reduced | None, says(
         "smallest model whose predictions over the test's inputs stay within the `budget` (rms, SI): "
         "`terms`, `coefficients`, the rms that is `lost`, and the `path` of smaller and larger models"
-    )]
-    unasked: Annotated[tuple[Unasked, ...], says(
+    )],
+    "unasked": Annotated[tuple[Unasked, ...], says(
         "opinions that are left out because they could not be had, each with its `method` and the "
         "`reason`; they have `null` in the votes"
-    )]
-    misfit: Annotated[Misfit | None, says(
+    )],
+    "misfit": Annotated[Misfit | None, says(
         "what the residuals say (each run against each input and time; rising against falling for T "
         "and the own input) that the library does not contain: `text`, dependences that chance does "
         "not explain (`found`) and all of them (`dependences`: `run`, `input`, `p`, `share` of the "
         "residuals' variance, `size` in SI), posterior predictive p-value of each run "
         "(`predictive_p`), and how near to 0 or 1 that is odd (`level`); `p` is corrected for all "
         "residual tests of the study, and something is found below 0.01"
-    )]
-    groups: Annotated[tuple[TermGroup, ...], says(
+    )],
+    "groups": Annotated[tuple[TermGroup, ...], says(
         "of each group of terms that the test sees in one combination only: `terms`, and the "
         "probability that at least one of them is in the model (`any_inclusion`)"
-    )]
-    mcmc: Annotated[Mcmc, says("of the draws in `posterior.nc`")]
-    extras: Annotated[tuple[Extra, ...], says("errors of the test bench")]
-    distrusted: Annotated[tuple[DistrustedDwell, ...], says(
+    )],
+    "mcmc": Annotated[Mcmc, says("of the draws in `posterior.nc`")],
+    "extras": Annotated[tuple[Extra, ...], says("errors of the test bench")],
+    "distrusted": Annotated[tuple[DistrustedDwell, ...], says(
         "dwells that are left out because they are contaminated, or pull too hard for what is known of "
         "them: `run`, `start` and `stop` in s, `probability`, `offset` and its `sd`"
-    )]
-    n_models: Annotated[Count, says("number of models")]
-    drawn_models: Annotated[Count, says(
+    )],
+    "n_models": Annotated[Count, says("number of models")],
+    "drawn_models": Annotated[Count, says(
         "where more models count than `mean` and `sd` can be averaged over: how many are drawn from "
         "them for that; else 0"
-    )]
-    missing: Annotated[Number, says(
+    )],
+    "missing": Annotated[Number, says(
         "bound on the probability of the models that were not weighed (`null` where there is none); 0 "
         "up to 26 candidates, and `null` where a cheap method picked the models"
-    )]
-    inclusion_error: Annotated[Number, says(
+    )],
+    "inclusion_error": Annotated[Number, says(
         "largest standard error of an inclusion where models were drawn; 0 and `null` like `missing`"
-    )]
-    best_models: Annotated[tuple[ModelProbability, ...], says("the ten most probable: terms, probability")]
-    by_size: Annotated[Numbers, says("log evidence by number of terms")]
-    candidates: Annotated[Names, says("terms that the test excites")]
-    inclusion_by_width: Annotated[dict[str, Numbers], says("their inclusion at prior widths x 1/3, 1, 3")]
-    confounded: Annotated[tuple[Confounded, ...], says(
+    )],
+    "best_models": Annotated[tuple[ModelProbability, ...], says("the ten most probable: terms, probability")],
+    "by_size": Annotated[Numbers, says("log evidence by number of terms")],
+    "candidates": Annotated[Names, says("terms that the test excites")],
+    "inclusion_by_width": Annotated[dict[str, Numbers], says("their inclusion at prior widths x 1/3, 1, 3")],
+    "confounded": Annotated[tuple[Confounded, ...], says(
         "groups of terms that the test cannot separate, with reason and remedy"
-    )]
-    observability: Annotated[dict[str, Observed], says(
+    )],
+    "observability": Annotated[dict[str, Observed], says(
         "of each term, whether it was tested, posterior over prior sd (`ratio`; `alone`, if it were "
         "the only one), variance inflation"
-    )]
-    residuals: Annotated[tuple[Residuals, ...], says(
+    )],
+    "residuals": Annotated[tuple[Residuals, ...], says(
         "of each run: scale over noise, p values of whiteness and normality, whether it `fits`, blocks "
         "that stand out, and the `level` that each test is held against: all residual tests of a study "
         "together give a false alarm with 1 % at most (Bonferroni)"
-    )]
-    runs: Annotated[tuple[Run, ...], says(
+    )],
+    "runs": Annotated[tuple[Run, ...], says(
         "of each run: origin and sd of the noise (of its logarithm), averaging time of a row "
         "(`interval`) and of a sample of the record (`sampling`), ranges of its inputs (of a triad in "
         "the hand the compensated ones of the stills and turns), file, SHA-256, columns, notes, stills "
         "of a free tumble"
-    )]
-    prior_source: Annotated[str, says("where the priors come from, in words")]
-    calibration: Annotated[Loose | None, says(
+    )],
+    "prior_source": Annotated[str, says("where the priors come from, in words")],
+    "calibration": Annotated[Loose | None, says(
         "of a free tumble and of an IMU: scale, bias, non-orthogonality, and their convention; "
         "`angles` where directions were known: rotation and non-orthogonality of each triad, mean and "
         "sd in rad"
-    )]
-    digits: Annotated[Digits | None, says(
+    )],
+    "digits": Annotated[Digits | None, says(
         "trustworthy decimal digits of `coefficients`, `sd`, `log_evidence` and `inclusion` against "
         "rounding: no more than are right; null where they were not judged"
-    )]
-    pooled_inclusion: Annotated[dict[str, Number], says(
+    )],
+    "pooled_inclusion": Annotated[dict[str, Number], says(
         "of components in one case: inclusion of each term in one model that all of their kind share; "
         "empty for a single component"
-    )]
-    standards: Annotated[dict[str, Standard], says(
+    )],
+    "standards": Annotated[dict[str, Standard], says(
         "of each standard that speaks of the class's technology (`ieee1293`, `ieee952`, ..., and the "
         "`basic` triad): `title`, `values` (`symbol`, `value` and `sd` in SI, with all candidate terms "
         "and their correlations; `unit`, `printed_unit`, the `term` it comes from and its `verdict`, "
@@ -345,18 +337,12 @@ class Sensor:
         "latter (`absorbed`: the `terms` that the test excites, the `inputs` that least squares was "
         "over, the `rms` of what they do there and of what is `left`, SI; null where there is "
         "nothing), and why there are no values (`trouble`)"
-    )]
-    seconds: Annotated[Number, says("of computing")]
-
-    @model_serializer(mode="wrap")
-    def _without_nothing(self, written: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values = written(self)
-        optional = {"bias": self.bias, "compensations": self.compensations}
-        return {key: value for key, value in values.items() if optional.get(key, True)}
+    )],
+    "seconds": Annotated[Number, says("of computing")],
+})
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class TermInScene:
+class TermInScene(TypedDict):
     """What a term does in a scene, and its share of the budget."""
 
     name: Annotated[str, says("of the term")]
@@ -372,8 +358,7 @@ class TermInScene:
     quadrant: Annotated[str, says("what inclusion and relevance say together")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Scene:
+class Scene(TypedDict):
     """A component in a scene."""
 
     name: Annotated[str, says("of the scene")]
@@ -396,18 +381,17 @@ class Scene:
         "from all `terms` to none: term that was `dropped`, bound of the `error` with 95 %"
     )]
     noise: Annotated[Noise, says("sd that N, B and K bring about in what is budgeted")]
-    tested_model: Annotated[Names | None, says(
+    tested_model: NotRequired[Annotated[Names | None, says(
         "smallest model where the terms kept take up the others over the test's inputs; null where these "
         "are not known"
-    )] = None
-    tested_left_out: Annotated[ErrorSize | None, says("error of the terms that it leaves out")] = None
+    )]]
+    tested_left_out: NotRequired[Annotated[ErrorSize | None, says("error of the terms that it leaves out")]]
     notes: Annotated[Names, says(
         "how the scene was made, which run's noise it is, which terms it does not drive"
     )]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class SensorsResult:
+class SensorsResult(TypedDict):
     """Result of a study of sensors."""
 
     imubayes: Annotated[str, says("version")]

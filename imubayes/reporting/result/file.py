@@ -32,10 +32,8 @@ TAGS = {
 """Key that only the results of a kind have."""
 
 
-def _tag(value: Any) -> str | None:
-    if isinstance(value, Mapping):
-        return next((tag for tag in TAGS.values() if tag in value), None)
-    return TAGS.get(type(value))
+def _tag(value: Mapping[str, Any]) -> str | None:
+    return next((tag for tag in TAGS.values() if tag in value), None)
 
 
 Result = Annotated[

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NotRequired
 
-from pydantic.dataclasses import dataclass
 from typing_extensions import TypedDict
 
 from imubayes.reporting.result.values import (
-    PUBLISHED,
     BetweenSessions,
     Broken,
     Check,
@@ -148,8 +146,7 @@ Fleet = TypedDict("Fleet", {
 })
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class ClassTermInScene:
+class ClassTermInScene(TypedDict):
     """What a term does in a scene, over the units of a class."""
 
     name: Annotated[str, says("of the term")]
@@ -163,8 +160,7 @@ class ClassTermInScene:
     answer: Annotated[str, says("`needed`, `not needed`, `would matter` or `cannot tell`")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class ClassInScene:
+class ClassInScene(TypedDict):
     """A class in a scene, with the keys of a component's: `sensor` is the class, `model` what it needs."""
 
     name: Annotated[str, says("of the scene")]
@@ -181,13 +177,12 @@ class ClassInScene:
     basic_share_of_budget: Annotated[Number, says(
         "that a triad of twelve parameters leaves, median over units; null where not asked"
     )]
-    tested_order: Annotated[Interval | None, says(
+    tested_order: NotRequired[Annotated[Interval | None, says(
         "as `order`, where the terms kept take up the others over the inputs of the unit's test"
-    )] = None
+    )]]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class ClassTerm:
+class ClassTerm(TypedDict):
     """A term over the units of a class."""
 
     name: Annotated[str, says("of the term")]
@@ -200,8 +195,7 @@ class ClassTerm:
     answer: Annotated[str, says("`needed`, `not needed` or `cannot tell`")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Unit:
+class Unit(TypedDict):
     """A simulated unit: coefficients in the order of the terms."""
 
     number: Annotated[Count, says("in its lot")]
@@ -217,8 +211,7 @@ class Unit:
     noise: Annotated[Noise, says("N, B, K")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Class:
+class Class(TypedDict):
     """A class of a lot study; `order` counts the needed terms of a unit."""
 
     id: Annotated[str, says("of the catalogue")]
@@ -230,8 +223,7 @@ class Class:
     units: Annotated[tuple[Unit, ...], says("of the lot")]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class Lots:
+class Lots(TypedDict):
     """Lots of simulated units, one of each class."""
 
     kind: Annotated[Kind, says("accelerometer or gyroscope")]
@@ -246,8 +238,7 @@ class Lots:
     )]
 
 
-@dataclass(frozen=True, kw_only=True, config=PUBLISHED)
-class LotsResult:
+class LotsResult(TypedDict):
     """Result of a class-level study."""
 
     imubayes: Annotated[str, says("version")]

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import is_dataclass
 from functools import cache
 from types import SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, NotRequired, TypeVar, get_args, get_origin, get_type_hints
 
-from pydantic import BeforeValidator, ConfigDict, Field, Strict
+from pydantic import BeforeValidator, Field, Strict
 from pydantic.fields import FieldInfo
 from pydantic_core import core_schema
 from typing_extensions import TypedDict, is_typeddict
-
-PUBLISHED = ConfigDict(validate_by_name=True, validate_by_alias=True, defer_build=True)
 
 
 class _Real:
@@ -87,19 +84,15 @@ def _of_form(form: Any, value: Any) -> Any:
         return value
     if get_origin(form) is UnionType:
         return _of_form(kinds[0], value)
-    if get_origin(form) is tuple and kinds[-1] is Ellipsis and _is_published(kinds[0]):
+    if get_origin(form) is tuple and kinds[-1] is Ellipsis and is_typeddict(kinds[0]):
         return tuple(_of_form(kinds[0], each) for each in value)
-    if get_origin(form) is dict and _is_published(kinds[1]):
+    if get_origin(form) is dict and is_typeddict(kinds[1]):
         return {key: _of_form(kinds[1], each) for key, each in value.items()}
-    if not _is_published(form) or isinstance(value, Mapping) or type(value) is form:
+    if not is_typeddict(form) or isinstance(value, Mapping):
         return value
     if isinstance(value, tuple):
         value = SimpleNamespace(**dict(zip(_hints(form), value, strict=True)))
     return published(form, value)
-
-
-def _is_published(form: Any) -> bool:
-    return is_typeddict(form) or is_dataclass(form)
 
 
 # fmt: off

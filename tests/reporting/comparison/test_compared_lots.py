@@ -97,24 +97,24 @@ def _interval(value, low, high):
 def _lot(noise=((1.0, 1.0, 1.0),)):
     """Lot of one class, whose terms have a population that is surely known; with noise of its units."""
     lot = published_lots(lot_result())
-    one, sure = lot.lots.classes[0], 1e-6
-    term = replace(
-        one.terms[0],
-        needed=_interval(1.0, 0.5, 1.0),
-        mean=_interval(0.0, -sure, sure),
-        spread=_interval(1.0, math.exp(-sure), math.exp(sure)),
-    )
-    terms = tuple(replace(term, name=f"b{k}") for k in range(TERMS))
+    one, sure = lot["lots"]["classes"][0], 1e-6
+    term = one["terms"][0] | {
+        "needed": _interval(1.0, 0.5, 1.0),
+        "mean": _interval(0.0, -sure, sure),
+        "spread": _interval(1.0, math.exp(-sure), math.exp(sure)),
+    }
+    terms = tuple(term | {"name": f"b{k}"} for k in range(TERMS))
     units = tuple(
-        replace(one.units[0], verdicts=("needed",) * TERMS, noise=dict(zip("NBK", figures, strict=True)))
+        one["units"][0] | {"verdicts": ("needed",) * TERMS, "noise": dict(zip("NBK", figures, strict=True))}
         for figures in noise
     )
-    return replace(lot, lots=replace(lot.lots, classes=(replace(one, id="mine", terms=terms, units=units),)))
+    mine = one | {"id": "mine", "terms": terms, "units": units}
+    return lot | {"lots": lot["lots"] | {"classes": (mine,)}}
 
 
 def _unit(values, verdict="needed", class_id="mine", noise=None):
     terms = [a_term(f"b{k}", v, 0.5, verdict, "rad/s") for k, v in enumerate(values)]
-    return a_result(a_sensor("G", terms, noise or {}, kind="gyroscope", class_=class_id))
+    return a_result(a_sensor("G", terms, noise or {}, kind="gyroscope", **{"class": class_id}))
 
 
 def _beside(*results):

@@ -35,7 +35,7 @@ def _pair(a, b):
 
 
 def _ids(found):
-    return [tuple(one.id if one else None for one in group.members) for group in found.groups]
+    return [tuple(one["id"] if one else None for one in group.members) for group in found.groups]
 
 
 def test_difference_is_over_the_combined_sd():
@@ -54,9 +54,9 @@ def test_noise_that_was_given_is_not_compared_with_itself_and_has_no_sd():
 
 
 def test_sampled_noise_has_the_mean_and_sd_of_its_draws():
-    (sensor,) = published_result(study_result(sampled_result())).sensors
+    (sensor,) = published_result(study_result(sampled_result()))["sensors"]
     for (run, letter), (mean, log_sd) in noise_of(sensor).items():
-        said = sensor.noise_posterior[run][letter]
+        said = sensor["noise_posterior"][run][letter]
         # a log-normal of this mean and log sd has the sd that the draws have
         assert mean == said["mean"]
         assert mean * math.sqrt(math.expm1(log_sd**2)) == pytest.approx(said["sd"], rel=1e-10)
@@ -111,7 +111,7 @@ def test_runs_of_other_names_are_compared_in_their_order():
 
 
 def test_untested_term_is_not_compared():
-    b0 = _pair(_part(), replace(_part(), terms=(a_term("b0", 99.0, 0.1, "untested"),))).terms["b0"]
+    b0 = _pair(_part(), _part() | {"terms": (a_term("b0", 99.0, 0.1, "untested"),)}).terms["b0"]
     assert b0.pull is None and b0.divided
 
 
@@ -127,7 +127,7 @@ def test_what_cannot_be_compared_is_refused():
         _compared(one)
     with pytest.raises(InputError, match="no kind of sensor in common"):
         _compared(one, a_result(_part(kind="gyroscope")))
-    other = replace(_part(), terms=(a_term("b0", 1.0, 1.0, unit="rad/s"),))
+    other = _part() | {"terms": (a_term("b0", 1.0, 1.0, unit="rad/s"),)}
     with pytest.raises(InputError, match="b0 has different units"):
         _compared(one, a_result(other))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +77,7 @@ def write_imu(
     truths = coefficients()
     sensors = [entry(f"{id}.{name}", name, truths[name]) for name in names]
     scenes = [
-        json.loads(json.dumps(asdict(published_scene(a_relevance(), f"{id}.{name}"))))
+        json.loads(json.dumps(published_scene(a_relevance(), f"{id}.{name}")))
         | {"name": "uav-hover", "model": ["b0", "b1"], "left_out_rms": 0.25}
         for name in names
     ]
