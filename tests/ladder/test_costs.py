@@ -1,6 +1,5 @@
 import time
 
-import numpy as np
 import pytest
 from ladders import ground, problem
 
@@ -45,21 +44,6 @@ def test_rows_that_are_read_again_cost_as_often_as_they_are_read():
     assert often > 20.0 * once
     assert within(5.0, long, REFERENCE) == "plug-in"
     assert within(1e9, long, REFERENCE) == "full"
-
-
-def test_law_of_a_machine_half_as_fast_takes_twice_as_long():
-    slow = law_of({kind: 2.0 * seconds for kind, seconds in measured_and_kept().items()})
-    usual = law_of(measured_and_kept())
-    for rung in LADDER:
-        ratio = foreseen(rung.name, SIZE, slow) / foreseen(rung.name, SIZE, usual)
-        np.testing.assert_allclose(ratio, 2.0)
-
-
-def measured_and_kept() -> dict[str, float]:
-    calibrate()
-    found = costs.kept_speeds()
-    assert found is not None
-    return found
 
 
 def test_machine_is_measured_once(monkeypatch):

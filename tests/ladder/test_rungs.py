@@ -6,10 +6,9 @@ from ladders import ground, in_memory_and_streamed, problem
 
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.inference.prior import ScalePrior
 from imubayes.ladder import LADDER, RungName
 from imubayes.ladder.foresight import foresee
-from imubayes.ladder.problem import change, ground_of, prepared, problem_of, size_of
+from imubayes.ladder.problem import change, ground_of, problem_of, size_of
 from imubayes.ladder.rungs import AT_ONCE, POSTERIORS, stand
 from imubayes.rig.inputs import Inputs, Run
 
@@ -70,28 +69,11 @@ def test_full_rung_and_every_row_agree(climbed):
     assert np.max(apart) < draws
 
 
-def test_what_each_rung_would_gain_is_finite_and_said(climbed):
-    g, answers = climbed
-    for name in NAMES[:-1]:
-        ahead, reason = foresee(g, answers[name])
-        assert np.isfinite(ahead).all()
-        assert 0.0 <= ahead[1] <= 1.0
-        assert reason
-
-
 def test_an_answer_does_not_depend_on_what_was_climbed_before(climbed):
     _, answers = climbed
     alone = stand("averaged", ground_of(problem(), np.random.default_rng(2), lambda message: None, SHORT))
     np.testing.assert_array_equal(alone.mean, answers["averaged"].mean)
     np.testing.assert_array_equal(alone.inclusion, answers["averaged"].inclusion)
-
-
-def test_size_counts_rows_columns_and_what_is_excited():
-    one = problem()
-    size, ready = size_of(one), prepared(ground(one))
-    assert (size.rows, size.columns) == (ready.summary.factor.n, ready.summary.factor.p)
-    assert size.candidates == int(np.sum(ready.summary.factor.column_norms > 0.0))
-    assert size.runs == 1
 
 
 def test_free_tumbles_are_told_where_to_go():
@@ -101,12 +83,6 @@ def test_free_tumbles_are_told_where_to_go():
     free = Run("free", "free-tumble", Inputs(run.inputs.t, {}, 1.0), output, run.source, gravity=9.8)
     with pytest.raises(InputError, match=r"'free' is one of several components.*one component with known"):
         problem_of(one.spec, [free])
-
-
-def test_prior_of_the_problem_is_that_of_the_factor():
-    one = problem()
-    assert isinstance(one.prior, ScalePrior)
-    np.testing.assert_array_equal(one.prior.sd, prepared(ground(one)).prior.sd)
 
 
 @pytest.fixture(scope="module")

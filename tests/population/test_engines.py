@@ -98,14 +98,6 @@ def test_job_that_ends_every_worker_is_lost_and_the_others_are_done(cluster):
     _settle(cluster)
 
 
-def test_error_of_a_job_is_that_of_the_whole(cluster):
-    with (
-        engine(cluster.scheduler_address, 2) as workers,
-        pytest.raises(ZeroDivisionError),
-    ):
-        list(workers.do(divmod, [(1, 0)]))
-
-
 def _workers(cluster) -> list[int]:
     from distributed import Client
 

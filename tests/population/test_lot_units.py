@@ -30,17 +30,6 @@ def found():
     return measure(small(), progress=told.append), told
 
 
-def test_every_class_has_its_units_terms_and_scenes(found):
-    result, told = found
-    study = result.study
-    assert [one.sensor_class.id for one in result.classes] == [entry.id for entry in study.classes]
-    for one in result.classes:
-        assert [unit.number for unit in one.units] == [0, 1]
-        assert [term.name for term in one.terms] == list(study.library.names)
-        assert [scene.mission for scene in one.missions] == ["shaken"]
-    assert told[-2].startswith("4 of 4 units")
-
-
 def test_classes_are_what_their_units_say_one_by_one(found):
     study, second = found[0].study, found[0].classes[1]
     lot = lot_of(study, 1)
@@ -193,11 +182,6 @@ def test_what_the_test_does_not_know_of_the_triad_itself_is_not_held_against_it(
     assert basic_left(seen, draws) < 1e-12
     draws[:, LIB.names.index("b2")] = 1e-6
     assert basic_left(seen, draws) > 1e-6
-
-
-def test_basic_share_is_not_a_number_where_it_is_not_asked():
-    (found,) = weighed([unit(np.zeros(len(LIB.terms)))], replace(STUDY, basic=False))
-    assert np.isnan(found.basic_share)
 
 
 def test_input_axis_of_a_mission_decides_which_component_is_weighed():

@@ -1,6 +1,5 @@
 import itertools
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -83,11 +82,6 @@ def test_answer_of_few_units_that_are_not_of_one_mind_could_change_and_that_of_m
     assert could_change(_term(6, 0, 10), 10) and could_change(_term(0, 6, 10), 10)
     assert not could_change(_term(10, 0, 10), 10) and not could_change(_term(0, 10, 10), 10)
     assert not could_change(_term(600, 0, 1000), 1000)
-
-
-def test_answer_does_not_hang_on_the_range_of_the_share():
-    term = _term(6, 2, 10)
-    assert of_class(term) == of_class(replace(term, needed=Share(term.needed.value, 0.0, 1.0))) == NEEDED
 
 
 WORDS = ("needed", "not needed", "undecided", *sorted(CANNOT_TELL))

@@ -117,15 +117,6 @@ def test_unit_of_the_numbers_changes_nothing_but_the_unit(factor):
     assert other.shared == pytest.approx(one.shared, rel=1e-9)
 
 
-def test_order_of_sessions_and_values_of_units_do_not_matter():
-    value, error = drawn(np.random.default_rng(4), 2e-3)
-    one = compared(value, error, 1e6)
-    moved = value + np.random.default_rng(5).normal(size=(8, 1))
-    other = compared(moved[::-1, [2, 0, 1]], error[::-1, [2, 0, 1]], 1e6)
-    assert other.p_value == pytest.approx(one.p_value, rel=1e-6)
-    np.testing.assert_allclose(other.between, one.between, rtol=1e-6)
-
-
 def test_probability_of_the_scatter_is_uniform_where_sessions_repeat():
     rng = np.random.default_rng(6)
     p = [compared(*drawn(rng, 0.0)).p_value for _ in range(400)]

@@ -1,14 +1,13 @@
 """Populations of units, recorded and drawn: dense algebra, variance analysis, mixed models, truths held."""
 
 import math
-import warnings
 from statistics import NormalDist
 
 import numpy as np
 import pytest
 from scipy import optimize
 from scipy.integrate import dblquad
-from scipy.stats import beta, chi2
+from scipy.stats import beta
 
 from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference.intervals import frequency
@@ -108,33 +107,6 @@ def test_balanced_units_have_the_spreads_of_the_analysis_of_variance():
     expected = within - noise**2, (of_units - within) / sessions, (of_sessions - within) / units
     found = most_likely([one], (0.1, 1.0, 0.3))
     np.testing.assert_allclose(found**2, expected, rtol=1e-5)
-
-
-def test_unbalanced_units_have_the_spreads_of_a_mixed_model():
-    """Another library: crossed random effects, restricted likelihood, a residual that is not known."""
-    pytest.importorskip("statsmodels")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its own dependencies
-        import pandas as pd
-        from statsmodels.regression.mixed_linear_model import MixedLM
-
-        rng = np.random.default_rng(4)
-        value = rng.normal(size=(15, 1)) + 0.5 * rng.normal(size=5) + 0.3 * rng.normal(size=(15, 5))
-        value[rng.random(value.shape) < 0.15] = np.nan
-        u, s = np.nonzero(np.isfinite(value))
-        table = pd.DataFrame({"y": value[u, s], "u": u.astype(str), "s": s.astype(str), "all": 1})
-        model = MixedLM.from_formula(
-            "y ~ 1", table, groups="all", re_formula="0", vc_formula={"u": "0 + C(u)", "s": "0 + C(s)"}
-        )
-        fit = model.fit(reml=True)
-    noise = 1e-3
-    one = Likelihoods(value, np.full(value.shape, noise), np.zeros((*value.shape, 0)))
-    own, unit, common = most_likely([one], (0.3, 1.0, 0.5))
-    variances = dict(zip(model.exog_vc.names, fit.vcomp, strict=True))
-    # its optimiser stops at 1e-4 of the likelihood or so
-    assert own**2 + noise**2 == pytest.approx(fit.scale, rel=1e-2)
-    assert unit**2 == pytest.approx(variances["u"], rel=1e-2)
-    assert common**2 == pytest.approx(variances["s"], rel=1e-2)
 
 
 def test_units_that_share_no_session_have_the_turn_on_of_their_sessions_alone():
@@ -269,18 +241,6 @@ def test_posterior_agrees_with_direct_integration_over_mean_and_spread():
     assert mass(bottom, math.log(tau.low), -6.0, 6.0) / whole == pytest.approx(0.05, abs=0.005)
     assert mass(bottom, math.log(tau.value), -6.0, 6.0) / whole == pytest.approx(0.5, abs=0.005)
     assert mass(bottom, top, -6.0, mu.high) / whole == pytest.approx(0.95, abs=0.005)
-
-
-def test_spread_of_exact_estimates_is_that_of_many_normal_draws():
-    n = 400
-    theta = 2.0 + 3.0 * np.random.default_rng(1).standard_normal(n)
-    mu, tau = spread(theta, np.zeros(n), (1e-3, 1e3))
-    s2 = float(np.var(theta, ddof=1)) * (n - 1)
-    low, high = np.sqrt(s2 / chi2(n - 1).ppf([0.95, 0.05]))
-    # the prior of the mean, N(0, spread^2), counts as one unit of 400; a cell of this wide grid is 3.5 %
-    assert tau.low == pytest.approx(low, rel=0.01)
-    assert tau.high == pytest.approx(high, rel=0.01)
-    assert mu.value == pytest.approx(theta.mean() * n / (n + 1), rel=1e-3)
 
 
 def test_scatter_of_the_measurements_is_not_taken_for_the_populations():

@@ -15,7 +15,6 @@ from navigator import G, R
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
-from imubayes.scenes.effects import budget_effects
 from imubayes.scenes.propagation import (
     STATES,
     Budget,
@@ -113,14 +112,6 @@ def test_terms_come_to_what_pyins_makes_of_them(kind_of_path):
     assert compared > 40
 
 
-def test_constant_errors_of_straight_flight_grow_as_the_short_term_formulas_say() -> None:
-    t, scene = 70.0, level(70)
-    assert one("accelerometer", scene, "position", [t], False)[0] == pytest.approx(0.5 * t**2, rel=1e-12)
-    assert one("gyroscope", scene, "position", [t], False)[0] == pytest.approx(G * t**3 / 6.0, rel=1e-12)
-    assert one("gyroscope", scene, "velocity", [t], False)[0] == pytest.approx(0.5 * G * t**2, rel=1e-12)
-    assert one("gyroscope", scene, "attitude", [t], False)[0] == pytest.approx(t, rel=1e-12)
-
-
 def test_long_missions_have_the_published_magnitudes() -> None:
     """100 ug oscillate with 1.28 km peak; 0.01 deg/h on a level axis make 0.6 nautical miles an hour."""
     half = math.pi / SCHULER
@@ -130,29 +121,6 @@ def test_long_missions_have_the_published_magnitudes() -> None:
     two = one("gyroscope", scene, "position", [2.0 * half])[0] * 0.01 * DPH
     assert two / (2.0 * half) * 3600.0 / 1852.0 == pytest.approx(0.6, rel=0.05)
     assert 2.0 * half / 60.0 == pytest.approx(84.4, abs=0.1)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_size_depends_on_the_heading_or_on_the_names_of_the_case_axes(kind) -> None:
-    _, scene = flown("turns", False, 60.0)
-    lib = library(kind, set="extended")
-    heading = navigator.turned(np.array([0.0, 0.0, 1.1]))
-    east = replace(scene, attitude=heading @ scene.attitude)
-    # y, z, x of the first case are x, y, z of the second
-    order = [1, 2, 0]
-    channels = {
-        f"{q}_{'ijk'[k]}": scene.inputs.channels[f"{q}_{'ijk'[old]}"]
-        for q in ("f", "w", "dw") for k, old in enumerate(order)
-    }  # fmt: skip
-    named = replace(
-        scene, inputs=replace(scene.inputs, channels=channels), attitude=scene.attitude[:, :, order]
-    )
-    for quantity in STATES:
-        budget = Budget(quantity, 1.0, schuler=False)
-        unit = np.ones(len(lib.names))
-        was = budget_effects(scene, lib, budget, "y").single(unit)
-        assert budget_effects(east, lib, budget, "y").single(unit) == pytest.approx(was, rel=1e-9)
-        assert budget_effects(named, lib, budget, "x").single(unit) == pytest.approx(was, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -186,20 +154,6 @@ def test_mission_that_ends_within_the_first_row_is_refused() -> None:
     short = replace(level(60), duration=0.3)
     with pytest.raises(InputError, match=r"a mission of 0\.3 s ends within the first row, of 1 s: expected"):
         propagation("gyroscope", short, [0.3])
-
-
-def test_noise_grows_as_the_formulas_of_straight_flight_say() -> None:
-    t, scene = 600.0, level(2000, 0.3)
-
-    def of(kind, quantity):
-        return noise_growth(propagation(kind, scene, [t], schuler=False), "y", quantity)
-
-    assert of("accelerometer", "velocity")[0] == pytest.approx(t**0.5, rel=1e-3)
-    assert of("accelerometer", "position")[0] == pytest.approx(t**1.5 / 3**0.5, rel=1e-3)
-    assert of("gyroscope", "attitude")[0] == pytest.approx(t**0.5, rel=1e-3)
-    assert of("gyroscope", "position")[0] == pytest.approx(G * t**2.5 / 20**0.5, rel=1e-3)
-    assert of("accelerometer", "position")[2] == pytest.approx(t**2.5 / 20**0.5, rel=1e-3)
-    assert of("gyroscope", "position")[2] == pytest.approx(G * t**3.5 / 252**0.5, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -101,19 +101,6 @@ def test_effect_on_a_budget_of_a_log_is_that_of_a_navigator_which_flew_it(
     assert 1e-3 * effects.size(theta) == pytest.approx(got, rel=0.05, abs=1e-12)
 
 
-def test_bias_and_scale_in_a_steady_turn_are_the_formulas_of_a_budget() -> None:
-    """0.5 b t^2, 0.5 s a t^2, 0.5 K2 a^2 t^2, 0.5 S w^2 t^2 for constant a and w."""
-    n, a, w = 100, 30.0, 0.4
-    force, rate = np.tile([a, 0.0, G], (n, 1)), np.tile([0.0, w, 0.0], (n, 1))
-    turn = Scene("turn", recorded("turn", np.arange(float(n)), force, rate).inputs, float(n))
-    lib = library("accelerometer", set="extended")
-    effects = budget_effects(turn, lib, Budget("position", 1.0, schuler=False))
-    single = dict(zip(lib.names, effects.single(np.ones(len(lib.names))), strict=True))
-    for name, value in {"b0": 1.0, "b1": a, "b2": a**2, "m_k": G, "c_ik": a * G, "S_jj": w**2}.items():
-        assert single[name] == pytest.approx(0.5 * value * n**2, rel=1e-9)
-    assert single["m_j"] == 0.0 and single["s_j"] == 0.0
-
-
 def unrolled(scene, records):
     """Motion of every repetition (3, n), and the temperature and its rate at the same times, written out."""
     c, n = scene.mean_motion.channels, len(scene.mean_motion)
@@ -174,24 +161,6 @@ def test_scene_without_temperature_drives_no_term_of_it() -> None:
     rows = budget_effects(still, lib, Budget("attitude", 1.0)).rows
     heated = ["*" in name for name in lib.names]
     assert sum(heated) == 3 and not rows[:, heated].any() and rows[::3, 0].all()
-
-
-def test_generated_temperature_does_not_jump_back_when_the_motion_repeats() -> None:
-    """Attitude by b0*T is the integral of the scene's own sine, whatever the record: five times repeated."""
-    ranges = scene_named("planing_craft")
-    scene = replace(generated(ranges, np.random.default_rng(1), duration=1800.0), attitude=None)
-    lib = library("gyroscope", temperature=2)
-    effects = budget_effects(scene, lib, Budget("attitude", 1.0, schuler=False))
-    low, high = ranges.temperature
-    half, p, t = 0.5 * (high - low), 2.0 * ranges.warming / (high - low), scene.duration
-    offset = 0.5 * (high + low) - T0
-    first = offset * t + half * (1.0 - np.cos(p * t)) / p
-    second = offset**2 * t + 2.0 * offset * half * (1.0 - np.cos(p * t)) / p
-    second += half**2 * (t / 2.0 - np.sin(2.0 * p * t) / (4.0 * p))
-    by_name = dict(zip(lib.names, effects.rows[-3], strict=True))
-    # rows of 11 ms are held, and the sine is linear between knots
-    assert by_name["b0*T"] == pytest.approx(first, rel=1e-4)
-    assert by_name["b0*T2"] == pytest.approx(second, rel=1e-4)
 
 
 def test_vibration_drives_k2_and_not_the_scale_factor_in_position() -> None:

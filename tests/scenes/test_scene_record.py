@@ -68,11 +68,6 @@ def test_case_axes_of_every_component_are_a_right_handed_turn_of_x_y_z() -> None
         assert np.linalg.det(np.eye(3)[order]) == pytest.approx(1.0)
 
 
-def test_temperature_has_no_axis_to_turn() -> None:
-    warm = Inputs(np.zeros(1), {"T": np.array([300.0]), "dT": np.zeros(1)}, 1.0)
-    assert sorted(in_case(warm, "z").channels) == ["T", "dT"]
-
-
 def test_axis_that_a_case_does_not_have_is_refused() -> None:
     with pytest.raises(InputError, match="expected x, y or z"):
         in_case(Inputs(np.zeros(1), {}, 1.0), "i")

@@ -79,13 +79,6 @@ def test_channels_of_the_record_obey_the_same_law_in_seconds() -> None:
     assert np.abs(w[:, 2:] - w[:, :-2] - change).max() < 2e-3 * 2.0 * step * np.abs(dw).max()
 
 
-def test_temperature_rate_is_the_derivative_where_the_record_covers_the_mission() -> None:
-    """The record ends within half a row of the mission, so that both clocks agree to half a row in n."""
-    scene = generated(scene_named("quadrotor"), np.random.default_rng(6))
-    heat, rate, t = (scene.inputs.channels["T"], scene.inputs.channels["dT"], scene.inputs.t)
-    assert np.abs(np.gradient(heat, t) - rate)[1:-1].max() < np.abs(rate).max() / len(t)
-
-
 def test_temperature_runs_on_over_the_whole_mission_within_its_range_and_its_rate(ranges) -> None:
     """The longest mission of the catalogue's range, up to 30 days: the record is repeated, this is not."""
     scene = generated(ranges, np.random.default_rng(6), duration=ranges.duration[1])

@@ -8,10 +8,7 @@ import pytest
 from imubayes.population.lots import Against, measure
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.lots_page import lots_json, lots_page
-from imubayes.scenes.ranges import catalogue_scenes
 from imubayes.study.schema import read
-
-STUDIES = Path(__file__).parents[2] / "studies"
 
 SMALL = """
 [study]
@@ -87,19 +84,3 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
 )
 def test_study_asks_what_its_file_says(tmp_path, written, asks):
     assert _read(tmp_path, SMALL.replace("units = 3", f"units = 3\n{written}")).asks == asks
-
-
-NAMES = ["mems_vs_fog", "accelerometer_grades", "basic_vs_generalized", "scenes", "scenes_accelerometers"]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_committed_study_has_an_imperfect_bench_its_scenes_and_two_runs(name):
-    study = read(STUDIES / f"{name}.toml")[1]
-    assert 8 <= study.units <= 10
-    assert study.reference
-    assert study.missions
-    assert {run.procedure for run in study.runs} >= {"tumble"}
-    assert len(study.runs) == 2
-    assert study.basic == (name in ("mems_vs_fog", "basic_vs_generalized"))
-    if name.startswith("scenes"):
-        assert {one.name for one in study.missions} == {one.id for one in catalogue_scenes()}

@@ -85,25 +85,11 @@ def test_a_misalignment_couples_the_case_axis_of_the_cyclic_order(name, term, co
     np.testing.assert_allclose(response, expected, rtol=0.0, atol=1e-16)
 
 
-def test_a_small_rotation_of_the_case_about_z_moves_x_into_y_with_plus_and_y_into_x_with_minus():
-    angle = 1e-4
-    turned = imu_of({"ax": one("ax", m_j=angle), "ay": one("ay", m_k=-angle)})
-    found = forward(turned, signals([[3.0, 5.0, 7.0]])).f[0]
-    rotation = np.array([[0.0, -angle, 0.0], [angle, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    # the response of a case turned by +angle about z to a vector that stays is -rotation of the vector
-    np.testing.assert_allclose(found, [3.0, 5.0, 7.0] - rotation @ [3.0, 5.0, 7.0], rtol=1e-15)
-
-
 def test_at_zero_input_the_sign_is_zero_and_an_asymmetry_puts_out_nothing():
     outputs = forward(
         imu_of({"ax": one("ax", b0p=1e-3, b1p=1e-3)}), signals([[0.0, 0, 0], [2.0, 0, 0], [-2.0, 0, 0]])
     )
     np.testing.assert_allclose(outputs.f[:, 0], [0.0, 2.0 + 3e-3, -2.0 + 1e-3], rtol=1e-15)
-
-
-def test_at_rest_with_z_up_the_ideal_imu_puts_out_plus_g_along_z():
-    outputs = forward(imu_of({}), signals([[0.0, 0.0, 9.80665]]))
-    assert outputs.f.tolist() == [[0.0, 0.0, 9.80665]]
 
 
 def test_the_size_effect_is_the_vector_formula_at_each_sense_point():

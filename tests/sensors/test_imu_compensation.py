@@ -118,40 +118,6 @@ def test_the_number_of_steps_brings_the_slowest_contraction_to_rounding():
     np.testing.assert_allclose(found.f, inputs.f, rtol=0.0, atol=1e-11)
 
 
-def test_the_basic_model_is_inverted_by_its_matrix():
-    """``(I + M)^-1 (y - b)``, M of rows (i, j, k) = xyz, yzx, zxy, against the fixed point."""
-    rng, within = np.random.default_rng(7), input_range(50.0, 5.0)
-    b, M = 0.1 * rng.normal(size=3), 0.02 * rng.normal(size=(3, 3))
-    lib = library("gyroscope", powers=1, asymmetry=-1)
-    rows = {"gx": (0, 1, 2), "gy": (1, 2, 0), "gz": (2, 0, 1)}
-    theta = {
-        name: dict(zip(("b0", "b1", "m_j", "m_k"), (b[order[0]], *M[order[0], order]), strict=True))
-        for name, order in rows.items()
-    }
-    basic = imu_of(
-        {name: Component(lib, np.array([of.get(n, 0.0) for n in lib.names])) for name, of in theta.items()}
-    )
-    y = forward(basic, inside(within, 8)).w
-    found = compensate(basic, signals(np.zeros_like(y), y), within).w
-    expected = np.linalg.solve(np.eye(3) + M, (y - b).T).T
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.0 * ROUND_TRIP)
-
-
-def test_a_gyroscope_is_compensated_with_the_compensated_force():
-    lib = library("gyroscope", powers=1, asymmetry=-1, set="extended")
-    acc = library("accelerometer", powers=1, asymmetry=-1)
-    g = 1e-4
-    imu = imu_of(
-        {
-            "gx": Component(lib, np.array([g if n == "g_i" else 0.0 for n in lib.names])),
-            "ax": Component(acc, np.array([0.5 if n == "b0" else 0.0 for n in acc.names])),
-        }
-    )
-    outputs = signals([[10.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]])
-    found = compensate(imu, outputs, input_range(20.0, 1.0))
-    assert found.w[0, 0] == pytest.approx(-g * (10.0 - 0.5), rel=1e-12)
-
-
 def jumping(size: float) -> Imu:
     lib = library("accelerometer", powers=2, asymmetry=0)
     named = {"b0p": size, "b2": 1e-5}

@@ -130,14 +130,6 @@ def test_noise_of_units_scatters_log_normally_about_the_lots():
         assert _mean_is(logs, 0.0, spread) and _mean_is(logs**2, spread**2, math.sqrt(2.0) * spread**2)
 
 
-def test_truth_of_a_unit_is_its_row_by_name_and_cannot_be_changed():
-    lot = draw_lot(TACTICAL, LIB, 3, np.random.default_rng(7))
-    assert len(lot) == 3 and lot.truth(2) == {name: lot.theta[2, j] for j, name in enumerate(LIB.names)}
-    for array in (lot.mean, lot.sd, lot.theta):
-        with pytest.raises(ValueError, match="read-only"):
-            array[...] = 0.0
-
-
 def test_a_lot_without_units_is_refused():
     with pytest.raises(InputError, match="a lot of 0 units: expected 1 or more"):
         draw_lot(TACTICAL, LIB, 0, np.random.default_rng(1))

@@ -107,11 +107,6 @@ def test_allan_variance_is_the_integral_of_the_two_sided_density(noise, tail):
     assert transfer(lambda f: two_sided(noise, f), 3.0, 40.0) == pytest.approx(expected, rel=tail)
 
 
-def test_flat_part_of_bias_instability_is_0_664_of_it():
-    (_, part) = shares(NoiseProcesses(N=0.0, B=1.0), np.array([1.0, 100.0])).values()
-    np.testing.assert_allclose(np.sqrt(part), 0.664, atol=5e-4)
-
-
 def test_gauss_markov_deviation_peaks_at_0_617_sd_and_1_893_time_constants():
     x = np.linspace(1.0, 3.0, 20_001)
     deviation = np.sqrt(gauss_markov_variance(1.0, 1.0, x))

@@ -5,7 +5,7 @@ from scipy.stats import binom
 from imubayes.errors import InputError
 from studies.decision_quality import questions as asked
 from studies.decision_quality import scores as scoring
-from studies.decision_quality.scores import RATIOS, scores
+from studies.decision_quality.scores import scores
 from studies.decision_quality.trials import DECISION, MODELLED, SURE, Trial
 
 METHODS = (DECISION, SURE, "perfect", "all", "none", "coin")
@@ -109,20 +109,6 @@ def test_calibrated_inclusion_is_found_calibrated(told):
     for b in told.calibration:
         spread = np.sqrt(b.inclusion * (1.0 - b.inclusion) / b.true.of)
         assert abs(b.true.value - b.inclusion) < 4.0 * spread
-
-
-def test_decision_that_is_calibrated_is_cheapest_at_the_ratio_of_its_threshold(tried, told):
-    for k, ratio in enumerate(RATIOS):
-        costs = []
-        for threshold in (0.2, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 8.0 / 9.0, 0.95):
-            kept = [t.strength[0] >= threshold for t in tried]
-            true = [t.truth != 0.0 for t in tried]
-            parts = [np.where(y, 1.0, ratio) * (x != y) for x, y in zip(kept, true, strict=True)]
-            costs.append(float(np.sum(parts)) / len(tried))
-        own = told.of(DECISION).weighed[k].value
-        assert own == pytest.approx(costs[k], rel=1e-12)
-        # neighbouring thresholds differ by less than what 300 sensors can tell
-        assert own <= min(costs) * 1.03
 
 
 def test_group_is_one_question_that_any_of_its_terms_answers():

@@ -7,7 +7,6 @@ import time
 
 import pytest
 
-from imubayes.ladder.costs import machine
 from imubayes.selection.enumerate import LARGEST
 from studies.speed import peers
 from studies.speed.contests import Contest, Entrant, Self, SpeedStudy
@@ -64,10 +63,3 @@ def test_study_asks_for_no_more_than_its_problems_can_be_solved_at():
     assert max(study.contests["enumeration"]) <= LARGEST and max(study.contests["subsets"]) <= 16
     for sizes in study.growth.values():
         assert len(sizes) >= FEWEST and list(sizes) == sorted(set(sizes))
-
-
-def test_the_machine_tells_its_cores_and_versions():
-    here = machine()
-    assert here.cores >= 1
-    assert here.processor
-    assert {"numpy", "numba"} <= set(here.versions)

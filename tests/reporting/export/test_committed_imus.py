@@ -4,33 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-import re
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from compiling import built, call
 
 from imubayes.reporting.export import FORMATS, exported
-from imubayes.reporting.export.characterized import UNLIMITED, characterized
-from imubayes.reporting.export.source_texts import compiled
+from imubayes.reporting.export.characterized import characterized
 from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
 
 REPORTS = Path(__file__).parents[3] / "reports"
 STUDIES = ("imu_tk_xsens", "imucal_ferraris")
-SAMPLING = {"imu_tk_xsens": 100.0, "imucal_ferraris": 102.4}
-"""Hz, of the recordings."""
-
-
-def inputs_of(found, n=200):
-    rng = np.random.default_rng(5)
-    f, w = (
-        rng.uniform(-0.9, 0.9, (n, 3)) * np.where(np.array(ends) >= UNLIMITED, 1.0, ends)
-        for ends in (found.within.f, found.within.w)
-    )
-    return signals(f, w)
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -52,41 +37,6 @@ def test_the_model_covers_the_inputs_of_its_stills_and_turns(study, model):
     at_rest = signals(9.81 * np.vstack([np.eye(3), -np.eye(3)]))
     back = compensate(found.imu, forward(found.imu, at_rest), found.within)
     np.testing.assert_allclose(back.f, at_rest.f, atol=1e-9)
-
-
-@pytest.mark.parametrize("study", STUDIES)
-def test_python_and_c_return_the_inputs(study, tmp_path):
-    found = characterized(REPORTS / study)
-    inputs = inputs_of(found)
-    outputs = forward(found.imu, inputs)
-    f, w = compiled(found)["compensate"](outputs.f, outputs.w)
-    np.testing.assert_allclose(np.hstack([f, w]), np.hstack([inputs.f, inputs.w]), atol=1e-11)
-    if shutil.which("gcc"):
-        library = built(found, tmp_path)
-        (name,) = (
-            n.removesuffix("_compensation.h") for n in exported(REPORTS / study, "c") if n.endswith("n.h")
-        )
-        known = np.tile([0.0, 0.0, 0.0, 298.15, 0.0], (len(inputs.f), 1))
-        by_c, codes = call(
-            getattr(library, f"{name}_compensate"), np.hstack([outputs.f, outputs.w]), known, np.float64
-        )
-        assert not codes.any()
-        np.testing.assert_allclose(by_c, np.hstack([f, w]), atol=1e-11)
-
-
-@pytest.mark.parametrize("study", STUDIES)
-def test_kalibr_accepts_the_file(study):
-    """What its reader checks (ImuParameters): five keys, positive figures, a topic that is a text."""
-    (text,) = exported(REPORTS / study, "kalibr").values()
-    found = dict(re.findall(r"^(\w+): (\S+)", text, re.MULTILINE))
-    densities = [
-        f"{kind}_{what}"
-        for kind in ("accelerometer", "gyroscope")
-        for what in ("noise_density", "random_walk")
-    ]
-    assert set(found) == {*densities, "rostopic", "update_rate"}
-    assert all(float(found[key]) > 0.0 for key in densities)
-    assert float(found["update_rate"]) == pytest.approx(SAMPLING[study], rel=1e-3)
 
 
 @pytest.mark.parametrize("study", STUDIES)
