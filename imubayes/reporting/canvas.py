@@ -239,7 +239,6 @@ def _broken(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _inline(svg: str, key: str, alt: str, size: tuple[int, int]) -> str:
-    """Strip what a page does not need, and make the ids unique in it."""
     body = svg[svg.index(">", svg.index("<svg")) + 1 :]
     for pattern, replacement in _STRIPPED:
         body = pattern.sub(replacement, body)

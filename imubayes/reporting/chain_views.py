@@ -171,7 +171,6 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
 
 
 def _why(choice: Choice) -> str:
-    """Why this rung was taken, and whether it is what was asked for."""
     took = duration(choice.seconds)
     if choice.accuracy is not None:
         missed = f"the last that there is: {choice.asked} was not reached ({took})"
@@ -186,7 +185,6 @@ def _why(choice: Choice) -> str:
 
 
 def _climbed(choice: Choice) -> tuple[str, ...]:
-    """What the last step changed, where rungs were climbed."""
     if len(choice.climbed) < 2:
         return ()
     name, coefficients, inclusions = choice.climbed[-1]

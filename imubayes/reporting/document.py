@@ -156,7 +156,6 @@ def _answers(result: StudyResult, sensors: Sequence[Shown], cases: Cases) -> Ite
 
 
 def _overview(result: StudyResult) -> Iterator[Block]:
-    """Noise and verdicts of all components side by side."""
     if sum(bool(sensor.processes) for sensor in result.sensors) > 1:
         yield glance_table(result.sensors)
     if len(result.sensors) > 1:
@@ -173,14 +172,12 @@ def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
 
 
 def _drawn_note(sensors: Sequence[Shown]) -> Prose:
-    """Say of which of many components figures are drawn."""
     drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     return Prose(said.format(len(drawn), len(sensors), Markup(", ").join(drawn)), "note")
 
 
 def _scenes(missions: Sequence[Mission]) -> Section:
-    """What the case meets in each scene."""
     each = [Section(one.name, [history_figure(one, f"met{k}")]) for k, one in enumerate(missions)]
     return Section("The scenes", [Prose(HISTORY_NOTE, "note"), *each], "scenes")
 
@@ -195,7 +192,6 @@ def data_section(result: StudyResult) -> Section:
 
 
 def _runs(sensors: Sequence[SensorResult]) -> Section:
-    """Runs that some components share."""
     title = f"Runs of {listed([sensor.id for sensor in sensors])}"
     rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
     return Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")])
@@ -213,7 +209,6 @@ def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
 
 
 def _file(source: dict[str, Any]) -> Markup:
-    """A file, its hash, and what is taken from it."""
     text = strong(source["file"])
     if source["sha256"]:
         text += Markup(', SHA-256 <code class="hash">{}</code>').format(source["sha256"])

@@ -202,7 +202,6 @@ def _paint_dependence(axes: Axes, one: Dependence, kind: Kind) -> None:
 
 
 def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
-    """Label of the axis and values of the input in the unit that people use."""
     channel = channel_of(one)
     if channel == TIME:
         unit, scale = time_unit(float(np.ptp(one.x)))

@@ -129,7 +129,6 @@ def fleet_page(result: FleetResult) -> Page:
 
 
 def _population(result: FleetResult) -> Iterator[Block]:
-    """Population of each term, drawn and in numbers."""
     true, told = (("true",), " True: of the lot that was simulated.") if result.study.simulated else ((), "")
     lib, terms = result.study.spec.library, result.answer.terms
     yield Figure([verdict_panel(result, "v")], KEY)
@@ -173,7 +172,6 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
 
 
 def _worst(result: FleetResult) -> Table:
-    """Units that are farthest from the population."""
     lib, rows = result.study.spec.library, []
     for one in result.answer.worst:
         pull = f"{one.pull:+.1f}".replace("-", "−")
@@ -192,7 +190,6 @@ def _worst(result: FleetResult) -> Table:
 
 
 def _broken(result: FleetResult) -> Iterator[Section]:
-    """Units that could not be read, if any."""
     if broken := result.answer.broken:
         title, rows = "Units that could not be read", [(one.name, one.error) for one in broken]
         note = (
@@ -203,7 +200,6 @@ def _broken(result: FleetResult) -> Iterator[Section]:
 
 
 def _done(result: FleetResult) -> str:
-    """Who did the work, and how long it took."""
     kept = (
         f"; {counted(result.resumed, 'unit')} {'was' if result.resumed == 1 else 'were'} there already"
         if result.resumed
@@ -312,7 +308,6 @@ def pull_value(pull: Pull, lib: Library) -> str:
 
 
 def _noise_size(kind: Kind, k: int) -> float:
-    """SI value of one printed unit of N, B or K."""
     return per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
 
 
@@ -323,7 +318,6 @@ def noise_range(found: Share, kind: Kind, k: int) -> str:
 
 
 def _broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
-    """Say which units could not be read; nothing where all could."""
     if not broken:
         return ()
     named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])

@@ -73,7 +73,6 @@ def needed_matrix(result: LotResult, key: str) -> Panel:
 
 
 def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
-    """Bar of the units: needed, open, and the rest."""
     room, tall = wide - 4.0, ROW - 5.0
     first = room * term.needed.value
     second = min(room * term.open, room - first)
@@ -159,7 +158,6 @@ def _share_drawing(term: MissionTerm, answer: str, largest: float) -> str:
 
 
 def _hatched(side: float) -> str:
-    """Outline of a square about the origin, with three lines across it."""
     h, s = f"{side / 2:.3g}", f"{side:.3g}"
     lines = f"M-{h} 0L0-{h}M-{h} {h}L{h}-{h}M0 {h}L{h} 0"
     return f'<path d="M-{h}-{h}h{s}v{s}h-{s}z{lines}" class="hatch"/>'

@@ -171,7 +171,6 @@ def lots_page(result: LotResult) -> Page:
 
 
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
-    """Verdicts of each class, and the sizes of its models."""
     yield Figure([needed_matrix(result, "needed-matrix")], NEEDED_KEY)
     yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
@@ -185,7 +184,6 @@ def _names(result: LotResult) -> tuple[str, ...]:
 
 
 def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str]) -> Iterator[Row]:
-    """Tell something of each scene, a class a column."""
     for k, mission in enumerate(result.study.missions):
         name = link(scene_name(mission.name), slug("scene", mission.name))
         cells = (name, *(told(one.missions[k]) for one in result.classes))
@@ -193,7 +191,6 @@ def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str])
 
 
 def _scenes(result: LotResult) -> Section:
-    """What each scene requires of each class."""
     each = [
         Section(
             capitalised(scene_name(mission.name)),
@@ -213,7 +210,6 @@ def _scenes(result: LotResult) -> Section:
 
 
 def _basic(result: LotResult) -> Section:
-    """What the basic triad leaves."""
     rows = list(_by_scene(result, "basic", lambda scene: share(scene.basic_share)))
     table = Table("What the basic triad leaves", ("scene", *_names(result)), rows)
     said = [Prose(TRIAD), Prose(basic_sentences(result), "list"), table]
@@ -221,7 +217,6 @@ def _basic(result: LotResult) -> Section:
 
 
 def _check(result: LotResult) -> Section:
-    """Answers against the simulated truth."""
     said = f"{' '.join(check_sentences(result))} Intervals hold 90 %."
     rows = [Row((link(row[0], "check"), *row[1:]), slug("check", row[0])) for row in _checked(result)]
     table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), rows)
@@ -246,7 +241,6 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
 
 
 def _class(result: LotResult, k: int) -> Section:
-    """Page of a class."""
     found, lib = result.classes[k], result.study.library
     entry, title = found.sensor_class, capitalised(class_name(found.sensor_class))
     rows = _population_rows(result, found)
@@ -278,7 +272,6 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
 
 
 def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
-    """One scene on the page of a class."""
     mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
     size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     rows = [

@@ -109,7 +109,6 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
 
 
 def _divided(result: LotResult) -> list[Contrast]:
-    """Contrasts of all scenes that divide the classes."""
     every = (one for k in range(len(result.study.missions)) for one in contrasts(result, k))
     return [one for one in every if one.needing and one.without]
 
@@ -303,7 +302,6 @@ def check_sentences(result: LotResult) -> tuple[str, ...]:
 
 
 def _covered(found: Coverage) -> str:
-    """How many truths their intervals hold, with the share's interval."""
     return f"{found.held:,} of {found.of:,} cases, {percents(found.share)}"
 
 

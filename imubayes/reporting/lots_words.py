@@ -155,7 +155,6 @@ def _short(sentences: Iterable[str], last: str = "") -> str:
 
 
 def _of_classes(result: LotResult) -> list[str]:
-    """What all classes need, then what only some do."""
     needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
     return _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
 
@@ -208,7 +207,6 @@ def _owned(
 
 
 def _of_scenes(result: LotResult) -> list[str]:
-    """Which terms each scene requires of most classes."""
     count, needed = len(result.classes), dict[str, tuple[str, ...]]()
     for k, mission in enumerate(result.study.missions):
         votes = [name for one in result.classes for name in terms_in(one, one.missions[k], NEEDED)]

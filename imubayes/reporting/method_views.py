@@ -292,7 +292,6 @@ def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> It
 
 
 def _votes(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Block]:
-    """Every method's vote on every term, where they disagree and why, and each method in numbers."""
     own, votes = own_names(sensor.selection), panel.votes
     yield Prose(f"{votes_title(votes, sensor.selection, own)}.")
     if drawn and votes.terms:

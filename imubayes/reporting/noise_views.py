@@ -162,7 +162,6 @@ def glance_table(sensors: Sequence[SensorResult]) -> Table:
 
 
 def _told(found: NoiseFound, symbol: str, sensor: SensorResult) -> str:
-    """Size of a process that a run shows, else its verdict."""
     for size in decided_sizes(found.choice, sensor):
         if size.name == symbol:
             return in_unit(_size(size, sensor.kind)) if size.verdict == "needed" else shape(size.verdict)

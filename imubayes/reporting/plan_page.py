@@ -81,7 +81,6 @@ def plan_page(found: Proposal) -> Page:
 
 
 def _terms(found: Proposal) -> Iterator[Block]:
-    """What a plan leaves of each term, drawn and in numbers."""
     names, scene, done = plan_names(found), np.isfinite(found.need).any(), _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
@@ -111,7 +110,6 @@ def _terms(found: Proposal) -> Iterator[Block]:
 
 
 def _open(found: Proposal) -> Iterator[Block]:
-    """What the best plan, and going evenly, see only in combination."""
     if apart := inseparable(found, found.best):
         yield Prose(apart, "list")
     else:
@@ -121,7 +119,6 @@ def _open(found: Proposal) -> Iterator[Block]:
 
 
 def _mounts(found: Proposal) -> Iterator[Section]:
-    """Dwells in each mount, and what comes before the first."""
     last = -1
     for (offer, mount), dwells, time in mounts(found):
         one = found.study.offers[offer]
@@ -141,7 +138,6 @@ def _mounts(found: Proposal) -> Iterator[Section]:
 
 
 def _next(found: Proposal) -> Iterator[Block]:
-    """Best next dwells by themselves."""
     after = " after the runs that are done" if _done(found) else ""
     yield Prose(
         f"If there were time for one dwell only{after}, these gain most in the time that they take, handling"
@@ -165,7 +161,6 @@ def _repeat(found: Proposal) -> Section:
 
 
 def _done(found: Proposal) -> str:
-    """Names of the runs that are done."""
     return ", ".join(run.name for run in found.study.spec.runs)
 
 
@@ -215,7 +210,6 @@ def plan_json(found: Proposal) -> str:
 
 
 def _planned_term(found: Proposal, k: int) -> dict[str, Any]:
-    """A `PlannedTerm`: with a key for each plan that is told."""
     term = found.study.spec.library.terms[k]
     told = {one.name: {"sd": one.sd[k], "simulated": one.simulated[k]} for one in outcomes(found)}
     return {
@@ -337,7 +331,6 @@ def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
 
 
 def _left(found: Proposal, outcome: Outcome, name: str) -> str:
-    """Predicted sd of a term beside that of its prior, as the table has them."""
     k = found.study.spec.library.names.index(name)
     term = found.study.spec.library.terms[k]
     unit = per_unit(term.printed, term.unit)

@@ -101,7 +101,6 @@ def _opening(found: ClassInCommon) -> str:
 
 
 def _needs(found: ClassInCommon) -> Iterator[str]:
-    """Say what the class needs: a term once where all its axes have one answer."""
     said: dict[str, list[str]] = {}
     for first in whole(found):
         each = parts(found.terms, first)
@@ -125,7 +124,6 @@ def parts(terms: Iterable[TermInClass], first: TermInClass) -> tuple[TermInClass
 
 
 def _silent(found: ClassInCommon) -> Iterator[str]:
-    """Say what this test cannot tell, by reason."""
     reasons: dict[str, list[str]] = {}
     for term in whole(found):
         if all(part.need.verdict == "cannot tell" for part in parts(found.terms, term)):
@@ -161,7 +159,6 @@ def _unit(term: TermInClass) -> float:
 
 
 def _turn_on(found: ClassInCommon) -> Iterator[str]:
-    """Say what changes from one turn-on to the next, and how little the rest does."""
     told = [term for term in whole(found) if term in shown(found)]
     known = [term for term in told if not math.isnan(term.spreads.turn_on.value)]
     moving = [term for term in known if changes(term)]
@@ -178,7 +175,6 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
 
 
 def _common(found: ClassInCommon) -> Iterator[str]:
-    """Say what of a turn-on all units have in common, and in which sessions."""
     alike = [
         f"{percents(term.spreads.common_share).replace(NARROW, ' ')} of that of {term.name}{_off(term)}"
         for term in shown(found)
@@ -194,7 +190,6 @@ def _common(found: ClassInCommon) -> Iterator[str]:
 
 
 def _off(term: TermInClass) -> str:
-    """Name the sessions in which all units are off, and by how much."""
     off = [
         f"session {name} by {measured(shift / _unit(term), sd / _unit(term), term.printed)}"
         for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)

@@ -130,7 +130,6 @@ _OF_CHAINS = ("sample_stats", "log_likelihood", "posterior_predictive", "observe
 
 
 def _variables(group: str, sensor: SensorResult, layout: Layout) -> Iterator[Variable]:
-    """Variables of a component in a group."""
     chains, (n, m) = sensor.chains, layout
     if group in _OF_CHAINS:
         if chains:

@@ -137,7 +137,6 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
 
 
 def _terms(sensor: SensorResult) -> tuple[Term, ...]:
-    """Terms, with what the chains say of each where there are any."""
     moments, plug_in = column_moments(sensor), plug_in_inclusion(sensor.selection)
     return tuple(
         published(
@@ -226,7 +225,6 @@ def _of_panel(panel: Panel, own: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _chains(sensor: SensorResult) -> Mcmc:
-    """How the draws came about, and how well the chains mixed."""
     if sensor.chains:
         return _of_chains(sensor, sensor.chains)
     m = len(sensor.draws)
@@ -299,7 +297,6 @@ def _moments(draws: FloatArray) -> Moments:
 
 
 def _extra(entry: ExtraPosterior) -> Extra:
-    """A column that is no term, with its prior and its posterior."""
     return published(
         Extra,
         entry.extra,
@@ -312,12 +309,10 @@ def _extra(entry: ExtraPosterior) -> Extra:
 
 
 def _sessions(found: Repeatability) -> Sessions:
-    """One parameter in several sessions; null where a unit lacks a session."""
     return published(Sessions, found, printed_unit=found.printed)
 
 
 def _population(found: ClassInCommon) -> Population:
-    """One class and kind."""
     return published(Population, found, terms=tuple(map(_in_class, found.terms)), **{"class": found.class_id})
 
 

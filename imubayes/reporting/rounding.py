@@ -145,7 +145,6 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
 
 
 def _as_fine(value: float, sd: str) -> str:
-    """Digits of a value down to the second one of `sd`."""
     return _fixed(value, len(sd.partition(".")[2]) or min(2 - len(sd), 0))
 
 
@@ -236,7 +235,6 @@ _DURATIONS = (
 
 
 def _short(value: float) -> str:
-    """Value rounded to three significant digits, without zeros at its end."""
     return f"{float(f'{value:.3g}'):,.15g}"
 
 

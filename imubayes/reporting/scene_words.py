@@ -173,7 +173,6 @@ def _costs(found: Relevance) -> str:
 
 
 def _idle(found: Relevance) -> str:
-    """Terms that are there and cost next to nothing."""
     idle = [term for term in found.terms if term.quadrant == QUADRANTS[1]]
     if not idle:
         return ""
@@ -189,7 +188,6 @@ def _at_most(term: TermRelevance) -> str:
 
 
 def _open(found: Relevance) -> str:
-    """Terms that the tests have not shown, and that could still cost what counts."""
     could = sorted((t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.possible)
     if not could:
         return ""
@@ -237,7 +235,6 @@ def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key
 
 
 def _note(found: Relevance) -> str:
-    """Budget, what is left of it and by what, and what the numbers rest on."""
     whole, left_out = (pretty(amount(found, value)) for value in (found.uncompensated[0], found.left_out[0]))
     calibrated, left = (pretty(limit(found, value)) for value in (found.calibrated[1], found.left[1]))
     n, b, k = (pretty(amount(found, value)) for value in found.noise)

@@ -68,7 +68,6 @@ def _cells(row: Symbol) -> tuple[Text, ...]:
 
 
 def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:
-    """What the symbols rest on, and what has none."""
     if found["values"]:
         yield "All terms at once, needed or not, with their correlations."
     yield f"Equation and library: {found['exact']}."
@@ -94,7 +93,6 @@ def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:
 
 
 def _spec_of(study: Study, sensor: SensorResult) -> SensorSpec:
-    """Sensor of the study that a component belongs to."""
     by_id = {spec.id: spec for spec in study.sensors}
     return by_id.get(sensor.id) or by_id[sensor.id.rpartition(".")[0]]
 

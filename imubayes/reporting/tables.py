@@ -247,7 +247,6 @@ def _columns(sensor_id: str, observability: Observability, lib: Library) -> dict
 
 
 def _local(name: str, columns: dict[str, int], lib: Library) -> str:
-    """Name of a term as its own component says it."""
     return dict(zip(columns, lib.names, strict=True)).get(name, name)
 
 

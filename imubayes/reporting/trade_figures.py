@@ -82,7 +82,6 @@ def trade_panel(found: Traded) -> Panel:
 def _points(
     axes: Axes, places: Sequence[RungTotals], height: Mapping[RungName, float], hollow: RungName
 ) -> None:
-    """Every rung as a dot with its name: the default's in the accent, hollow one that has no error."""
     for one in places:
         at = np.array([one.whole_seconds]), np.array([height[one.rung]])
         dots(axes, *at, color=ACCENT if one.rung == DEFAULT else INK, size=8.0)
@@ -116,7 +115,6 @@ def _close(places: Sequence[RungTotals], height: Mapping[RungName, float]) -> li
 
 
 def _wide(places: Sequence[RungTotals]) -> tuple[float, float]:
-    """Limits of the time axis, with room for names."""
     low, high = min(one.whole_seconds for one in places), max(one.whole_seconds for one in places)
     return 0.6 * low, 1.8 * high
 

@@ -91,7 +91,6 @@ def _figure(found: Traded) -> Figure:
 
 
 def _rungs(found: Traded) -> Iterator[Block]:
-    """Each rung in numbers, and what it is."""
     scenes = (
         " Budgets off: largest change of what a term takes of a scene’s budget, in such budgets; terms"
         " off: by how many terms the models that the scenes require differ, over all components."
@@ -126,7 +125,6 @@ def _row(place: RungTotals, scenes: bool) -> tuple[str, ...]:
 
 
 def _scores(found: Traded) -> Table:
-    """What the rungs got right on simulated sensors, and where these come from."""
     if any(one.lot is not None for one in found.trade.subjects):
         drawn = "The simulated sensors are further units of the lots, each on a bench with errors of its own."
     else:
@@ -285,7 +283,6 @@ def _recommendation(found: Traded) -> str:
 
 
 def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
-    """What a rung is good for."""
     if place.rung == found.best:
         floor = f", with a Monte Carlo error of up to {found.floor[0]:.2g} posterior sd"
         off = f"the others are held against it{floor if found.floor[0] > 0.0 else ''}"
@@ -299,7 +296,6 @@ def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
 
 
 def _cheaper(found: Traded) -> Iterator[str]:
-    """Why not a cheaper rung."""
     said = []
     for place in found.places:
         if place.rung == found.recommended:
@@ -311,12 +307,10 @@ def _cheaper(found: Traded) -> Iterator[str]:
 
 
 def _worst(found: Traded, place: RungTotals) -> str:
-    """First fault of a rung; empty if it is good enough."""
     return next(faults(place, found.score(place.rung), found.floor[0]), "")
 
 
 def _span(found: Traded) -> str:
-    """How much time, and how much error, lie between the ends."""
     first, last = found.places[0], found.places[-1]
     decades, spent = (math.log10(s / first.seconds) for s in (last.whole_seconds, last.seconds))
     measured = f" ({spent:.1f} measured)" if spent < decades else ""
@@ -328,7 +322,6 @@ def _span(found: Traded) -> str:
 
 
 def _default(found: Traded) -> Iterator[str]:
-    """The place of what a run takes where nothing is asked."""
     place = found.place(DEFAULT)
     if place is None:
         return
@@ -346,7 +339,6 @@ def _default(found: Traded) -> Iterator[str]:
 
 
 def _above(found: Traded, place: RungTotals) -> str:
-    """What lies above a rung."""
     names = [one.rung for one in found.places]
     above = found.places[names.index(place.rung) + 1 :]
     if not above:
@@ -360,7 +352,6 @@ def _above(found: Traded, place: RungTotals) -> str:
 
 
 def _best(found: Traded) -> Iterator[str]:
-    """What the best rung did not come to."""
     for standing in found.standings:
         for one in standing.measured:
             if one.wanting > 1.0:

@@ -203,7 +203,6 @@ def is_doubtful(sensor: SensorResult) -> bool:
 
 
 def _terms(one: Shown) -> Iterator[Block]:
-    """Each term with its value, verdict and effect, in the groups of the model equation."""
     sensor, rows = one.sensor, term_rows(one.sensor)
     if not one.figures:
         rows = tuple(row for row in rows if row.verdict.verdict != "untested")
@@ -255,7 +254,6 @@ def _aligned(text: str, digits: int) -> Markup:
 
 
 def _compensation(sensor: SensorResult) -> Section:
-    """Scale, bias and angles of a component that was calibrated without a reference."""
     found: Mapping[str, Any] = sensor.calibration or {}
     units = {"scale": "SI per unit of the file", "bias": "units of the file"}
     rows = [(name, minus(f"{found[name]:.7g}"), unit) for name, unit in units.items() if name in found]
@@ -266,7 +264,6 @@ def _compensation(sensor: SensorResult) -> Section:
 
 
 def _open(one: Shown) -> Iterator[Block]:
-    """Terms without a yes or a no, and what would tell."""
     sensor = one.sensor
     confounded, reasons = sensor_groups(sensor, own_groups(sensor.selection)), list(_reasons(sensor))
     if not confounded and not reasons:
@@ -292,7 +289,6 @@ def _reasons(sensor: SensorResult) -> Iterator[tuple[str, str, tuple[str, ...]]]
 
 
 def _fit(one: Shown) -> Iterator[Block]:
-    """What the residuals say."""
     sensor = one.sensor
     yield from check_blocks(sensor, drawn=bool(one.figures))
     if one.twin is not None:
@@ -307,7 +303,6 @@ def _fit(one: Shown) -> Iterator[Block]:
 
 
 def _choice(one: Shown) -> Iterator[Block]:
-    """Evidence of the models, and what other methods say."""
     sensor, key = one.sensor, one.anchor
     keep, model = sensor.selection.costs.keep, ", ".join(sensor.selection.model) or "none"
     half = "one half" if keep == 0.5 else f"{keep:.2f}"
@@ -325,7 +320,6 @@ def _choice(one: Shown) -> Iterator[Block]:
 
 
 def _posterior(one: Shown) -> Iterator[Block]:
-    """Prior and posterior of each kept term, and how its draws came about."""
     sensor, key, draws = one.sensor, one.anchor, written_draws(one.result)
     if one.figures:
         panel = figures.posterior(sensor, f"{key}p")
@@ -341,7 +335,6 @@ def _posterior(one: Shown) -> Iterator[Block]:
 
 
 def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:
-    """What each scene requires; in words only where nothing is drawn."""
     if not one.figures:
         yield Prose([pretty(" ".join(scene_sentences(found, one.sensor.id))) for found in scenes], "list")
         return

@@ -119,7 +119,6 @@ def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
 
 
 def _causes(groups: Sequence[Confounded]) -> str:
-    """Say why groups of terms are confounded; of many causes only what would tell."""
     causes = dict.fromkeys(_cause(group) for group in groups)
     if len(causes) <= MOST_CAUSES:
         return " ".join(f"Groups of them {cause}" for cause in causes)

@@ -123,12 +123,10 @@ def run(
 
 
 def _faults(runs: Sequence[Run]) -> tuple[str, ...]:
-    """What is wrong with the records, in words."""
     return faults((run.name, run.procedure, run.source) for run in runs)
 
 
 def _stills(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Stills of records in the hand, and what was none, in words."""
     return tuple(f"{run.name}: {note}" for run in runs for note in run.source.notes if STILLS in note)
 
 
@@ -182,7 +180,6 @@ def _case_check(spec: SensorSpec, runs: Sequence[Run]) -> list[SensorCheck]:
 
 
 def _observed(ready: Prepared, lib: Library, component: str = "") -> Observability:
-    """What the runs can tell of every column."""
     summary, prefix = ready.summary, f"{component}." if component else ""
     seen = observe(summary.factor, ready.prior.sd, summary.facts, reach=summary.reach)
     return carried(seen, {f"{prefix}{name}": f"{prefix}{leader}" for name, leader in lib.tied})
@@ -330,7 +327,6 @@ def _flown(told: Sequence[_Findings]) -> list[float]:
 
 
 def _components(job: _Job, case: Case, ready: Prepared, found: Answer) -> list[_Findings]:
-    """What is said of each component of a case."""
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
     root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
@@ -386,7 +382,6 @@ def _part(ready: Prepared, parts: Sequence[int]) -> Prepared:
 def _panel(
     job: _Job, ready: Prepared, chains: Chains | None, selection: Selection, parts: Sequence[int] = ()
 ) -> Panel | None:
-    """Ask the other methods, unless the study does without."""
     if not job.study.compare:
         return None
     job.tell("the other methods: criteria, sparse regression, other priors")
@@ -471,7 +466,6 @@ def _columns(selection: Selection, ready: Prepared) -> tuple[tuple[str, ...], tu
 
 
 def _extras(ready: Prepared, selection: Selection, posterior: Posterior) -> tuple[ExtraPosterior, ...]:
-    """What the data say of the columns that are no terms, under the full library."""
     mean, sd = posterior.moments or algebra.posterior(ready.summary.factor, ready.prior.sd)
     found = dict(zip(ready.summary.names, zip(mean.tolist(), sd.tolist(), strict=True), strict=True))
     return tuple(

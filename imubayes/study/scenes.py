@@ -93,7 +93,6 @@ def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Rele
 
 
 def _longest(result: SensorResult) -> RunSummary:
-    """Run that shows a component's B and K best."""
     return max(result.runs, key=lambda run: run.duration)
 
 

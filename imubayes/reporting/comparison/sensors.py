@@ -266,7 +266,6 @@ def sensors_page(found: Comparison) -> Page:
 
 
 def _answer(found: Comparison) -> str:
-    """Say whether anything differs, and what most."""
     changed = sum(term.divided for one in found.groups for term in one.terms.values())
     scenes = [scene for one in found.groups for scene in one.scenes]
     others = sum(any(term.divided for term in scene.terms.values()) for scene in scenes)
@@ -322,7 +321,6 @@ def noise_unit(letter: str, kind: Kind) -> tuple[str, float]:
 
 
 def _sentences(one: Group) -> Iterator[str]:
-    """Say how a component was matched, what differs, and what cannot be compared."""
     if len({member["id"] for _, member in one.there}) > 1:
         names = listed([f"{label} {member['id']}" for label, member in one.there])
         yield f"The ids differ: matched by kind and order, {names}."
@@ -361,7 +359,6 @@ def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
 
 
 def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
-    """Say what differs in a scene, what it requires, and what leaving out the rest costs."""
     other = [name for name, term in scene.terms.items() if term.divided]
     if other:
         yield f"In the scene {called} models differ in {listed(other)}."
@@ -378,7 +375,6 @@ def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
 
 
 def _conditions(scene: Group) -> Iterator[str]:
-    """Say what is not the same of the scenes."""
     if len({(one["budget"]["limit"], one["duration"]) for _, one in scene.there}) > 1:
         limits = [
             (label, amount(one["budget"]["limit"], scene.quantity, scene.kind), duration(one["duration"]))

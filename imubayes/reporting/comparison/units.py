@@ -150,7 +150,6 @@ def _entry(
 
 
 def _size(unit: Term, population: Population) -> float:
-    """Distance of a unit from its class in sd; nan where one of them was not tested."""
     sd = predictive_sd(unit["full_sd"], population)
     if unit["verdict"] == "untested" or not population["tested"] or not 0.0 < sd < math.inf:
         return math.nan

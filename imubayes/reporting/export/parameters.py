@@ -120,7 +120,6 @@ def _kalibr(found: Characterized) -> Iterator[str]:
 
 
 def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, str]:
-    """Random walk of a triad's bias, and what it is taken from."""
     walk = max(part.noise.K for part in parts)
     if walk > 0.0:
         return walk, "K of the bias"

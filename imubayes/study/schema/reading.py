@@ -195,7 +195,6 @@ def _parsed(text: str, file: str) -> dict[str, Any]:
 
 
 def _kinds(sensors: Sequence[SensorSpec]) -> set[Kind]:
-    """Kinds of the components of all sensors."""
     return {part.kind for one in sensors for part in (one, one.gyroscope) if part}
 
 

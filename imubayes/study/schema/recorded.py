@@ -103,7 +103,6 @@ def _make_absolute(tables: dict[str, Any], folder: Path) -> None:
 
 
 def _point(table: dict[str, Any], name: str, file: str) -> None:
-    """Let a run of the study's table read a file."""
     run = next(run for run in table["run"] if run["name"] == name)
     del run["simulate"]
     run["file"] = file

@@ -84,7 +84,6 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
 
 
 def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
-    """Refuse what only a run of an IMU has, and what it cannot have."""
     if not imu and run.gyroscope_file is not None:
         raise place.at("gyroscope_file").error('expected it beside kind = "imu" only: leave it out')
     if (run.procedure == FERRARIS) != bool(run.sections):
@@ -95,7 +94,6 @@ def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
 
 
 def _resting(run: RunTable, place: Place) -> dict[str, float]:
-    """What tells rest from motion, where the study says it."""
     if run.stills is None:
         return {}
     if run.procedure != FREE_TUMBLE:

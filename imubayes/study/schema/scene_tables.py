@@ -162,7 +162,6 @@ def _generated(table: SceneTable, seed: int, place: Place) -> Scene:
 
 
 def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
-    """Scene from a log."""
     if table.scene is not None:
         raise place.at("scene").error("a log is no scene of the catalogue: leave out this or the file")
     if table.draws is not None:

@@ -122,7 +122,6 @@ def _halves(table: SensorTable, kind: Kind, place: Place) -> dict[str, Any]:
 
 
 def _bench_drawn(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> bool:
-    """Whether simulated runs are on a bench with errors."""
     if table.bench == "exact":
         return False
     if not any(run.simulate for run in runs) or not table.reference:
@@ -155,7 +154,6 @@ def _candidates(kind: Kind, usual: Mapping[str, Any], raw: object, place: Place)
 
 
 def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
-    """Coefficients of simulated runs; they may go beyond the library, to see what a missing term does."""
     truth = {}
     for name, text in raw.items():
         with place.at(name).blamed():
@@ -167,7 +165,6 @@ def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Plac
 
 
 def _prior(raw: dict[str, Any], lib: Library, place: Place) -> dict[str, float]:
-    """Prior sds that take the place of the class's."""
     terms = {term.name: term for term in lib.terms}
     for name in raw:
         if name not in terms:
@@ -195,7 +192,6 @@ def _tied(lib: Library, prior: dict[str, float], truth: dict[str, float]) -> tup
 
 
 def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
-    """Sds of the errors of the test bench that are allowed for."""
     allowed = LEANS_ON.get(runs[0].procedure)
     wanted = {name: value for name, value in raw.items() if value is not False}
     for name in raw:
