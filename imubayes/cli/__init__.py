@@ -167,7 +167,8 @@ def _plan(
 ) -> None:
     """Find the best test within a time, before it is run."""
     from imubayes.planning.proposal import propose
-    from imubayes.reporting.plan_page import terminal_plan, write_plan
+    from imubayes.reporting.blocks import write_page
+    from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
     from imubayes.study.schema import read_plan
     from imubayes.study.schema.recorded import write_planned
 
@@ -175,7 +176,7 @@ def _plan(
     with waiting() as told:
         found = propose(read_plan(study), progress=told)
     with complete(folder) as part:
-        files = (*write_plan(found, part), write_planned(found, part))
+        files = (*write_page(plan_page(found), plan_json(found), part), write_planned(found, part))
     show(terminal_plan(found))
     written(folder, files)
 

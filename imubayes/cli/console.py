@@ -122,13 +122,11 @@ def complete(folder: Path) -> Iterator[Path]:
     """Give a folder to write to, whose files move to `folder` together when the block succeeds."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as name:
+            yield (part := Path(name))
+            folder.mkdir(exist_ok=True)
+            for file in part.iterdir():
+                file.replace(folder / file.name)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}): choose another --out") from None
-    try:
-        yield part
-        folder.mkdir(exist_ok=True)
-        for file in part.iterdir():
-            file.replace(folder / file.name)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+        why = error.strerror or error
+        raise InputError(f"{folder}: cannot be written ({why}): choose another --out") from None

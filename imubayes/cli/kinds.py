@@ -106,7 +106,7 @@ def trade(
     """
     from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of, with_options
     from imubayes.ladder.trade.table import measure
-    from imubayes.reporting.trade_page import terminal_trade, write_trade
+    from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
     from imubayes.study.schema import read
 
     asked = rungs_of(rungs) if rungs else NAMES
@@ -116,13 +116,22 @@ def trade(
         raise InputError(f"{path}: [{kind}] has no methods to trade: expected [[sensor]] or [lots]")
     subject = of_lots(study, only, repeats) if kind == "lots" else of_study(study, only)
     found = measure(with_options(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
-    return terminal_trade(found), partial(_together, write_trade, found)
+    return terminal_trade(found), _page(found, trade_page, trade_json)
 
 
-def _together(write: Callable[[Any, Path], Written], found: object, folder: Path) -> Written:
+def _together(write: Callable[[Path], Written], folder: Path) -> Written:
     """Write files that come to be there together."""
     with complete(folder) as part:
-        return write(found, part)
+        return write(part)
+
+
+def _page(
+    found: object, page: Callable[[Any], Any], values: Callable[[Any], str]
+) -> Callable[[Path], Written]:
+    """Write a page and its values."""
+    from imubayes.reporting.blocks import write_page
+
+    return partial(_together, lambda part: write_page(page(found), values(found), part))
 
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
@@ -134,7 +143,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.reporting.document import write_results
     from imubayes.reporting.tables import terminal_summary
 
-    return terminal_summary(found), partial(write_results, found)
+    return terminal_summary(found), partial(_together, partial(write_results, found))
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:
@@ -170,7 +179,7 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
     from imubayes.population.fleet import measure
     from imubayes.population.processes import engine
-    from imubayes.reporting.fleet_page import terminal_fleet, write_fleet
+    from imubayes.reporting.fleet_page import fleet_json, fleet_page, terminal_fleet
 
     if asked.computing:
         raise InputError(
@@ -182,12 +191,12 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
             found = measure(study, asked.folder, workers, resume=asked.resume, progress=told)
     except KeyboardInterrupt:
         fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)
-    return terminal_fleet(found), partial(_together, write_fleet, found)
+    return terminal_fleet(found), _page(found, fleet_page, fleet_json)
 
 
 def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.population.lots import measure
-    from imubayes.reporting.lots_page import terminal_lots, write_lots
+    from imubayes.reporting.lots_page import lots_json, lots_page, terminal_lots
 
     if asked.resume or asked.computing:
         raise InputError(
@@ -195,7 +204,7 @@ def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
             " posterior is computed, which this study leaves no choice of: leave them out"
         )
     found = measure(study, progress=told)
-    return terminal_lots(found), partial(_together, write_lots, found)
+    return terminal_lots(found), _page(found, lots_page, lots_json)
 
 
 KINDS: Mapping[str, Callable[[Any, Asked, Waiting], Done]] = {

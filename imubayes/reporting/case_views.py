@@ -206,25 +206,7 @@ def _recovered_section(name: str, key: str, found: Sequence[Recovered]) -> Secti
     table = Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
     note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
     panels = [recovered(one, f"{key}p{k}") for k, one in enumerate(found)]
-    said = [gravity_sentence(one) for one in found if one.what == "gravity"]
-    return Section("Raw and compensated", [Prose(said), table, Figure(panels, note)])
-
-
-def gravity_sentence(one: Recovered) -> str:
-    """Say what the length of gravity is before and after compensation, beside what the posterior predicts."""
-    sizes = ("after", "before", "fitted", "fresh", "flown")
-    after, before, fitted, fresh, flown = (in_unit(_rms(one, size)) for size in sizes)
-    inside = f"{one.inside} of {one.after.size} lie within 2 sd of that{held(one.inside, one.after.size)}"
-    if one.saturated:
-        predicted = "The fit has a coefficient for each;"
-        predicted += f" the posterior predicts {fresh} for new ones: {inside}."
-    else:
-        predicted = f"The posterior predicts {fitted} for them: {inside}; new ones would be off by {fresh}."
-    kept = "" if after == flown else f" The kept terms alone leave {flown}."
-    return (
-        f"The force in the {len(one.after)} stills of {one.run} is off local gravity by {before} rms raw, and"
-        f" by {after} compensated. {predicted}{kept}"
-    )
+    return Section("Raw and compensated", [table, Figure(panels, note)])
 
 
 def _cells(one: Recovered) -> tuple[str, ...]:

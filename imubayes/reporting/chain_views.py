@@ -25,12 +25,6 @@ if TYPE_CHECKING:
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.ladder import Choice
 
-CHANGED = 0.02
-"""Change of an inclusion probability that is worth a row."""
-
-MOST_CHANGED = 6
-"""Rows of such changes."""
-
 MOST_DWELLS = 4
 """Runs that a sentence names."""
 
@@ -319,25 +313,17 @@ def _bench_row(entry: ExtraPosterior, labels: dict[str, str]) -> tuple[str, ...]
 
 
 def change_sections(sensor: SensorResult) -> Iterator[Section]:
-    """Effect of the uncertain noise on inclusion, largest first; nothing without averages."""
+    """Effect of the uncertain noise on inclusion; nothing without averages."""
     plug_in = plug_in_inclusion(sensor.selection)
-    if not plug_in:
+    both = [(term.name, plug_in[term.name], term.inclusion) for term in sensor.selection.terms if plug_in]
+    if not both:
         return
-    both = [(term.name, plug_in[term.name], term.inclusion) for term in sensor.selection.terms]
-    both.sort(key=lambda one: -abs(one[2] - one[1]))
-    crossing = [name for name, before, after in both if _level(before) != _level(after)]
-    first, before, after = both[0]
+    levels = (NOT_NEEDED, 0.5, NEEDED)
+    crossing = [name for name, *ends in both if len({sum(x >= level for level in levels) for x in ends}) > 1]
+    first, before, after = max(both, key=lambda one: abs(one[2] - one[1]))
     who = f"{listed(crossing)} cross{'es' if len(crossing) == 1 else ''}" if crossing else "none crosses"
     said = (
         "Averaged over the uncertain noise, no inclusion probability moves by more than"
         f" {abs(after - before):.3f} ({first}); {who} 0.05, 0.5 or 0.95."
     )
-    moved = [one for one in both if abs(one[2] - one[1]) > CHANGED][:MOST_CHANGED]
-    rows = [(name, f"{a:.3f}", f"{b:.3f}", minus(f"{b - a:+.3f}")) for name, a, b in moved]
-    head = ("term", "at the estimated noise", "averaged over the noise", "change")
-    table = [Table(f"Inclusion of {sensor.id} with uncertain noise", head, rows)] if rows else []
-    yield Section("Inclusion with uncertain noise", [Prose(said), *table])
-
-
-def _level(inclusion: float) -> int:
-    return sum(inclusion >= level for level in (NOT_NEEDED, 0.5, NEEDED))
+    yield Section("Inclusion with uncertain noise", [Prose(said)])

@@ -1,15 +1,13 @@
-"""The report: one HTML file that opens offline, and all results written at once or not at all."""
+"""The report of a study of sensors: one HTML file that opens offline, and what is written beside it."""
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.errors import InputError
 from imubayes.reporting.blocks import (
     Block,
     Page,
@@ -21,6 +19,7 @@ from imubayes.reporting.blocks import (
     page_html,
     repeat,
     strong,
+    write_page,
 )
 from imubayes.reporting.case_views import (
     MOST_DRAWN,
@@ -59,44 +58,12 @@ if TYPE_CHECKING:
 RUNS_HEAD = ("run", "procedure", "samples", "duration", "interval", "ranges", "checks and notes")
 
 
-def write_results(result: StudyResult, out: Path) -> tuple[Path, ...]:
-    """Write ``report.html``, ``result.json`` and ``posterior.nc``.
-
-    They are written beside `out` first and moved when all are complete, so nothing half-written is ever
-    seen; earlier results in `out` are replaced, other files there are left alone.
-
-    Parameters
-    ----------
-    out : folder, created with its parents.
-
-    Returns
-    -------
-    paths of the files.
-
-    Raises
-    ------
-    InputError : if the folder cannot be written.
-    """
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as folder:
-            parts = _parts(result, Path(folder))
-            out.mkdir(exist_ok=True)
-            return tuple(part.replace(out / part.name) for part in parts)
-    except OSError as problem:
-        raise InputError(
-            f"{out}: the results cannot be written there ({problem.strerror or problem}): "
-            "expected a folder that can be written; choose another with --out"
-        ) from None
-
-
-def _parts(result: StudyResult, folder: Path) -> tuple[Path, ...]:
-    """Write every file into a folder of its own; only then is the first one moved."""
-    report, values, draws = folder / "report.html", folder / "result.json", folder / "posterior.nc"
-    report.write_text(report_html(result), encoding="utf-8")
-    values.write_text(result_json(result), encoding="utf-8")
+def write_results(result: StudyResult, folder: Path) -> tuple[Path, ...]:
+    """Write ``report.html``, ``result.json`` and ``posterior.nc`` into a folder."""
+    draws = folder / "posterior.nc"
+    files = write_page(report_page(result), result_json(result), folder)
     write_posterior(result, draws)
-    return report, values, draws
+    return (*files, draws)
 
 
 def report_html(result: StudyResult) -> str:
@@ -116,7 +83,12 @@ def report_page(result: StudyResult) -> Page:
         f"Which terms of the generalized model {which} need, and how sure is that?",
         first=[*_answers(result, sensors, cases)],
         blocks=[
-            *_overview(result),
+            *(
+                [glance_table(result.sensors)]
+                if sum(bool(one.processes) for one in result.sensors) > 1
+                else []
+            ),
+            *([overview(result.sensors)] if len(result.sensors) > 1 else []),
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
@@ -153,13 +125,6 @@ def _answers(result: StudyResult, sensors: Sequence[Shown], cases: Cases) -> Ite
         yield Prose(" ".join(held_together(cases)), "answer")
     if result.sessions and not any(map(is_repeated, result.classes)):
         yield Prose(pretty(session_sentence(result.sessions)), "answer")
-
-
-def _overview(result: StudyResult) -> Iterator[Block]:
-    if sum(bool(sensor.processes) for sensor in result.sensors) > 1:
-        yield glance_table(result.sensors)
-    if len(result.sensors) > 1:
-        yield overview(result.sensors)
 
 
 def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
@@ -228,25 +193,14 @@ def _sources(result: StudyResult) -> tuple[dict[str, Any], ...]:
 
 
 def appendix_section(tables: Sequence[Appendix]) -> Section:
-    """Tables measured elsewhere."""
-    return Section("Appendices", [Section(one.title, [*_appendix(one)]) for one in tables], "appendices")
-
-
-def _appendix(one: Appendix) -> Iterator[Block]:
-    yield Prose(one.note)
-    columns = ["n" if all(map(_is_numeric, cells)) else "t" for cells in zip(*one.rows, strict=True)]
-    yield Table(one.title, one.header, one.rows, "".join(["t", *columns[1:]]))
-    if one.command:
-        yield Prose("Made by", "note")
-        yield Prose(one.command, "pre")
-
-
-def _is_numeric(text: str) -> bool:
-    """Whether a cell from elsewhere holds a number, to be aligned on the right.
-
-    Examples
-    --------
-    >>> _is_numeric("12,000"), _is_numeric("3.1 s"), _is_numeric("full")
-    (True, True, False)
-    """
-    return text.strip().lstrip("+-−<>~ ")[:1].isdigit()
+    """Tables measured elsewhere; a column of numbers, which may begin with a sign, stands on the right."""
+    sections = []
+    for one in tables:
+        columns = [
+            "n" if all(text.strip().lstrip("+-−<>~ ")[:1].isdigit() for text in cells) else "t"
+            for cells in zip(*one.rows, strict=True)
+        ]
+        made = [Prose("Made by", "note"), Prose(one.command, "pre")] if one.command else []
+        table = Table(one.title, one.header, one.rows, "".join(["t", *columns[1:]]))
+        sections.append(Section(one.title, [Prose(one.note), table, *made]))
+    return Section("Appendices", sections, "appendices")

@@ -11,7 +11,7 @@ from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting import fit_figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
 from imubayes.reporting.fit_figures import channel_of, dependence_words
-from imubayes.reporting.rounding import in_unit, on_output, pretty, probability
+from imubayes.reporting.rounding import in_unit, on_output, pretty, probability, probable
 from imubayes.reporting.rows import fit_scale
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.misfit import Misfit
     from imubayes.inference.residuals import ResidualCheck
-    from imubayes.reporting.canvas import Panel
     from imubayes.sensors.terms import Kind
 
 MOST_CURVE_POINTS = 9000
@@ -135,17 +134,13 @@ def _known(sensor: SensorResult) -> str:
 
 def check_words(check: ResidualCheck) -> str:
     """Residual over noise, whiteness and outliers of one run, in words."""
-    p = probability(check.whiteness_p)
+    p, count = probability(check.whiteness_p), len(check.outliers)
     p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
-    white = "white" if check.white else "not white"
-    return f"residual over noise {check.scale:.2f}, {white}, p {p}{_outstanding(check)}"
-
-
-def _outstanding(check: ResidualCheck) -> str:
-    if not check.outliers:
-        return ""
-    blocks = f"{counted(len(check.outliers), 'block')} {'stands' if len(check.outliers) == 1 else 'stand'}"
-    return f", {blocks} out by up to {max(abs(size) for _, _, size in check.outliers):.0f} sd"
+    out = ""
+    if count:
+        most = max(abs(size) for _, _, size in check.outliers)
+        out = f", {counted(count, 'block')} stand{'s' if count == 1 else ''} out by up to {most:.0f} sd"
+    return f"residual over noise {check.scale:.2f}, {'' if check.white else 'not '}white, p {p}{out}"
 
 
 def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
@@ -196,16 +191,13 @@ def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Bl
         fits = "fits" if len(runs) == 1 else "fit"
         yield Prose(f"Drawn below: {worst} of {len(sensor.checks)} that {fits} worst.", "note")
     for n, check in enumerate(runs):
-        yield Section(check.run, [Figure([*_run_panels(check, sensor.kind, f"{key}r{n}", points)])])
+        panels = (
+            fit_figures.over_time(check, f"{key}r{n}t", points),
+            fit_figures.autocorrelation(check, f"{key}r{n}c"),
+            fit_figures.allan(check, sensor.kind, f"{key}r{n}a"),
+        )
+        yield Section(check.run, [Figure([panel for panel in panels if panel])])
     yield Prose(RESIDUALS, "note")
-
-
-def _run_panels(check: ResidualCheck, kind: Kind, key: str, points: int) -> Iterator[Panel]:
-    yield fit_figures.over_time(check, f"{key}t", points)
-    yield fit_figures.autocorrelation(check, f"{key}c")
-    deviation = fit_figures.allan(check, kind, f"{key}a")
-    if deviation:
-        yield deviation
 
 
 def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Section]:
@@ -251,15 +243,13 @@ def predictive_sentence(misfit: Misfit) -> str:
     known = {run: p for run, p in misfit.predictive_p.items() if math.isfinite(p)}
     if not known:
         return ""
-    odd = [f"{run} (p {_tail(p)})" for run, p in known.items() if not misfit.level < p < 1.0 - misfit.level]
+    odd = [
+        f"{run} (p {probable(p)})" for run, p in known.items() if not misfit.level < p < 1.0 - misfit.level
+    ]
     if odd:
         return f"Replicated by the posterior, residuals would be of another size in {listed(odd)}."
     ends = " to ".join(dict.fromkeys(f"{p:.2f}" for p in (min(known.values()), max(known.values()))))
     return f"Replicated by the posterior, residuals are of the size of those seen (p {ends})."
-
-
-def _tail(p: float) -> str:
-    return "below 0.001" if p < 0.001 else "above 0.999" if p > 0.999 else f"{p:.3f}"
 
 
 def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[str] = ()) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +23,6 @@ from imubayes.reporting.blocks import (
     provenance,
     repeat,
     swatch,
-    write_page,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -85,11 +83,6 @@ DATASET = Markup(
     " model-averaged and full-library mean and sd, inclusion, verdict, N, B, K, and a row of the unit's"
     " triangular factor, from which every model of the unit can be weighed again without its runs."
 )
-
-
-def write_fleet(result: FleetResult, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``result.json`` into a folder."""
-    return write_page(fleet_page(result), fleet_json(result), folder)
 
 
 def fleet_page(result: FleetResult) -> Page:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
@@ -35,7 +34,6 @@ from imubayes.reporting.blocks import (
     repeat,
     strong,
     swatch,
-    write_page,
 )
 from imubayes.reporting.lots_figures import (
     needed_matrix,
@@ -139,11 +137,6 @@ SCENE_NOTE = (
     " required: share of the units whose smallest model has the term, shown or not. Terms that no unit"
     " requires and that take below 1 % are left out."
 )
-
-
-def write_lots(result: LotResult, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``result.json`` into a folder."""
-    return write_page(lots_page(result), lots_json(result), folder)
 
 
 def lots_page(result: LotResult) -> Page:

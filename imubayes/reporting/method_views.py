@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
-from imubayes.reporting.rounding import in_unit, minus, on_output
+from imubayes.reporting.rounding import in_unit, minus, on_output, probable
 from imubayes.reporting.rows import own_names, sentence
 from imubayes.reporting.words import models_text
 from imubayes.selection.verdicts import listed
@@ -264,19 +264,6 @@ def group_sentences(selection: Selection) -> tuple[str, ...]:
         f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
         for terms, chance in dict.fromkeys(selection.groups)
     )
-
-
-def probable(chance: float) -> str:
-    """Probability to three digits, never as a bare one or zero.
-
-    Examples
-    --------
-    >>> probable(0.99997), probable(0.4321), probable(2e-5)
-    ('above 0.999', '0.432', 'below 0.001')
-    """
-    if chance > 0.9995:
-        return "above 0.999"
-    return "below 0.001" if chance < 0.0005 else f"{chance:.3f}"
 
 
 def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Section]:

@@ -186,7 +186,7 @@ def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
     """What a run shows of its noise processes, in words and numbers."""
     sizes = {size.name: size for size in decided_sizes(choice, sensor)}
     needed = ["N", *choice.identified]
-    told = listed(f"{NAMES[name]} {name} = {size_text(sizes[name], sensor.kind)}" for name in needed)
+    told = listed(f"{NAMES[name]} {name} = {_size(sizes[name], sensor.kind)}" for name in needed)
     words = [f"The run shows {told}."]
     words += [f"It shows one of {listed(group)}, and cannot say which." for group in _groups(choice)]
     for word, text in _WORDS.items():
@@ -211,11 +211,6 @@ _WORDS = {
     "undecided": "Undecided",
     "unresolved": "Too small for this run to tell",
 }
-
-
-def size_text(size: ProcessSize, kind: Kind) -> str:
-    """Mean and sd in the units people use."""
-    return str(_size(size, kind))
 
 
 def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:

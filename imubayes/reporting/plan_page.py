@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from imubayes.reporting.blocks import (
     answer,
     provenance,
     repeat,
-    write_page,
 )
 from imubayes.reporting.plan_figures import CALLED, outcomes, predicted_panel
 from imubayes.reporting.result.file import result_text
@@ -56,11 +54,6 @@ ORDER = (
     " are those of the case: i the input axis, j and k with it right-handed. In a plane the first axis is up"
     " at 0 deg and the second one at 90 deg."
 )
-
-
-def write_plan(found: Proposal, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``result.json`` into a folder."""
-    return write_page(plan_page(found), plan_json(found), folder)
 
 
 def plan_page(found: Proposal) -> Page:

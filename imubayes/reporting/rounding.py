@@ -374,6 +374,19 @@ def probability(p: float) -> str:
     return "<0.001" if p < 1e-3 else f"{p:.2g}" if p < 0.01 else f"{p:.2f}"
 
 
+def probable(chance: float) -> str:
+    """Probability to three digits, never as a bare one or zero.
+
+    Examples
+    --------
+    >>> probable(0.99997), probable(0.4321), probable(2e-5)
+    ('above 0.999', '0.432', 'below 0.001')
+    """
+    if chance > 0.9995:
+        return "above 0.999"
+    return "below 0.001" if chance < 0.0005 else f"{chance:.3f}"
+
+
 def half_up(value: float, decimals: int = 0) -> float:
     """Round as people do: a half goes away from zero, as the number is written.
 

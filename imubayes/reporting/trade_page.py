@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import imubayes
 from imubayes.ladder import rung_of
 from imubayes.ladder.trade.components import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
-from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong, write_page
+from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
 from imubayes.reporting.result.values import published
@@ -49,11 +48,6 @@ COUNTED = (
     " tenth of their prior sd. Missed: left out of the model though above eight posterior sd. Beside a"
     " rate stands its 90 % interval, by the Beta posterior, as if terms were independent."
 )
-
-
-def write_trade(found: Traded, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html`` and ``result.json`` into a folder."""
-    return write_page(trade_page(found), trade_json(found), folder)
 
 
 def trade_page(found: Traded) -> Page:

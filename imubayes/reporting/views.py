@@ -188,12 +188,11 @@ def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
     if len(sensors) <= MANY:
         return set(range(len(sensors)))
     rows = {tuple(map(id, sensor.checks)): k for k, sensor in reversed(list(enumerate(sensors)))}
-    return set(sorted(rows.values(), key=lambda k: _trust(sensors[k]))[:MOST_DRAWN])
-
-
-def _trust(sensor: SensorResult) -> tuple[bool, float]:
-    """Order components from the worst: chains that have not converged or runs that do not fit come first."""
-    return not is_doubtful(sensor), -abs(math.log(max(fit_scale(sensor), 1e-12)))
+    worst = sorted(
+        rows.values(),
+        key=lambda k: (not is_doubtful(sensors[k]), -abs(math.log(max(fit_scale(sensors[k]), 1e-12)))),
+    )
+    return set(worst[:MOST_DRAWN])
 
 
 def is_doubtful(sensor: SensorResult) -> bool:

@@ -115,7 +115,8 @@ def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
         )
     if untested:
         count = f"{len(untested)} {_are(untested)} untested"
-        yield f"{count} ({_some(untested)}): no run excites {_them(untested)}."
+        them = "it" if len(untested) == 1 else "them"
+        yield f"{count} ({_some(untested)}): no run excites {them}."
 
 
 def _causes(groups: Sequence[Confounded]) -> str:
@@ -241,10 +242,6 @@ def _named(sensor: SensorResult, verdict: str) -> list[str]:
 
 def _are(names: Collection[str]) -> str:
     return "is" if len(names) == 1 else "are"
-
-
-def _them(names: Collection[str]) -> str:
-    return "it" if len(names) == 1 else "them"
 
 
 def _both(name: str, symbol: str) -> str:

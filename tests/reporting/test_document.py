@@ -10,8 +10,8 @@ from page_reading import Page, whole
 from results_found import sampled_result, sensor_result, study_result
 from scenes_found import a_relevance
 
+from imubayes.cli.console import complete
 from imubayes.errors import InputError
-from imubayes.reporting import document
 from imubayes.reporting.document import report_html, write_results
 from imubayes.reporting.views import MANY, MOST_DRAWN
 from imubayes.sensors.terms import library
@@ -60,27 +60,25 @@ def test_results_are_written_with_parents_and_replace_older_ones_only(tmp_path, 
     out.mkdir(parents=True)
     (out / "notes.txt").write_text("mine")
     (out / "result.json").write_text("old")
-    paths = write_results(result, out)
+    with complete(out) as part:
+        paths = write_results(result, part)
     assert [path.name for path in paths] == ["report.html", "result.json", "posterior.nc"]
     assert json.loads((out / "result.json").read_text())["study"] == "ACC-07 acceptance"
     assert {path.name for path in out.iterdir()} == {"notes.txt", *(path.name for path in paths)}
     assert [path.name for path in out.parent.iterdir()] == ["acc07"]
 
 
-def test_failure_leaves_nothing_half_written(tmp_path, result, monkeypatch) -> None:
-    def fail(*_: object) -> None:
+def test_failure_leaves_nothing_half_written(tmp_path) -> None:
+    with pytest.raises(InputError, match="No space left on device"), complete(tmp_path / "out") as part:
+        (part / "report.html").write_text("half")
         raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(document, "write_posterior", fail)
-    with pytest.raises(InputError, match="No space left on device"):
-        write_results(result, tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_folder_that_is_a_file_is_refused_with_its_name(tmp_path, result) -> None:
+def test_folder_that_is_a_file_is_refused_with_its_name(tmp_path) -> None:
     (tmp_path / "out").write_text("a file")
-    with pytest.raises(InputError, match=r"out: the results cannot be written"):
-        write_results(result, tmp_path / "out")
+    with pytest.raises(InputError, match=r"out: cannot be written"), complete(tmp_path / "out"):
+        pass
     assert (tmp_path / "out").read_text() == "a file" and len(list(tmp_path.iterdir())) == 1
 
 
