@@ -10,7 +10,7 @@ import numpy as np
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError
 from imubayes.inference.case import Asked, Case
-from imubayes.inference.conflicts import refuse_conflicts
+from imubayes.inference.conflicts import Priors, refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, trusted_stills
 from imubayes.inference.known_case import solve_known_case
@@ -52,7 +52,7 @@ def runs_of(
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
     kinds = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-    priors = {one.kind: (one.sensor_class, one.prior) for one in kinds}
+    priors: Priors = {one.kind: (one.sensor_class, one.prior) for one in kinds}
 
     def read(one: RunSpec) -> Run:
         run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)

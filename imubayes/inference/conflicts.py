@@ -15,7 +15,6 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.inference.prior import weak_sd
 from imubayes.inference.stills import means_of
-from imubayes.rig.filtering import at_full_rate
 from imubayes.rig.inputs import Run
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES, axes_of, kind_of
@@ -80,8 +79,7 @@ def refuse_conflicts(run: Run, kind: Kind, priors: Priors) -> None:
 
 def _causes(run: Run, kind: Kind, priors: Priors) -> Iterator[str]:
     """What is wrong with a run, in words."""
-    if run.stream is not None and not run.known:
-        run = at_full_rate(run, run.stream.stretch)
+    run = run if run.known else run.stretch
     if run.known or run.sections:
         for name, of, y, U in _components(run, kind):
             yield from _cause(y, U, of, name, _sd(*priors[of], of, y, U))

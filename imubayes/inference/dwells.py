@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.linear import Linear, averages, once, reach_of
-from imubayes.rig.inputs import Run, Source, between_gaps
+from imubayes.inference.linear import Linear, averages, evenly, once, reach_of
+from imubayes.rig.inputs import between_gaps
 
 LONG = 8
 """A part between gaps that is longer than one in so many rows of its run is a log, not a dwell: it is cut."""
@@ -102,17 +102,11 @@ def dwell_edges(
     200
     """
     n = len(t)
-    cuts = [
-        _cut(a, b, n) if (b - a) * LONG > n or varies(a, b) else [a] for a, b in between_gaps(t, interval)
-    ]
+    longest = math.ceil(n / PIECES)
+    parts = between_gaps(t, interval)
+    cuts = [evenly(a, b, longest) if (b - a) * LONG > n or varies(a, b) else [a] for a, b in parts]
     edges = np.concatenate([*cuts, [n]]).astype(np.int64)
     return edges if len(edges) <= MOST + 1 else _thinned(edges)
-
-
-def _cut(start: int, stop: int, n: int) -> NDArray[np.int64]:
-    """First rows of the pieces of one part of a run of `n` rows."""
-    pieces = math.ceil((stop - start) / math.ceil(n / PIECES))
-    return np.linspace(start, stop, pieces, endpoint=False).astype(np.int64)
 
 
 def _thinned(cuts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -146,20 +140,8 @@ def rows_kept(rows: Linear, kept: NDArray[np.bool_]) -> Linear:
         y=rows.y[kept],
         axes=None if rows.axes is None else rows.axes[kept],
         columns=columns,
-        stream=None if rows.stream is None else rows.stream.left(kept),
+        stream=rows.stream and rows.stream.left(kept),
     )
-
-
-def run_kept(run: Run, kept: NDArray[np.bool_]) -> Run:
-    """The rows of a run that are `kept` (n,), samples or averages; its notes say how many samples are not."""
-    stream = None if run.stream is None else run.stream.left(kept)
-    left = replace(run, inputs=run.inputs.kept(kept), output=run.output[kept], stream=stream)
-    return replace(left, source=_noted(run.source, run.samples - left.samples, run.samples))
-
-
-def _noted(source: Source, lost: int, of: int) -> Source:
-    note = f"{lost:,} of {of:,} samples are left out: their dwells are not trusted"
-    return replace(source, notes=(*source.notes, note)) if lost else source
 
 
 ROUNDING = 1e-15

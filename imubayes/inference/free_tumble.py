@@ -35,7 +35,6 @@ from imubayes.inference.between_stills import (
     turning,
 )
 from imubayes.inference.case import Asked, Case, Told, along, case_of
-from imubayes.inference.dwells import run_kept
 from imubayes.inference.linear import (
     Extra,
     Linear,
@@ -144,7 +143,7 @@ def trusted_stills(
     for _ in range(ROUNDS):
         first = [_start(run, run.stills, asked) for run in runs]
         at_rest = [np.isin(np.arange(len(run.t)), rows_of(run.stills)[0]) for run in runs]
-        resting = [run_kept(run, rows) for run, rows in zip(runs, at_rest, strict=True)]
+        resting = [run.left(rows) for run, rows in zip(runs, at_rest, strict=True)]
 
         def noise_of(_: Sequence[Run], rows: Sequence[Linear], first=first) -> list[Noise]:
             return [one.noise for one in _judged([blocks_of(part) for part in rows], first, asked, sd)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
@@ -96,20 +96,33 @@ class Linear:
     def __len__(self) -> int:
         return len(self.y)
 
+    def parts(self, purpose: str) -> Iterator[tuple[int, range, Rows, Callable[[slice, FloatArray], None]]]:
+        """All rows of the run in parts, memory being one: number of the first, which, when, what fills."""
+        if self.stream is None or self.fill is None:
+            yield 0, range(len(self)), self.rows, self.filled
+        else:
+            for part in self.stream.read(purpose):
+                yield part.first, part.own, Rows(part.t, part.duration), partial(self.fill, part)
+
+    def filled(self, inside: slice, table: FloatArray) -> None:
+        """Write columns and response of some rows into a table."""
+        p = len(self.names)
+        table[:, :p], table[:, p] = self.columns(inside.start, inside.stop), self.y[inside]
+
     @property
     def samples(self) -> int:
         """Rows of the run, held or not."""
-        return len(self) if self.stream is None else self.stream.samples
+        return self.stream.samples if self.stream else len(self)
 
     @property
     def counts(self) -> NDArray[np.int64]:
         """Samples (n,) behind each row."""
-        return np.ones(len(self), dtype=np.int64) if self.stream is None else self.stream.counts
+        return self.stream.counts if self.stream else np.ones(len(self), dtype=np.int64)
 
     @property
     def sampling(self) -> float:
         """Averaging time of one sample of the run, held or not, s."""
-        return self.interval if self.stream is None else self.stream.interval
+        return self.stream.interval if self.stream else self.interval
 
     @property
     def X(self) -> FloatArray:  # noqa: N802 - the letter of the algebra
@@ -119,7 +132,7 @@ class Linear:
     @property
     def rows(self) -> Rows:
         """When the rows were taken."""
-        return Rows(self.t, self.duration, self.axes, None if self.stream is None else self.stream.interval)
+        return Rows(self.t, self.duration, self.axes, self.stream.interval if self.stream else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +164,8 @@ def linear_of(run: Run, lib: Library) -> Linear:
 
     Of a run that is read a part at a time, averages over its blocks.
     """
-    if run.stream is not None:
-        return _streamed_rows(run, lib, run.stream)
+    if run.stream:
+        return streamed(run, run.stream, lib.names, _averages(run.stream, lib), partial(fill, lib))
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -163,12 +176,6 @@ def linear_of(run: Run, lib: Library) -> Linear:
         y=deviation(run, lib),
         columns=lambda start, stop: library_rows(run, lib, start, stop),
     )
-
-
-def _streamed_rows(run: Run, lib: Library, stream: Stream) -> Linear:
-    """Averages over the blocks of a run as rows of a linear model, with the stream behind them."""
-    means, reach = _averages(stream, lib)
-    return streamed(run, stream, lib.names, (means, reach), partial(fill, lib))
 
 
 def _averages(stream: Stream, lib: Library) -> tuple[FloatArray, FloatArray]:
@@ -315,10 +322,11 @@ def block_edges(t: FloatArray, interval: float, blocks: int = BLOCKS) -> NDArray
     [0, 2, 4]
     """
     longest = max(1, math.ceil(len(t) / blocks))
-    return np.concatenate([_cut(a, b, longest) for a, b in between_gaps(t, interval)])
+    return np.concatenate([evenly(a, b, longest) for a, b in between_gaps(t, interval)])
 
 
-def _cut(start: int, stop: int, longest: int) -> NDArray[np.int64]:
+def evenly(start: int, stop: int, longest: int) -> NDArray[np.int64]:
+    """First rows of pieces of nearly equal length, of at most `longest` rows, from start to stop."""
     pieces = math.ceil((stop - start) / longest)
     return np.linspace(start, stop, pieces, endpoint=False).astype(np.int64)
 

@@ -35,7 +35,7 @@ from imubayes.inference.contamination import (
     log_posterior,
     sample,
 )
-from imubayes.inference.dwells import Dwells, dwells_of, rows_kept, rows_outside, run_kept
+from imubayes.inference.dwells import Dwells, dwells_of, rows_kept, rows_outside
 from imubayes.inference.linear import Linear
 from imubayes.rig.inputs import Run
 from imubayes.sensors.noise import Noise
@@ -172,7 +172,7 @@ def _without(
     """Runs and rows without the dwells that are `bad` (m,)."""
     kept = [rows_outside(d, b) for d, b in zip(dwells, _by_run(dwells, bad), strict=True)]
     return (
-        tuple(run_kept(run, k) for run, k in zip(runs, kept, strict=True)),
+        tuple(run.left(k) for run, k in zip(runs, kept, strict=True)),
         tuple(rows_kept(part, k) for part, k in zip(rows, kept, strict=True)),
     )
 

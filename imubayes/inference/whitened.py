@@ -7,9 +7,8 @@ of the same model under the same noise: the columns are averaged, not made of av
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +40,12 @@ def whitened_factor(
     """
     if rows.shared is not None and parts is None:
         return rows.shared(noise)
-    if rows.stream is not None:
+    if rows.stream:
         return _streamed_factor(rows, noise, parts), reach_of(rows)
-    table = _table(rows)
     n, p = len(rows), len(rows.names)
+    table = np.empty((n, p + 1))
+    for a in range(0, n, CHUNK):
+        rows.filled(slice(a, min(a + CHUNK, n)), table[a : a + CHUNK])
     blocks = tuple(algebra.row_blocks(n))
     reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
     _, d = whiten(noise, rows.rows, table, parts)
@@ -91,15 +92,6 @@ def _streamed_factor(rows: Linear, noise: Noise, parts: Processes | None) -> Fac
     return made if sharp is None else replace(made, R=sharp.astype(np.float64))
 
 
-def _table(rows: Linear) -> FloatArray:
-    """Columns and, last, the response of all rows: (n, p + 1)."""
-    table = np.empty((len(rows), len(rows.names) + 1))
-    for a in range(0, len(rows), CHUNK):
-        inside = slice(a, min(a + CHUNK, len(rows)))
-        _fill(rows, inside, table[inside])
-    return table
-
-
 def within_blocks(rows: Linear) -> FloatArray:
     """Triangular factor (p + 1, p + 1) of what the averages over the blocks of `blocks_of` leave of the rows.
 
@@ -140,30 +132,13 @@ def _tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]
     The table is used again for the next tile.
     """
     p, whole = len(rows.names), np.zeros((TILE, padded(len(rows.names) + 1)))
-    for first, own, taken, fill in _parts(rows, purpose):
+    for first, own, taken, fill in rows.parts(purpose):
         for a in own[::TILE]:
             inside = slice(a, min(a + TILE, own.stop))
             table, axes = whole[: inside.stop - a], None if taken.axes is None else taken.axes[inside]
             fill(inside, table)
             table[:, p + 1 :] = 0.0
             yield first + a, Rows(taken.t[inside], taken.duration[inside], axes), table
-
-
-Fill = Callable[[slice, FloatArray], None]
-
-
-def _parts(rows: Linear, purpose: str) -> Iterator[tuple[int, range, Rows, Fill]]:
-    """All rows of a run in parts, memory being one: number of the first, which, when, what fills."""
-    if rows.stream is None or rows.fill is None:
-        yield 0, range(len(rows)), rows.rows, partial(_fill, rows)
-    else:
-        for part in rows.stream.read(purpose):
-            yield part.first, part.own, Rows(part.t, part.duration), partial(rows.fill, part)
-
-
-def _fill(rows: Linear, inside: slice, table: FloatArray) -> None:
-    p = len(rows.names)
-    table[:, :p], table[:, p] = rows.columns(inside.start, inside.stop), rows.y[inside]
 
 
 def _shares(edges: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[int, int, int]]:

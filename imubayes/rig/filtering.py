@@ -159,7 +159,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
         jumps stay apart. Of a run that is read a part at a time the stretch at full rate is looked at, and
         its means are held.
     """
-    held = run if run.stream is None else at_full_rate(run, run.stream.stretch)
+    held = run.stretch
     edges, inputs = steady_edges(held.inputs), held.inputs
     own = {"accelerometer": "f_i", "gyroscope": "w_i"}
     every = [(held.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(held, kind)]
@@ -169,7 +169,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     worst = max(found, key=lambda colour: colour.samples)
     if worst.samples == 1:
         return run
-    parts = (at_full_rate(run, part) for part in run.parts("means"))
+    parts = (run.of(part) for part in run.parts("means"))
     means = joined_parts([_averaged(part.inputs, part.output, worst) for part in parts])
     note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
     lasting = worst.samples * inputs.interval
@@ -184,12 +184,6 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
         stream=None,
         record=run if worst.quantized else None,
     )
-
-
-def at_full_rate(run: Run, part: Part) -> Run:
-    """Some rows of a run, at full rate."""
-    inputs = Inputs(part.t, part.channels, run.sampling, part.mount, part.duration)
-    return replace(run, inputs=inputs, output=part.output, stream=None)
 
 
 def steady_edges(inputs: Inputs) -> NDArray[np.int64]:

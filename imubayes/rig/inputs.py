@@ -127,7 +127,7 @@ class Run:
 
     def parts(self, purpose: str) -> Iterator[Part]:
         """Read all rows of the record a part at a time, memory being one part."""
-        if self.stream is not None:
+        if self.stream:
             return self.stream.read(purpose)
         inputs = self.inputs
         whole = Part(0, np.nan, inputs.t, inputs.durations, inputs.channels, self.output, inputs.mount)
@@ -136,19 +136,17 @@ class Run:
     @property
     def sampling(self) -> float:
         """Averaging time of one sample of the record, held or not, s."""
-        return self.inputs.interval if self.stream is None else self.stream.interval
+        return self.stream.interval if self.stream else self.inputs.interval
 
     @property
     def samples(self) -> int:
         """Rows of the record, held or not."""
-        return len(self.inputs) if self.stream is None else self.stream.samples
+        return self.stream.samples if self.stream else len(self.inputs)
 
     @property
     def extremes(self) -> Mapping[str, FloatArray]:
         """Inputs and ``output`` in rows among which are those with the largest and smallest of each."""
-        if self.stream is not None:
-            return self.stream.extremes
-        return {**self.inputs.channels, "output": self.output}
+        return self.stream.extremes if self.stream else {**self.inputs.channels, "output": self.output}
 
     @property
     def of_case(self) -> bool:
@@ -187,8 +185,26 @@ class Run:
     def component(self, name: str) -> Run:
         """Run of one component of a case, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
         output = self.output[:, self.components.index(name)]
-        stream = None if self.stream is None else self.stream.component(name)
+        stream = self.stream and self.stream.component(name)
         return replace(self, inputs=own_inputs(self.inputs, name), output=output, stream=stream)
+
+    def of(self, part: Part) -> Run:
+        """Some of its rows, at full rate."""
+        inputs = Inputs(part.t, part.channels, self.sampling, part.mount, part.duration)
+        return replace(self, inputs=inputs, output=part.output, stream=None)
+
+    @property
+    def stretch(self) -> Run:
+        """Consecutive rows at full rate: all of a record that is held."""
+        return self.of(self.stream.stretch) if self.stream else self
+
+    def left(self, kept: NDArray[np.bool_]) -> Run:
+        """The rows that are `kept` (n,), samples or averages; its notes say how many samples are not."""
+        stream = self.stream and self.stream.left(kept)
+        left = replace(self, inputs=self.inputs.kept(kept), output=self.output[kept], stream=stream)
+        lost, of = self.samples - left.samples, self.samples
+        note = f"{lost:,} of {of:,} samples are left out: their dwells are not trusted"
+        return replace(left, source=replace(self.source, notes=(*self.source.notes, note))) if lost else left
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.dwells import MOST, PIECES, dwell_edges, dwells_of, rows_kept, rows_outside, run_kept
+from imubayes.inference.dwells import MOST, PIECES, dwell_edges, dwells_of, rows_kept, rows_outside
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import processes, whiten
 from imubayes.inference.whitened import whitened_factor
@@ -87,18 +87,18 @@ def test_rows_without_a_dwell_are_the_rows_of_the_run_without_it():
     kept = rows_outside(dwells_of(rows), bad)
     assert np.count_nonzero(kept) == 9 * 30
     ours, reach = whitened_factor(rows_kept(rows, kept), COLOURED)
-    less = run_kept(run, kept)
+    less = run.left(kept)
     theirs, their_reach = whitened_factor(linear_of(less, LIBRARY), COLOURED)
     np.testing.assert_array_equal(ours.R, theirs.R)
     np.testing.assert_array_equal(reach, their_reach)
     assert "90 of 360 samples" in less.source.notes[-1]
-    assert run_kept(run, np.ones(360, dtype=bool)).source.notes == run.source.notes
+    assert run.left(np.ones(360, dtype=bool)).source.notes == run.source.notes
 
 
 def test_mounts_go_with_the_samples_that_are_kept():
     run, numbers = tumble(), np.repeat(np.arange(12), 30)
     run = replace(run, inputs=replace(run.inputs, mount=numbers))
     kept = np.arange(360) >= 30
-    less = run_kept(run, kept)
+    less = run.left(kept)
     np.testing.assert_array_equal(less.inputs.mount, numbers[30:])
     np.testing.assert_array_equal(less.inputs.t, run.inputs.t[30:])
