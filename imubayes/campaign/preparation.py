@@ -7,13 +7,14 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.conflicts import Priors, refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, trusted_stills
-from imubayes.inference.known_case import solve_known_case
+from imubayes.inference.known_case import blind_rows, solve_known_case
 from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
 from imubayes.inference.nuisances import extras_for, rows_with, solve
@@ -25,7 +26,7 @@ from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
 from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
-from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
+from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
@@ -79,12 +80,12 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
     if not wanted or spec.sensor_class is None:
         return (), {}
     rng = np.random.default_rng([seed, index])
-    if spec.gyroscope and spec.gyroscope.sensor_class:
-        halves = (spec, spec.gyroscope)
+    if spec.gyroscope or wanted[0].procedure in CASES:
+        halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
         made = Made(
-            classes={"accelerometer": spec.sensor_class, "gyroscope": spec.gyroscope.sensor_class},
+            classes={one.kind: one.sensor_class for one in halves if one.sensor_class},
             libraries={one.kind: one.library for one in halves},
-            truth={**spec.truth, **spec.gyroscope.truth},
+            truth={name: value for one in halves for name, value in one.truth.items()},
             bench={one.kind: one.reference for one in halves} if spec.bench_drawn else {},
         )
         return simulate_imu(wanted, made, rng)
@@ -169,11 +170,7 @@ def _noted(summary: Summary, notes: tuple[str, ...]) -> Summary:
 
 def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
     """Runs as a linear problem without a look at what the sensor said."""
-    prior, source = component_prior(spec, runs)
-    rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
-    extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
-    if extras:
-        rows = rows_with(runs, spec.library, extras, np.zeros(len(prior.sd)), np.zeros(len(extras)))
+    rows, prior, extras = rows_before(spec, runs)
     summary = summarize(
         runs,
         spec.library,
@@ -182,7 +179,42 @@ def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
         rows=rows,
         extras=extras,
     )
-    return Prepared(runs, summary, rows, _with_extras(prior, extras), source)
+    return Prepared(runs, summary, rows, prior, component_prior(spec, runs)[1])
+
+
+def rows_before(
+    spec: SensorSpec, runs: Sequence[Run]
+) -> tuple[Sequence[Linear], ScalePrior, tuple[Extra, ...]]:
+    """Rows of runs with known inputs where all coefficients are zero, prior of the columns, and the extras.
+
+    Of a whole IMU they are component by component, and in each run by run, over the columns of all.
+    """
+    if spec.gyroscope:
+        halves = (spec, spec.gyroscope)
+        return blind_rows(
+            runs, *(Asked(one.library, _triad_prior(one)[0], reference=one.reference) for one in halves)
+        )
+    prior, _ = component_prior(spec, runs)
+    extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
+    rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
+    if extras:
+        rows = rows_with(runs, spec.library, extras, np.zeros(len(prior.sd)), np.zeros(len(extras)))
+    return rows, _with_extras(prior, extras), extras
+
+
+def before_tumble(spec: SensorSpec) -> tuple[FloatArray, Extra | None]:
+    """Prior sd of the terms of a free tumble's components, SI, and the error of the local gravity."""
+    halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
+    return np.concatenate([_triad_prior(one)[0].sd for one in halves]), _gravity(spec)
+
+
+def libraries_of(spec: SensorSpec) -> Mapping[str, Library]:
+    """Candidates of each component by its name, which is that of its columns; empty of a single one."""
+    if not (spec.gyroscope or spec.runs[0].procedure in CASES):
+        return {"": spec.library}
+    halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
+    triads = [triad_of(one.library, referenced=_referenced(spec)) for one in halves]
+    return {name: lib for one in triads for name, lib in zip(one.components, one.libraries, strict=True)}
 
 
 def _with_extras(prior: ScalePrior, extras: Sequence[Extra]) -> ScalePrior:

@@ -136,9 +136,8 @@ def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise
     made = [_turned(seen, still, turn, gyroscopes) for still, turn in turns]
     X, y, axes = (np.concatenate(parts) for parts in zip(*made, strict=True))
     whole = lasting(seen)
-    extra = np.array([_direction_variance(seen, still, noises[0]) for still, _ in turns])
-    # the directions' variance, as if the gyroscopes had been averaged over less time
-    counting = noises[1].N ** 2 / (noises[1].N ** 2 / whole + extra / whole**2)
+    g, held = run.gravity, np.array([_held(seen, still) for still, _ in turns]).T
+    counting = counting_time(noises[1], Noise(noises[0].N / g, noises[0].B / g, 0.0), whole, held)
     middle = np.array([0.5 * (run.t[turn.start] + run.t[turn.stop - 1]) for _, turn in turns])
     return Linear(
         name=f"{run.name} ({TURNS})",
@@ -160,10 +159,25 @@ def _unbroken(seen: Directions) -> list[tuple[int, slice]]:
     return [(k, turn) for k, turn in found if np.diff(run.t[turn]).max() <= GAP * run.interval]
 
 
-def _direction_variance(seen: Directions, still: int, noise: Noise) -> float:
-    """Variance (rad^2) of the directions at both ends of a turn, from the accelerometers' noise."""
-    held = [samples_in(seen.run, a, b) * seen.run.interval for a, b in seen.stills[still : still + 2]]
-    return sum(noise.N**2 / T + noise.B**2 for T in held) / seen.run.gravity**2
+def counting_time(noise: Noise, ends: Noise, whole: FloatArray, held: FloatArray) -> FloatArray:
+    """Time (m,), s, over which a turn's row averages the gyroscopes' noise.
+
+    The variance of the directions at both ends counts as if the gyroscopes had been averaged over less time.
+
+    Parameters
+    ----------
+    noise : of a gyroscope.
+    ends : of the directions, rad/sqrt(Hz) and rad.
+    whole : (m,) time of each turn.
+    held : (2, m) time of the stills before and after it.
+    """
+    extra = np.sum(ends.N**2 / held + ends.B**2, axis=0)
+    return noise.N**2 / (noise.N**2 / whole + extra / whole**2)
+
+
+def _held(seen: Directions, still: int) -> list[float]:
+    """Time of a still and of the one after it, s."""
+    return [samples_in(seen.run, a, b) * seen.run.interval for a, b in seen.stills[still : still + 2]]
 
 
 def closures(seen: Directions, gyroscopes: Triad) -> FloatArray:

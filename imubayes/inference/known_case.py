@@ -27,6 +27,7 @@ from imubayes.inference.case import Asked, Case, Told, case_of
 from imubayes.inference.linear import Extra, Linear, narrowed, widened, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
+from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import At, Round
 from imubayes.inference.shared_columns import shared_rows
@@ -79,6 +80,24 @@ def solve_known_case(
     named = [(part.name, one) for part, one in zip(problem.parts, trusted, strict=True)]
     distrusted = [replace(d, run=title(d.run, name)) for name, one in named for d in one.distrusted]
     return replace(_case(problem, _settled(problem)), distrusted=tuple(distrusted))
+
+
+def blind_rows(
+    runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked
+) -> tuple[tuple[Linear, ...], ScalePrior, tuple[Extra, ...]]:
+    """Rows of each component in each run where every coefficient and error is zero, over all columns.
+
+    Returns
+    -------
+    rows, component by component; prior of the columns; errors of the bench among them, which come last.
+    """
+    problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
+    rows = tuple(
+        widened(replace(one, names=part.columns), problem.names)
+        for part in problem.parts
+        for one in _rows(part, np.zeros(len(part.columns)), None)
+    )
+    return rows, ScalePrior(problem.sd), problem.extras
 
 
 def _settled(problem: _Problem) -> Round:

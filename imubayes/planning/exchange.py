@@ -5,12 +5,12 @@ before its first reading: `worth` of its steps. The search starts from several p
 moves: another setting in a slot, another order, another share of the time. What it finds is a local optimum,
 and never worse than any plan it starts from.
 
-Fedorov's exchange with correlated rows. Where the rows X of a run change by ``e d'`` (another setting in
-slot i: e is the i-th unit vector; slots i and j swapped: e has a 1 and a -1 there), the information changes
-by ``U J U'`` with ``U = [a d]``, ``a = X' P e`` and ``J = [[0, 1], [1, e' P e]]``, P being the inverse
-covariance of the rows. A slot i left out takes ``a a' / P_ii`` with it. So all changes of a slot are weighed
-at once, by updates of rank 2; what they promise is then computed afresh, by orthogonal transformations,
-before it is believed.
+Fedorov's exchange with correlated rows. Where w of the rows X that a signal has in a run change by d (w, c),
+for other settings in a slot or two, the information changes by ``U' J U`` with ``U = [a; d]``, a being these
+rows of P X and ``J = [[0, 1], [1, P_w]]``; P is the inverse covariance of the rows, P_w that of these w.
+Signals of several components add up. A slot left out takes ``a' P_w^-1 a`` with it. So all changes of a slot
+are weighed at once, by updates of low rank; what they promise is then computed afresh, by orthogonal
+transformations, before it is believed.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from imubayes.planning.menu import (
     Aim,
     Menu,
     PlanProblem,
+    Signal,
     Step,
     Steps,
     duration,
     pauses,
     root,
     runs_of,
-    whitened,
+    settings_of,
     whitening,
     worth,
 )
@@ -86,14 +87,14 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
     InputError : if the limit leaves no time for that.
     """
     one = problem.menus[menu]
-    steps = [Step(menu, setting, 1.0) for setting in range(len(one.X))]
+    steps = [Step(menu, setting, 1.0) for setting in range(len(one))]
     left = problem.limit - one.handling.setup - sum(pauses(one, steps))
     if left <= 0.0:
         raise InputError(
             f"run '{one.run}': {len(steps)} settings take longer than {problem.limit:g} s to go through,"
             " without a second of record: raise the time, or offer fewer settings"
         )
-    return tuple(Step(menu, setting, left / len(steps)) for setting in range(len(one.X)))
+    return tuple(Step(menu, setting, left / len(steps)) for setting in range(len(one)))
 
 
 def best_plan(problem: PlanProblem, starts: Sequence[Steps] = ()) -> ValuedPlan:
@@ -111,11 +112,12 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = ()) -> ValuedPlan:
     --------
     The line with the surest slope is measured at its ends.
 
-    >>> from imubayes.planning.menu import Handling, Menu
+    >>> from imubayes.planning.menu import Handling, Menu, Signal
     >>> from imubayes.sensors.noise import Noise
     >>> x = np.linspace(-1.0, 1.0, 5)
     >>> X = np.column_stack((np.ones(5), x))
-    >>> bench = Menu("line", X, np.zeros(5, dtype=int), (1.0,), Handling(0.0), Noise(1.0, 0.0, 0.0))
+    >>> line = Signal(X, Noise(1.0, 0.0, 0.0))
+    >>> bench = Menu("line", (line,), np.zeros(5, dtype=int), (1.0,), Handling(0.0))
     >>> found = best_plan(PlanProblem((bench,), 1e-3 * np.eye(2), Aim("rms", np.array([[0.0, 1.0]])), 4.0))
     >>> sorted(step.setting for step in found.steps)
     [0, 0, 4, 4]
@@ -152,8 +154,8 @@ def _spread(problem: PlanProblem, menu: int) -> Steps:
     """As many settings of one run as fit into the time, evenly over all of them, for the shortest time."""
     one = problem.menus[menu]
     dwell = min(one.dwells)
-    for count in range(len(one.X), 0, -1):
-        settings = np.unique(np.linspace(0, len(one.X) - 1, count).astype(int)).tolist()
+    for count in range(len(one), 0, -1):
+        settings = np.unique(np.linspace(0, len(one) - 1, count).astype(int)).tolist()
         steps = tuple(Step(menu, setting, dwell) for setting in settings)
         if duration(problem, steps) <= problem.limit:
             return steps
@@ -187,11 +189,8 @@ def settings_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     for slot, step in enumerate(plan.steps):
         menu = problem.menus[step.menu]
         others = np.flatnonzero(menu.mount == menu.mount[step.setting])
-        E = np.zeros((len(plan.steps), len(others)))
-        E[slot] = 1.0
-        promised = _promised(problem, plan.steps, slot, E, menu.X[others] - menu.X[step.setting])
-        tried = (_replaced(plan.steps, {slot: int(others[k])}) for k in _promising(promised, plan.worth))
-        plan = _first_better(problem, plan, tried)
+        tried = [{slot: int(setting)} for setting in others]
+        plan = _best_change(problem, plan, step.menu, tried)
     return plan
 
 
@@ -201,16 +200,20 @@ def order_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
         here = plan.steps[slot]
         mount = _mount(problem, here)
         others = [k for k, step in enumerate(plan.steps) if step != here and _mount(problem, step) == mount]
-        if not others:
-            continue
-        E = np.zeros((len(plan.steps), len(others)))
-        E[slot], E[others, np.arange(len(others))] = 1.0, -1.0
-        X = problem.menus[here.menu].X
-        d = X[[plan.steps[k].setting for k in others]] - X[here.setting]
-        chosen = [others[k] for k in _promising(_promised(problem, plan.steps, slot, E, d), plan.worth)]
-        swaps = ({slot: plan.steps[k].setting, k: here.setting} for k in chosen)
-        plan = _first_better(problem, plan, (_replaced(plan.steps, swap) for swap in swaps))
+        swaps = [{slot: plan.steps[k].setting, k: here.setting} for k in others]
+        plan = _best_change(problem, plan, here.menu, swaps)
     return plan
+
+
+def _best_change(
+    problem: PlanProblem, plan: ValuedPlan, menu: int, changes: Sequence[Mapping[int, int]]
+) -> ValuedPlan:
+    """Plan with other settings in slots of one run: of those that promise most the first that is better."""
+    if not changes:
+        return plan
+    promised = _promised(problem, plan.steps, menu, changes)
+    tried = (_replaced(plan.steps, changes[k]) for k in _promising(promised, plan.worth))
+    return _first_better(problem, plan, tried)
 
 
 def time_moved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
@@ -293,7 +296,7 @@ def _best_addition(problem: PlanProblem, steps: Steps) -> ValuedPlan | None:
     S = root(problem, steps)
     G = problem.aim.G @ S
     now, cost = float(problem.aim.size(G @ G.T)), np.array([cost for _, cost in candidates])
-    promised = _promised_additions(problem, S, [step for step, _ in candidates])
+    promised = _promised_additions(problem, steps, S, [step for step, _ in candidates])
     best, rate = None, -np.inf
     for k in np.argsort((np.log(promised) - np.log(now)) / cost)[:SHORTLIST].tolist():
         more = with_step(problem, steps, candidates[k][0])
@@ -303,42 +306,79 @@ def _best_addition(problem: PlanProblem, steps: Steps) -> ValuedPlan | None:
     return best
 
 
-def _promised_additions(problem: PlanProblem, S: FloatArray, new: Sequence[Step]) -> FloatArray:
-    """Worth with each of the steps, as if its noise had nothing to do with that of the others: rank 1."""
-    rows = np.array([problem.menus[s.menu].X[s.setting] for s in new])
-    alone = {(k, dwell): _alone(problem.menus[k], dwell) for k, dwell in {(s.menu, s.dwell) for s in new}}
-    noise = [alone[s.menu, s.dwell] for s in new]
-    seen = rows @ S
-    G = problem.aim.G @ S
-    moved = seen @ G.T / np.sqrt(np.array(noise) + np.sum(seen**2, axis=1))[:, None]
-    return problem.aim.size(G @ G.T - moved[:, :, None] * moved[:, None, :])
+def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: Sequence[Step]) -> FloatArray:
+    """Worth with each of the steps, as if its noise had nothing to do with that of the others."""
+    G, promised = problem.aim.G @ S, np.empty(len(new))
+    for k in {step.menu for step in new}:
+        where = np.flatnonzero([step.menu == k for step in new])
+        few = [step for step in new if step.menu == k]
+        part = [step for step in steps if step.menu == k]
+        made = [_added(one, problem.menus[k], part, few) for one in problem.menus[k].signals]
+        seen = np.concatenate([rows for rows, _ in made], axis=1) @ S
+        noise = np.concatenate([variance for _, variance in made], axis=1)
+        K = seen @ np.swapaxes(seen, 1, 2)
+        K += noise[:, :, None] * np.eye(noise.shape[1])
+        promised[where] = problem.aim.size(G @ G.T - _within(K, seen @ G.T))
+    return promised
 
 
-def _alone(menu: Menu, dwell: float) -> float:
-    """Variance of a dwell's mean, given that of a dwell before it."""
-    return float(whitening(menu, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
+def _added(
+    signal: Signal, menu: Menu, part: Sequence[Step], new: Sequence[Step]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
+    before = part[-1:] if signal.ends is not None else []
+    settings = np.array([[*(one.setting for one in before), step.setting] for step in new])
+    rows = signal.X[signal.places(settings)]
+    alone = {dwell: _alone(menu, signal, dwell) for dwell in {step.dwell for step in new}}
+    variance = np.array([alone[step.dwell] for step in new])
+    return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
 
 
-def _promised(problem: PlanProblem, steps: Steps, slot: int, E: FloatArray, d: FloatArray) -> FloatArray:
-    """Worth (k,) where the rows of the run of a slot change by ``e d'`` (see the module).
+def _alone(menu: Menu, signal: Signal, dwell: float) -> float:
+    """Variance of a dwell's mean, or of a turn's, given that of a dwell before it."""
+    return float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
 
-    Parameters
-    ----------
-    E : (steps, k) directions e, zero outside of the run.
-    d : (k, c) changes.
-    """
-    run = [k for k, step in enumerate(steps) if step.menu == steps[slot].menu]
-    menu, part = problem.menus[steps[slot].menu], [steps[k] for k in run]
-    W, S = whitening(menu, part), root(problem, steps)
-    G, We = problem.aim.G @ S, W @ E[run]
-    a = (We.T @ whitened(menu, part)) @ S
-    U = np.stack((a, d @ S), axis=2)
-    K = np.swapaxes(U, 1, 2) @ U
-    K[:, 0, 0] -= np.sum(We**2, axis=0)
-    K[:, 0, 1] += 1.0
-    K[:, 1, 0] += 1.0
-    moved = G @ U
-    return problem.aim.size(G @ G.T - moved @ np.linalg.solve(K, np.swapaxes(moved, 1, 2)))
+
+def _within(K: FloatArray, moved: FloatArray) -> FloatArray:
+    """``moved' K^-1 moved`` (k, g, g) of matrices (k, w, w) and (k, w, g)."""
+    return np.swapaxes(moved, 1, 2) @ np.linalg.solve(K, moved)
+
+
+def _promised(
+    problem: PlanProblem, steps: Steps, menu: int, changes: Sequence[Mapping[int, int]]
+) -> FloatArray:
+    """Worth (k,) where slots of one run have other settings (see the module)."""
+    one, run = problem.menus[menu], [k for k, step in enumerate(steps) if step.menu == menu]
+    part, S = [steps[k] for k in run], root(problem, steps)
+    now = settings_of(part)
+    new = np.array([[change.get(k, steps[k].setting) for k in run] for change in changes])
+    U, K = list[FloatArray](), list[FloatArray]()
+    for signal in one.signals:
+        P, (was, will) = _inverse(one, signal, part), map(signal.places, (now, new))
+        changed = will != was
+        width = int(changed.sum(axis=1).max(initial=0))
+        rows = np.argsort(~changed, axis=1, kind="stable")[:, :width]
+        d = signal.X[np.take_along_axis(will, rows, axis=1)] - signal.X[was[rows]]
+        U.append(np.concatenate(((P @ signal.X[was])[rows], d), axis=1) @ S)
+        K.append(_turned_over(P[rows[:, :, None], rows[:, None, :]]))
+    table, G = np.concatenate(U, axis=1), problem.aim.G @ S
+    whole, done = table @ np.swapaxes(table, 1, 2), 0
+    for J in K:
+        inside = slice(done, done := done + J.shape[1])
+        whole[:, inside, inside] += J
+    return problem.aim.size(G @ G.T - _within(whole, table @ G.T))
+
+
+def _inverse(menu: Menu, signal: Signal, part: Sequence[Step]) -> FloatArray:
+    """Inverse covariance P (n, n) of a signal's rows in a run."""
+    W = whitening(menu, signal, part)
+    return W.T @ W
+
+
+def _turned_over(P: FloatArray) -> FloatArray:
+    """Inverse (k, 2 w, 2 w) of J, from the inverse covariances (k, w, w) of the rows that change."""
+    unit = np.broadcast_to(np.eye(P.shape[1]), P.shape)
+    return np.block([[-P, unit], [unit, np.zeros_like(P)]])
 
 
 def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
@@ -346,12 +386,16 @@ def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
     S = root(problem, steps)
     G, worths = problem.aim.G @ S, list[FloatArray]()
     for k, part in runs_of(steps):
-        W = whitening(problem.menus[k], part)
-        strength = np.sum(W**2, axis=0)
-        a = (W.T @ whitened(problem.menus[k], part)) @ S
-        kept = np.maximum(strength - np.sum(a**2, axis=1), ROUNDING * strength)
-        moved = (a @ G.T) / np.sqrt(kept)[:, None]
-        worths.append(problem.aim.size(G @ G.T + moved[:, :, None] * moved[:, None, :]))
+        seen, strength = list[FloatArray](), list[FloatArray]()
+        for signal in problem.menus[k].signals:
+            P, rows = _inverse(problem.menus[k], signal, part), signal.rows_at(len(part))
+            told = (P @ signal.X[signal.places(settings_of(part))])[rows] @ S
+            strength.append(np.sqrt(np.diag(P))[rows])
+            seen.append(told / strength[-1][:, :, None])
+        a = np.concatenate(seen, axis=1)
+        values, turn = np.linalg.eigh(np.eye(a.shape[1]) - a @ np.swapaxes(a, 1, 2))
+        moved = np.swapaxes(turn, 1, 2) @ a @ G.T / np.sqrt(np.maximum(values, ROUNDING))[:, :, None]
+        worths.append(problem.aim.size(G @ G.T + np.swapaxes(moved, 1, 2) @ moved))
     return np.concatenate([np.empty(0), *worths])
 
 

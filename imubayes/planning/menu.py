@@ -1,39 +1,28 @@
-"""What a test could be made of: a study's candidates as dwells, with their columns, noise and what they cost.
+"""What a test could be made of: dwells at the settings of a bench or a hand, what each tells and costs.
 
-A dwell with constant inputs is one row, the mean over its time. The rows of a run are correlated by the
-drift of the sensor, so that what a dwell tells depends on its place in the run, and the order matters. The
-class gives the prior and the typical noise, the study the candidates, their costs and how well the bench is
-known; runs that are done already give what is known beyond the prior.
+A dwell with constant inputs is one row for each component, the mean over its time: one dwell serves all of
+them. The rows of a component in a run are correlated by its drift, so that what a dwell tells depends on its
+place in the run, and the order matters. Where the attitude is not known, the part of the rows that it moves
+is gone from them (`imubayes.planning.offers`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby, pairwise
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import invert_triangular, triangular
-from imubayes.campaign.preparation import Prepared, component_prior, prepare
-from imubayes.campaign.preparation import runs_of as runs_of_sensor
-from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.errors import StudyError
-from imubayes.inference.linear import Extra, Rows
-from imubayes.inference.nuisances import extras_for, rows_with
+from imubayes.algebra.factor import invert_triangular
+from imubayes.inference.between_stills import counting_time
+from imubayes.inference.linear import Rows
 from imubayes.inference.whiten import mattering, whiten
-from imubayes.rig.bench import effective
-from imubayes.rig.inputs import Run
-from imubayes.rig.plans import Plan
-from imubayes.rig.recordings import RunSpec
-from imubayes.rig.sequences import menu_of
-from imubayes.rig.simulate import PROFILES
-from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise
 
 POWER = 16.0
@@ -51,36 +40,74 @@ class Handling:
     settle : before every dwell.
     mount : more of it where the case is mounted anew.
     setup : once, if the run is made at all.
+    lost : of every dwell, at its ends, which are told from motion by a window; the turns have it.
     """
 
     settle: float
     mount: float = 0.0
     setup: float = 0.0
+    lost: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """What one component says in a run, or what a triad says of which only a part is known.
+
+    A dwell is a row. Of turns between dwells there are two rows for each: they are what a gyroscope triad
+    says of the way from one setting to the next.
+
+    Attributes
+    ----------
+    X : (r, c) columns, for coefficients and errors of the bench in units of their prior sd: a row for each of
+        m settings; of turns 2 m^2, two from each setting to each.
+    noise : of a component, SI.
+    axes : (r, a) weights of a alike and independent components in each row; None for a single component.
+    ends : of turns, noise in rad of the directions that are seen before and after; None of dwells.
+    """
+
+    X: FloatArray
+    noise: Noise
+    axes: FloatArray | None = None
+    ends: Noise | None = None
+
+    def places(self, settings: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Rows of X (..., n) that settings (..., k) in their order make."""
+        if self.ends is None:
+            return settings
+        m = math.isqrt(len(self.X) // 2)
+        pairs = 2 * (m * settings[..., :-1] + settings[..., 1:])
+        return np.stack((pairs, pairs + 1), axis=-1).reshape(*settings.shape[:-1], -1)
+
+    def rows_at(self, steps: int) -> NDArray[np.intp]:
+        """Rows (steps, w), of those that a run of so many steps makes, that belong to each step."""
+        if self.ends is None:
+            return np.arange(steps)[:, None]
+        return 2 * np.maximum(np.arange(steps)[:, None] - 1, 0) + np.arange(2 * min(steps - 1, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Menu:
-    """Dwells that a run could be made of.
+    """Dwells that a run could be made of: m settings, each of which all signals tell of at the same time.
 
     Attributes
     ----------
     run : its name.
-    X : (m, c) columns at each of m settings, for coefficients and errors of the bench in units of their
-        prior sd.
+    signals : with independent noises.
     mount : (m,) number of the mount that each setting belongs to.
     dwells : times that a dwell may take, s.
     handling : what comes on top.
-    noise : of the sensor, SI.
     interval : averaging time of a sample, s.
     """
 
     run: str
-    X: FloatArray
+    signals: tuple[Signal, ...]
     mount: NDArray[np.int64]
     dwells: tuple[float, ...]
     handling: Handling
-    noise: Noise
     interval: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.mount)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,26 +204,63 @@ def pauses(menu: Menu, steps: Sequence[Step]) -> tuple[float, ...]:
 
 
 def whitened(menu: Menu, steps: Sequence[Step]) -> FloatArray:
-    """Rows (n, c) of the steps of one run, whitened."""
-    return whitening(menu, steps) @ menu.X[[step.setting for step in steps]]
+    """Rows (n, c) of all signals in the steps of one run, whitened."""
+    where = settings_of(steps)
+    return np.concatenate([whitening(menu, one, steps) @ one.X[one.places(where)] for one in menu.signals])
 
 
-def whitening(menu: Menu, steps: Sequence[Step]) -> FloatArray:
-    """Root W (n, n) of the inverse covariance of a run's rows, ``W' W``."""
-    dwell = tuple(step.dwell for step in steps)
-    return _whitening(menu.noise, menu.interval, pauses(menu, steps), dwell)
+def settings_of(steps: Sequence[Step]) -> NDArray[np.intp]:
+    """Settings (n,) of steps of one run."""
+    return np.array([step.setting for step in steps], dtype=np.intp)
+
+
+def whitening(menu: Menu, signal: Signal, steps: Sequence[Step]) -> FloatArray:
+    """Root W (n, n) of the inverse covariance of a signal's rows in a run, ``W' W``."""
+    lasting, pause = _times(menu, steps)
+    if signal.axes is None:
+        return _whitening(signal.noise, menu.interval, pause, lasting)
+    if signal.ends is not None:
+        rows = turns_of(menu, signal, steps)
+        return whiten(signal.noise, rows, np.eye(len(rows.t)))[0] if len(rows.t) else np.zeros((0, 0))
+    return _root(signal.noise, menu.interval, Rows(*_clock(pause, lasting), signal.axes[settings_of(steps)]))
+
+
+def turns_of(menu: Menu, signal: Signal, steps: Sequence[Step]) -> Rows:
+    """When the rows of the turns between the steps of a run were taken."""
+    dwell, pause = _times(menu, steps)
+    (t, lasting), turn = _clock(pause, dwell), np.array(pause[1:])
+    counting = counting_time(
+        signal.noise, signal.ends or signal.noise, turn, np.stack((lasting[:-1], lasting[1:]))
+    )
+    middle = t[1:] - 0.5 * (lasting[1:] + turn)
+    axes = None if signal.axes is None else signal.axes[signal.places(settings_of(steps))]
+    return Rows(np.repeat(middle, 2), np.repeat(counting, 2), axes)
+
+
+def _times(menu: Menu, steps: Sequence[Step]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Time of each dwell that counts, and before it, s."""
+    lost = menu.handling.lost
+    return tuple(step.dwell - lost for step in steps), tuple(lost + pause for pause in pauses(menu, steps))
 
 
 @lru_cache(maxsize=256)
 def _whitening(
     noise: Noise, interval: float, pause: tuple[float, ...], dwell: tuple[float, ...]
 ) -> FloatArray:
+    return _root(noise, interval, Rows(*_clock(pause, dwell)))
+
+
+def _clock(pause: tuple[float, ...], dwell: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Middles and durations (n,) of dwells, s."""
     lasting = np.array(dwell)
-    t = np.cumsum(np.array(pause) + lasting) - 0.5 * lasting
+    return np.cumsum(np.array(pause) + lasting) - 0.5 * lasting, lasting
+
+
+def _root(noise: Noise, interval: float, rows: Rows) -> FloatArray:
+    t, lasting = rows.t, rows.duration
     # the processes that stand for B are those that an analysis of the samples has
     ends = np.array([t[0] - 0.5 * lasting[0] + 0.5 * interval, t[-1] + 0.5 * lasting[-1] - 0.5 * interval])
-    parts = mattering(noise, Rows(ends, np.full(2, interval)))
-    return whiten(noise, Rows(t, lasting), np.eye(len(t)), parts)[0]
+    return whiten(noise, rows, np.eye(len(t)), mattering(noise, Rows(ends, np.full(2, interval))))[0]
 
 
 def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:
@@ -209,146 +273,3 @@ def worth(problem: PlanProblem, steps: Sequence[Step]) -> float:
     """Size of what is left to know after the steps: smaller is better."""
     spread = problem.aim.G @ root(problem, steps)
     return float(problem.aim.size(spread @ spread.T))
-
-
-What = Literal["worst", "D", "scene"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Offer:
-    """A run that could be made.
-
-    Attributes
-    ----------
-    spec : of the run, with the profile and the arguments of its procedure.
-    dwells : times that a dwell may take, s.
-    rate : samples per second.
-    handling : time that is no record.
-    """
-
-    spec: RunSpec
-    dwells: tuple[float, ...]
-    rate: float
-    handling: Handling
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanStudy:
-    """A plan to make, as its file says.
-
-    Attributes
-    ----------
-    title, seed : of the study.
-    spec : of the sensor; its runs are done already.
-    offers : runs that could be made.
-    time : for all of them, s.
-    aim : what to make small.
-    needed : terms that the aim is about; empty for all that the candidates can tell.
-    even : number of the offer whose even run the plan is held against.
-    units : simulated to check the prediction.
-    mission : scene and budget; None without.
-    path, text : of the file.
-    """
-
-    title: str
-    seed: int
-    spec: SensorSpec
-    offers: tuple[Offer, ...]
-    time: float
-    aim: What
-    needed: tuple[str, ...]
-    even: int
-    units: int
-    mission: Mission | None
-    path: Path
-    text: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Bench:
-    """Columns of terms and errors of the bench: names, prior sd (c,), p terms, and what is known of them.
-
-    `known` (k, c) are rows in units of the prior, `menus` the candidates, `plans` their inputs.
-    """
-
-    names: tuple[str, ...]
-    sd: FloatArray
-    p: int
-    known: FloatArray
-    menus: tuple[Menu, ...]
-    plans: tuple[Plan, ...]
-    done: tuple[Run, ...]
-
-
-def bench_columns(study: PlanStudy) -> Bench:
-    """Columns of everything that could be done, and what is known already."""
-    spec = study.spec
-    given = [dict(offer.spec.simulate or {}) for offer in study.offers]
-    plans = tuple(
-        replace(menu_of(PROFILES[str(one.pop("profile"))], one), name=offer.spec.name)
-        for offer, one in zip(study.offers, given, strict=True)
-    )
-    # a sensor without errors puts out its own input
-    outputs = [plan.inputs.channels.get(spec.library.own, np.zeros(len(plan.inputs))) for plan in plans]
-    runs = [Run(p.name, p.procedure, p.inputs, output) for p, output in zip(plans, outputs, strict=True)]
-    done, ready = _done(study)
-    kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
-    extras = extras_for(runs, kinds, sensor=spec.kind) if kinds else ()
-    before = ready.summary.extras if ready else ()
-    every: dict[str, Extra] = {extra.name: extra for extra in (*before, *extras)}
-    prior = ready.prior.sd[: len(spec.library.terms)] if ready else component_prior(spec, runs)[0].sd
-    names = (*spec.library.names, *every)
-    sd = np.concatenate((prior, [extra.sd for extra in every.values()]))
-    p, q = len(prior), len(extras)
-    tables = rows_with(runs, spec.library, extras, np.zeros(p), np.zeros(q))
-    here = [names.index(name) for name in (*spec.library.names, *(extra.name for extra in extras))]
-    menus = tuple(
-        _menu(study, offer, _spread(rows.columns(0, len(rows)), here, len(names)) * sd, plan)
-        for offer, rows, plan in zip(study.offers, tables, plans, strict=True)
-    )
-    known = np.zeros((0, len(names)))
-    if ready:
-        f = ready.summary.factor
-        known = _spread(f.R[:-1, :-1], [names.index(name) for name in f.names], len(names)) * sd
-    return Bench(names, sd, p, known, menus, plans, done)
-
-
-def _menu(study: PlanStudy, offer: Offer, X: FloatArray, plan: Plan) -> Menu:
-    rule, sensor = offer.spec.noise, study.spec.sensor_class
-    if rule.rule == "fixed" and rule.value is not None:
-        noise = rule.value
-    elif sensor is not None:
-        noise = typical_noise(sensor)
-    else:
-        raise StudyError(
-            f"sensor '{study.spec.id}': a plan needs the prior and the noise of a class: name one"
-        )
-    mount = np.zeros(len(X), dtype=np.int64) if plan.inputs.mount is None else plan.inputs.mount
-    return Menu(offer.spec.name, X, mount, offer.dwells, offer.handling, noise, 1.0 / offer.rate)
-
-
-def _done(study: PlanStudy) -> tuple[tuple[Run, ...], Prepared | None]:
-    """Runs that are done, and what they say."""
-    if not study.spec.runs:
-        return (), None
-    done = runs_of_sensor(study.spec, study.seed, 0)
-    if any(run.of_case for run in done):
-        raise StudyError(
-            f"sensor '{study.spec.id}': a plan goes on from runs with known inputs, not a free tumble"
-        )
-    kinds = {name: study.spec.reference[name] for name in effective(done, study.spec.reference)}
-    spec = replace(study.spec, reference=kinds)
-    return done, prepare(spec, done, lambda message: None, np.random.default_rng([study.seed, 0]))
-
-
-def _spread(rows: FloatArray, where: Sequence[int], width: int) -> FloatArray:
-    """Rows with their columns at the given places of a wider table."""
-    out = np.zeros((len(rows), width))
-    out[:, where] = rows
-    return out
-
-
-def start_of(bench: Bench) -> FloatArray:
-    """Triangular factor (c, c) of the prior and of what the runs that are done say, in units of the prior."""
-    c = len(bench.sd)
-    return triangular([np.concatenate((bench.known, np.eye(c)))], c)

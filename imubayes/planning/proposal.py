@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -20,28 +20,33 @@ from imubayes.inference.whiten import whiten
 from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.menu import (
     Aim,
-    Bench,
     Menu,
     PlanProblem,
-    PlanStudy,
+    Signal,
     Step,
     Steps,
-    bench_columns,
     duration,
     root,
     runs_of,
-    start_of,
+    settings_of,
     starts,
+    turns_of,
     whitened,
     worth,
 )
-from imubayes.rig.inputs import facts_of
-from imubayes.rig.sequences import Setting, settings_of
+from imubayes.planning.offers import Bench, PlanStudy, bench_columns, start_of
+from imubayes.rig.inputs import Facts, case_inputs, facts_of, own_channels
+from imubayes.rig.plans import Plan
+from imubayes.rig.recordings import FREE_TUMBLE
+from imubayes.rig.sequences import Setting
+from imubayes.rig.sequences import settings_of as words_of
 from imubayes.rig.simulate import synthesise
 from imubayes.scenes.effects import SceneEffects, budget_effects
 from imubayes.scenes.relevance import MATTERS
+from imubayes.sensors.noise import Noise
+from imubayes.units import STANDARD_GRAVITY
 
-SEEN = 0.9
+SEEN = 0.5
 """Posterior over prior sd below which all candidates together tell a term."""
 
 NEXT = 6
@@ -110,7 +115,7 @@ class Proposal:
     def worst(self, outcome: Outcome) -> tuple[str, float]:
         """Needed term with the largest predicted sd over its need (without a scene: over its prior sd)."""
         limit = self.need if np.isfinite(self.need).any() else self.prior_sd
-        names = self.study.spec.library.names
+        names = self.study.terms
         ratios = {
             name: float(outcome.sd[k] / limit[k]) for k, name in enumerate(names) if name in self.needed
         }
@@ -146,7 +151,8 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
         needed=needed,
         menus=bench.menus,
         settings=tuple(
-            settings_of(m, o.spec.simulate or {}) for m, o in zip(bench.plans, study.offers, strict=True)
+            _words(study, plan, offer.spec.simulate or {})
+            for plan, offer in zip(bench.plans, study.offers, strict=True)
         ),
         even=told("even", even),
         same=told("same", same),
@@ -154,6 +160,13 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
         following=following(problem, (), NEXT),
         seconds=time.perf_counter() - start,
     )
+
+
+def _words(study: PlanStudy, plan: Plan, options: Mapping[str, object]) -> tuple[Setting, ...]:
+    """Words for each setting; the axes of a case are x, y, z."""
+    letters = str.maketrans("ijk", "ijk" if "" in study.libraries else "xyz")
+    said = words_of(plan, options)
+    return tuple(Setting(one.mount.translate(letters), one.at.translate(letters)) for one in said)
 
 
 def _plans(problem: PlanProblem, offer: int) -> tuple[Steps, Steps, Steps]:
@@ -174,14 +187,14 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
     every = tuple(
         Step(k, setting, max(menu.dwells))
         for k, menu in enumerate(bench.menus)
-        for setting in range(len(menu.X))
+        for setting in range(len(menu))
     )
     whole = PlanProblem(bench.menus, start_of(bench), Aim("D", np.eye(len(bench.sd))), np.inf)
     ratio = np.linalg.norm(root(whole, every), axis=1)
     seen = tuple(name for name, r in zip(bench.names[: bench.p], ratio, strict=False) if r < SEEN)
-    idle = np.abs(np.concatenate((bench.known, *(menu.X for menu in bench.menus)))).max(axis=0) == 0.0
-    leader = dict(study.spec.library.tied)
-    asked = tuple(dict.fromkeys(leader.get(name, name) for name in study.needed))
+    rows = [signal.X for menu in bench.menus for signal in menu.signals]
+    idle = np.abs(np.concatenate((bench.known, *rows))).max(axis=0) == 0.0
+    asked = tuple(dict.fromkeys(study.carriers.get(name, name) for name in study.needed))
     lost = tuple(name for name in asked if idle[bench.names.index(name)])
     if lost or not seen:
         raise UnobservableError(
@@ -194,13 +207,13 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
 
 def _carriers(study: PlanStudy) -> list[int]:
     """Place (p,) of the column that carries each term's coefficient."""
-    lib = study.spec.library
-    return [lib.names.index(name) for name in lib.carriers]
+    names, carriers = list(study.terms), study.carriers
+    return [names.index(carriers.get(name, name)) for name in names]
 
 
 def _need(study: PlanStudy, effects: SceneEffects | None) -> FloatArray:
     """Sd (p,) of each term at which its effect is a tenth of the budget."""
-    p = len(study.spec.library.terms)
+    p = len(study.terms)
     if effects is None or study.mission is None:
         return np.full(p, np.inf)
     single = effects.single(np.ones(p))
@@ -267,16 +280,42 @@ def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
     c = len(bench.sd)
     R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
     padded = np.pad(R, ((0, 1), (0, 1)))
-    chosen = [bench.menus[s.menu].X[s.setting] for s in steps]
-    reach = np.abs(np.array([*chosen, *bench.known])).max(axis=0) / bench.sd
+    chosen = [
+        one.X[one.places(settings_of(part))] for k, part in runs_of(steps) for one in bench.menus[k].signals
+    ]
+    reach = np.abs(np.concatenate((*chosen, bench.known))).max(axis=0) / bench.sd
     found = dict(zip(bench.names, reach.tolist(), strict=True))
-    channels = [run.inputs.channels for run in bench.done]
+    factor = Factor(bench.names, padded, len(steps))
+    seen = [
+        observe(factor, bench.sd, _facts(study, bench, steps, component), reach=found)
+        for component in study.libraries
+    ]
+    groups = [
+        group
+        for component, one in zip(study.libraries, seen, strict=True)
+        for group in one.groups
+        if component == _component(group.terms, list(study.libraries))
+    ]
+    return carried(replace(seen[0], groups=tuple(groups)), study.carriers)
+
+
+def _component(terms: Sequence[str], components: Sequence[str]) -> str:
+    """Component whose inputs say why terms are not told apart: the first among them."""
+    heads = [term.partition(".")[0] for term in terms]
+    return next((head for head in heads if head in components), components[0])
+
+
+def _facts(study: PlanStudy, bench: Bench, steps: Steps, component: str) -> Facts:
+    """What the inputs of a component have in common."""
+    kind = study.libraries[component].kind
+    if study.offers[0].spec.procedure == FREE_TUMBLE:
+        return Facts(kind, one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
+    channels = [(run.component(component) if component else run).inputs.channels for run in bench.done]
     for k, part in runs_of(steps):
-        where, inputs = [step.setting for step in part], bench.plans[k].inputs.channels
-        channels.append({name: values[where] for name, values in inputs.items()})
-    facts = facts_of(channels, study.spec.kind)
-    seen = observe(Factor(bench.names, padded, len(steps)), bench.sd, facts, reach=found)
-    return carried(seen, dict(study.spec.library.tied))
+        inputs, where = bench.plans[k].inputs, settings_of(part)
+        own = own_channels(case_inputs(inputs).channels, component) if component else inputs.channels
+        channels.append({name: values[where] for name, values in own.items()})
+    return facts_of(channels, kind)
 
 
 def rehearsed(
@@ -292,19 +331,46 @@ def rehearsed(
     known = problem.start
     truth = solve_triangular(known, rng.standard_normal((c, units)))
     tables = [np.column_stack((known, np.zeros((c, units))))]
-    tables += [_rehearse(problem.menus[k], part, truth, rng) for k, part in runs_of(steps)]
+    tables += [
+        _rehearse(problem.menus[k], signal, part, truth, rng)
+        for k, part in runs_of(steps)
+        for signal in problem.menus[k].signals
+    ]
     R = np.asarray(np.linalg.qr(np.concatenate(tables), mode="r"))
     return (solve_triangular(R[:c, :c], R[:c, c:]) - truth).T
 
 
-def _rehearse(menu: Menu, steps: Sequence[Step], truth: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Whitened rows ``[X y ...]`` of a run, with a response for each unit."""
-    interval = min(INTERVAL, min(step.dwell for step in steps) / FEWEST)
-    counts = [int(step.dwell / interval) for step in steps]
-    begin = starts([menu], [replace(step, menu=0) for step in steps]).tolist()
-    within = [start + interval * (0.5 + np.arange(n)) for start, n in zip(begin, counts, strict=True)]
-    t = np.concatenate(within)
-    X = menu.X[np.repeat([step.setting for step in steps], counts)]
-    noise = np.column_stack([synthesise(menu.noise, t, interval, rng) for _ in range(truth.shape[1])])
-    rows = Rows(t, np.full(len(t), interval))
-    return whiten(menu.noise, rows, np.ascontiguousarray(np.column_stack((X, X @ truth + noise))))[0]
+def _rehearse(
+    menu: Menu, signal: Signal, steps: Sequence[Step], truth: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Whitened rows ``[X y ...]`` of a signal in a run, with a response for each unit."""
+    where = signal.places(settings_of(steps))
+    if signal.ends is not None:
+        rows, each = turns_of(menu, signal, steps), np.arange(len(where))
+    else:
+        lost = menu.handling.lost
+        interval = min(INTERVAL, (min(step.dwell for step in steps) - lost) / FEWEST)
+        counts = [int((step.dwell - lost) / interval) for step in steps]
+        begin = starts([menu], [replace(step, menu=0) for step in steps]).tolist()
+        within = [start + interval * (0.5 + np.arange(n)) for start, n in zip(begin, counts, strict=True)]
+        each = np.repeat(np.arange(len(steps)), counts)
+        axes = None if signal.axes is None else signal.axes[where][each]
+        rows = Rows(np.concatenate(within), np.full(len(each), interval), axes)
+    X = signal.X[where[each]]
+    noise = np.column_stack([_drawn(signal.noise, rows, rng) for _ in range(truth.shape[1])])
+    return whiten(signal.noise, rows, np.ascontiguousarray(np.column_stack((X, X @ truth + noise))))[0]
+
+
+def _drawn(noise: Noise, rows: Rows, rng: np.random.Generator) -> FloatArray:
+    """Noise (n,) of rows, every process of each component drawn by itself."""
+    t, first, place = np.unique(rows.t, return_index=True, return_inverse=True)
+    lasting = rows.duration[first]
+    if rows.axes is None:
+        return synthesise(noise, t, float(lasting[0]), rng)
+    usual, drift = float(np.median(lasting)), replace(noise, N=0.0)
+    white = noise.N / np.sqrt(lasting)
+    each = [
+        synthesise(drift, t, usual, rng) + white * rng.standard_normal(len(t))
+        for _ in range(rows.axes.shape[1])
+    ]
+    return np.einsum("na,an->n", rows.axes, np.array(each)[:, place])

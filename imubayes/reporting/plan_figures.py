@@ -37,7 +37,7 @@ def outcomes(found: Proposal) -> tuple[Outcome, ...]:
 
 def predicted_panel(found: Proposal, key: str) -> Panel:
     """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
-    names = found.study.spec.library.names
+    names = list(found.study.terms)
     told = outcomes(found)
     ratios = np.array([o.sd / found.prior_sd for o in told])
     shown = [k for k, name in enumerate(names) if name in found.needed or ratios[:, k].min() < 0.95]

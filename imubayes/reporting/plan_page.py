@@ -51,14 +51,15 @@ NEXT_HEAD = ("run", "mount", "set to", "record for", "takes", "left open")
 
 ORDER = (
     "Times are from the start of the work; the order matters, for it keeps drift apart from the terms. Axes"
-    " are those of the case: i the input axis, j and k with it right-handed. In a plane the first axis is up"
-    " at 0 deg and the second one at 90 deg."
+    " are those of the case{}. In a plane the first axis is up at 0 deg and the second one at 90 deg."
 )
+OWN = ": i the input axis, j and k with it right-handed"
 
 
 def plan_page(found: Proposal) -> Page:
     """Page of a plan."""
     time = lasting(found.study.time)
+    order = ORDER.format(OWN if "" in found.study.libraries else "")
     return Page(
         found.study.title,
         f"A plan for {time}, made before the test: what it will tell, and what to set, dwell by dwell.",
@@ -66,7 +67,11 @@ def plan_page(found: Proposal) -> Page:
         blocks=[
             Section("What it will tell", [*_terms(found)], "terms"),
             Section("What the data cannot tell apart", [*_open(found)], "open"),
-            Section("The plan", [Prose(ORDER), *_mounts(found)], "plan"),
+            Section(
+                "The plan",
+                [Prose(order), *_mounts(found)],
+                "plan",
+            ),
             Section("The next dwell", [*_next(found)], "next"),
             _repeat(found),
         ],
@@ -165,15 +170,15 @@ def plan_names(found: Proposal) -> list[str]:
 def term_rows(found: Proposal) -> list[tuple[str, ...]]:
     """Predicted sd of every term in printed units: before, after each plan, and what the scene needs."""
     rows = []
-    for k, term in enumerate(found.study.spec.library.terms):
+    for k, (name, term) in enumerate(found.study.terms.items()):
         unit = per_unit(term.printed, term.unit)
         before = [found.prior_sd[k], *([found.known_sd[k]] if found.study.spec.runs else [])]
         values = [*before, *(o.sd[k] for o in outcomes(found))]
         need = [found.need[k]] if np.isfinite(found.need).any() else []
         texts = [str(measured(v / unit, math.nan)) if math.isfinite(v) else "–" for v in (*values, *need)]
-        mark = "needed" if term.name in found.needed else ""
+        mark = "needed" if name in found.needed else ""
         ratio = f"{found.best.simulated[k] / found.best.sd[k]:.2f}"
-        rows.append((term.name, mark, pretty(term.printed), *texts, ratio))
+        rows.append((name, mark, pretty(term.printed), *texts, ratio))
     return rows
 
 
@@ -184,7 +189,7 @@ def plan_json(found: Proposal) -> str:
         Plan,
         study,
         sensor=study.spec.id,
-        kind=study.spec.kind,
+        kind="imu" if study.spec.gyroscope else study.spec.kind,
         needed=found.needed,
         terms=[_planned_term(found, k) for k in range(len(found.need))],
         plans=[_plan_found(found, outcome) for outcome in outcomes(found)],
@@ -203,10 +208,10 @@ def plan_json(found: Proposal) -> str:
 
 
 def _planned_term(found: Proposal, k: int) -> dict[str, Any]:
-    term = found.study.spec.library.terms[k]
+    name, term = [*found.study.terms.items()][k]
     told = {one.name: {"sd": one.sd[k], "simulated": one.simulated[k]} for one in outcomes(found)}
     return {
-        "name": term.name,
+        "name": name,
         "unit": term.unit,
         "prior_sd": found.prior_sd[k],
         "known_sd": found.known_sd[k],
@@ -245,7 +250,7 @@ def _planned_step(found: Proposal, step: Step, start: float) -> PlannedStep:
 def terminal_plan(found: Proposal) -> Group:
     """Lines for a terminal: the answer, the terms, and the plan mount by mount."""
     rows = []
-    for k, name in enumerate(found.study.spec.library.names):
+    for k, name in enumerate(found.study.terms):
         ratios = [f"{outcome.sd[k] / found.prior_sd[k]:.3f}" for outcome in outcomes(found)]
         rows.append((name, "needed" if name in found.needed else "", *ratios))
     steps, clock = [], 0.0
@@ -296,7 +301,7 @@ def _share(found: Proposal) -> Iterator[str]:
 
 def checked(found: Proposal) -> str:
     """Sentence that holds the prediction for each plan against simulated units."""
-    where = [k for k, name in enumerate(found.study.spec.library.names) if name in found.needed]
+    where = [k for k, name in enumerate(found.study.terms) if name in found.needed]
     ratios = [(o.simulated / o.sd)[where] for o in (found.best, found.even)]
     best, even = (f"{ratio.min():.2f} to {ratio.max():.2f}" for ratio in ratios)
     return (
@@ -312,7 +317,7 @@ def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
 
 def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
     """One combination, and what the priors of its terms, and what is known of the bench, leave of each."""
-    terms = [name for name in group.terms if name in found.study.spec.library.names]
+    terms = [name for name in group.terms if name in found.study.terms]
     left = listed([_left(found, outcome, name) for name in terms])
     if len(terms) == len(group.terms):
         why = f": {group.reason}" if group.reason else ""
@@ -324,8 +329,7 @@ def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
 
 
 def _left(found: Proposal, outcome: Outcome, name: str) -> str:
-    k = found.study.spec.library.names.index(name)
-    term = found.study.spec.library.terms[k]
+    k, term = [*found.study.terms].index(name), found.study.terms[name]
     unit = per_unit(term.printed, term.unit)
     sd, prior = (
         str(measured(values[k] / unit, math.nan, term.printed)) for values in (outcome.sd, found.prior_sd)

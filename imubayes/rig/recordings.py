@@ -179,7 +179,7 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
         columns[MOUNT] = inputs.mount
     columns |= {name: values for name, values in inputs.channels.items() if name not in DERIVED}
     outputs = np.ascontiguousarray(run.output.T) if run.of_case else [run.output]
-    columns |= zip(COMPONENTS if run.of_case else ("output",), outputs, strict=True)
+    columns |= zip(COMPONENTS[: len(outputs)] if run.of_case else ("output",), outputs, strict=True)
     units = {name: channel_unit(name, OUTPUT_UNIT[kind]) for name in columns}
     header = ",".join(f"{name} [{unit}]" if unit else name for name, unit in units.items())
 

@@ -19,10 +19,14 @@ from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.motion import motion_of
 from imubayes.rig.plans import Plan, Turn, angles_turned, channels_of, samples, turning_rate
+from imubayes.rig.tumbles import free_tumble, held_in_turn
 from imubayes.units import STANDARD_GRAVITY, Key, Limits, Pause, Seconds
 
 USUAL_RATE = 10.0
 """Samples per second where none are given, as in the procedures."""
+
+USUAL_IN_HAND = 100.0
+"""The same in the hand."""
 
 OF_STEPS = frozenset({"dwell", "settle", "ramp"})
 """Arguments of a procedure that steps say themselves."""
@@ -60,8 +64,18 @@ def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
         return profile(**given)
     if clash := sorted(OF_STEPS & given.keys()):
         raise InputError(f"{' and '.join(clash)} beside steps, which say it dwell by dwell: leave it out")
-    steps = [Dwell(**step) for step in options["steps"]]
-    return in_order(menu_of(profile, given), steps, rate=given.get("rate", USUAL_RATE))
+    steps, menu = [Dwell(**step) for step in options["steps"]], menu_of(profile, given)
+    if profile is free_tumble:
+        return _in_hand(menu, steps, given.get("rate", USUAL_IN_HAND))
+    return in_order(menu, steps, rate=given.get("rate", USUAL_RATE))
+
+
+def _in_hand(menu: Plan, steps: Sequence[Dwell], rate: float) -> Plan:
+    """Stills in an order of one's own; the pause before each is the turn to it, and is recorded."""
+    _check(menu, steps)
+    f = motion_of(menu.inputs.channels, *np.zeros((2, len(menu.inputs), 3)), turning=False).f
+    dwell, pause = (np.array([getattr(step, name) for step in steps]) for name in ("dwell", "pause"))
+    return replace(menu, inputs=held_in_turn(f[[step.at for step in steps]], dwell, pause[1:], rate))
 
 
 def menu_of(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:

@@ -5,6 +5,7 @@ Every noise process is drawn exactly from its own distribution at the given time
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -17,13 +18,13 @@ from imubayes.errors import InputError, StudyError, TermError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Inputs, Run, Source, case_inputs, own_inputs
 from imubayes.rig.plans import Plan
-from imubayes.rig.recordings import RunSpec
+from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table
 from imubayes.rig.sequences import planned
 from imubayes.rig.shaking import vibration
 from imubayes.rig.thermal import thermal
-from imubayes.rig.tumbles import positions, static, tumble
+from imubayes.rig.tumbles import free_tumble, positions, static, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise, flicker
@@ -40,6 +41,7 @@ PROFILES = {
     "static": static,
     "tumble": tumble,
     "positions": positions,
+    "free-tumble": free_tumble,
     "rate-table": rate_table,
     "oscillation": oscillation,
     "centrifuge": centrifuge,
@@ -195,13 +197,18 @@ class Made:
     truth: Mapping[str, float]
     bench: Mapping[Kind, Mapping[str, float]] = field(default_factory=dict)
 
+    @property
+    def components(self) -> tuple[str, ...]:
+        """``ax`` to ``gz``, of the kinds that there are."""
+        return tuple(name for name in COMPONENTS if kind_of(name) in self.classes)
+
 
 def simulate_imu(
     specs: Iterable[RunSpec], made: Made, rng: np.random.Generator
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
-    """Simulate the runs of a whole IMU: the axes i, j, k of a plan are x, y, z of the case.
+    """Simulate the runs of a whole IMU, or of a triad: the axes i, j, k of a plan are x, y, z of the case.
 
-    All six components see the same motion, errors of the bench included, each along its own axes; their noise
+    All components see the same motion, errors of the bench included, each along its own axes; their noise
     is independent.
 
     Parameters
@@ -222,20 +229,27 @@ def simulate_imu(
     truth = made.truth or _units(made, rng)
     errors = dict(_bench(plans, made.bench, rng))
     moved = [replace(plan, inputs=case_inputs(true_inputs(plan, errors))) for plan in plans]
-    said = [_component(name, moved, made, truth, errors, rng) for name in COMPONENTS]
+    said = [_component(name, moved, made, truth, errors, rng) for name in made.components]
     source = Source(notes=(_note(made),))
-    runs = tuple(
-        Run(plan.name, plan.procedure, case_inputs(plan.inputs), np.column_stack(outputs), source)
-        for plan, outputs in zip(plans, zip(*said, strict=True), strict=True)
-    )
-    return runs, {**truth, **errors}
+    outputs = [np.column_stack(one) for one in zip(*said, strict=True)]
+    runs = (_run_of_case(plan, output, source) for plan, output in zip(plans, outputs, strict=True))
+    return tuple(runs), {**truth, **errors}
+
+
+def _run_of_case(plan: Plan, output: FloatArray, source: Source) -> Run:
+    """What a case said; of one in the hand only gravity is known."""
+    if plan.procedure != FREE_TUMBLE:
+        return Run(plan.name, plan.procedure, case_inputs(plan.inputs), output, source)
+    g = math.sqrt(sum(plan.inputs.channels.get(f"f_{axis}", np.zeros(1))[0] ** 2 for axis in "ijk"))
+    inputs = replace(plan.inputs, channels={})
+    return Run(plan.name, plan.procedure, inputs, output, source, gravity=g)
 
 
 def _units(made: Made, rng: np.random.Generator) -> dict[str, float]:
     """Six units, drawn from the classes of their kinds."""
     drawn = {
         name: draw_unit(made.classes[kind_of(name)], made.libraries[kind_of(name)], rng)
-        for name in COMPONENTS
+        for name in made.components
     }
     return {f"{name}.{term}": value for name, unit in drawn.items() for term, value in unit.items()}
 
@@ -246,7 +260,7 @@ def _bench(
     """One draw of the errors of the bench, by name; an offset of the output is each component's own."""
     shared = {name: sd for sds in bench.values() for name, sd in sds.items() if name != OFFSET}
     yield from drawn_errors(plans, shared, rng).items()
-    for name in COMPONENTS:
+    for name in COMPONENTS if bench else ():
         sd = bench.get(kind_of(name), {}).get(OFFSET, 0.0)
         yield from ((offset_name(plan.name, name), rng.normal(0.0, sd)) for plan in plans if sd)
 
@@ -273,10 +287,10 @@ def _component(
 
 def _note(made: Made) -> str:
     """What was simulated, in words."""
-    a, g = (made.classes[kind].id for kind in ("accelerometer", "gyroscope"))
-    return (
-        f"simulated: IMU of class {a}" if a == g else f"simulated: accelerometers of {a}, gyroscopes of {g}"
-    )
+    ids = {kind: one.id for kind, one in made.classes.items()}
+    if len(ids) == 2 and len(set(ids.values())) == 1:
+        return f"simulated: IMU of class {ids['gyroscope']}"
+    return f"simulated: {', '.join(f'{kind}s of {name}' for kind, name in ids.items())}"
 
 
 def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Generator) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Procedures at rest: static log, tumble in planes, and standard sets of positions."""
+"""Procedures at rest: static log, tumble in planes, standard sets of positions, and stills in the hand."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from imubayes.errors import InputError
+from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import (
     EARTH,
     Direction,
@@ -21,15 +22,17 @@ from imubayes.rig.plans import (
     Sampling,
     Settling,
     at_rest,
+    channels_of,
     dwells,
     earth_rate,
     level,
     north_across,
     numbers,
+    samples,
     snapped,
     unit,
 )
-from imubayes.units import STANDARD_GRAVITY, Angle, Count, Key, Seconds
+from imubayes.units import STANDARD_GRAVITY, Angle, Count, Hertz, Key, Pause, Seconds
 
 
 def static(
@@ -176,6 +179,77 @@ def positions(
     if latitude is not None:
         vectors["w"] = earth_rate(up, north, latitude)
     return Plan("positions", "tumble", at_rest(vectors, dwells(positions, dwell, rate, settle), 1.0 / rate))
+
+
+ATTITUDES = (6, 18, 26)
+"""Faces of a cube; with its edges; and with its corners."""
+
+
+def free_tumble(
+    *,
+    attitudes: Annotated[Count, Key("6, the faces upwards; 18, edges too; or 26, corners too", 18)] = 26,
+    dwell: DwellTime = 5.0,
+    rate: Annotated[Hertz, Key("samples a second", "200 Hz")] = 100.0,
+    settle: Annotated[Pause, Key("of each turn to the next still", "2 s")] = 2.0,
+    gravity: Gravity = STANDARD_GRAVITY,
+) -> Plan:
+    """Stills in the hand, and the turns between them, of which only |f| = g at rest will be known.
+
+    Accelerometers tell ``b0 b1`` and the angles between their axes; nine stills do, in directions all around,
+    and |f| = g leaves squares and products to the bias. Gyroscopes tell their bias and ``g_i g_j g_k`` at
+    rest, and by turns of a quarter or more about all axes ``b1 m_j m_k``. The Earth's rate is left out.
+
+    Raises
+    ------
+    InputError : if there is no such set of attitudes, or a still has no samples.
+
+    Examples
+    --------
+    >>> run = free_tumble(attitudes=6, dwell=1.0, settle=1.0, rate=8.0).inputs
+    >>> run.t[-1], run.channels["f_i"][[0, 7, 16]].tolist()
+    (10.875, [9.80665, 9.80665, -9.80665])
+    """
+    if attitudes not in ATTITUDES:
+        raise InputError(f"{attitudes} attitudes are no set: expected {', '.join(map(str, ATTITUDES))}")
+    samples(dwell, rate)
+    up, _ = _SETS[26]
+    order = np.argsort(np.count_nonzero(up, axis=1), kind="stable")[:attitudes]
+    lasting = np.full(attitudes, dwell), np.full(attitudes - 1, settle)
+    return Plan("free-tumble", "free-tumble", held_in_turn(gravity * up[order], *lasting, rate))
+
+
+def held_in_turn(force: FloatArray, dwell: FloatArray, turn: FloatArray, rate: float) -> Inputs:
+    """Inputs of a case that is held still in attitudes, and turned the shortest way from one to the next.
+
+    Parameters
+    ----------
+    force : (k, 3) specific force in each attitude, m/s^2.
+    dwell, turn : (k,) and (k - 1,) time of stills, and of the turns between them, s.
+    rate : samples per second.
+    """
+    n = np.round(np.cumsum(np.append(0.0, (dwell + np.append(turn, 0.0))[:-1])) * rate)
+    begin, total = n / rate, round(n[-1] + dwell[-1] * rate)
+    t = np.arange(total) / rate
+    k = np.searchsorted(n, np.arange(total), side="right") - 1
+    length = np.linalg.norm(force[0])
+    here, there = force / length, np.roll(force, -1, axis=0) / length
+    normal, angle = _ways(here, there)
+    lasting = np.where(np.append(turn, 0.0) > 0.0, np.append(turn, 0.0), math.inf)
+    s = np.clip((t - begin[k] - dwell[k]) / lasting[k], 0.0, 1.0)
+    s[k == len(force) - 1] = 0.0
+    turned = (angle[k] * (s - np.sin(2.0 * math.pi * s) / (2.0 * math.pi)))[:, None]
+    f = np.cos(turned) * here[k] + np.sin(turned) * np.cross(normal, here)[k]
+    w = -(angle / lasting)[k, None] * (1.0 - np.cos(2.0 * math.pi * s))[:, None] * normal[k]
+    return Inputs(t, channels_of({"f": length * snapped(f), "w": w}), 1.0 / rate)
+
+
+def _ways(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Axis (k, 3) and angle (k,), rad, of the shortest turns of unit vectors; half a turn is about any."""
+    across = np.cross(here, there)
+    sine = np.linalg.norm(across, axis=1)
+    flat = sine < 1e-9
+    across[flat] = np.cross(here, np.eye(3)[np.argmin(np.abs(here), axis=1)])[flat]
+    return unit(across), np.arctan2(np.where(flat, 0.0, sine), np.sum(here * there, axis=1))
 
 
 def _circle(angles: int, first: int, second: int) -> FloatArray:

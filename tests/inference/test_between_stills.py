@@ -202,7 +202,11 @@ def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
 
     Their sd in that setting is 8e-4 and more; the published figures have six digits.
     """
-    monkeypatch.setattr("imubayes.inference.between_stills._direction_variance", lambda *_: 1e-3)
+
+    def alike(noise, _ends, whole, _held):
+        return noise.N**2 / (noise.N**2 / whole + 1e-3 / whole**2)
+
+    monkeypatch.setattr("imubayes.inference.between_stills.counting_time", alike)
     published = (np.array([bias for bias, _ in PUBLISHED]) - 32768.0) * SCALES[1]
     run = replace(xsens, output=np.hstack((xsens.force, xsens.rate - published)))
     lib = only(OF_RATE, LINEAR)

@@ -19,7 +19,18 @@ from imubayes.planning.exchange import (
     following,
     with_step,
 )
-from imubayes.planning.menu import Aim, Handling, Menu, PlanProblem, Step, duration, root, runs_of, worth
+from imubayes.planning.menu import (
+    Aim,
+    Handling,
+    Menu,
+    PlanProblem,
+    Signal,
+    Step,
+    duration,
+    root,
+    runs_of,
+    worth,
+)
 from imubayes.sensors.noise import Noise
 
 WHITE = Noise(1.0, 0.0, 0.0)
@@ -28,11 +39,11 @@ COLOURED = Noise(1.0, 0.5, 0.3)
 
 def _menu(X, *, mount=None, dwells=(1.0,), handling=None, noise=WHITE, run="bench"):
     mounts = np.zeros(len(X), dtype=np.int64) if mount is None else np.array(mount)
-    return Menu(run, np.asarray(X, dtype=float), mounts, dwells, handling or Handling(0.0), noise)
+    return Menu(run, (Signal(np.asarray(X, dtype=float), noise),), mounts, dwells, handling or Handling(0.0))
 
 
 def _problem(menus, kind, limit, *, prior=1.0, G=None):
-    c = menus[0].X.shape[1]
+    c = menus[0].signals[0].X.shape[1]
     return PlanProblem(tuple(menus), prior * np.eye(c), Aim(kind, np.eye(c) if G is None else G), limit)
 
 
@@ -98,8 +109,9 @@ def test_posterior_of_steps_is_that_of_dense_algebra():
     steps = (*(Step(0, k, 2.0) for k in (3, 1, 1, 5)), *(Step(1, k, 0.5) for k in (2, 0)))
     information = 0.7**2 * np.eye(3)
     for k, part in runs_of(steps):
-        X = menus[k].X[[step.setting for step in part]]
-        information += X.T @ np.linalg.inv(_dense(menus[k].noise, [s.dwell for s in part])) @ X
+        (told,) = menus[k].signals
+        X = told.X[[step.setting for step in part]]
+        information += X.T @ np.linalg.inv(_dense(told.noise, [s.dwell for s in part])) @ X
     S = root(problem, steps)
     # the processes that stand for B are a decade apart, here a factor of four
     np.testing.assert_allclose(S @ S.T, np.linalg.inv(information), rtol=0.05, atol=0.01)
@@ -127,18 +139,13 @@ def test_update_of_rank_two_promises_what_is_computed_afresh(kind):
     rng = np.random.default_rng(7)
     problem = _problem([_menu(rng.normal(size=(8, 4)), noise=COLOURED)], kind, 6.0)
     steps = tuple(Step(0, k, 1.0) for k in (0, 3, 3, 7, 2, 5))
-    X = problem.menus[0].X
-
     others = np.array([0, 1, 4, 6])
-    E = np.zeros((6, 4))
-    E[3] = 1.0
     afresh = [worth(problem, (*steps[:3], Step(0, int(k), 1.0), *steps[4:])) for k in others]
-    promised = _promised(problem, steps, 3, E, X[others] - X[steps[3].setting])
+    promised = _promised(problem, steps, 0, [{3: int(k)} for k in others])
     np.testing.assert_allclose(promised, afresh, rtol=1e-9)
 
-    swap = np.array([[0.0, 1.0, 0.0, 0.0, -1.0, 0.0]]).T  # slots 1 and 4 hold the settings 3 and 2
     swapped = worth(problem, (steps[0], steps[4], *steps[2:4], steps[1], steps[5]))
-    assert _promised(problem, steps, 1, swap, X[[2]] - X[[3]])[0] == pytest.approx(swapped, rel=1e-9)
+    assert _promised(problem, steps, 0, [{1: 2, 4: 3}])[0] == pytest.approx(swapped, rel=1e-9)
 
 
 def test_leaving_the_last_step_out_costs_what_is_computed_afresh():

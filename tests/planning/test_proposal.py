@@ -159,7 +159,6 @@ def test_a_term_that_the_bench_hides_is_told_with_the_sd_of_the_table_and_not_as
         ('time = "45 min"', 'time = "45 min"\naim = "scene"', "scene"),
         ('time = "45 min"', 'time = "45 min"\neven = "centrifuge"', "no run of the plan"),
         ('dwell = ["60 s"]', "dwell = []", "one time or more"),
-        ('kind = "accelerometer"', 'kind = "imu"', r"sensor\[0\]\.kind: a plan is for one component"),
     ],
 )
 def test_a_plan_that_is_none_is_refused_by_its_key(tmp_path, old, new, match):

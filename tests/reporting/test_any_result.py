@@ -70,9 +70,9 @@ def _planned() -> SimpleNamespace:
         SimpleNamespace(name=name, steps=steps, sd=np.geomspace(0.1, 1.0, p))
         for name in ("even", "same", "best")
     )
-    spec = SimpleNamespace(kind="accelerometer", library=SimpleNamespace(names=lib))
     return SimpleNamespace(
-        study=SimpleNamespace(spec=spec), prior_sd=np.ones(p), need=np.full(p, 0.3), needed=lib[:2],
+        study=SimpleNamespace(terms=dict.fromkeys(lib)), needed=lib[:2],
+        prior_sd=np.ones(p), need=np.full(p, 0.3),
         menus=(menu, menu), even=even, same=same, best=best,
         worst=lambda outcome: (lib[0], float(outcome.sd[0]) or 1.0),
     )  # fmt: skip

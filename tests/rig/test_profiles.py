@@ -9,7 +9,7 @@ from imubayes.errors import InputError
 from imubayes.rig.plans import Plan
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table
 from imubayes.rig.shaking import vibration
-from imubayes.rig.tumbles import positions, static, tumble
+from imubayes.rig.tumbles import free_tumble, positions, static, tumble
 from imubayes.sensors.terms import Library, columns, library
 
 G = 9.80665
@@ -36,6 +36,7 @@ EVERY_PLAN = [
     tumble(angles=5, planes=2),
     tumble(angles=24, settle=0.0),
     static(20.0, 10.0, up=(1.0, 2.0, -2.0), latitude=-0.5),
+    free_tumble(attitudes=18, dwell=1.3, settle=0.9, rate=40.0),
     *(positions(number, latitude=0.5) for number in (4, 6, 12, 24, 26)),
     oscillation([0.5, 5.0], radius=0.1),
     oscillation([2.0, 4.0], mounts=3, dwell=0.7, settle=0.0),

@@ -61,7 +61,7 @@ PlanFound = TypedDict("PlanFound", {
 })
 Plan = TypedDict("Plan", {
     "sensor": Annotated[str, says("id")],
-    "kind": Annotated[Kind, says("accelerometer or gyroscope")],
+    "kind": Annotated[Kind | Literal["imu"], says("accelerometer, gyroscope or imu")],
     "time": Annotated[Number, says("that the test may take, s")],
     "aim": Annotated[Literal["worst", "D", "scene"], says("what is made small, as in `[plan]`")],
     "units": Annotated[Count, says("that were simulated")],

@@ -6,16 +6,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from imubayes.campaign.preparation import libraries_of
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.planning.menu import Handling, Offer, PlanStudy
+from imubayes.inference.stills import SHORTEST, WINDOW
+from imubayes.planning.menu import Handling
+from imubayes.planning.offers import Offer, PlanStudy, named
+from imubayes.rig.recordings import CASES, FREE_TUMBLE
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
 from imubayes.study.schema.shapes import Holds, Names, Place, Several, Table, Text, hint, key, shape, shaped
 from imubayes.study.schema.tables import StudyFile
 from imubayes.units import Count, Hertz, Pause, Seconds
 
-PLANNED = ("tumble", "rate-table", "centrifuge")
-"""Procedures whose dwells have constant inputs."""
+PLANNED = ("tumble", "rate-table", "centrifuge", "free-tumble")
+"""Procedures whose dwells have constant inputs, and stills in the hand."""
+
+LOST = {False: 0.3, True: 0.85}
+"""Share of the window that a still loses at its ends; gyroscopes (True) see a turn begin earlier."""
 
 IN_PLANE = ("table_zero", "plane_zero")
 """Errors that need a whole plane of a tumble, of which a plan may take a few positions."""
@@ -26,7 +33,11 @@ class OfferTable:
     """``[[plan.run]]``."""
 
     name: Text = key("of the run", "tumble")
-    procedure: Text = key("`tumble`, `rate-table` or `centrifuge`: dwells with constant inputs", "tumble")
+    procedure: Text = key(
+        "`tumble`, `rate-table` or `centrifuge`: dwells with constant inputs; `free-tumble`: stills in the"
+        " hand",
+        "tumble",
+    )
     candidates: Table = key(
         "what could be set, as the procedure's `simulate` without its times", {"angles": 24, "planes": 3}
     )
@@ -49,7 +60,12 @@ class PlanTable:
         "scene",
         "worst",
     )
-    needed: Names = key("terms that the aim is about", ["b0", "b1"], [], "what the candidates can tell")
+    needed: Names = key(
+        "terms that the aim is about; of a case `ax.b0` is one, and `b0` that of all components",
+        ["b0", "b1"],
+        [],
+        "what the candidates can tell",
+    )
     even: Text | None = key(
         "the run that the plan is held against: all its positions in order, evenly, in the same time",
         "tumble",
@@ -82,32 +98,44 @@ def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
         raise place.at("sensor").error(
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
         )
-    if tables.sensor[0].get("kind") == "imu":
-        raise place.at("sensor", 0, "kind").error(
-            "a plan is for one component, an IMU has six: expected accelerometer or gyroscope"
-        )
     offers = tuple(shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run))
     raw = _with_offers(tables, offers, here)
     spec = sensor_spec(raw, path.parent, place.at("sensor", 0), catalogue=own)
     _check(spec, table, offers, place)
-    done = len(spec.runs) - len(offers)
+    done, of = _parted(spec, len(spec.runs) - len(offers))
     return PlanStudy(
         title=header.title or path.stem,
         seed=header.seed,
-        spec=replace(spec, runs=spec.runs[:done]),
+        spec=done,
+        offered=of,
         offers=tuple(
-            Offer(run, offer.dwell, offer.rate, Handling(offer.settle, offer.mount, offer.setup))
-            for run, offer in zip(spec.runs[done:], offers, strict=True)
+            Offer(run, offer.dwell, offer.rate, _handling(offer, imu=spec.gyroscope is not None))
+            for run, offer in zip(of.runs, offers, strict=True)
         ),
         time=table.time,
         aim=table.aim,
-        needed=table.needed,
+        needed=_needed(table.needed, spec),
         even=[offer.name for offer in offers].index(table.even) if table.even else 0,
         units=table.units,
         mission=_mission(tables, table, spec, header.seed, path),
         path=path,
         text=text,
     )
+
+
+def _handling(offer: OfferTable, *, imu: bool) -> Handling:
+    """Time of a run that is no record, or in the hand no still."""
+    lost = WINDOW * LOST[imu] if offer.procedure == FREE_TUMBLE else 0.0
+    return Handling(offer.settle, offer.mount, offer.setup, lost)
+
+
+def _parted(spec: SensorSpec, done: int) -> tuple[SensorSpec, SensorSpec]:
+    """What is asked of a sensor in the runs that are done, and in those that are offered."""
+    before, offered = replace(spec, runs=spec.runs[:done]), replace(spec, runs=spec.runs[done:])
+    if spec.gyroscope is None:
+        return before, offered
+    beside = _parted(spec.gyroscope, done)
+    return replace(before, gyroscope=beside[0]), replace(offered, gyroscope=beside[1])
 
 
 def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place) -> dict[str, Any]:
@@ -123,6 +151,11 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
             )
         if not offer.dwell:
             raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
+        if offer.procedure == FREE_TUMBLE and min(offer.dwell) < WINDOW + SHORTEST:
+            raise place.at("dwell").error(
+                f"a still of {SHORTEST:g} s is told from motion by a window of {WINDOW:g} s beside it:"
+                f" expected {WINDOW + SHORTEST:g} s or more, came {min(offer.dwell):g} s"
+            )
         for name in ("dwell", "rate", "settle", "ramp", "steps"):
             if name in offer.candidates:
                 raise place.at("candidates", name).error("is for a run, not its candidates: leave it out")
@@ -135,10 +168,12 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
 
 def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], place: Place) -> None:
     here = place.at("plan")
-    known = list(spec.library.names)
+    known = {named(part, name): name for part, lib in libraries_of(spec).items() for name in lib.names}
     for k, name in enumerate(table.needed):
-        if name not in known:
-            raise here.at("needed", k).error(f"'{name}' is not a term of the library: {hint(name, known)}")
+        if name not in known and name not in known.values():
+            raise here.at("needed", k).error(
+                f"'{name}' is not a term of the library: {hint(name, list(known))}"
+            )
     names = [offer.name for offer in offers]
     if table.even is not None and table.even not in names:
         raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
@@ -150,8 +185,26 @@ def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], p
             )
 
 
+def _needed(asked: tuple[str, ...], spec: SensorSpec) -> tuple[str, ...]:
+    """Columns that are asked for: of a case, a term without a component is meant of all that have it."""
+    return tuple(
+        named(part, name)
+        for one in asked
+        for part, lib in libraries_of(spec).items()
+        for name in lib.names
+        if one in (name, named(part, name))
+    )
+
+
 def _mission(tables: StudyFile, table: PlanTable, spec: SensorSpec, seed: int, path: Path) -> Mission | None:
     place = Place(str(path), "scene")
+    if spec.gyroscope or spec.runs[0].procedure in CASES:
+        if tables.scene or table.aim == "scene":
+            where = "scene" if tables.scene else "plan.aim"
+            raise Place(str(path), where).error(
+                "a plan for several components is made for their terms: leave it out"
+            )
+        return None
     missions = scenes_of(tables.scene, path.parent, place, seed, {spec.kind})
     if len(missions) > 1:
         raise place.error(f"a plan is for one scene: expected one table, came {len(missions)}")

@@ -12,7 +12,7 @@ from typing import Any
 from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
-from imubayes.planning.menu import PlanStudy
+from imubayes.planning.offers import PlanStudy
 from imubayes.population.lots import LotStudy
 from imubayes.population.records import FleetStudy
 from imubayes.rig.inputs import Run

@@ -13,6 +13,7 @@ from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
 from imubayes.planning.menu import pauses, runs_of
+from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import write_run
 from imubayes.study.schema.run_tables import located
 
@@ -47,7 +48,7 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
         for run in runs:
             files.append(_free(folder / f"{file_name(prefix + run.name)}.csv", files))
             write_run(run, files[-1], kind=sensor.kind)
-            _point(table, run.name, files[-1].name)
+            _point(table, run, files[-1].name)
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
@@ -102,10 +103,12 @@ def _make_absolute(tables: dict[str, Any], folder: Path) -> None:
             table[key] = str(located(table[key], folder).resolve())
 
 
-def _point(table: dict[str, Any], name: str, file: str) -> None:
-    run = next(run for run in table["run"] if run["name"] == name)
+def _point(table: dict[str, Any], made: Run, file: str) -> None:
+    run = next(run for run in table["run"] if run["name"] == made.name)
     del run["simulate"]
     run["file"] = file
+    if not made.known:
+        run["gravity"] = f"{made.gravity!r} m/s^2"
 
 
 def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:

@@ -243,6 +243,10 @@ def _local_gravity(run: RunTable, place: Place) -> float | None:
                 f"only {' and '.join(CASES)} runs need it: leave it out, and give the inputs in the file"
             )
         return None
+    if run.simulate is not None:
+        if run.gravity is not None:
+            raise place.error("is of a recorded run: expected it among the keys of simulate")
+        return None
     if run.gravity is None:
         wanted = '"9.81 m/s^2" or { latitude = "45 deg", height = "100 m" }'
         raise place.error(f"the key is missing: a {run.procedure} run needs {wanted}")

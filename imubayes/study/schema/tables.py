@@ -52,7 +52,7 @@ LIBRARY = table_of(library, "LibraryTable", "[sensor.library]")
 SITE = table_of(normal_gravity, "SiteTable", "gravity")
 STEP = table_of(Dwell, "StepOptions", "steps", within=True)
 
-_STEPPED = ("tumble", "positions", "rate-table", "centrifuge")
+_STEPPED = ("tumble", "positions", "free-tumble", "rate-table", "centrifuge")
 """Profiles whose dwells can be given one by one."""
 
 _STEPS = {
@@ -248,7 +248,7 @@ class RunTable:
         "local gravity, or the place",
         "9.8123 m/s^2",
         None,
-        "needed by `free-tumble` and `ferraris`, else refused",
+        "needed by a recorded `free-tumble` or `ferraris`, else refused",
     )
     noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of this run", {"run": "log"}, None, "the sensor's"

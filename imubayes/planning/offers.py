@@ -1,0 +1,312 @@
+"""What a study offers to a plan, as menus: columns, noise and handling of what a bench or a hand could do.
+
+The class gives the prior and the typical noise, the study the candidates, their costs and how well the bench
+is known; runs that are done already give what is known beyond the prior. On a bench each component sees the
+settings along its own axes. In the hand only |f| = g is known: of an unknown attitude the rows of a still
+that it moves are left out, which leaves one, along gravity; gyroscopes tell their bias at rest, and on the
+way from still to still what turns the one direction into the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import triangular
+from imubayes.campaign.preparation import (
+    Prepared,
+    before_tumble,
+    libraries_of,
+    prepare,
+    prepare_case,
+    rows_before,
+)
+from imubayes.campaign.preparation import runs_of as runs_of_sensor
+from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.errors import StudyError
+from imubayes.inference.between_stills import directions, rest_rows, turn_rows
+from imubayes.inference.free_tumble import norm_rows
+from imubayes.inference.linear import Extra, Linear
+from imubayes.inference.triad import triad_of
+from imubayes.planning.menu import Handling, Menu, Signal
+from imubayes.rig.bench import effective
+from imubayes.rig.inputs import Inputs, Run, case_inputs
+from imubayes.rig.plans import Plan
+from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
+from imubayes.rig.sequences import menu_of
+from imubayes.rig.simulate import PROFILES
+from imubayes.rig.tumbles import held_in_turn
+from imubayes.sensors.catalogue import typical_noise
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import Kind, Library, Term
+
+STEPS_OF_TURN = 16
+"""Samples of a turn from which its columns are made: its rates are as good as smooth."""
+
+What = Literal["worst", "D", "scene"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Offer:
+    """A run that could be made.
+
+    Attributes
+    ----------
+    spec : of the run, with the profile and the arguments of its procedure.
+    dwells : times that a dwell may take, s.
+    rate : samples per second.
+    handling : time that is no record; in the hand the turn before a still.
+    """
+
+    spec: RunSpec
+    dwells: tuple[float, ...]
+    rate: float
+    handling: Handling
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanStudy:
+    """A plan to make, as its file says.
+
+    Attributes
+    ----------
+    title, seed : of the study.
+    spec : of the sensor; its runs are done already.
+    offered : the same with the runs that could be made.
+    offers : times and handling of these.
+    time : for all of them, s.
+    aim : what to make small.
+    needed : terms that the aim is about; empty for all that the candidates can tell.
+    even : number of the offer whose even run the plan is held against.
+    units : simulated to check the prediction.
+    mission : scene and budget; None without.
+    path, text : of the file.
+    """
+
+    title: str
+    seed: int
+    spec: SensorSpec
+    offered: SensorSpec
+    offers: tuple[Offer, ...]
+    time: float
+    aim: What
+    needed: tuple[str, ...]
+    even: int
+    units: int
+    mission: Mission | None
+    path: Path
+    text: str
+
+    @property
+    def libraries(self) -> Mapping[str, Library]:
+        """Candidates of each component, as `libraries_of` has them."""
+        return libraries_of(self.offered)
+
+    @property
+    def terms(self) -> Mapping[str, Term]:
+        """Terms by the names of their columns."""
+        return {
+            named(component, term.name): term
+            for component, lib in self.libraries.items()
+            for term in lib.terms
+        }
+
+    @property
+    def carriers(self) -> Mapping[str, str]:
+        """Column that carries each column's coefficient, where that is another."""
+        return {
+            named(component, name): named(component, leader)
+            for component, lib in self.libraries.items()
+            for name, leader in lib.tied
+        }
+
+
+def named(component: str, term: str) -> str:
+    """Name of a term's column: ``ax.b0`` in a case, ``b0`` of a single component."""
+    return f"{component}.{term}" if component else term
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """Columns of terms and errors of the bench: names, prior sd (c,), p terms, and what is known of them.
+
+    `known` (k, c) are rows in units of the prior, `menus` the candidates, `plans` their inputs.
+    """
+
+    names: tuple[str, ...]
+    sd: FloatArray
+    p: int
+    known: FloatArray
+    menus: tuple[Menu, ...]
+    plans: tuple[Plan, ...]
+    done: tuple[Run, ...]
+
+
+def bench_columns(study: PlanStudy) -> Bench:
+    """Columns of everything that could be done, and what is known already."""
+    given = [dict(offer.spec.simulate or {}) for offer in study.offers]
+    plans = tuple(
+        replace(menu_of(PROFILES[str(one.pop("profile"))], one), name=offer.spec.name)
+        for offer, one in zip(study.offers, given, strict=True)
+    )
+    done, ready = _done(study)
+    made = _in_hand if study.offers[0].spec.procedure == FREE_TUMBLE else _on_bench
+    signals, sd, extras = made(study, plans)
+    before = ready.summary.extras if ready else ()
+    every: dict[str, Extra] = {extra.name: extra for extra in (*before, *extras)}
+    p = len(study.terms)
+    prior = ready.prior.sd[:p] if ready else sd
+    names = (*study.terms, *every)
+    sd = np.concatenate((prior, [extra.sd for extra in every.values()]))
+    menus = tuple(
+        _menu(offer, plan, [_widened(one, rows, names, sd) for one, rows in told])
+        for offer, plan, told in zip(study.offers, plans, signals, strict=True)
+    )
+    known = np.zeros((0, len(names)))
+    if ready:
+        f = ready.summary.factor
+        known = _spread(f.R[:-1, :-1], f.names, names) * sd
+    return Bench(names, sd, p, known, menus, plans, done)
+
+
+Told = tuple[Signal, tuple[str, ...]]
+"""A signal with columns in SI, and their names."""
+
+
+def _on_bench(
+    study: PlanStudy, plans: Sequence[Plan]
+) -> tuple[list[list[Told]], FloatArray, tuple[Extra, ...]]:
+    """Signals of each offer of a bench, prior sd of the terms, and errors of the bench."""
+    whole = study.offered.gyroscope is not None
+    runs = [
+        Run(plan.name, plan.procedure, case_inputs(plan.inputs), np.zeros((len(plan.inputs), 6)))
+        if whole
+        else Run(plan.name, plan.procedure, plan.inputs, np.zeros(len(plan.inputs)))
+        for plan in plans
+    ]
+    seen = [run.component("ax") for run in runs] if whole else runs
+    spec = _allowing(study.offered, seen)
+    rows, prior, extras = rows_before(spec, runs)
+    kinds: list[Kind] = [lib.kind for lib in study.libraries.values()]
+    told = [
+        [
+            (Signal(part.X, _noise(study, k, kind)), part.names)
+            for kind, part in zip(kinds, rows[k :: len(runs)], strict=True)
+        ]
+        for k in range(len(runs))
+    ]
+    return told, prior.sd[: len(study.terms)], extras
+
+
+def _allowing(spec: SensorSpec, runs: Sequence[Run]) -> SensorSpec:
+    """What is asked of a sensor, with those errors of the bench that its runs can show."""
+    kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
+    beside = _allowing(spec.gyroscope, runs) if spec.gyroscope else None
+    return replace(spec, reference=kinds, gyroscope=beside)
+
+
+def _in_hand(
+    study: PlanStudy, plans: Sequence[Plan]
+) -> tuple[list[list[Told]], FloatArray, tuple[Extra, ...]]:
+    """Signals of each offer of a hand, prior sd of the terms, and the error of gravity."""
+    sd, gravity = before_tumble(study.offered)
+    extras = () if gravity is None else (gravity,)
+    return [list(_held(study, k, plan, extras)) for k, plan in enumerate(plans)], sd, extras
+
+
+def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -> list[Told]:
+    """Signals of stills, and of the turns from each attitude to each, at coefficients that are zero."""
+    spec, force = study.offered, _force(plan)
+    m, g = len(force), float(np.linalg.norm(force[0]))
+    stills = tuple((k, k + 1) for k in range(m))
+    once = Inputs(np.arange(m, dtype=float), {}, 1.0)
+    run = Run(plan.name, FREE_TUMBLE, once, np.hstack((force, np.zeros((m, 3)))), gravity=g)
+    accelerometers, noise = triad_of(spec.library), _noise(study, offer, spec.kind)
+    norms = norm_rows(accelerometers, run, stills, extras)
+    told = [(Signal(norms.X, noise, norms.axes), norms.names)]
+    if spec.gyroscope is None:
+        return told
+    gyroscopes, drift = triad_of(spec.gyroscope.library), _noise(study, offer, spec.gyroscope.kind)
+    seen = directions(accelerometers, run, stills)
+    told += [(Signal(rows.X, drift), rows.names) for rows in rest_rows(seen, gyroscopes)]
+    # a way from each attitude to each, and in between from where it ends to where the next begins
+    ways = np.stack(np.meshgrid(np.arange(m), np.arange(m), indexing="ij"), axis=-1).reshape(-1)
+    handling, n = study.offers[offer].handling, len(ways)
+    step = handling.settle / STEPS_OF_TURN
+    beside = round(0.5 * handling.lost / step)  # samples at rest at both ends of a turn
+    inputs = held_in_turn(
+        force[ways], np.full(n, (2 * beside + 2) * step), np.full(n - 1, handling.settle), 1.0 / step
+    )
+    whole = np.column_stack([_vectors(inputs, "f"), _vectors(inputs, "w")])
+    moving = Run(plan.name, FREE_TUMBLE, Inputs(inputs.t, {}, step), whole, gravity=g)
+    begin = np.arange(n) * (STEPS_OF_TURN + 2 * beside + 2) + beside
+    between = tuple((k, k + 2) for k in begin.tolist())
+    rows = turn_rows(directions(accelerometers, moving, between), gyroscopes, noises=(noise, drift))
+    return [*told, (_turning(rows, noise, drift, g), rows.names)]
+
+
+def _turning(rows: Linear, noise: Noise, drift: Noise, gravity: float) -> Signal:
+    """Turns from each attitude to each: every other one of those that lead through all of them."""
+    kept = np.arange(len(rows)) // 2 % 2 == 0
+    ends = Noise(noise.N / gravity, noise.B / gravity, 0.0)
+    axes = np.asarray(rows.axes)[kept]
+    return Signal(rows.X[kept], drift, axes, ends)
+
+
+def _force(plan: Plan) -> FloatArray:
+    return _vectors(plan.inputs, "f")
+
+
+def _vectors(inputs: Inputs, quantity: str) -> FloatArray:
+    """Vectors (n, 3) of inputs along i, j, k."""
+    zero = np.zeros(len(inputs))
+    return np.column_stack([inputs.channels.get(f"{quantity}_{axis}", zero) for axis in "ijk"])
+
+
+def _widened(signal: Signal, names: Sequence[str], every: Sequence[str], sd: FloatArray) -> Signal:
+    """Signal over all columns, in units of their prior sd."""
+    return replace(signal, X=_spread(signal.X, names, every) * sd)
+
+
+def _menu(offer: Offer, plan: Plan, signals: Sequence[Signal]) -> Menu:
+    mount = np.zeros(len(plan.inputs), dtype=np.int64) if plan.inputs.mount is None else plan.inputs.mount
+    return Menu(offer.spec.name, tuple(signals), mount, offer.dwells, offer.handling, 1.0 / offer.rate)
+
+
+def _noise(study: PlanStudy, offer: int, kind: Kind) -> Noise:
+    """Noise of components of a kind in an offer: as the study says, or typical of the class."""
+    spec = study.offered.of(kind)
+    rule = spec.runs[offer].noise
+    if rule.rule == "fixed" and rule.value is not None:
+        return rule.value
+    if spec.sensor_class is None:
+        raise StudyError(f"sensor '{spec.id}': a plan needs the prior and the noise of a class: name one")
+    return typical_noise(spec.sensor_class)
+
+
+def _done(study: PlanStudy) -> tuple[tuple[Run, ...], Prepared | None]:
+    """Runs that are done, and what they say."""
+    if not study.spec.runs:
+        return (), None
+    done, rng = runs_of_sensor(study.spec, study.seed, 0), np.random.default_rng([study.seed, 0])
+    if done[0].of_case:
+        return done, prepare_case(study.spec, done, rng)[1]
+    return done, prepare(_allowing(study.spec, done), done, lambda message: None, rng)
+
+
+def _spread(rows: FloatArray, names: Sequence[str], every: Sequence[str]) -> FloatArray:
+    """Rows with their columns in their places among those of a wider table."""
+    out = np.zeros((len(rows), len(every)))
+    out[:, [list(every).index(name) for name in names]] = rows
+    return out
+
+
+def start_of(bench: Bench) -> FloatArray:
+    """Triangular factor (c, c) of the prior and of what the runs that are done say, in units of the prior."""
+    c = len(bench.sd)
+    return triangular([np.concatenate((bench.known, np.eye(c)))], c)

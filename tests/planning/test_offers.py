@@ -1,0 +1,179 @@
+"""Plans for several components in one case: what the hand or the bench will tell, against what it told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imubayes.algebra.factor import posterior_root
+from imubayes.campaign.preparation import prepare_case, runs_of
+from imubayes.errors import InputError
+from imubayes.planning.exchange import _promised, _promised_additions, with_step
+from imubayes.planning.menu import Aim, PlanProblem, Step, root, worth
+from imubayes.planning.offers import bench_columns, start_of
+from imubayes.planning.proposal import propose
+from imubayes.reporting.plan_page import terminal_plan, write_plan
+from imubayes.sensors.catalogue import typical_noise
+from imubayes.sensors.noise import NoiseRule
+from imubayes.study.schema.reading import read_plan, read_study
+from imubayes.study.schema.recorded import write_planned
+
+HAND = """
+[study]
+seed = 3
+[[sensor]]
+id = "A"
+kind = "imu"
+class = "mems_consumer"
+[plan]
+time = "1 min"
+units = 2
+[[plan.run]]
+name = "hand"
+procedure = "free-tumble"
+candidates = { attitudes = 18 }
+dwell = ["3 s"]
+rate = "100 Hz"
+settle = "2 s"
+"""
+TRIAD = HAND.replace('"imu"', '"accelerometer"')
+BENCH = """
+[study]
+seed = 3
+[[sensor]]
+id = "A"
+kind = "imu"
+class = "mems_tactical"
+[sensor.library]
+accelerometer = { powers = 1, asymmetry = -1 }
+gyroscope = { powers = 1, asymmetry = -1 }
+[sensor.reference]
+gravity = true
+fixture = "20 arcsec"
+[plan]
+time = "30 min"
+units = 2
+[[plan.run]]
+name = "tumble"
+procedure = "tumble"
+candidates = { angles = 4, planes = 3 }
+dwell = ["30 s"]
+rate = "1 Hz"
+[[plan.run]]
+name = "rates"
+procedure = "rate-table"
+candidates = { rates = ["-50 deg/s", "50 deg/s"], mounts = 3 }
+dwell = ["20 s"]
+rate = "1 Hz"
+"""
+
+
+def _read(folder, text):
+    file = folder / "study.toml"
+    file.write_text(text, encoding="utf-8")
+    return read_plan(file)
+
+
+def _problem(study, kind="worst"):
+    bench = bench_columns(study)
+    return bench, PlanProblem(bench.menus, start_of(bench), Aim(kind, np.eye(len(bench.sd))), study.time)
+
+
+def _known_noise(spec):
+    """The sensor with the typical noise of its class as known, so that no estimate of it counts."""
+    rule = NoiseRule("fixed", typical_noise(spec.sensor_class))
+    beside = _known_noise(spec.gyroscope) if spec.gyroscope else None
+    return replace(spec, runs=tuple(replace(run, noise=rule) for run in spec.runs), gyroscope=beside)
+
+
+@pytest.mark.parametrize("text", [TRIAD, HAND, BENCH], ids=["triad", "hand", "bench"])
+def test_sds_of_a_plan_are_those_of_the_analysis_of_its_simulated_data(tmp_path, text):
+    # a plan makes its rows from attitudes; the analysis finds stills in samples, and integrates the turns
+    found = propose(_read(tmp_path, text))
+    (spec,) = read_study(write_planned(found, tmp_path)).sensors
+    spec = _known_noise(spec)
+    _, ready = prepare_case(spec, runs_of(spec, 3, 0), np.random.default_rng(1))
+    _, S = posterior_root(ready.summary.factor, ready.prior.sd)
+    told = dict(zip(ready.summary.names, np.linalg.norm(S, axis=1), strict=True))
+    ratios = {
+        name: told[name] / sd
+        for name, sd, prior in zip(found.study.terms, found.best.sd, found.prior_sd, strict=True)
+        if name in found.needed and sd < 0.9 * prior
+    }
+    assert len(ratios) >= 9
+    assert 0.9 < min(ratios.values()) <= max(ratios.values()) < 1.1, ratios
+
+
+@pytest.mark.parametrize("text", [HAND, BENCH], ids=["hand", "bench"])
+def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path, text):
+    _, problem = _problem(_read(tmp_path, text), "D")
+    steps = tuple(Step(0, k, 3.0) for k in (0, 5, 3, 8, 2))
+    changes = [{2: 7}, {1: 8, 3: 5}]
+    afresh = [
+        worth(problem, tuple(replace(one, setting=c.get(k, one.setting)) for k, one in enumerate(steps)))
+        for c in changes
+    ]
+    # of a hand the drift of three accelerometers weighs by attitude, which a promise leaves as it was
+    exact = 1e-9 if text is BENCH else 1e-2
+    np.testing.assert_allclose(_promised(problem, steps, 0, changes), afresh, rtol=exact)
+    new = Step(0, 6, 3.0)
+    (promised,) = _promised_additions(problem, steps, root(problem, steps), [new])
+    assert promised == pytest.approx(worth(problem, with_step(problem, steps, new)), rel=0.02)
+
+
+def test_an_attitude_that_is_not_known_tells_its_length_alone(tmp_path):
+    # of three rows of a still, rotations of the case take two: what is left is their Schur complement
+    bench, _ = _problem(_read(tmp_path, TRIAD))
+    (norms,) = bench.menus[0].signals
+    for up, row, axes in zip(*_attitudes(bench), norms.X / bench.sd, norms.axes, strict=True):
+        X = _rows_of_components(bench.names, up)
+        turned = 9.80665 * np.cross(np.eye(3), up).T
+        away = np.eye(3) - turned @ np.linalg.pinv(turned)
+        np.testing.assert_allclose(np.outer(row, row), X.T @ away @ X, atol=1e-9)
+        np.testing.assert_allclose(np.abs(axes), np.abs(up), atol=1e-12)
+
+
+def _attitudes(bench):
+    f = bench.plans[0].inputs.channels
+    return (np.column_stack([f["f_i"], f["f_j"], f["f_k"]]) / 9.80665,)
+
+
+def _rows_of_components(names, up):
+    """Rows (3, c) of ax, ay, az by the model equation: bias, scale, misalignments and products."""
+    X = np.zeros((3, len(names)))
+    for c, order in enumerate(((0, 1, 2), (1, 2, 0), (2, 0, 1))):
+        i, j, k = (9.80665 * up)[list(order)]
+        terms = {"b0": 1.0, "b1": i, "m_j": j, "m_k": k, "c_ij": i * j, "c_ik": i * k, "c_jk": j * k,
+                 "c_jj": j * j, "c_kk": k * k}  # fmt: skip
+        for term, value in terms.items():
+            if (name := f"a{'xyz'[c]}.{term}") in names:
+                X[c, names.index(name)] = value
+    return X
+
+
+def test_plan_in_the_hand_is_told_by_attitudes_and_needs_what_a_hand_can_tell(tmp_path):
+    found = propose(_read(tmp_path, TRIAD))
+    assert set(found.needed) == {f"a{x}.{term}" for x in "xyz" for term in ("b0", "b1", "m_j", "m_k")} - {
+        "ay.m_k", "az.m_j", "az.m_k"}  # fmt: skip
+    assert {"x up", "-y up", "x-z up"} <= {setting.at for setting in found.settings[0]}
+    assert len(found.best.steps) * 5.0 <= 60.0
+    write_plan(found, tmp_path)
+    assert "z up" in (tmp_path / "report.html").read_text()
+    assert terminal_plan(found)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ('["3 s"]', '["3 s", "1 s"]', r"plan\.run\[0\]\.dwell: .* expected 2 s or more, came 1 s"),
+        ("attitudes = 18", "attitudes = 7", "expected 6, 18, 26"),
+        ("units = 2", 'needed = ["b9"]', r"plan\.needed\[0\]: 'b9' is not a term"),
+        ("units = 2", 'aim = "scene"', r"plan\.aim: a plan for several components"),
+        ("free-tumble", "oscillation", "'oscillation' cannot be planned"),
+    ],
+)  # fmt: skip
+def test_a_plan_for_the_hand_that_is_none_is_refused_by_its_key(tmp_path, old, new, match):
+    with pytest.raises(InputError, match=match):
+        propose(_read(tmp_path, HAND.replace(old, new)))
