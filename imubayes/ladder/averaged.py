@@ -8,7 +8,7 @@ Draws of it are weighted by the exact posterior of all runs together, and resamp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import Prepared
 from imubayes.inference.importance import Student
-from imubayes.inference.mcmc.chains import NoiseDraw, at_noise
+from imubayes.inference.mcmc.chains import NoiseDraw, at_noise, noises_at, places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.ladder.problem import Ground, Posterior, once, prepared
 
@@ -32,9 +32,6 @@ ENOUGH = 8.0
 ROUNDS = 4
 """Most times that draws are taken."""
 
-FREEDOM = 5.0
-"""Degrees of freedom of the proposal."""
-
 RESAMPLED = 16
 """Noises at which every submodel is weighed."""
 
@@ -43,24 +40,6 @@ TINY = np.finfo(float).tiny
 
 STEPS = (1.0, 0.05, 0.3)
 """Steps of the second differences: of ln N in its white sd, of ln B, and of ln K, which moves far."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Peak:
-    """Normal approximation of the noise's posterior about its peak.
-
-    Attributes
-    ----------
-    groups : (run whose noise it is, how many of ln N, ln B, ln K), in the order of the coordinates.
-    center : (d,) logarithms at the peak.
-    L : (d, d) lower triangular square root of the covariance.
-    prior : (d, 2) mean and sd of each logarithm under the prior.
-    """
-
-    groups: tuple[tuple[str, int], ...]
-    center: FloatArray
-    L: FloatArray
-    prior: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,29 +91,29 @@ def weighted(ground: Ground) -> Weighted:
     def make() -> Weighted:
         ready = prepared(ground)
         ground.tell("the noise's posterior about its peak")
-        peak = peak_of(ready)
-        found = _drawn(ready, peak, ground.rngs["averaged"])
-        for _ in range(ROUNDS - 1 if len(peak.center) else 0):
+        q, prior = peak_of(ready)
+        found = _drawn(ready, q, prior, ground.rngs["averaged"])
+        for _ in range(ROUNDS - 1 if len(q.center) else 0):
             if found.count >= ENOUGH:
                 break
-            found = _both(found, _drawn(ready, peak, ground.rngs["averaged"]))
+            found = _both(found, _drawn(ready, q, prior, ground.rngs["averaged"]))
         return found
 
     return once(ground, "noises", make)
 
 
-def _drawn(ready: Prepared, peak: Peak, rng: np.random.Generator) -> Weighted:
+def _drawn(ready: Prepared, q: Student, prior: FloatArray, rng: np.random.Generator) -> Weighted:
     """Draws about the peak, of a Student distribution: its tails hold what a normal one would miss."""
-    d = len(peak.center)
+    d = len(q.center)
     z = _spread(PROPOSED if d else 1, d, rng)
-    z *= np.sqrt(FREEDOM / rng.chisquare(FREEDOM, len(z)))[:, None]
-    x = peak.center + z @ peak.L.T
-    noises = noises_of(ready, peak.groups, x)
+    z *= np.sqrt(q.freedom / rng.chisquare(q.freedom, len(z)))[:, None]
+    x = q.center + z @ q.L.T
+    noises = noises_at(ready.summary.runs, x)
     draws = tuple(at_noise(ready.summary, ready.rows, noise, ready.prior.sd) for noise in noises)
-    center, width = peak.prior.T
+    center, width = prior.T
     log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
     logs = np.array([draw.log_marginal for draw in draws]) + log_p
-    logs -= Student(peak.center, peak.L, FREEDOM).log_density(x)
+    logs -= q.log_density(x)
     weight = np.exp(logs - logs.max())
     evidence = float(logs.max()) + math.log(float(weight.mean())) - 0.5 * d * math.log(2.0 * math.pi)
     return Weighted(noises, draws, weight / weight.sum(), evidence)
@@ -150,17 +129,16 @@ def _both(a: Weighted, b: Weighted) -> Weighted:
     return Weighted(noises, draws, weight, whole - math.log(len(draws)))
 
 
-def peak_of(ready: Prepared) -> Peak:
-    """Peak and curvature of the noise's posterior, each run's by itself."""
+def peak_of(ready: Prepared) -> tuple[Student, FloatArray]:
+    """Student distribution about the peak of the noise's posterior, each run's by itself, with its curvature.
+
+    Beside it stands the prior (d, 2): mean and sd of each logarithm.
+    """
     c = coordinates(ready.summary.factor, ready.prior.sd)
-    groups = groups_of(ready)
-    each = [_peak(ready, name, c) for name, _ in groups]
-    return Peak(
-        groups=groups,
-        center=np.concatenate([np.zeros(0), *(center for center, _, _ in each)]),
-        L=np.asarray(block_diag(np.zeros((0, 0)), *(root for _, root, _ in each)), dtype=float),
-        prior=np.concatenate([np.zeros((0, 2)), *(prior for _, _, prior in each)]),
-    )
+    each = [_peak(ready, name, c) for name in places_of(ready.summary.runs)]
+    center = np.concatenate([np.zeros(0), *(center for center, _, _ in each)])
+    L = np.asarray(block_diag(np.zeros((0, 0)), *(root for _, root, _ in each)), dtype=float)
+    return Student(center, L), np.concatenate([np.zeros((0, 2)), *(prior for _, _, prior in each)])
 
 
 def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -216,27 +194,3 @@ def _resampled(weight: FloatArray, rng: np.random.Generator) -> list[int]:
 def estimated_noise(ready: Prepared) -> FloatArray:
     """N, B, K (g, 3) of each run as it was estimated."""
     return np.array([(run.noise.N, run.noise.B, run.noise.K) for run in ready.summary.runs])
-
-
-def groups_of(ready: Prepared) -> tuple[tuple[str, int], ...]:
-    """Runs whose noise is not known, each with how many of ln N, ln B, ln K there are; once if shared."""
-    return tuple({run.noise_run: len(run.steering) for run in ready.summary.runs if run.steering}.items())
-
-
-def noises_of(ready: Prepared, groups: Sequence[tuple[str, int]], x: FloatArray) -> FloatArray:
-    """N, B, K (m, g, 3) of every run, from logarithms (m, d).
-
-    Parameters
-    ----------
-    ready : the runs; one whose noise is not in `groups` has that of its summary.
-    groups : (run whose noise it is, how many of ln N, ln B, ln K) in the order of the columns of x.
-    x : logarithms.
-    """
-    out = np.repeat(estimated_noise(ready)[None], len(x), axis=0)
-    first = 0
-    for name, count in groups:
-        for k, run in enumerate(ready.summary.runs):
-            if run.steering and run.noise_run == name:
-                out[:, k, :count] = np.exp(x[:, first : first + count])
-        first += count
-    return out

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,16 +20,15 @@ from imubayes.campaign.preparation import Prepared
 from imubayes.errors import InputError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import Chains, Diagnostics, at_noise, by_dwell
+from imubayes.inference.mcmc.chains import Chains, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import Density, density_of, theta_of
 from imubayes.inference.mcmc.engine import Target, sampler_of
 from imubayes.inference.mcmc.ensembles import History, Limits, advance, judged, walkers_for
 from imubayes.inference.mcmc.moves import TAIL, independent
-from imubayes.inference.mcmc.run import DRAWS, NOISE_DRAWS, Sampled
+from imubayes.inference.mcmc.run import NOISE_DRAWS, Sampled, flat, thinned
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten
 from imubayes.ladder import NEEDS_ROWS, RungName
-from imubayes.ladder.averaged import groups_of, noises_of
 from imubayes.ladder.problem import Ground, Posterior, Tell, chained, prepared
 from imubayes.sensors.noise import Noise
 from imubayes.units import counted
@@ -81,7 +80,7 @@ def raw(ground: Ground) -> Posterior:
     limits = replace(ground.limits, seed=int(rng.integers(2**32)))
     history = run_slowly(_target(ready, density, below.chains), limits, ground.tell)
     sampled = _sampled(ready, density, history, below.chains)
-    return _by_chains("raw", sampled, history.converged)
+    return _by_chains("raw", sampled, history.found.converged)
 
 
 def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], FloatArray]:
@@ -90,7 +89,7 @@ def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], Flo
     It is what `imubayes.inference.mcmc.density.log_joint` carries on between whitenings.
     """
     parts = [_misfit_of(rows, run) for rows, run in zip(ready.rows, ready.summary.runs, strict=True)]
-    groups, p, n = groups_of(ready), density.p, ready.summary.factor.n
+    runs, p, n = ready.summary.runs, density.p, ready.summary.factor.n
     half = 0.5 * math.log(2.0 * math.pi)
     constant = density.coordinates.log_volume - float(np.sum(np.log(density.sd))) - (p + n) * half
     constant -= float(np.sum(np.log(density.width))) + density.d * half
@@ -99,7 +98,7 @@ def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], Flo
         theta, x = theta_of(density, c[:, :p]), c[:, p:]
         pull = np.sum((theta / density.sd) ** 2, axis=1)
         pull += np.sum(((x - density.center) / density.width) ** 2, axis=1)
-        noises = noises_of(ready, groups, x)
+        noises = noises_at(runs, x)
         misfit = [sum(part(theta[k], noises[k, g]) for g, part in enumerate(parts)) for k in range(len(c))]
         return constant - 0.5 * (pull + np.array(misfit))
 
@@ -119,10 +118,9 @@ def _misfit_of(rows: Linear, run: RunSummary) -> Callable[[FloatArray, FloatArra
 
 def _target(ready: Prepared, density: Density, below: Chains) -> Target:
     """What is sampled, started and proposed from the chains below."""
-    p, groups = density.p, groups_of(ready)
-    theta, noise = _flat(below.theta, 1), _flat(below.noise, 2)
+    p, theta = density.p, flat(below.theta)
     phi = np.linalg.solve(density.coordinates.inverse, (theta - density.coordinates.origin).T).T
-    x = _logarithms(ready, groups, noise)
+    x = _logarithms(ready.summary.runs, below.noise.reshape(-1, *below.noise.shape[2:]))
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:
         which = rng.choice(len(phi), size, replace=False)
@@ -145,57 +143,41 @@ def _proposal(x: FloatArray) -> Student:
     return Student(x.mean(axis=0), np.asarray(root, dtype=float), TAIL)
 
 
-def _logarithms(ready: Prepared, groups: tuple[tuple[str, int], ...], noise: FloatArray) -> FloatArray:
-    """Logarithms (m, d) of the noise (m, g, 3) of the runs, where it is not known: `noises_of`, backwards."""
-    runs = [run.noise_run for run in ready.summary.runs]
-    columns = [np.log(noise[:, runs.index(name), :count]) for name, count in groups]
+def _logarithms(runs: Sequence[RunSummary], noise: FloatArray) -> FloatArray:
+    """Logarithms (m, d) of the noise (m, g, 3) of the runs, where it is not known: `noises_at`, backwards."""
+    own = [run.noise_run for run in runs]
+    columns = [
+        np.log(noise[:, own.index(name), : place.stop - place.start])
+        for name, place in places_of(runs).items()
+    ]
     return np.column_stack((np.zeros((len(noise), 0)), *columns))
 
 
 def _sampled(ready: Prepared, density: Density, history: History, below: Chains) -> Sampled:
     """Chains with all that a report asks of them, and the problem at some of their noises."""
     p = density.p
-    c = np.array([_thinned(chain) for chain in history.chains])
+    c = np.array([thinned(chain) for chain in history.chains])
     theta = theta_of(density, c[..., :p])
     x = c[..., p:].reshape(-1, density.d)
-    noise = noises_of(ready, groups_of(ready), x)
+    noise = noises_at(ready.summary.runs, x)
     estimated = [run.noise for run in ready.summary.runs]
-    scored = by_dwell(ready.rows, estimated, _flat(theta, 1), noise)
-    shape, (steps, walkers, _) = theta.shape[:2], history.chains[0].shape
-    same = ("ess", "rhat", "tau", "acceptance", "seconds", "converged", "text")
-    diagnostics = Diagnostics(
-        parameters=(*density.names, *density.parameters),
-        steps=steps,
-        walkers=walkers,
-        ensembles=len(history.chains),
-        **{name: getattr(history, name) for name in same},
-    )
+    scored = by_dwell(ready.rows, estimated, flat(theta), noise)
+    shape = theta.shape[:2]
     chains = replace(
         below,
         sampler="raw",
         theta=theta,
         noise=noise.reshape(*shape, *noise.shape[1:]),
-        log_density=np.array([_thinned(part[..., None])[:, 0] for part in history.log_prob]),
+        log_density=np.array([thinned(part[..., None])[:, 0] for part in history.log_prob]),
         log_likelihood=scored.log_likelihood.reshape(*shape, -1),
         predicted=scored.predicted.reshape(*shape, -1),
-        diagnostics=diagnostics,
+        diagnostics=history.found,
         interpolation_error=0.0,
     )
     chosen = np.linspace(0, len(noise) - 1, NOISE_DRAWS if density.d else 1).astype(int)
     return Sampled(
         chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
     )
-
-
-def _flat(values: FloatArray, last: int) -> FloatArray:
-    """All draws in one axis, before the `last` ones."""
-    return values.reshape(-1, *values.shape[values.ndim - last :])
-
-
-def _thinned(chain: FloatArray) -> FloatArray:
-    """Draws (DRAWS, k) of an ensemble (steps, walkers, k), evenly over its steps and walkers."""
-    every = _flat(chain, 1)
-    return every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]
 
 
 def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
@@ -209,9 +191,9 @@ def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
     while True:
         seconds = time.perf_counter() - start
         done = judged(target, samplers, seconds, limits, dropped=0.0)
-        if done.converged or seconds > limits.time_limit:
+        if done.found.converged or seconds > limits.time_limit:
             return done
-        tell(f"{counted(len(done.chains[0]), 'step')} on every row, {done.text}")
+        tell(f"{counted(done.found.steps, 'step')} on every row, {done.found.text}")
         for _ in range(TURN):
             for sampler, seed in zip(samplers, seeds, strict=True):
                 advance(sampler, target, seed, 1)

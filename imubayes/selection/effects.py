@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
@@ -92,30 +91,23 @@ def effects_of(f: Factor, sd: FloatArray, candidates: Sequence[str], scale: floa
     rows = np.array([scale / prior_sd[name] for name in order])
     R = algebra.with_prior_rows(algebra.reorder(f, order).R, rows)[len(always) :, len(always) :] / scale
     unit = np.linalg.norm(algebra.invert_triangular(R[:-1, :-1]), axis=1)
-    return Effects(names, R * np.append(unit, 1.0), unit * rows[len(always) :] / scale, unit)
+    R = np.ascontiguousarray(R * np.append(unit, 1.0))
+    return Effects(names, R, unit * rows[len(always) :] / scale, unit)
 
 
 def log_evidence(e: Effects, supports: BoolArray) -> FloatArray:
     """Log marginal likelihood (m,) of each support (m, p), up to a constant; the noise scale is known."""
-    upper, count = _by_support(e, supports)
-    p = len(e.names)
-    left = np.sum(upper[:, :, p] ** 2, axis=1, where=np.arange(p + 1) >= count[:, None])
-    pivots = np.abs(np.diagonal(upper[:, :p, :p], axis1=1, axis2=2))
-    inside = np.arange(p) < count[:, None]
-    log_det = np.sum(np.log(pivots, where=inside, out=np.zeros_like(pivots)), axis=1)
+    from imubayes.selection.kernels import solutions
+
+    *_, left, log_det = solutions(e.R, supports)
     return np.sum(supports * np.log(e.prior), axis=1) - 0.5 * left - log_det
 
 
 def refitted(e: Effects, supports: BoolArray) -> FloatArray:
     """Coefficients (m, p) of each support, in effects: least squares on data and prior, zero outside."""
-    upper, count = _by_support(e, supports)
-    p = len(e.names)
-    inside = np.arange(p) < count[:, None]
-    unknown = upper[:, :p, :p] + np.eye(p) * ~inside[:, None, :]
-    solved = np.linalg.solve(unknown, np.where(inside, upper[:, :p, p], 0.0)[:, :, None])[:, :, 0]
-    theta = np.zeros(supports.shape)
-    np.put_along_axis(theta, _included_first(supports), solved, axis=1)
-    return theta
+    from imubayes.selection.kernels import solutions
+
+    return solutions(e.R, supports)[0]
 
 
 def best_of(supports: BoolArray, score: FloatArray) -> int:
@@ -124,23 +116,6 @@ def best_of(supports: BoolArray, score: FloatArray) -> int:
     count = supports[even].sum(axis=1)
     smallest = even[count == count.min()]
     return int(smallest[len(smallest) // 2])
-
-
-def _included_first(supports: BoolArray) -> NDArray[np.intp]:
-    return np.argsort(~supports, axis=1, kind="stable")
-
-
-def _by_support(e: Effects, supports: BoolArray) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Triangular factors (m, p + 1, p + 1) with the included columns first, and how many there are.
-
-    Excluded columns are zero. With its column, a row of the prior becomes zero too and rotates away.
-    """
-    order = _included_first(supports)
-    count = supports.sum(axis=1)
-    p = len(e.names)
-    columns = np.moveaxis(e.R[:, :p][:, order], 0, 1) * (np.arange(p) < count[:, None])[:, None, :]
-    z = np.broadcast_to(e.R[:, p:], (len(supports), p + 1, 1))
-    return np.asarray(np.linalg.qr(np.concatenate((columns, z), axis=2), mode="r")), count
 
 
 Path = Callable[[FloatArray, FloatArray, FloatArray], BoolArray]

@@ -4,8 +4,8 @@ import numpy as np
 from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
-from imubayes.inference.mcmc.chains import at_noise
-from imubayes.ladder.averaged import averaged, groups_of, noises_of, peak_of, plug_in, weighted
+from imubayes.inference.mcmc.chains import at_noise, noises_at
+from imubayes.ladder.averaged import averaged, peak_of, plug_in, weighted
 from imubayes.ladder.problem import decided, prepared
 from imubayes.sensors.noise import Noise, NoiseRule
 
@@ -30,7 +30,7 @@ def test_evidence_and_noise_are_those_of_a_quadrature_over_the_noise():
     logs = np.array(
         [
             at_noise(ready.summary, ready.rows, noise, ready.prior.sd).log_marginal
-            for noise in noises_of(ready, groups_of(ready), x[:, None])
+            for noise in noises_at(ready.summary.runs, x[:, None])
         ]
     )
     logs += -0.5 * ((x - np.log(median)) / width) ** 2 - np.log(width * np.sqrt(2.0 * np.pi))
@@ -54,17 +54,17 @@ def test_known_noise_leaves_nothing_to_average():
 
 def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():
     ready = prepared(ground(problem()))
-    peak = peak_of(ready)
+    peak, prior = peak_of(ready)
     sd = np.sqrt(np.diag(peak.L @ peak.L.T))
     n = ready.summary.factor.n
     # drift takes some of what the rows say of N, never adds to it; B and K are no better known than N
     assert 1.0 <= sd[0] * np.sqrt(2.0 * n) < 3.0
     assert (sd[1:] > sd[0]).all()
-    assert (sd <= peak.prior[:, 1] * (1.0 + 1e-9)).all()
+    assert (sd <= prior[:, 1] * (1.0 + 1e-9)).all()
 
 
 def test_a_streamed_run_tells_its_white_noise_as_well_as_its_rows_in_memory(tmp_path):
     one = in_memory_and_streamed(tmp_path, 4000)[1]
     runs = tuple(replace(run, noise=NoiseRule("white")) for run in one.spec.runs)
-    peak = peak_of(prepared(ground(replace(one, spec=replace(one.spec, runs=runs)))))
+    peak, _ = peak_of(prepared(ground(replace(one, spec=replace(one.spec, runs=runs)))))
     np.testing.assert_allclose(peak.L, 1.0 / np.sqrt(2.0 * 4000.0), rtol=1e-12)

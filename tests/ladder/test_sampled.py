@@ -62,12 +62,12 @@ def test_log_density_of_all_rows_is_interpolated_to_what_the_chains_say():
 
 def test_chains_that_are_cut_short_say_that_their_steps_are_too_few():
     done = run_slowly(NORMAL, Limits(ess=10.0, time_limit=0.0, seed=1), lambda message: None)
-    assert not done.converged
-    assert "steps are fewer than 50 autocorrelation times" in done.text
+    assert not done.found.converged
+    assert "steps are fewer than 50 autocorrelation times" in done.found.text
 
 
 def test_chains_that_are_long_enough_say_so():
     done = run_slowly(NORMAL, Limits(ess=100.0, time_limit=60.0, seed=1), lambda message: None)
-    assert done.converged
-    assert done.text == "every parameter has mixed"
-    assert len(done.chains[0]) >= 50.0 * done.tau.max()
+    assert done.found.converged
+    assert done.found.text == "every parameter has mixed"
+    assert len(done.chains[0]) >= 50.0 * done.found.tau.max()

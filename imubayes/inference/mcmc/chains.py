@@ -14,7 +14,7 @@ from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.summary import Summary
+from imubayes.inference.summary import RunSummary, Summary
 from imubayes.inference.whiten import mattering, whiten
 from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
@@ -138,6 +138,26 @@ def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: Fl
     ]
     whole = reduce(add, factors)
     return NoiseDraw(whole, log_marginal(whole, sd))
+
+
+def places_of(runs: Sequence[RunSummary]) -> dict[str, slice]:
+    """Where ln N, ln B, ln K of each noise that is not known lie among all, by the run that has it."""
+    found: dict[str, slice] = {}
+    for run in runs:
+        if run.steering and run.noise_run not in found:
+            first = max((place.stop for place in found.values()), default=0)
+            found[run.noise_run] = slice(first, first + len(run.steering))
+    return found
+
+
+def noises_at(runs: Sequence[RunSummary], x: FloatArray) -> FloatArray:
+    """N, B, K (..., g, 3) of every run, from logarithms (..., d) of those that are not known."""
+    out, places = np.empty((*x.shape[:-1], len(runs), 3)), places_of(runs)
+    for k, run in enumerate(runs):
+        out[..., k, :] = (run.noise.N, run.noise.B, run.noise.K)
+        if run.steering:
+            out[..., k, : len(run.steering)] = np.exp(x[..., places[run.noise_run]])
+    return out
 
 
 def log_marginal(f: Factor, sd: FloatArray) -> float:

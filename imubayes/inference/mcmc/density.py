@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
+from imubayes.inference.mcmc.chains import places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import RunSummary, Summary
@@ -34,7 +35,7 @@ class Density:
     names : p columns.
     sd : (p,) their prior sds.
     runs : whitenings of every run.
-    places : of every run, which entries of x are its ln N, ln B, ln K; None where its noise is known.
+    places : of every run, where in x its ln N, ln B, ln K are; None where its noise is known.
     parameters : d names of the noise parameters, such as ``N.tumble``.
     center, width : (d,) mean and sd of their normal prior, in logarithms.
     """
@@ -43,7 +44,7 @@ class Density:
     names: tuple[str, ...]
     sd: FloatArray
     runs: tuple[Whitenings, ...]
-    places: tuple[tuple[int, ...] | None, ...]
+    places: tuple[slice | None, ...]
     parameters: tuple[str, ...]
     center: FloatArray
     width: FloatArray
@@ -89,22 +90,18 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
     rng : for probes of the interpolation.
     """
     c = coordinates(summary.factor, sd)
-    parameters: list[str] = []
-    prior: list[tuple[float, float]] = []
-    first: dict[str, tuple[int, ...]] = {}
-    for run in summary.runs:
-        if run.steering and run.noise_run not in first:
-            first[run.noise_run] = tuple(range(len(prior), len(prior) + len(run.steering)))
-            parameters += [f"{name}.{run.noise_run}" for name, _ in zip("NBK", run.steering, strict=False)]
-            prior += [(math.log(median), spread) for median, spread in run.steering]
+    places = places_of(summary.runs)
+    steering = {run.noise_run: run.steering for run in reversed(summary.runs)}
+    prior = [(math.log(median), spread) for name in places for median, spread in steering[name]]
+    names = [f"{name}.{run}" for run in places for name, _ in zip("NBK", steering[run], strict=False)]
     center, width = np.array(prior).reshape(-1, 2).T
     return Density(
         coordinates=c,
         names=summary.factor.names,
         sd=sd,
         runs=_whitenings(rows, summary.runs, c, rng),
-        places=tuple(first.get(run.noise_run) if run.steering else None for run in summary.runs),
-        parameters=tuple(parameters),
+        places=tuple(places[run.noise_run] if run.steering else None for run in summary.runs),
+        parameters=tuple(names),
         center=center,
         width=width,
     )

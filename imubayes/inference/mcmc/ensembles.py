@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.mcmc.chains import Diagnostics
 from imubayes.inference.mcmc.engine import (
     LONG,
     Shape,
@@ -85,22 +86,12 @@ class History:
     ----------
     chains : of each ensemble, (steps, walkers, d).
     log_prob : of each ensemble, (steps, walkers).
-    ess, rhat, tau : (d,) of the readable parameters.
-    acceptance : mean share of accepted proposals.
-    seconds : that all turns took.
-    converged : whether the limits were met.
-    text : why the chains ended.
+    found : how well the readable parameters mixed, and why the chains ended.
     """
 
     chains: tuple[FloatArray, ...]
     log_prob: tuple[FloatArray, ...]
-    ess: FloatArray
-    rhat: FloatArray
-    tau: FloatArray
-    acceptance: float
-    seconds: float
-    converged: bool
-    text: str
+    found: Diagnostics
 
 
 def walkers_for(d: int) -> int:
@@ -124,16 +115,17 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
     while True:
         elapsed = time.perf_counter() - started
         done = judged(target, samplers, before + elapsed, limits)
-        if why := _hopeless(done, samplers[0].iteration, elapsed, limits):
-            done = replace(done, text=f"{done.text}; {why}")
-        ended = done.converged or bool(why) or (elapsed > limits.time_limit and len(done.chains[0]) > 1)
+        told = done.found
+        if why := _hopeless(told, samplers[0].iteration, elapsed, limits):
+            done = replace(done, found=replace(told, text=f"{told.text}; {why}"))
+        ended = told.converged or bool(why) or (elapsed > limits.time_limit and told.steps > 1)
         if limits.checkpoint and samplers[0].iteration and (ended or elapsed > due):
             save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
             # writing takes a tenth of the time at most
             due = elapsed + max(EVERY, 10.0 * (time.perf_counter() - started - elapsed))
         if ended:
             return done
-        progress(_message(done, limits, elapsed))
+        progress(_message(told, limits, elapsed))
         for sampler, seed in zip(samplers, seeds, strict=True):
             advance(sampler, target, seed, _turn(sampler.iteration))
 
@@ -157,30 +149,23 @@ def judged(
     target: Target, samplers: Sequence[Any], seconds: float, limits: Limits, dropped: float = DROPPED
 ) -> History:
     """What the chains are so far, without the share that is dropped at their start."""
-    steps = min(sampler.iteration for sampler in samplers)
-    d = len(target.names)
+    steps, walkers, d = min(s.iteration for s in samplers), samplers[0].nwalkers, len(target.names)
+    shape = walkers, len(samplers)
     if steps == 0:
-        nothing, empty = np.zeros(d), np.zeros((0, samplers[0].nwalkers, d))
-        return History(
-            (empty,), (empty[..., 0],), nothing, nothing + np.inf, nothing, 0.0, seconds, False, ""
-        )
+        nothing, empty = np.zeros(d), np.zeros((0, walkers, d))
+        none = (nothing, nothing + np.inf, nothing, 0.0, 0)
+        found = Diagnostics(target.names, *none, *shape, seconds, False, "")
+        return History((empty,), (empty[..., 0],), found)
     drop = int(dropped * steps)
     chains = tuple(sampler.get_chain()[drop:] for sampler in samplers)
     readable = [target.readable(chain) for chain in chains]
     ess, tau = effective_size(readable)
     rhat = split_rhat(readable)
     missing = wanting(ess, rhat, tau, steps - drop, limits)
-    return History(
-        chains=chains,
-        log_prob=tuple(sampler.get_log_prob()[drop:] for sampler in samplers),
-        ess=ess,
-        rhat=rhat,
-        tau=tau,
-        acceptance=float(np.mean([sampler.acceptance_fraction for sampler in samplers])),
-        seconds=seconds,
-        converged=not missing,
-        text=verdict(missing),
-    )
+    accepted = float(np.mean([sampler.acceptance_fraction for sampler in samplers]))
+    mixed = (ess, rhat, tau, accepted, len(chains[0]))
+    found = Diagnostics(target.names, *mixed, *shape, seconds, not missing, verdict(missing))
+    return History(chains, tuple(sampler.get_log_prob()[drop:] for sampler in samplers), found)
 
 
 def wanting(ess: FloatArray, rhat: FloatArray, tau: FloatArray, steps: int, limits: Limits) -> list[str]:
@@ -200,33 +185,31 @@ def verdict(missing: Sequence[str]) -> str:
     return f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
 
 
-def _hopeless(done: History, steps: int, elapsed: float, limits: Limits) -> str:
+def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> str:
     """Say why chains will not get there in time; empty as long as they may."""
-    if done.converged:
+    if told.converged:
         return ""
-    if steps >= TRIED and done.acceptance < STUCK:
-        return f"{STILL}: {done.acceptance:.1%} of the proposals are accepted"
-    if steps and LOOKED * limits.time_limit < elapsed < limits.time_limit and _share(done, limits) < SHORT:
+    if steps >= TRIED and told.acceptance < STUCK:
+        return f"{STILL}: {told.acceptance:.1%} of the proposals are accepted"
+    if steps and LOOKED * limits.time_limit < elapsed < limits.time_limit and _share(told, limits) < SHORT:
         return f"stopped, because they would need more than four times the limit of {limits.time_limit:g} s"
     return ""
 
 
-def _share(done: History, limits: Limits) -> float:
+def _share(told: Diagnostics, limits: Limits) -> float:
     """What part of the steps that are asked for is done, by the autocorrelation so far."""
-    steps = len(done.chains[0])
-    return min(1.0, float(done.ess.min()) / limits.ess, steps / (LONG * float(done.tau.max())))
+    return min(1.0, float(told.ess.min()) / limits.ess, told.steps / (LONG * float(told.tau.max())))
 
 
-def _message(done: History, limits: Limits, elapsed: float) -> str:
+def _message(told: Diagnostics, limits: Limits, elapsed: float) -> str:
     """One line for somebody who waits."""
-    steps = len(done.chains[0])
-    if steps == 0:
+    if told.steps == 0:
         return "starting the walkers"
-    share = _share(done, limits)
+    share = _share(told, limits)
     left = min(elapsed * (1.0 / max(share, 1e-3) - 1.0), limits.time_limit - elapsed)
     bar = "#" * round(BAR * share)
     return (
-        f"[{bar:-<{BAR}}] accepted {done.acceptance:.0%}, tau {done.tau.max():.1f} of {steps} steps,"
-        f" ESS {done.ess.min():.0f}/{limits.ess:.0f}, R-hat {done.rhat.max():.3f},"
+        f"[{bar:-<{BAR}}] accepted {told.acceptance:.0%}, tau {told.tau.max():.1f} of {told.steps} steps,"
+        f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f},"
         f" {max(left, 0.0):.0f} s left"
     )

@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student, log_integral
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell
+from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell, noises_at
 from imubayes.inference.mcmc.density import (
     Density,
     condition,
@@ -137,11 +137,11 @@ def _sampled(
     noises, error = _noise_draws(density, history, summary, rows)
     if error > TRUSTED:
         text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
-        history = replace(history, converged=False, text=text)
+        history = replace(history, found=replace(history.found, converged=False, text=text))
     chains = _chains((density, summary, rows), history, method, error, rng)
     sampled = Sampled(chains, noises)
-    if not history.converged:
-        raise ConvergenceError(f"the {method} sampler has {history.text}", sampled)
+    if not history.found.converged:
+        raise ConvergenceError(f"the {method} sampler has {history.found.text}", sampled)
     return sampled
 
 
@@ -207,43 +207,39 @@ def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Stu
     start, spread = np.empty(density.d), np.empty(density.d)
     for run, made, places in zip(summary.runs, density.runs, density.places, strict=True):
         if places is not None:
-            start[list(places)] = made.top
-            spread[list(places)] = np.maximum(run.noise_sd[: len(places)], 1.0 / np.sqrt(2.0 * run.samples))
+            start[places], known = made.top, 1.0 / np.sqrt(2.0 * run.samples)
+            spread[places] = np.maximum(run.noise_sd[: len(run.steering)], known)
     return fit_noise(density, start, spread, rng) if density.d else Student(start, np.empty((0, 0)), TAIL)
 
 
 def _without_noise(limits: Limits) -> History:
     """Every draw is exact and independent where there is no noise to sample."""
-    nothing = np.empty((-(-int(limits.ess) // limits.ensembles), 1, 0))
-    chains = (nothing,) * limits.ensembles
-    empty = np.zeros(0)
-    log_prob = (np.zeros(nothing.shape[:2]),) * limits.ensembles
+    n, empty = limits.ensembles, np.zeros(0)
+    nothing = np.empty((-(-int(limits.ess) // n), 1, 0))
     text = "nothing but coefficients: every draw is exact and independent"
-    return History(chains, log_prob, empty, empty, empty, 1.0, 0.0, True, text)
+    found = Diagnostics((), empty, empty, empty, 1.0, len(nothing), 1, n, 0.0, True, text)
+    return History((nothing,) * n, (np.zeros(nothing.shape[:2]),) * n, found)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Drawn:
-    """Every step of every ensemble: phi (steps, walkers, p) and logarithms x (steps, walkers, d)."""
+def _drawn(
+    density: Density, history: History, method: Method, rng: np.random.Generator
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Coefficients phi (steps, walkers, p) and logarithms x (steps, walkers, d) of each ensemble.
 
-    phi: tuple[FloatArray, ...]
-    x: tuple[FloatArray, ...]
-
-
-def _drawn(density: Density, history: History, method: Method, rng: np.random.Generator) -> _Drawn:
-    """Chains as coefficients and noises; the collapsed sampler's coefficients are drawn here, exactly."""
+    The collapsed sampler's coefficients are drawn here, exactly.
+    """
     p = density.p
     if method == "full":
-        return _Drawn(tuple(c[..., :p] for c in history.chains), tuple(c[..., p:] for c in history.chains))
+        return [(c[..., :p], c[..., p:]) for c in history.chains]
     drawn = []
     for chain in history.chains:
-        x = _flat(chain)
+        x = flat(chain)
         parts = (x[i : i + AT_ONCE] for i in range(0, len(x), AT_ONCE))
         phi = [
             draw_conditional(condition(density, part), rng.standard_normal((len(part), p))) for part in parts
         ]
-        drawn.append(np.concatenate(phi).reshape(*chain.shape[:2], p))
-    return _Drawn(tuple(drawn), history.chains)
+        drawn.append((np.concatenate(phi).reshape(*chain.shape[:2], p), chain))
+    return drawn
 
 
 def _chains(
@@ -255,13 +251,13 @@ def _chains(
 ) -> Chains:
     density, summary, rows = problem
     drawn = _drawn(density, history, method, rng)
-    phi, x = (np.array([_thinned(part) for part in parts]) for parts in (drawn.phi, drawn.x))
-    theta, noise = theta_of(density, phi), _noise_of(density, summary, x)
+    phi, x = (np.array([thinned(part) for part in parts]) for parts in zip(*drawn, strict=True))
+    theta, noise = theta_of(density, phi), noises_at(summary.runs, x)
     scored = by_dwell(
-        rows, [run.noise for run in summary.runs], _flat(theta), noise.reshape(-1, *noise.shape[2:])
+        rows, [run.noise for run in summary.runs], flat(theta), noise.reshape(-1, *noise.shape[2:])
     )
     prior_x = density.center + density.width * rng.standard_normal((DRAWS, density.d))
-    log_density = log_joint(density, condition(density, _flat(x)), _flat(phi))
+    log_density = log_joint(density, condition(density, flat(x)), flat(phi))
     shape = theta.shape[:2]
     return Chains(
         sampler=method,
@@ -276,31 +272,21 @@ def _chains(
         observed=scored.observed,
         predicted=scored.predicted.reshape(*shape, -1),
         prior_theta=density.sd * rng.standard_normal((DRAWS, density.p)),
-        prior_noise=_noise_of(density, summary, prior_x),
+        prior_noise=noises_at(summary.runs, prior_x),
         diagnostics=_diagnosed(density, history, drawn),
         interpolation_error=error,
         log_evidence=_bridged(density, history, method, rng),
     )
 
 
-def _diagnosed(density: Density, history: History, drawn: _Drawn) -> Diagnostics:
+def _diagnosed(
+    density: Density, history: History, drawn: Sequence[tuple[FloatArray, FloatArray]]
+) -> Diagnostics:
     """Judge coefficients and noise alike, however they were sampled."""
-    pairs = zip(drawn.phi, drawn.x, strict=True)
-    whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in pairs]
+    whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in drawn]
     ess, tau = effective_size(whole)
-    return Diagnostics(
-        parameters=(*density.names, *density.parameters),
-        ess=ess,
-        rhat=split_rhat(whole),
-        tau=tau,
-        acceptance=history.acceptance,
-        steps=len(whole[0]),
-        walkers=whole[0].shape[1],
-        ensembles=len(whole),
-        seconds=history.seconds,
-        converged=history.converged,
-        text=history.text,
-    )
+    names = (*density.names, *density.parameters)
+    return replace(history.found, parameters=names, ess=ess, rhat=split_rhat(whole), tau=tau)
 
 
 def _noise_draws(
@@ -312,9 +298,9 @@ def _noise_draws(
     """
     if density.d == 0:
         return (NoiseDraw(summary.factor, float(log_marginal(density, np.empty((1, 0)))[0])),), 0.0
-    every = np.concatenate([_flat(chain[..., -density.d :]) for chain in history.chains])
+    every = np.concatenate([flat(chain[..., -density.d :]) for chain in history.chains])
     chosen = every[np.linspace(0, len(every) - 1, NOISE_DRAWS).astype(int)]
-    noises = _noise_of(density, summary, chosen)
+    noises = noises_at(summary.runs, chosen)
     draws = tuple(at_noise(summary, rows, noise, density.sd) for noise in noises)
     exact = np.array([draw.log_marginal for draw in draws])
     prior = -0.5 * np.sum(((chosen - density.center) / density.width) ** 2, axis=1)
@@ -330,7 +316,7 @@ def _bridged(
     if history.chains[0].shape[2] == 0:
         return float(log_marginal(density, np.empty((1, 0)))[0]), 0.0
     # steps of all ensembles by turns, so that both halves have every ensemble
-    samples = _flat(np.concatenate(history.chains, axis=1))
+    samples = flat(np.concatenate(history.chains, axis=1))
     log_prob = np.concatenate(history.log_prob, axis=1).ravel()
     log_prob_of = _log_prob(density, method)
 
@@ -338,18 +324,8 @@ def _bridged(
         return np.concatenate([log_prob_of(c[i : i + AT_ONCE]) for i in range(0, len(c), AT_ONCE)])
 
     step = max(1, len(samples) // BRIDGE)
-    tau = float(history.tau.max())
+    tau = float(history.found.tau.max())
     return log_integral(samples[::step], log_prob[::step], in_parts, tau=tau, rng=rng)
-
-
-def _noise_of(density: Density, summary: Summary, x: FloatArray) -> FloatArray:
-    """N, B, K (..., g, 3) of every run, from logarithms (..., d)."""
-    out = np.empty((*x.shape[:-1], len(summary.runs), 3))
-    for k, (run, places) in enumerate(zip(summary.runs, density.places, strict=True)):
-        out[..., k, :] = (run.noise.N, run.noise.B, run.noise.K)
-        if places is not None:
-            out[..., k, : len(places)] = np.exp(x[..., list(places)])
-    return out
 
 
 def _units(summary: Summary) -> tuple[str, ...]:
@@ -361,13 +337,14 @@ def _units(summary: Summary) -> tuple[str, ...]:
     )
 
 
-def _flat(values: FloatArray) -> FloatArray:
+def flat(values: FloatArray) -> FloatArray:
+    """All draws (m, k) of chains (..., k)."""
     return values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
 
 
-def _thinned(chain: FloatArray) -> FloatArray:
+def thinned(chain: FloatArray) -> FloatArray:
     """Draws (DRAWS, k) of an ensemble (steps, walkers, k), evenly over its steps and walkers."""
-    every = _flat(chain)
+    every = flat(chain)
     return every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]
 
 

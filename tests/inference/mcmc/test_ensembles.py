@@ -34,13 +34,13 @@ def target_of(*moves):
 
 def test_ensembles_stop_by_themselves_with_the_right_moments():
     done = run_ensembles(target_of(), Limits(seed=1))
-    assert done.converged
-    assert done.ess.min() >= 1000.0
-    assert done.rhat.max() < 1.01
+    assert done.found.converged
+    assert done.found.ess.min() >= 1000.0
+    assert done.found.rhat.max() < 1.01
     x = np.concatenate([chain.reshape(-1, 3) for chain in done.chains])
-    error = SD / np.sqrt(done.ess)
+    error = SD / np.sqrt(done.found.ess)
     assert np.all(np.abs(x.mean(axis=0)) < 4.0 * error)
-    np.testing.assert_allclose(x.std(axis=0) / SD, 1.0, atol=4.0 / np.sqrt(done.ess.min()))
+    np.testing.assert_allclose(x.std(axis=0) / SD, 1.0, atol=4.0 / np.sqrt(done.found.ess.min()))
 
 
 def test_same_seed_gives_the_same_chains_and_another_seed_others():
@@ -53,8 +53,8 @@ def test_same_seed_gives_the_same_chains_and_another_seed_others():
 def test_time_limit_ends_the_chains_and_says_what_is_missing():
     slow = Limits(seed=1, ess=1e9, time_limit=0.3)
     done = run_ensembles(target_of(), slow)
-    assert not done.converged
-    assert "effective samples" in done.text
+    assert not done.found.converged
+    assert "effective samples" in done.found.text
     assert len(done.chains[0]) > 1
 
 
@@ -72,7 +72,7 @@ def test_resumed_chain_is_the_chain_that_was_not_interrupted(tmp_path):
     again = run_ensembles(target_of(), Limits(seed=1, ess=20_000.0, checkpoint=file, resume=True))
     for k in range(4):
         np.testing.assert_array_equal(again.chains[k], whole.chains[k])
-    assert again.seconds > first.seconds
+    assert again.found.seconds > first.found.seconds
     assert [path.name for path in file.parent.iterdir()] == ["a.h5"]
 
 
@@ -164,11 +164,11 @@ def test_walkers_that_stand_still_are_stopped_with_the_reason():
         return 100.0 + random.standard_normal(coords.shape), np.zeros(len(coords))
 
     done = run_ensembles(target_of(("independent", astray, 1.0)), Limits(seed=1, time_limit=600.0))
-    assert not done.converged and done.seconds < 60.0
-    assert "the walkers stand still: 0.0% of the proposals are accepted" in done.text
+    assert not done.found.converged and done.found.seconds < 60.0
+    assert "the walkers stand still: 0.0% of the proposals are accepted" in done.found.text
 
 
 def test_chains_far_too_slow_for_their_time_are_stopped_with_the_reason():
     done = run_ensembles(target_of(), Limits(seed=1, ess=1e9, time_limit=4.0))
-    assert not done.converged and 1.0 < done.seconds < 3.0
-    assert "more than four times the limit of 4 s" in done.text
+    assert not done.found.converged and 1.0 < done.found.seconds < 3.0
+    assert "more than four times the limit of 4 s" in done.found.text
