@@ -106,12 +106,7 @@ def written(folder: Path, files: tuple[Path, ...]) -> None:
 
 
 def usable(folder: Path) -> Path:
-    """Give a folder to write to, unless a file has its name.
-
-    Raises
-    ------
-    InputError : if one has.
-    """
+    """Give a folder to write to, unless a file has its name."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file: expected a folder for --out, or a name that is free")
     return folder

@@ -44,12 +44,7 @@ class Asked:
         return any(option is not None for option in given)
 
     def check(self) -> None:
-        """Refuse options that contradict each other, or are no number.
-
-        Raises
-        ------
-        InputError : naming the option.
-        """
+        """Refuse options that contradict each other, or are no number."""
         if self.ess is not None and not 0.0 < self.ess < math.inf:
             raise InputError(
                 f"--ess {self.ess:g}: expected a number of effective samples above zero, such as 1000"
@@ -79,12 +74,7 @@ def duration(text: str, option: str) -> float:
 
 
 def run(path: Path, asked: Asked, told: Waiting) -> Done:
-    """Run a study of any kind.
-
-    Raises
-    ------
-    InputError : if the study cannot be read, or has no use for an option.
-    """
+    """Run a study of any kind."""
     from imubayes.study.schema import read
 
     kind, study = read(path)
@@ -99,10 +89,6 @@ def trade(
     """Measure the rungs of the ladder on a study of sensors, or of simulated lots, in `limit` s.
 
     Without rungs all are meant, and with `only` these sensors or classes alone.
-
-    Raises
-    ------
-    InputError : if the study cannot be read, or has nothing of what was asked.
     """
     from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of, with_options
     from imubayes.ladder.trade.table import measure
@@ -147,12 +133,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:
-    """Sampling of the study, with what the command line says in place of it.
-
-    Raises
-    ------
-    InputError : if an option cannot be followed.
-    """
+    """Sampling of the study, with what the command line says in place of it."""
     asked.check()
     given = {
         "method": asked.method,

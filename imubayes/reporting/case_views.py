@@ -183,13 +183,7 @@ def case_section(
     costs: Costs,
     scenes: Sequence[CaseRelevance] = (),
 ) -> Section:
-    """One case: its known quantities, how its axes lie, what each kind and each scene needs.
-
-    Parameters
-    ----------
-    key : its anchor, which keeps its figures apart.
-    scenes : what each requires of all components together.
-    """
+    """One case: its known quantities, how its axes lie, what each kind and each scene needs."""
     parts = [_recovered_section(name, key, sensors[0].recovered)] if sensors[0].recovered else []
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
@@ -248,13 +242,7 @@ def _angle(mean: float, sd: float) -> Measured:
 
 
 def _text(name: str) -> str:
-    """Angle in words.
-
-    Examples
-    --------
-    >>> _text("rotation_x"), _text("nonorthogonality_xy")
-    ('rotation about x', 'non-orthogonality of x and y')
-    """
+    """Angle in words."""
     what, _, axes = name.partition("_")
     return f"rotation about {axes}" if what == "rotation" else f"non-orthogonality of {axes[0]} and {axes[1]}"
 

@@ -147,15 +147,7 @@ def distrust_sentence(sensor: SensorResult) -> str:
 
 
 def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
-    """Say which rung was taken and why, what it gave up, and what the next one would change.
-
-    Examples
-    --------
-    >>> from imubayes.ladder import Choice
-    >>> given = ("sparse", "a budget of 1 s", 0.4, 0.5, (), "plug-in", 0.9, (0.1, 0.3), "neighbours")
-    >>> choice_sentences(Choice(*given, budget=1.0))[0]
-    'Method: whitened factor, sparse regression along its path, the best that fits a budget of 1 s (0.4 s).'
-    """
+    """Say which rung was taken and why, what it gave up, and what the next one would change."""
     if choice is None:
         return ()
     rung = rung_of(choice.rung)
@@ -267,13 +259,7 @@ def exact_evidence(sensor: SensorResult) -> float | None:
 
 
 def _said(parameter: str) -> str:
-    """Name of a noise parameter as it is said.
-
-    Examples
-    --------
-    >>> _said("N.tumble"), _said("b2"), _said("ax.b0")
-    ('N of tumble', 'b2', 'ax.b0')
-    """
+    """Name of a noise parameter as it is said."""
     letter, dot, run = parameter.partition(".")
     return f"{letter} of {run}" if dot and letter in ("N", "B", "K") else parameter
 

@@ -260,12 +260,7 @@ def _paint_recovered(axes: Axes, one: Recovered) -> None:
 
 
 def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
-    """Bound of the error against the number of terms, each step without the term that costs least.
-
-    Parameters
-    ----------
-    unit, size : printed unit of the budget, and its SI value.
-    """
+    """Bound of the error against the number of terms, each step without the term that costs least."""
     count = np.array([step[0] for step in found.path], dtype=float)
     error = np.array([step[2] for step in found.path]) / size
     kept, least = len(found.model), share(error.min() * size / found.budget.limit)

@@ -176,13 +176,7 @@ def _check_cells(check: ResidualCheck) -> tuple[str, ...]:
 
 
 def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Block]:
-    """Residuals of each run over time, their autocorrelation and their Allan deviation.
-
-    Parameters
-    ----------
-    key : identifier of the component in the page.
-    sensors : how many components have figures.
-    """
+    """Residuals of each run over time, their autocorrelation and their Allan deviation."""
     most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
     runs = fit_figures.shown_runs(sensor, most_runs)
     points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
@@ -253,13 +247,7 @@ def predictive_sentence(misfit: Misfit) -> str:
 
 
 def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[str] = ()) -> str:
-    """Say in the first paragraph that the library misses something; empty where it does not.
-
-    Parameters
-    ----------
-    fits : whether every run's residuals are of the noise's size.
-    assumed : names of the runs whose noise was not estimated.
-    """
+    """Say in the first paragraph that the library misses something; empty where it does not."""
     if misfit is None or not misfit.found:
         return ""
     where = list(dict.fromkeys(dependence_words(one) for one in misfit.found))

@@ -173,13 +173,7 @@ def _rest(classes: Sequence[ClassFound]) -> str:
 def _by_owner(
     names: Sequence[str], needed: dict[str, tuple[str, ...]], words: tuple[str, str, str]
 ) -> list[str]:
-    """Sentences on who needs which terms, those that most need first.
-
-    Examples
-    --------
-    >>> _by_owner(["b0", "b1", "g_i"], {"MEMS": ("b0", "g_i"), "FOG": ("b0",)}, ("class", "classes", "need"))
-    ['Every class needs b0.', 'MEMS needs g_i.']
-    """
+    """Sentences on who needs which terms, those that most need first."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in names:
         owners = tuple(owner for owner, terms in needed.items() if name in terms)

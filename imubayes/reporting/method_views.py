@@ -91,13 +91,7 @@ def called(method: str) -> str:
 
 
 def spoken(text: str) -> str:
-    """Put the methods' printed names into a sentence.
-
-    Examples
-    --------
-    >>> spoken("evidence and leave_one_run_out keep b3")
-    'Evidence and run left out keep b3'
-    """
+    """Put the methods' printed names into a sentence."""
     told = _NAMES.sub(lambda found: METHODS[found[0]], text)
     return told[:1].upper() + told[1:]
 
@@ -124,12 +118,7 @@ def decided(selection: Selection) -> tuple[str, ...]:
 
 
 def votes_title(votes: Votes, selection: Selection, names: Mapping[str, str]) -> str:
-    """Say on what the methods agree, and on which terms they do not, of those that the test can tell.
-
-    Parameters
-    ----------
-    names : of the terms in print, by the names that the votes have.
-    """
+    """Say on what the methods agree, and on which terms they do not, of those that the test can tell."""
     told = ~np.isnan(votes.keeps)
     voters = int(told.any(axis=1).sum())
     terms = [names.get(name, name) for name in votes.terms]
@@ -191,12 +180,7 @@ def difference(model: Sequence[str], decided: Sequence[str]) -> str:
 
 
 def prior_sentence(sensitivity: Sensitivity, costs: Costs, names: Mapping[str, str]) -> str:
-    """Say whether a verdict hangs on the prior's width, and what the g-prior thinks.
-
-    Parameters
-    ----------
-    costs : of the decision, which give its thresholds.
-    """
+    """Say whether a verdict hangs on the prior's width, and what the g-prior thinks."""
     swing = [names.get(name, name) for name in sensitivity.swing]
     lines = f"{costs.not_needed:.2g}, {costs.keep:.2g} or {costs.needed:.2g}"
     cross = "crosses" if len(swing) == 1 else "cross"
@@ -293,12 +277,7 @@ def _votes(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Blo
 
 
 def vote_table(votes: Votes, selection: Selection, own: Mapping[str, str]) -> Table:
-    """What every method says of every term that the test excites.
-
-    Parameters
-    ----------
-    own : names of the terms in print, by the names that the votes have.
-    """
+    """What every method says of every term that the test excites."""
     verdicts = {term.name: term.verdict for term in selection.terms}
     apart = {(method, one.term) for one in votes.disagreements for method in one.methods}
     rows: list[tuple[Text, ...]] = []

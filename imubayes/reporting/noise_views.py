@@ -86,13 +86,7 @@ SYMBOLS = ("N", "B", "K", "Q", "R", "G")
 
 
 def process_units(kind: Kind) -> dict[str, tuple[str, str]]:
-    """Printed unit and SI unit of each size.
-
-    Examples
-    --------
-    >>> process_units("gyroscope")["N"]
-    ('deg/sqrt(h)', 'rad/s/sqrt(Hz)')
-    """
+    """Printed unit and SI unit of each size."""
     usual = dict(zip("NBK", zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True), strict=True))
     return usual | _FURTHER[kind] | {"G": (OUTPUT_UNIT[kind], OUTPUT_SI[kind]), "tau": ("s", "s")}
 

@@ -369,12 +369,6 @@ def lasting(seconds: float) -> str:
 
 
 def at_clock(seconds: float) -> str:
-    """Time since the start as on a clock.
-
-    Examples
-    --------
-    >>> at_clock(3725.0)
-    '1:02:05'
-    """
+    """Time since the start as on a clock."""
     whole = round(seconds)
     return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"

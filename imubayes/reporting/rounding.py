@@ -161,14 +161,7 @@ def percent(share: float) -> str:
 
 
 def percents(found: Share) -> str:
-    r"""Share of a count with its interval; nothing where nothing was counted.
-
-    Examples
-    --------
-    >>> from imubayes.inference.intervals import Share
-    >>> percents(Share(0.9, 0.64, 0.98)), percents(Share(0.0123, 0.008, 0.019))
-    ('90\xa0% (64 to 98)', '1.2\xa0% (0.8 to 1.9)')
-    """
+    r"""Share of a count with its interval; nothing where nothing was counted."""
     if math.isnan(found.value):
         return ""
     low, high = (percent(end).removesuffix(f"{NARROW}%") for end in (found.low, found.high))
@@ -193,14 +186,7 @@ def share(value: float) -> str:
 
 
 def share_range(found: Share) -> str:
-    """Share of a budget with its interval; nothing where it was not asked.
-
-    Examples
-    --------
-    >>> from imubayes.inference.intervals import Share
-    >>> share_range(Share(0.079, 0.031, 0.14)), share_range(Share(0.3, 0.0, 14.7))
-    ('7.9 % (3.1 % to 14 %)', '30 % (below 0.1 % to 15 times)')
-    """
+    """Share of a budget with its interval; nothing where it was not asked."""
     if math.isnan(found.value):
         return ""
     return f"{share(found.value)} ({share(found.low)} to {share(found.high)})"

@@ -73,13 +73,7 @@ def printed_unit(found: Relevance | CaseRelevance) -> tuple[str, float]:
 
 
 def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
-    """Unit of a budget as people use it, and its size in SI; the kind decides on that of the output.
-
-    Examples
-    --------
-    >>> budget_unit("velocity", "gyroscope")
-    ('m/s', 1.0)
-    """
+    """Unit of a budget as people use it, and its size in SI; the kind decides on that of the output."""
     if quantity == "output" and kind is not None:
         return OUTPUT_UNIT[kind], per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     unit = UNITS[quantity]
@@ -217,15 +211,7 @@ def _named(names: Iterable[str]) -> str:
 
 
 def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:
-    """What a scene requires of a component.
-
-    Parameters
-    ----------
-    found : what the scene requires of a component.
-    sensor : id of the component.
-    symbols : IEEE symbol of each term.
-    key : identifier of ASCII letters and digits, unique in the page.
-    """
+    """What a scene requires of a component."""
     ranked = sorted(found.terms, key=lambda term: (-max(term.share[1], term.possible), term.name))
     rows = [_row(found, term, symbols.get(term.name, "-")) for term in ranked]
     table = Table(f"{sensor} in {found.scene}", HEAD, rows, "ttnnnnnntt", _note(found))

@@ -371,16 +371,7 @@ def _best(found: Traded) -> Iterator[str]:
 
 
 def seconds_of(place: RungTotals) -> str:
-    """Wall time of a rung; what is extrapolated says so.
-
-    Examples
-    --------
-    >>> from types import SimpleNamespace
-    >>> seconds_of(SimpleNamespace(seconds=60.0, whole_seconds=130.0)), seconds_of(
-    ...     SimpleNamespace(seconds=0.02, whole_seconds=0.02)
-    ... )
-    ('about 2.17 min', '20 ms')
-    """
+    """Wall time of a rung; what is extrapolated says so."""
     text = duration(place.whole_seconds)
     return f"about {text}" if place.whole_seconds > 1.01 * place.seconds else text
 

@@ -22,17 +22,7 @@ KINDS = {
 
 
 def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
-    """Compare results of studies: as a page, and as the values of its ``result.json``.
-
-    Parameters
-    ----------
-    paths : of files ``result.json``, or of their folders: of sensors, of classes, or of sensors and one of
-        their class.
-
-    Raises
-    ------
-    InputError : if they cannot be read, or their kinds cannot be compared.
-    """
+    """Compare results of studies: as a page, and as the values of its ``result.json``."""
     files = [written(path) for path in paths]
     for one in files:
         if not {"lots", "sensors"} & one.raw.keys():

@@ -1,7 +1,8 @@
 """What results say of the same thing, side by side: entries, groups of them, and how far they are apart.
 
 Two estimates differ where ``|a - b| / sqrt(sd_a^2 + sd_b^2)`` is above a threshold that all comparisons
-together exceed by chance in 5 % of cases at most (Bonferroni).
+together exceed by chance in 5 % of cases at most (Bonferroni). Results that cannot be compared are an
+`InputError`.
 """
 
 from __future__ import annotations
@@ -225,12 +226,7 @@ class Comparison:
 
 
 def labels_of(results: Sequence[object]) -> str:
-    """A, B, C ...
-
-    Raises
-    ------
-    InputError : if there are fewer than two or more than 26 results.
-    """
+    """A, B, C ..."""
     if not 2 <= len(results) <= len(LETTERS):
         raise InputError(f"expected 2 to {len(LETTERS)} results to compare, came {len(results)}")
     return LETTERS[: len(results)]

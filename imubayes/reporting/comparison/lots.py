@@ -85,13 +85,7 @@ class Population(TypedDict):
 
 
 def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Comparison:
-    """Set class-level results side by side.
-
-    Raises
-    ------
-    InputError : if there are fewer than two or more than 26 results, they are of different kinds of sensors,
-        or no two have a class in common.
-    """
+    """Set class-level results side by side."""
     labels = labels_of(results)
     lots = [result["lots"] for result in results]
     if len({one["kind"] for one in lots}) > 1:
@@ -268,13 +262,7 @@ def population_texts(value: Population, name: str, kind: Kind) -> tuple[str, str
 
 
 def estimate(found: Interval, name: str, kind: Kind) -> str:
-    """Median of a term's mean or spread with the sd of its interval, in the unit that people use.
-
-    Examples
-    --------
-    >>> estimate({"value": 41.8e-6, "low": 39.8e-6, "high": 43.8e-6}, "b1", "gyroscope")
-    '41.8 +- 1.2 ppm'
-    """
+    """Median of a term's mean or spread with the sd of its interval, in the unit that people use."""
     unit, size = unit_of_term(name, kind)
     return str(measured(found["value"] / size, normal_of(found["low"], found["high"]) / size, unit))
 

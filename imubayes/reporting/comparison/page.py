@@ -39,16 +39,7 @@ def comparison_page(
     alone: str,
     sections: Iterable[Section],
 ) -> Page:
-    """Page of a comparison.
-
-    Parameters
-    ----------
-    question : that it answers.
-    answer : in words made from the numbers.
-    how : what is compared, and as what.
-    alone : what stands in one result only; empty where nothing does.
-    sections : one by one.
-    """
+    """Page of a comparison."""
     files = list(zip(found.labels, found.files, strict=True))
     hashed = Markup('<strong>{}</strong> SHA-256 <code class="hash">{}</code>, imubayes {}')
     hashes = [hashed.format(label, one.sha256, one.version) for label, one in files]
@@ -112,13 +103,7 @@ def most_different(groups: Iterable[tuple[Group, Iterable[Entry]]]) -> str:
 
 
 def counted(count: int, one: str, many: str) -> str:
-    """Number with its noun and verb.
-
-    Examples
-    --------
-    >>> counted(1, "value differs", "values differ"), counted(3, "value differs", "values differ")
-    ('1 value differs', '3 values differ')
-    """
+    """Number with its noun and verb."""
     return f"{count} {one if count == 1 else many}"
 
 

@@ -70,16 +70,7 @@ HOW = (
 
 
 def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult]) -> Comparison:
-    """Set results of sensors side by side.
-
-    Parameters
-    ----------
-    results : two or more. Components are matched by id and kind; of those that are left, by kind and order.
-
-    Raises
-    ------
-    InputError : if there are fewer than two or more than 26 results, or no two have a component in common.
-    """
+    """Set results of sensors side by side."""
     labels = labels_of(results)
     rest = [list(result["sensors"]) for result in results]
     groups: list[Group] = []
@@ -390,13 +381,7 @@ def _conditions(scene: Group) -> Iterator[str]:
 
 
 def amount(value: float, quantity: str, kind: Kind) -> str:
-    """Size of an error in the unit that people use, two digits.
-
-    Examples
-    --------
-    >>> amount(0.0123, "attitude", "gyroscope"), amount(0.0, "position", "gyroscope")
-    ('0.70 deg', '0 m')
-    """
+    """Size of an error in the unit that people use, two digits."""
     unit, size = budget_unit(quantity, kind)
     return str(measured(value / size, 0.0, unit))
 

@@ -64,12 +64,7 @@ NOISE_HEAD = ("noise", "value", "median of the class", DIFFERENCE)
 
 
 def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | LotsResult]) -> Comparison:
-    """Set units beside the class that one of the results is of.
-
-    Raises
-    ------
-    InputError : if there is not exactly one class-level result, or it has the class of no component.
-    """
+    """Set units beside the class that one of the results is of."""
     lots = [
         (file, label, one["lots"])
         for file, label, one in zip(files, LETTERS, results, strict=False)
@@ -157,12 +152,7 @@ def _size(unit: Term, population: Population) -> float:
 
 
 def predictive_sd(sd: float, population: Population) -> float:
-    """Standard deviation of a typical unit's estimate about the population's mean.
-
-    Parameters
-    ----------
-    sd : of the unit's own estimate, SI.
-    """
+    """Standard deviation of a typical unit's estimate about the population's mean."""
     log_tau, log_sd = log_spread(population["spread"])
     mean_square = math.exp(2.0 * (log_tau + log_sd**2))
     mean = population["mean"]

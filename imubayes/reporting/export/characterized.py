@@ -1,4 +1,8 @@
-"""A result that was written, as an IMU to be exported, and what every exported file says of itself."""
+"""A result that was written, as an IMU to be exported, and what every exported file says of itself.
+
+What a format needs and the result lacks is an `InputError`, as is a model that cannot be inverted over the
+range that was tested.
+"""
 
 from __future__ import annotations
 
@@ -247,21 +251,7 @@ def _noise(sensor: Sensor) -> tuple[tuple[str, ...], Noise]:
 
 
 def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatArray | None:
-    """Covariance (p, p) of the named terms over the model-averaged draws.
-
-    Parameters
-    ----------
-    result : path of the ``result.json``.
-    id : of the component.
-
-    Returns
-    -------
-    the covariance, or None where there is no file of draws, or it is of another result.
-
-    Raises
-    ------
-    DataError : if the file cannot be read.
-    """
+    """Covariance (p, p) of the named terms over the model-averaged draws."""
     file = result.with_name(POSTERIOR)
     if not file.exists():
         return None

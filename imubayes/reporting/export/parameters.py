@@ -31,10 +31,6 @@ def kalibr_files(found: Characterized) -> dict[str, str]:
 
     Kalibr has one figure for a triad: the largest over the axes. It refuses a random walk of zero: where the
     result has none, it is that of the process that stands for the bias instability, below its time constant.
-
-    Raises
-    ------
-    InputError : if the result has no accelerometer or no gyroscope, or neither K nor B of one of them.
     """
     return {f"{identifier(found)}_imu.yaml": "\n".join(_kalibr(found)) + "\n"}
 
@@ -58,23 +54,13 @@ def short_walk(noise: Noise) -> float:
     """Random walk K of the Gauss-Markov process of `floor_process` over times below its time constant.
 
     ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
-
-    Examples
-    --------
-    >>> f"{short_walk(Noise(1e-3, 1e-4, 0.0)):.3e}"
-    '1.522e-05'
     """
     sd, tau = floor_process(noise)
     return sd * math.sqrt(2.0 / tau)
 
 
 def triads(found: Characterized) -> dict[str, list[Part]]:
-    """Parts by kind.
-
-    Raises
-    ------
-    InputError : if there is none of a kind.
-    """
+    """Parts by kind."""
     kinds = {
         kind: [p for p in found.parts.values() if p.sensor["kind"] == kind]
         for kind in ("accelerometer", "gyroscope")
@@ -89,12 +75,7 @@ def triads(found: Characterized) -> dict[str, list[Part]]:
 
 
 def check_noise(found: Characterized) -> None:
-    """Refuse a result that does not say what the noise of a component is.
-
-    Raises
-    ------
-    InputError : names the components.
-    """
+    """Refuse a result that does not say what the noise of a component is."""
     silent = [part.sensor["id"] for part in found.parts.values() if not part.noise.N > 0.0]
     if silent:
         raise InputError(
@@ -241,10 +222,6 @@ def filter_record(found: Characterized) -> dict[str, Any]:
     Each coefficient of the model is a state: what the calibration does not know of it. That of the bias walks
     with K; another one of each component is the Gauss-Markov process that stands for B. White noise N goes
     to the mechanization: N^2 of the accelerometer drives velocity, that of the gyroscope attitude.
-
-    Raises
-    ------
-    InputError : if the noise of a component is not known.
     """
     check_noise(found)
     blocks = [_covariance(part) for part in found.parts.values()]

@@ -78,12 +78,7 @@ def _readable(channel: str, factor: Factor) -> str:
 
 
 def rendered(template: str, values: Mapping[str, Any]) -> str:
-    """Text of a template beside this module.
-
-    Raises
-    ------
-    jinja2.UndefinedError : if a template uses a value that is not given: a fault of ours.
-    """
+    """Text of a template beside this module."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -98,12 +93,7 @@ def rendered(template: str, values: Mapping[str, Any]) -> str:
 
 
 def model_values(found: Characterized, language: Language) -> dict[str, Any]:
-    """What the templates of compensations say: terms by component, ends of the range, steps.
-
-    Raises
-    ------
-    InputError : if the model cannot be inverted over the range that was tested; names the terms.
-    """
+    """What the templates of compensations say: terms by component, ends of the range, steps."""
     smooth, jumps = split_jumps(found.imu)
     return {
         "heading": heading(found),
@@ -121,12 +111,7 @@ def model_values(found: Characterized, language: Language) -> dict[str, Any]:
 
 
 def python_files(found: Characterized) -> dict[str, str]:
-    """Text of the module by its file name.
-
-    Raises
-    ------
-    InputError : if the model cannot be inverted over the range that was tested.
-    """
+    """Text of the module by its file name."""
     return {f"{identifier(found)}_compensation.py": python_text(found)}
 
 
@@ -145,12 +130,7 @@ def compiled(found: Characterized) -> dict[str, Any]:
 
 
 def matlab_files(found: Characterized) -> dict[str, str]:
-    """Text of the function by its file name.
-
-    Raises
-    ------
-    InputError : if the model cannot be inverted over the range that was tested.
-    """
+    """Text of the function by its file name."""
     name = f"{identifier(found)}_imu"
     values = model_values(found, MATLAB)
     return {f"{name}.m": rendered("imu.m.j2", values | {"function": name, "parts": _parts(found)})}
@@ -202,12 +182,7 @@ the iteration ends, and relative excess over the range that rounding may cause."
 
 
 def c_files(found: Characterized) -> dict[str, str]:
-    """Texts of the headers and sources by file name.
-
-    Raises
-    ------
-    InputError : if the model cannot be inverted over the range that was tested.
-    """
+    """Texts of the headers and sources by file name."""
     error = single_precision_error(found)
     texts = {}
     for precision in PRECISIONS:

@@ -82,12 +82,7 @@ class PlanTable:
 
 
 def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
-    """Check a study with a plan to make.
-
-    Raises
-    ------
-    StudyError : naming the file and the key, what was expected, what came, and what to do.
-    """
+    """Check a study with a plan to make."""
     place = Place(str(path))
     here = place.at("plan")
     if tables.plan is None:

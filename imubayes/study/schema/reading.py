@@ -72,12 +72,7 @@ def read(path: Path) -> tuple[str, AnyStudy]:
 
 
 def kind_of(tables: StudyFile, place: Place) -> str:
-    """Kind of a study by its tables.
-
-    Raises
-    ------
-    StudyError : if there are two kinds, or a table that its kind has no use for.
-    """
+    """Kind of a study by its tables."""
     kinds = [key for key in FORMS if getattr(tables, key) is not None]
     if len(kinds) > 1:
         both = " and ".join(f"[{key}] ({FORMS[key].what})" for key in kinds)
@@ -90,12 +85,7 @@ def kind_of(tables: StudyFile, place: Place) -> str:
 
 
 def read_study(path: Path) -> Study:
-    """Read and check a study of sensors from a TOML file; paths in it are relative to it.
-
-    Raises
-    ------
-    StudyError : as `read` does, and for a study of another kind.
-    """
+    """Read and check a study of sensors from a TOML file; paths in it are relative to it."""
     return _study(*_of_sensors(path))
 
 

@@ -33,10 +33,6 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
 
     The folder exists; it gets a CSV for each simulated run, ``truth.json``, and a study under the name of the
     original one, in which these runs have a ``file`` in place of ``simulate``.
-
-    Raises
-    ------
-    StudyError : if no run is simulated, or the options of one make no run.
     """
     tables, truths, files = tomllib.loads(study.text), {}, []
     several = len(study.sensors) > 1

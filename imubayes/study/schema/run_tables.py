@@ -48,12 +48,7 @@ _COUNTABLE = 2.0**53
 
 
 def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool = False) -> RunSpec:
-    """Check one run of a sensor, with paths relative to the study's folder.
-
-    Raises
-    ------
-    StudyError : naming the key.
-    """
+    """Check one run of a sensor, with paths relative to the study's folder."""
     run = shaped(RunTable, raw, place)
     _check_imu(run, place, imu=imu)
     if (run.file is None) == (run.simulate is None):
@@ -114,12 +109,7 @@ def _section(raw: object, place: Place) -> Section:
 
 
 def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
-    """Read ``"estimate"``, ``"white"``, ``{ N = ..., B = ..., K = ... }`` or ``{ run = "static" }``.
-
-    Raises
-    ------
-    StudyError : naming the key.
-    """
+    """Read ``"estimate"``, ``"white"``, ``{ N = ..., B = ..., K = ... }`` or ``{ run = "static" }``."""
     if raw is None or raw == "estimate":
         return NoiseRule()
     if raw == "white":
@@ -176,12 +166,7 @@ def _refuse_component_axes(raw: Mapping[str, Any], known: Collection[str], place
 def columns_of(
     raw: Mapping[str, Any], known: Collection[str], output_unit: str, place: Place
 ) -> dict[str, ColumnSpec]:
-    """Check the table of columns of a file: where it has a channel under another name, unit or scale.
-
-    Raises
-    ------
-    StudyError : naming the key.
-    """
+    """Check the table of columns of a file: where it has a channel under another name, unit or scale."""
     columns = {}
     for channel, entry in raw.items():
         here = place.at(channel)

@@ -132,10 +132,6 @@ def scenes_of(
 
     The seed decides a trajectory with the catalogue's scene, whatever other scenes there are, and by whatever
     name the study calls it.
-
-    Raises
-    ------
-    StudyError : naming the key.
     """
     return tuple(_mission(raw, folder, place.at(k), seed, kinds) for k, raw in enumerate(tables))
 
@@ -216,12 +212,7 @@ def _is_free(table: SceneTable) -> bool:
 
 
 def appendix(raw: object, folder: Path, place: Place) -> Appendix:
-    """Check one table from elsewhere and read its file.
-
-    Raises
-    ------
-    StudyError : naming the key or the file's line.
-    """
+    """Check one table from elsewhere and read its file."""
     given, here = arguments(APPENDIX, raw, place), place.at("file")
     file = given.pop("file")
     lines = _lines(located(file, folder), file, here)

@@ -36,12 +36,7 @@ bias and scale, whose error bars it would widen; the rates at rest tell g-sensit
 
 
 def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable, tuple[SensorClass, ...]]:
-    """Header of a study, and the classes of its own catalogue; `exact` names one without a choice of method.
-
-    Raises
-    ------
-    StudyError : naming the key; of a catalogue also its file, the class and the key there.
-    """
+    """Header of a study, and its own classes; `exact` names a study without a choice of method."""
     place = Place(str(file), "study")
     header = shaped(HeaderTable, tables.study, place)
     if exact and header.method not in ("auto", "exact", "plug-in"):
@@ -55,12 +50,7 @@ def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable,
 def sensor_spec(
     raw: object, folder: Path, place: Place, *, catalogue: Sequence[SensorClass] = ()
 ) -> SensorSpec:
-    """Check one sensor of a study in a folder, which may have a catalogue of its own.
-
-    Raises
-    ------
-    StudyError : naming the key.
-    """
+    """Check one sensor of a study in a folder, which may have a catalogue of its own."""
     table = shaped(SensorTable, raw, place)
     if not table.run:
         raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
@@ -267,13 +257,6 @@ def _half(value: Any, kind: Kind, place: Place, *, imu: bool) -> tuple[Any, Plac
     """What a key says of one kind, and where: its own entry where an IMU's value is a table of both kinds.
 
     The entry is an empty table where a table of both kinds does not have it.
-
-    Examples
-    --------
-    >>> _half({"gyroscope": {"powers": 1}}, "gyroscope", Place("s.toml", "library"), imu=True)
-    ({'powers': 1}, Place(file='s.toml', key='library.gyroscope'))
-    >>> _half("mems_tactical", "gyroscope", Place("s.toml", "class"), imu=True)[0]
-    'mems_tactical'
     """
     if not imu or not isinstance(value, dict) or not value.keys() <= set(KINDS_OF_IMU):
         return value, place
@@ -304,13 +287,7 @@ def _check_imu(table: SensorTable, place: Place) -> None:
 
 
 def _truths_of(raw: dict[str, Any], kind: Kind) -> dict[str, Any]:
-    """Entries of an IMU's ``truth`` for the components of a kind, by component and term.
-
-    Examples
-    --------
-    >>> _truths_of({"ax": {"b0": "1 mg"}, "gx.b1": "30 ppm"}, "gyroscope")
-    {'gx.b1': '30 ppm'}
-    """
+    """Entries of an IMU's ``truth`` for the components of a kind, by component and term."""
     return {name: value for name, value in _flat(raw).items() if kind_of(name.partition(".")[0]) == kind}
 
 

@@ -1,5 +1,7 @@
 """Tables of a study: how their keys are described, checked, and named in an error.
 
+What is wrong with a study is a `StudyError` that names its file and key, whichever table it is in.
+
 A key is described where its value is used, in the annotation of an argument (`imubayes.units.Key`), or by
 `key` in a table whose values depend on the sensor or the folder. This module, the tables and `described` are
 the only ones that know pydantic.
@@ -182,12 +184,7 @@ def _written(value: Any, kind: Any) -> Any:
 
 
 def shaped(wanted: type[_Shape], raw: object, place: Place) -> _Shape:
-    """Check one table against its shape.
-
-    Raises
-    ------
-    StudyError : naming the first key that is not known, missing, or of a wrong value.
-    """
+    """Check one table against its shape."""
     if not isinstance(raw, dict):
         raise place.error(f"expected a table, came {shown(raw)}")
     known = [field.name.rstrip("_") for field in fields(wanted)]  # pyright: ignore[reportArgumentType]
@@ -203,12 +200,7 @@ def shaped(wanted: type[_Shape], raw: object, place: Place) -> _Shape:
 
 
 def quantity(text: object, like: str, place: Place, *, positive: bool = False) -> float:
-    """SI value of a quantity whose unit depends on the sensor.
-
-    Raises
-    ------
-    StudyError : if it is not a quantity like `like`.
-    """
+    """SI value of a quantity whose unit depends on the sensor."""
     try:
         return units.Quantity(like, positive=positive).read(text)
     except ValueError as error:
@@ -216,12 +208,7 @@ def quantity(text: object, like: str, place: Place, *, positive: bool = False) -
 
 
 def unique(names: Sequence[str], key: str, place: Place) -> None:
-    """Refuse a name that an earlier table of the list here has.
-
-    Raises
-    ------
-    StudyError : naming both tables.
-    """
+    """Refuse a name that an earlier table of the list here has."""
     for k, name in enumerate(names):
         if name in names[:k]:
             first = place.at(names.index(name)).key

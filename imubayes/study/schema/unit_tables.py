@@ -119,12 +119,7 @@ class FleetTable(UnitsTable):
 
 
 def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
-    """Check a class-level study.
-
-    Raises
-    ------
-    StudyError : naming the key.
-    """
+    """Check a class-level study."""
     header, own = headed(tables, path, "a class-level study")
     here = Place(str(path), "lots")
     table = shaped(LotsTable, tables.lots, here)
@@ -155,12 +150,7 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
 
 
 def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:
-    """Check a study of a fleet.
-
-    Raises
-    ------
-    StudyError : naming the key.
-    """
+    """Check a study of a fleet."""
     header, own = headed(tables, path, "a study of a fleet")
     here = Place(str(path), "fleet")
     table = shaped(FleetTable, tables.fleet, here)
