@@ -11,9 +11,8 @@ from typing import Any
 from imubayes import __version__
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Page, versions, write_page
+from imubayes.reporting.blocks import Page, terminal_page, versions, write_page
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.terminal import terminal_page
 
 
 def main(

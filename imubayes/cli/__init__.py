@@ -214,10 +214,9 @@ def _compare(
     ] = None,
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
-    from imubayes.reporting.blocks import write_page
+    from imubayes.reporting.blocks import terminal_page, write_page
     from imubayes.reporting.comparison import side_by_side
     from imubayes.reporting.result.file import json_text
-    from imubayes.reporting.terminal import terminal_page
 
     folder = None if out is None else usable(out)
     page, values = side_by_side(results)
@@ -258,7 +257,7 @@ def _schema(
 ) -> None:
     """Print the JSON Schema of a study file or of result.json."""
     if document is Document.study:
-        from imubayes.study.schema.described import study_schema as schema
+        from imubayes.study.schema.reading import study_schema as schema
     else:
         from imubayes.reporting.result.file import result_schema as schema
     typer.echo(json.dumps(schema(), indent=1, ensure_ascii=False))

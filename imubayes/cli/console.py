@@ -89,7 +89,7 @@ def show(renderable: object) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    from imubayes.reporting.terminal import printable
+    from imubayes.reporting.blocks import printable
 
     clear_progress()
     if isinstance(sys.stdout, TextIOWrapper):

@@ -23,8 +23,8 @@ from imubayes.reporting.blocks import (
 )
 from imubayes.reporting.figures import KNOWN, recovered
 from imubayes.reporting.fit_views import held
+from imubayes.reporting.result import Pooled, published
 from imubayes.reporting.result.entries import Case, CaseInScene, RecoveredErrors
-from imubayes.reporting.result.values import Pooled, published
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
 from imubayes.reporting.scene_words import case_sentences
 from imubayes.selection.verdicts import EQUAL, Costs, listed

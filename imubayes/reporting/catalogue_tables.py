@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from imubayes.reporting.blocks import indented, printable
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
-from imubayes.reporting.terminal import indented, printable
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import origins_of, packaged_tables
 from imubayes.sensors.equations.standards import symbols

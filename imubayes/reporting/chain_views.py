@@ -13,7 +13,7 @@ from imubayes.algebra.factor import add, with_prior_rows
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.ladder import rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
-from imubayes.reporting.result.values import RungChoice, published
+from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, share, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed

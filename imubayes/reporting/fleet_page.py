@@ -23,6 +23,7 @@ from imubayes.reporting.blocks import (
     provenance,
     repeat,
     swatch,
+    terminal,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -37,12 +38,11 @@ from imubayes.reporting.canvas import (
 )
 from imubayes.reporting.lots_figures import LETTER
 from imubayes.reporting.lots_words import class_name, plain, population_cells
+from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
-from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, half_up, measured, per_unit, percent, pretty
-from imubayes.reporting.terminal import terminal
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 

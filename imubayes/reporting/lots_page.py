@@ -34,6 +34,7 @@ from imubayes.reporting.blocks import (
     repeat,
     strong,
     swatch,
+    terminal,
 )
 from imubayes.reporting.lots_figures import (
     needed_matrix,
@@ -62,6 +63,7 @@ from imubayes.reporting.lots_words import (
     slug,
     status,
 )
+from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
     Class,
@@ -71,7 +73,6 @@ from imubayes.reporting.result.many import (
     Lots,
     LotsResult,
 )
-from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,
@@ -84,7 +85,6 @@ from imubayes.reporting.rounding import (
     share_range,
 )
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
-from imubayes.reporting.terminal import terminal
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:

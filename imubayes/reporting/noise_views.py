@@ -23,7 +23,7 @@ from imubayes.reporting.blocks import (
     verdict,
 )
 from imubayes.reporting.fit_figures import allan_panel
-from imubayes.reporting.result.values import Allan, Process, Processes, published
+from imubayes.reporting.result import Allan, Process, Processes, published
 from imubayes.reporting.rounding import (
     NOISE_SI,
     NOISE_UNITS,

@@ -11,6 +11,14 @@ from imubayes.reporting.blocks import provenance
 from imubayes.reporting.case_views import published_cases
 from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
+from imubayes.reporting.result import (
+    Criterion,
+    Disagreement,
+    Sensitivity,
+    SparseSupport,
+    Votes,
+    published,
+)
 from imubayes.reporting.result.entries import (
     Extra,
     Mcmc,
@@ -21,14 +29,6 @@ from imubayes.reporting.result.entries import (
 )
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Population, PopulationTerm, Sessions
-from imubayes.reporting.result.values import (
-    Criterion,
-    Disagreement,
-    Sensitivity,
-    SparseSupport,
-    Votes,
-    published,
-)
 from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
 from imubayes.reporting.scene_words import published_scene
 from imubayes.reporting.standard_views import standards
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from imubayes.inference.summary import RunSummary
     from imubayes.population.classes import ClassInCommon, TermInClass
     from imubayes.population.sessions import Repeatability
-    from imubayes.reporting.result.values import Moments
+    from imubayes.reporting.result import Moments
     from imubayes.selection.panel import Panel
 
 NO_PANEL: dict[str, Any] = {

@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from imubayes.reporting.blocks import Figure, Prose, Section, Table, quiet
 from imubayes.reporting.figures import scene_histories, scene_path
+from imubayes.reporting.result import published
 from imubayes.reporting.result.entries import Scene, TermInScene
-from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
     OUTPUT_UNIT,

@@ -10,7 +10,7 @@ import numpy as np
 from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
 from imubayes.reporting.blocks import Prose, Section, Table, Text, quiet, verdict
-from imubayes.reporting.result.values import AbsorbedTerms, Standard, Symbol
+from imubayes.reporting.result import AbsorbedTerms, Standard, Symbol
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
     OUTPUT_SI,

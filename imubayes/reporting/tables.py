@@ -11,6 +11,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from imubayes.reporting.blocks import indented, printable
 from imubayes.reporting.chain_views import (
     bias_sentence,
     choice_sentences,
@@ -35,7 +36,6 @@ from imubayes.reporting.rows import (
 )
 from imubayes.reporting.scene_words import case_sentences, scene_sentences
 from imubayes.reporting.session_views import session_sentence
-from imubayes.reporting.terminal import indented, printable
 from imubayes.reporting.words import (
     confounded_sentences,
     sensor_groups,

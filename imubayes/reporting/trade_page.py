@@ -11,12 +11,11 @@ import imubayes
 from imubayes.ladder import rung_of
 from imubayes.ladder.trade.components import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
-from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong
+from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong, terminal
+from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
-from imubayes.reporting.result.values import published
 from imubayes.reporting.rounding import duration, times
-from imubayes.reporting.terminal import terminal
 from imubayes.reporting.trade_figures import error_text, trade_panel
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from trades_found import traded
 from imubayes.campaign.study import Mission, StudyResult
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
-from imubayes.reporting.blocks import page_html
+from imubayes.reporting.blocks import page_html, terminal_page
 from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.document import report_html
 from imubayes.reporting.fleet_page import fleet_json, fleet_page, terminal_fleet
@@ -32,7 +32,6 @@ from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json
 from imubayes.reporting.tables import terminal_summary
-from imubayes.reporting.terminal import terminal_page
 from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated

@@ -39,7 +39,7 @@ from imubayes.reporting import (
     fit_figures,
     fleet_page,
     lots_figures,
-    plan_figures,
+    plan_page,
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
@@ -134,7 +134,7 @@ def _of_sessions(one: Any) -> Panels:
 
 
 def _of_plan(found: Any) -> Panels:
-    return (plan_figures.predicted_panel(found, "p"),)
+    return (plan_page.predicted_panel(found, "p"),)
 
 
 def _of_fleet(result: Any) -> Panels:

@@ -20,8 +20,8 @@ from imubayes.inference.intervals import SIDE
 
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Text
+    from imubayes.reporting.result import Interval
     from imubayes.reporting.result.file import Written
-    from imubayes.reporting.result.values import Interval
     from imubayes.sensors.terms import Kind
 
 LEVEL = 0.05

@@ -45,9 +45,9 @@ from imubayes.reporting.comparison.page import (
     titled,
 )
 from imubayes.reporting.lots_words import amid, scene_name, slug
+from imubayes.reporting.result import Interval
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
-from imubayes.reporting.result.values import Interval
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, share_range
 from imubayes.rig.simulate import library_of
 from imubayes.selection.verdicts import listed

@@ -18,9 +18,9 @@ import numpy as np
 import imubayes
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
+from imubayes.reporting.result import Exportable
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
-from imubayes.reporting.result.values import Exportable
 from imubayes.rig.recordings import CASES
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of

@@ -6,8 +6,7 @@ from typing import Annotated, NotRequired
 
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result.many import Population, Sessions
-from imubayes.reporting.result.values import (
+from imubayes.reporting.result import (
     Appendix,
     Bias,
     Budget,
@@ -48,6 +47,7 @@ from imubayes.reporting.result.values import (
     Votes,
     says,
 )
+from imubayes.reporting.result.many import Population, Sessions
 
 # fmt: off
 Extra = TypedDict("Extra", {

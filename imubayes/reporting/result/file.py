@@ -14,10 +14,10 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from imubayes import __version__
 from imubayes.errors import DataError, Place, said
+from imubayes.reporting.result import plain
 from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.many import FleetResult, LotsResult
 from imubayes.reporting.result.plans import PlanResult, TradeResult
-from imubayes.reporting.result.values import plain
 
 RESULT = "result.json"
 """Name of the file in a folder of results."""

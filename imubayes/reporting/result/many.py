@@ -6,7 +6,7 @@ from typing import Annotated, NotRequired
 
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result.values import (
+from imubayes.reporting.result import (
     BetweenSessions,
     Broken,
     Check,

@@ -1,4 +1,8 @@
-"""A study file becomes a `Study`: from checked tables to the values that the method works on."""
+"""A study file becomes a `Study`: from checked tables to the values that the method works on.
+
+The JSON Schema of a study file is made of the same tables: editors complete and check studies with it, and
+docs/ is made of it.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,16 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import TypeAdapter
+from pydantic.dataclasses import is_pydantic_dataclass
+
+import imubayes.study.schema.plan_tables as plan_tables
+import imubayes.study.schema.scene_tables as scene_tables
+import imubayes.study.schema.shapes as shapes
+import imubayes.study.schema.tables as tables
+import imubayes.study.schema.unit_tables as unit_tables
 from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
@@ -16,15 +28,17 @@ from imubayes.planning.offers import PlanStudy
 from imubayes.population.lots import LotStudy
 from imubayes.population.records import FleetStudy
 from imubayes.rig.inputs import Run
+from imubayes.rig.reference import KINDS, OFFSET
 from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.plan_tables import plan_study
 from imubayes.study.schema.scene_tables import appendix, scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
-from imubayes.study.schema.shapes import Place, arguments, hint, shaped, unique
+from imubayes.study.schema.shapes import Holds, Place, arguments, hint, shaped, unique
 from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
 from imubayes.study.schema.unit_tables import fleet_study, lot_study
+from imubayes.units import factor, quantities
 
 AnyStudy = Study | LotStudy | FleetStudy
 """What a study file becomes."""
@@ -205,3 +219,62 @@ def _check_sessions(sensors: Sequence[SensorSpec], place: Place) -> None:
             raise place.at(k, "session").error(
                 f"'{one.session}' of unit '{one.unit}' is {place.at(other).key} already: expected another"
             )
+
+
+_EACH = {
+    "bench": "the same in all runs",
+    "machine": "one for each procedure",
+    "run": "another in each run",
+    "mount": "another in each mount",
+}
+"""What a kind of error is one error of, in words."""
+
+
+def _reference() -> type:
+    """Shape of ``[sensor.reference]``: the kinds of errors, with the sizes that the catalogue has."""
+    kinds, values = dict[str, Any](), dict[str, Any]()
+    for kind in KINDS.values():
+        text = quantities("like the output" if kind.name == OFFSET else kind.unit)
+        ways = [text, {"type": "boolean"}, *([tables.by_kind(text)] if kind.name == OFFSET else [])]
+        size = kind.default and f"{kind.default / factor(kind.printed, kind.unit):g} {kind.printed}"
+        kinds[kind.name] = Annotated[Any, Holds(*ways)]
+        meaning = f"{kind.text}, {_EACH[kind.each]}"
+        values[kind.name] = shapes.key(
+            meaning, size or f"1 {kind.printed}", None, f'`"{size}"`' if size else "none"
+        )
+    made = {"__annotations__": kinds, "__doc__": "``[sensor.reference]``.", **values}
+    return shapes.shape(type("ReferenceTable", (), made))
+
+
+SHAPES: dict[str, Any] = {
+    shape.__name__: shape
+    for module in (tables, unit_tables, plan_tables, scene_tables)
+    for shape in (*vars(module).values(), *tables.SIMULATED.values(), _reference())
+    if isinstance(shape, type) and is_pydantic_dataclass(shape) and shape is not unit_tables.UnitsTable
+}
+"""Tables of a study file, by the name of their shape."""
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON Schema of a study file; ``usual`` is a default in words, ``quantity (s)`` a text with a unit."""
+    defined = {name: _tidy(TypeAdapter(shape).json_schema()) for name, shape in SHAPES.items()}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **defined.pop(tables.StudyFile.__name__),
+        "$defs": defined,
+    }
+
+
+def _tidy(value: Any) -> Any:
+    """Leave out what TOML has not (null), and what only repeats a key; refer to tables by their shapes."""
+    if isinstance(value, list):
+        return [_tidy(one) for one in value]
+    if not isinstance(value, dict):
+        return value
+    if ways := [one for one in value.pop("anyOf", []) if one != {"type": "null"}]:
+        value = {**value, "anyOf": ways} if len(ways) > 1 else {**ways[0], **value}
+    if isinstance(value.get("table"), str):
+        value["$ref"] = f"#/$defs/{value.pop('table')}"
+    empty = "default" in value and value["default"] in (None, "", [], {})
+    left_out = {"$defs", "default" if empty else "", "title" if isinstance(value.get("title"), str) else ""}
+    return {key: _tidy(one) for key, one in value.items() if key not in left_out}
