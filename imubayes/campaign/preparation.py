@@ -202,10 +202,10 @@ def rows_before(
     return rows, _with_extras(prior, extras), extras
 
 
-def before_tumble(spec: SensorSpec) -> tuple[FloatArray, Extra | None]:
-    """Prior sd of the terms of a free tumble's components, SI, and the error of the local gravity."""
+def before_tumble(spec: SensorSpec) -> tuple[FloatArray, tuple[Extra, ...]]:
+    """Prior sd of the terms of a free tumble's components, SI, and the errors of what it leans on."""
     halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-    return np.concatenate([_triad_prior(one)[0].sd for one in halves]), _gravity(spec)
+    return np.concatenate([_triad_prior(one)[0].sd for one in halves]), _leant_on(spec)
 
 
 def libraries_of(spec: SensorSpec) -> Mapping[str, Library]:
@@ -213,7 +213,7 @@ def libraries_of(spec: SensorSpec) -> Mapping[str, Library]:
     if not (spec.gyroscope or spec.runs[0].procedure in CASES):
         return {"": spec.library}
     halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-    triads = [triad_of(one.library, referenced=_referenced(spec)) for one in halves]
+    triads = [triad_of(one.library, referenced=_referenced(one)) for one in halves]
     return {name: lib for one in triads for name, lib in zip(one.components, one.libraries, strict=True)}
 
 
@@ -240,7 +240,7 @@ def prepare_case(
     free: Case | None = None
     asked = Asked(spec.library, prior, spec.sensor_class, _rules(spec, runs))
     if spec.robust and rng is not None and not _referenced(spec):
-        runs, distrusted, free = trusted_stills(runs, asked, gravity=_gravity(spec), rng=rng)
+        runs, distrusted, free = trusted_stills(runs, asked, extras=_leant_on(spec), rng=rng)
     if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
         case = _imu_case(spec, runs, (prior, own), rng, free)
@@ -248,7 +248,7 @@ def prepare_case(
     elif _referenced(spec):
         case = _of_sections(spec, runs, asked)
     else:
-        case = free or solve_free_tumble(runs, asked, gravity=_gravity(spec))
+        case = free or solve_free_tumble(runs, asked, extras=_leant_on(spec))
     whole = _with_extras(prior, case.summary.extras)
     if _referenced(spec):
         case = replace(case, angles=angles_of(case.triads, case.summary, whole.sd))
@@ -278,17 +278,21 @@ def _imu_case(
         return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)
     if runs[0].procedure == FERRARIS:
         return _of_sections(spec, runs, *asked)
-    return solve_imu_tumble(runs, *asked, gravity=_gravity(spec), free=free)
+    return solve_imu_tumble(runs, *asked, extras=_leant_on(spec), free=free)
 
 
 def _of_sections(spec: SensorSpec, runs: Sequence[Run], *asked: Asked) -> Case:
     """Characterise what has known positions and turns."""
-    return solve_ferraris(runs, *asked, gravity=_gravity(spec), fixture=spec.reference.get("fixture"))
+    return solve_ferraris(runs, *asked, extras=_leant_on(spec), fixture=spec.reference.get("fixture"))
 
 
 def _referenced(spec: SensorSpec) -> bool:
-    """Whether the runs of a case know directions, and not only the size of gravity."""
-    return spec.runs[0].procedure != FREE_TUMBLE
+    """Whether a triad's directions are known, and not only the size of gravity or of a table's rate.
+
+    In the hand the gyroscopes of a whole IMU know them by its accelerometers.
+    """
+    by_others = spec.kind == "gyroscope" and not spec.runs[0].turntable
+    return spec.runs[0].procedure != FREE_TUMBLE or by_others
 
 
 def _both(accelerometer: str, gyroscope: str) -> str:
@@ -298,13 +302,13 @@ def _both(accelerometer: str, gyroscope: str) -> str:
     return f"accelerometers: {accelerometer}; gyroscopes: {gyroscope}"
 
 
-def _gravity(spec: SensorSpec) -> Extra | None:
-    """Error of the local gravity of a free tumble, where the study allows for one."""
-    sd = spec.reference.get("gravity")
-    if sd is None:
-        return None
-    kind = KINDS["gravity"]
-    return Extra(kind.name, kind.name, sd, kind.unit, kind.printed, kind.text)
+def _leant_on(spec: SensorSpec) -> tuple[Extra, ...]:
+    """Errors of what partly known runs lean on, where the study allows for them; `ferraris` has a fixture."""
+    kinds = [KINDS[name] for name in spec.reference if KINDS[name].each != "mount"]
+    return tuple(
+        Extra(kind.name, kind.name, spec.reference[kind.name], kind.unit, kind.printed, kind.text)
+        for kind in kinds
+    )
 
 
 def _rules(spec: SensorSpec, runs: Sequence[Run]) -> dict[str, NoiseRule]:

@@ -24,6 +24,7 @@ from imubayes.inference.stills import Stills, find_stills, means_of, still_rows
 from imubayes.inference.summary import Rules, RunSummary, Summary, joined
 from imubayes.inference.triad import Angle, Triad
 from imubayes.rig.inputs import Facts, Run
+from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
@@ -258,7 +259,7 @@ def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...
         return {one.name: own_rows(case, one) for one in case.components}
     found: dict[str, list[Linear]] = {one.name: [] for one in case.components}
     for run in partly:
-        stills, force = _known(run) if run.sections else _found(run, case)
+        stills, force = _found(run, case) if run.procedure == FREE_TUMBLE else _known(run)
         for name, rows in _of_run(run, stills, force, case):
             found[name].append(rows)
     return {name: tuple(rows) for name, rows in found.items()}
@@ -271,19 +272,19 @@ def _known(run: Run) -> tuple[Stills, FloatArray]:
     return tuple((one.start, one.stop) for one in at_rest), force
 
 
-def _found(run: Run, case: Case) -> tuple[Stills, FloatArray]:
-    """Stills of a free tumble, and the specific force (k, 3) by the calibrated accelerometers."""
+def _found(run: Run, case: Case) -> tuple[Stills, FloatArray | None]:
+    """Stills of a free tumble, and the specific force (k, 3) by calibrated accelerometers; None without."""
     stills = find_stills(run)
-    return stills, case.triads[0].compensate(means_of(run, run.force, stills))
+    return stills, case.triads[0].compensate(means_of(run, run.force, stills)) if run.force.size else None
 
 
-def _of_run(run: Run, stills: Stills, force: FloatArray, case: Case) -> Iterator[tuple[str, Linear]]:
-    """Rows of every component of one run."""
+def _of_run(run: Run, stills: Stills, force: FloatArray | None, case: Case) -> Iterator[tuple[str, Linear]]:
+    """Rows of every component of one run; of gyroscopes alone, too, each section has a mean of its own."""
     columns = tuple(f"still {k + 1}" for k in range(len(stills)))
     for triad in case.triads:
         X: Sequence[FloatArray] = [np.eye(len(stills))] * 3
         names = [columns] * 3
-        if triad.kind == "gyroscope":
+        if triad.kind == "gyroscope" and force is not None:
             X = triad.regressors(np.zeros_like(force), force)
             names = [lib.names for lib in triad.libraries]
         for k, (name, said) in enumerate(zip(triad.components, run.triad(triad.kind).T, strict=True)):

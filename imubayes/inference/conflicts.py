@@ -16,6 +16,7 @@ from imubayes.errors import DataError
 from imubayes.inference.prior import weak_sd
 from imubayes.inference.stills import means_of
 from imubayes.rig.inputs import Run
+from imubayes.rig.recordings import FREE_TUMBLE, TRIADS
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES, axes_of, kind_of
 from imubayes.sensors.sensor_class import SensorClass
@@ -80,12 +81,13 @@ def refuse_conflicts(run: Run, kind: Kind, priors: Priors) -> None:
 def _causes(run: Run, kind: Kind, priors: Priors) -> Iterator[str]:
     """What is wrong with a run, in words."""
     run = run if run.known else run.stretch
-    if run.known or run.sections:
+    if run.procedure != FREE_TUMBLE:
         for name, of, y, U in _components(run, kind):
             yield from _cause(y, U, of, name, _sd(*priors[of], of, y, U))
         return
-    yield from _length(run, _sd(*priors["accelerometer"], "accelerometer", run.force[:, 0], np.ones((1, 3))))
-    if run.rate.size:
+    of: Kind = "accelerometer" if run.force.size else "gyroscope"
+    yield from _length(run, of, _sd(*priors[of], of, run.triad(of)[:, 0], np.ones((1, 3))))
+    if run.rate.size and run.force.size:
         yield from _turning(run)
 
 
@@ -179,17 +181,21 @@ def _explanations(
             yield f"{follows}: axes are swapped, expected other columns", (y, swapped)
 
 
-def _length(run: Run, sd: FloatArray) -> Iterator[str]:
-    """What is wrong with the size of the force in the hand, of which most is gravity."""
-    ratio = float(np.median(np.linalg.norm(run.force, axis=1))) / run.gravity
-    for size, has, told in MISTAKEN["accelerometer"]:
+def _length(run: Run, kind: Kind, sd: FloatArray) -> Iterator[str]:
+    """What is wrong with the size of the force in the hand, most of which is gravity, or of the rate."""
+    said, known, letters = run.triad(kind), run.gravity, " ".join(TRIADS[kind])
+    if run.sections:
+        fastest = max(run.sections, key=lambda section: abs(section.rate))
+        said, known = said[fastest.start : fastest.stop], abs(fastest.rate)
+    ratio = float(np.median(np.linalg.norm(said, axis=1))) / known
+    for size, has, told in MISTAKEN[kind]:
         if abs(ratio / size - 1.0) < LIKENESS:
-            yield f'ax ay az look like {has} under {told}: expected unit = "{has}"'
-    if abs(ratio - 1.0) > max(BEYOND * (sd[1] + sd[0] / run.gravity), LIKENESS):
-        yield (
-            f"the force is {ratio:.3g} g most of the time, and is 1 g at rest: expected another scale, offset"
-            " or unit of ax ay az"
-        )
+            yield f'{letters} look like {has} under {told}: expected unit = "{has}"'
+    if abs(ratio - 1.0) > max(BEYOND * (sd[1] + sd[0] / known), LIKENESS):
+        seen = f"the rate is {ratio:.3g} times that of the table where it is fastest"
+        if kind == "accelerometer":
+            seen = f"the force is {ratio:.3g} g most of the time, and is 1 g at rest"
+        yield f"{seen}: expected another scale, offset or unit of {letters}"
 
 
 def _turning(run: Run) -> Iterator[str]:

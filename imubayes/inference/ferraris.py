@@ -53,7 +53,7 @@ class _Piece:
 def solve_ferraris(
     runs: Sequence[Run],
     *asked: Asked,
-    gravity: Extra | None = None,
+    extras: tuple[Extra, ...] = (),
     fixture: float | None = None,
 ) -> Case:
     """Characterise the six components of an IMU, or one triad of it, from known positions and turns.
@@ -63,7 +63,7 @@ def solve_ferraris(
     runs : of one IMU, or of a triad, with sections.
     asked : of the accelerometers, and of the gyroscopes, where there are such; priors are of whole triads
         (``triad_of(lib, referenced=True)``).
-    gravity : error of the local gravity, if it is allowed for.
+    extras : error of the local gravity, if it is allowed for.
     fixture : sd, rad, of the rotation of the case in each section about each axis across it, if allowed for.
 
     Raises
@@ -71,7 +71,7 @@ def solve_ferraris(
     UnobservableError : if a run has no position at rest, or there is no turn for gyroscopes.
     """
     _check(runs)
-    extras = (*_tilts(runs, fixture), *(() if gravity is None else (gravity,)))
+    extras = (*_tilts(runs, fixture), *extras)
     sd = np.concatenate((*(one.prior.sd for one in asked), [extra.sd for extra in extras]))
     triads = [triad_of(one.library, referenced=True) for one in asked]
     names = (*(name for triad in triads for name in triad.names), *(extra.name for extra in extras))

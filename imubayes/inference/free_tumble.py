@@ -9,6 +9,11 @@ still, ``F(f) = y``, its direction ``u = f/|f|`` and ``w = u' (I + M)^-1``::
 so that rows, noise, factor and selection are those of every other test. A rotation of the case leaves all
 lengths alone; `triad` says how it is fixed.
 
+Gyroscopes on a table whose rate is known, lying on it in any direction, are the same: in a section at a
+constant rate |w| is known, but for the Earth's rate along the table's axis, which adds to turns in one sense
+and takes from those in the other; what is left of it goes round in the case, and averages out. A rotation of
+the case is not seen here either.
+
 Of a whole IMU the accelerometers are solved first; with the directions that they give, the turns between the
 stills are linearised about the gyroscopes' coefficients until these settle (`between_stills`). All rows then
 add up to one factor over the terms of all six components, so that what the accelerometers leave open is open
@@ -53,7 +58,9 @@ from imubayes.inference.stills import (
     find_stills,
     lasting_of,
     left_by,
+    lengths_of,
     means_of,
+    rates_of,
     rows_of,
     samples_in,
     times_of,
@@ -62,6 +69,7 @@ from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_s
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, Run
+from imubayes.rig.reference import EARTH
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import STANDARD_GRAVITY, counted
 
@@ -78,23 +86,23 @@ ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}
 """Origin of the noise, by rule."""
 
 
-def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, gravity: Extra | None = None) -> Case:
+def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
     """Linearise free tumbles of one triad until they settle.
 
     Parameters
     ----------
     runs : of one triad.
     asked : of its components.
-    gravity : error of the local gravity, if it is allowed for: all lengths are then off by it.
+    extras : errors of local gravity, or of the rate of a table, that are allowed for (see `_moved`).
 
     Raises
     ------
-    UnobservableError : if there are fewer than 9 stills.
+    UnobservableError : if there are fewer than 9 stills, or sections at a known rate.
     ConvergenceError : if the linearisation does not settle; it carries the coefficients so far.
     """
     held = [(run, find_stills(run)) for run in runs]
-    _check_stills(sum(len(stills) for _, stills in held))
-    extras = () if gravity is None else (gravity,)
+    kind = asked.library.kind
+    _check_stills(sum(len(stills) for _, stills in held), "still" if kind == "accelerometer" else "section")
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in extras]))
     triad, first = triad_of(asked.library), [_start(run, stills, asked) for run, stills in held]
 
@@ -112,13 +120,14 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, gravity: Extra | Non
         _told_of(there, run, stills, extras, one)
         for (run, stills), one in zip(held, found.noise, strict=True)
     ]
-    facts = Facts("accelerometer", one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
+    force = STANDARD_GRAVITY if kind == "accelerometer" else 0.0
+    facts = Facts(kind, one_sided=False, force=force, reference_free=True)
     known = dict.fromkeys(triad.components, facts)
     return case_of(told, [triad], known, extras, sd=sd, theta=found.place)
 
 
 def trusted_stills(
-    runs: Sequence[Run], asked: Asked, *, gravity: Extra | None = None, rng: np.random.Generator
+    runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = (), rng: np.random.Generator
 ) -> tuple[tuple[Run, ...], tuple[Distrusted, ...], Case]:
     """Runs without the stills, or parts of a rest, that somebody touched; these; and the case that is left.
 
@@ -128,8 +137,8 @@ def trusted_stills(
     Parameters
     ----------
     runs : free tumbles of one triad, or of one IMU.
-    asked : of the accelerometers, by whose lengths stills are judged.
-    gravity : error of the local gravity, if it is allowed for.
+    asked : of the triad by whose lengths stills are judged: of an IMU the accelerometers.
+    extras : errors of what is known that are allowed for.
     rng : the source of randomness.
 
     Raises
@@ -138,7 +147,7 @@ def trusted_stills(
     """
     found: tuple[Distrusted, ...] = ()
     runs = [replace(run, stills=find_stills(run)) for run in runs]
-    case = solve_free_tumble(runs, asked, gravity=gravity)
+    case = solve_free_tumble(runs, asked, extras=extras)
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in case.summary.extras]))
     for _ in range(ROUNDS):
         first = [_start(run, run.stills, asked) for run in runs]
@@ -158,14 +167,14 @@ def trusted_stills(
         source = replace(left[0].source, notes=(*left[0].source.notes, *seen.notes))
         runs = [replace(left[0], source=source), *left[1:]]
         found += seen.distrusted
-        case = solve_free_tumble(runs, asked, gravity=gravity)
+        case = solve_free_tumble(runs, asked, extras=extras)
     return tuple(runs), found, case
 
 
-def _check_stills(count: int) -> None:
+def _check_stills(count: int, what: str) -> None:
     if count < FEWEST:
         raise UnobservableError(
-            f"{counted(count, 'still')} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at"
+            f"{counted(count, what)} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at"
             " least, 20 or more are usual"
         )
 
@@ -180,7 +189,8 @@ def _start(run: Run, stills: Stills, asked: Asked) -> NoiseEstimate:
     if len(index) == len(stills) and asked.sensor:
         typical = Noise(*(median for median, _ in noise_prior(asked.sensor)))
         return NoiseEstimate(rule.value or typical, origin=ORIGIN[rule.rule])
-    within = run.force[index] - means_of(run, run.force, stills)[still]
+    said = run.triad(asked.library.kind)
+    within = said[index] - means_of(run, said, stills)[still]
     averaged = run.inputs.averaged
     lasting = run.interval if averaged is None else averaged[index, None]
     density = float(np.sum(lasting * within**2)) / (within.size - 3 * len(stills))
@@ -209,14 +219,15 @@ def _judged(
 
 def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] = ()) -> Linear:
     """Rows of the stills, linearised at a triad's coefficients."""
-    means, (index, still) = means_of(run, run.force, stills), rows_of(stills)
+    said, (index, still) = run.triad(triad.kind), rows_of(stills)
+    means, known = means_of(run, said, stills), lengths_of(run, stills)
     lasting, interval = lasting_of(run, index)
     f = triad.compensate(means)
     length = np.linalg.norm(f, axis=1)
     w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
     X = np.hstack([w[:, [c]] * phi for c, phi in enumerate(triad.regressors(f))])
-    base = length - run.gravity + X @ triad.theta
-    X = np.hstack((X, np.ones((len(X), len(extras)))))  # gravity: every length is off by as much
+    base = length - known + X @ triad.theta
+    X = np.hstack((X, _moved(run, stills, extras)))
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -224,16 +235,26 @@ def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] 
         t=run.t[index],
         duration=lasting,
         interval=interval,
-        y=base[still] + np.einsum("na,na->n", w[still], run.force[index] - means[still]),
+        y=base[still] + np.einsum("na,na->n", w[still], said[index] - means[still]),
         columns=lambda start, stop: X[still[start:stop]],
         axes=w[still],
     )
 
 
+def _moved(run: Run, stills: Stills, extras: tuple[Extra, ...]) -> FloatArray:
+    """What a unit of each error adds to the length of the input in each still: (k, e)."""
+    if not run.sections:  # gravity: every length is off by as much
+        return np.ones((len(stills), len(extras)))
+    rate = rates_of(run, stills)
+    by_kind = {EARTH: np.sign(rate), "rate_scale": np.abs(rate)}
+    return np.array([by_kind[extra.kind] for extra in extras]).reshape(-1, len(rate)).T
+
+
 def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], found: NoiseEstimate) -> Told:
     """All samples of the stills, at the settled linearisation."""
     rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
-    ranges = spans("f", triad.compensate(run.force[index]))
+    letter, said = ("f" if triad.kind == "accelerometer" else "w"), run.triad(triad.kind)
+    ranges = spans(letter, triad.compensate(said[index]))
     summary = run_summary(
         rows,
         found,
@@ -244,8 +265,8 @@ def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], 
         sampling=run.inputs.sampling,
     )
     summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
-    f = triad.compensate(means_of(run, run.force, stills))
-    return Told(summary, rows, along("f", f[still]), triad.components)
+    own = triad.compensate(means_of(run, said, stills))
+    return Told(summary, rows, along(letter, own[still]), triad.components)
 
 
 def _samples(run: Run, stills: Stills) -> int:
@@ -258,7 +279,7 @@ def solve_imu_tumble(
     accelerometer: Asked,
     gyroscope: Asked,
     *,
-    gravity: Extra | None = None,
+    extras: tuple[Extra, ...] = (),
     free: Case | None = None,
 ) -> Case:
     """Characterise the six components of an IMU that was turned by hand between stills.
@@ -267,7 +288,7 @@ def solve_imu_tumble(
     ----------
     runs : of one IMU.
     accelerometer, gyroscope : what is asked of the components of each kind.
-    gravity : error of the local gravity, if it is allowed for.
+    extras : error of the local gravity, if it is allowed for.
     free : the accelerometers of these runs, where they are solved already.
 
     Raises
@@ -275,9 +296,9 @@ def solve_imu_tumble(
     UnobservableError : if there are fewer than 9 stills, or in a run fewer than 6 turns between them.
     ConvergenceError : if a linearisation does not settle; it carries the coefficients so far.
     """
-    free = free or solve_free_tumble(runs, accelerometer, gravity=gravity)
+    free = free or solve_free_tumble(runs, accelerometer, extras=extras)
     seen = [directions(free.triads[0], run, find_stills(run)) for run in runs]
-    gyroscopes, extras = triad_of(gyroscope.library), free.summary.extras
+    gyroscopes = triad_of(gyroscope.library, referenced=True)
     names = (*free.triads[0].names, *gyroscopes.names, *(extra.name for extra in extras))
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
     # within a still nothing but the noise changes: averages tell of the coefficients what all samples do

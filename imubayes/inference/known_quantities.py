@@ -22,7 +22,7 @@ from imubayes.algebra.factor import posterior_root
 from imubayes.inference.between_stills import TURNS, closures, directions, lasting
 from imubayes.inference.case import Case
 from imubayes.inference.linear import Linear, Rows
-from imubayes.inference.stills import Stills, find_stills, means_of, times_of
+from imubayes.inference.stills import Stills, find_stills, lengths_of, means_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.inference.whiten import marginal_variance
 from imubayes.rig.inputs import Run, Section
@@ -45,8 +45,9 @@ class Recovered:
     Attributes
     ----------
     run : its name.
-    what : ``gravity`` (length of the specific force minus g, m/s^2), ``rest`` (rate at rest of gx, gy, gz,
-        rad/s), ``closure`` (rad, two directions across up) or ``turn`` (rad, about the axis of a known turn).
+    what : ``gravity`` (length of the specific force minus g, m/s^2), ``rate`` (length of the rate minus that
+        of the table, rad/s), ``rest`` (rate at rest of gx, gy, gz, rad/s), ``closure`` (rad, two directions
+        across up) or ``turn`` (rad, about the axis of a known turn).
     before, after : (m, c) of the raw output, and compensated under the full library.
     flown : (m, c) compensated by the terms that are kept.
     fitted : (m, c) sd of `after`, which the coefficients were fitted to.
@@ -161,11 +162,13 @@ def _mean(rows: Linear, values: FloatArray, inside: Sequence[NDArray[np.intp]]) 
 
 
 def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
-    """Stills of a free tumble, and the turns between them."""
+    """Stills of a free tumble, and the turns between them, or sections at a known rate."""
     stills = find_stills(run)
     times = times_of(run, stills)
     values = [_tumbled(run, stills, those) for those in triads]
     spreads = [_column(judge.spread(run.name, times))]
+    if not run.force.size:
+        return _collected(run.name, ("rate",), values, spreads)
     if run.rate.size:
         at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
         turned = judge.spread_of_turns(
@@ -176,7 +179,10 @@ def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -
 
 
 def _tumbled(run: Run, stills: Stills, triads: Triads) -> list[FloatArray]:
-    """Errors of gravity (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
+    """Errors of gravity, or of a table's rate (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
+    if not run.force.size:
+        w = triads[0].compensate(means_of(run, run.rate, stills))
+        return [_length(w, lengths_of(run, stills)[:, None])]
     f = triads[0].compensate(means_of(run, run.force, stills))
     found = [_length(f, run.gravity)]
     if run.rate.size:
@@ -235,8 +241,8 @@ def _angles(run: Run, turned: Sequence[Section], of_kind: Mapping[str, Triad]) -
     return np.array(found)[:, None]
 
 
-def _length(f: FloatArray, gravity: float) -> FloatArray:
-    return np.linalg.norm(f, axis=1, keepdims=True) - gravity
+def _length(own: FloatArray, known: float | FloatArray) -> FloatArray:
+    return np.linalg.norm(own, axis=1, keepdims=True) - known
 
 
 def _times(run: Run, sections: Sequence[Section]) -> Times:

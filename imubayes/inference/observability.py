@@ -310,7 +310,7 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     if bench:
         return _bench_words(bench, sorted(name for name in terms if name not in HEADS))
     if facts.reference_free:
-        return _REFERENCE_FREE[facts.kind]
+        return _REFERENCE_FREE[facts.kind if facts.force else "turntable"]
     for applies, reason, remedy in _REASONS:
         if applies(terms, facts):
             own = "f_i" if facts.kind == "accelerometer" else "w_i"
@@ -372,8 +372,12 @@ _REFERENCE_FREE = {
         "of each turn only the direction of gravity before and after it is known",
         "rate steps on a table in several mounts would separate them",
     ),
+    "turntable": (
+        "only the size of the rate is known of each section",
+        "rate steps in several known mounts would separate them",
+    ),
 }
-"""Reason and remedy of a cancellation where there is no reference but gravity."""
+"""Reason and remedy of a cancellation where there is no reference but gravity, or the rate of a table."""
 
 _MORE_LEVELS = {
     "accelerometer": "a centrifuge run at several levels with the input axis both ways would separate them",

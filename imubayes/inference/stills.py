@@ -60,11 +60,11 @@ FINE = 65_536
 
 
 def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> Stills:
-    """(start, stop) sample indices of each still; each row of a table of means is one.
+    """(start, stop) sample indices of each still; each row of a table of means is one, and each section.
 
     Parameters
     ----------
-    run : of which gravity is known.
+    run : of which gravity is known, or the rates of gyroscopes alone.
     window : s, over which rest is told from motion.
     threshold : m/s^2, root of the summed variance of the forces in a window, below which it is at rest; 0
         takes it from the record (see `searched`).
@@ -73,8 +73,8 @@ def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> 
     ------
     UnobservableError : if the record has no rest, or nothing but rest.
     """
-    if run.stills:
-        return run.stills
+    if run.stills or run.sections:
+        return run.stills or tuple(sorted((s.start, s.stop) for s in run.sections))
     if run.inputs.averaged is not None:
         return tuple((k, k + 1) for k in range(len(run.t)))
     stills = searched(run, window, threshold)[0]
@@ -262,6 +262,16 @@ def means_of(run: Run, values: FloatArray, stills: Stills) -> FloatArray:
     if weights is None:
         return np.array([values[a:b].mean(axis=0) for a, b in stills])
     return np.array([np.average(values[a:b], axis=0, weights=weights[a:b]) for a, b in stills])
+
+
+def rates_of(run: Run, stills: Stills) -> FloatArray:
+    """Rate (k,) of the table in each of the stills of gyroscopes alone, rad/s: its sign is the sense."""
+    return np.array([next(s.rate for s in run.sections if s.start <= a < s.stop) for a, _ in stills])
+
+
+def lengths_of(run: Run, stills: Stills) -> FloatArray:
+    """Length (k,) of what a triad senses in each still, where that is all that is known of it, SI."""
+    return np.abs(rates_of(run, stills)) if run.sections else np.full(len(stills), run.gravity)
 
 
 def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:

@@ -1,8 +1,8 @@
 """A triad in one case: its model, its compensation, and how that is published.
 
 Components ax, ay, az and gx, gy, gz have the axes (i, j, k) = xyz, yzx, zxy of the case. Without an
-orientation reference the rotation of the case is free; the gain matrix I + M of the accelerometers is then
-taken upper triangular: the sensor's z axis is the case's, and its y axis lies in the case's y-z plane.
+orientation reference the rotation of the case is free; the gain matrix I + M of the accelerometers, or of
+gyroscopes alone, is then upper triangular: the sensor's z axis is the case's, its y axis in its y-z plane.
 Gyroscopes beside them have the whole matrix, for the accelerometers say how the case lies.
 
 Its axes lie as a rotation of all three, and the angles between them, say. The input axis of component a is
@@ -160,10 +160,10 @@ def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
     Parameters
     ----------
     lib : candidate terms of a component.
-    referenced : whether directions are known; without, the rotation of accelerometers is fixed.
+    referenced : whether directions are known, of gyroscopes also from the accelerometers beside them;
+        without, the rotation of the case is fixed.
     """
-    free = lib.kind == "accelerometer" and not referenced
-    dropped = BELOW_DIAGONAL if free else ((), (), ())
+    dropped = ((), (), ()) if referenced else BELOW_DIAGONAL
     libraries = tuple(replace(lib, terms=tuple(t for t in lib.terms if t.name not in out)) for out in dropped)
     x, y, z = libraries
     return Triad((x, y, z), np.zeros(sum(len(part.terms) for part in libraries)))

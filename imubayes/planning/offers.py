@@ -214,8 +214,7 @@ def _in_hand(
     study: PlanStudy, plans: Sequence[Plan]
 ) -> tuple[list[list[Told]], FloatArray, tuple[Extra, ...]]:
     """Signals of each offer of a hand, prior sd of the terms, and the error of gravity."""
-    sd, gravity = before_tumble(study.offered)
-    extras = () if gravity is None else (gravity,)
+    sd, extras = before_tumble(study.offered)
     return [list(_held(study, k, plan, extras)) for k, plan in enumerate(plans)], sd, extras
 
 
@@ -231,7 +230,8 @@ def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -
     told = [(Signal(norms.X, noise, norms.axes), norms.names)]
     if spec.gyroscope is None:
         return told
-    gyroscopes, drift = triad_of(spec.gyroscope.library), _noise(study, offer, spec.gyroscope.kind)
+    gyroscopes = triad_of(spec.gyroscope.library, referenced=True)
+    drift = _noise(study, offer, spec.gyroscope.kind)
     seen = directions(accelerometers, run, stills)
     told += [(Signal(rows.X, drift), rows.names) for rows in rest_rows(seen, gyroscopes)]
     # a way from each attitude to each, and in between from where it ends to where the next begins

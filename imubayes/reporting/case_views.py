@@ -52,6 +52,8 @@ MOST_DRAWN = 3
 QUANTITIES = {
     "gravity": ("length of the force in a still, from local g",
                 "Length of the force in the stills, from local g"),
+    "rate": ("length of the rate in a section, from the table's",
+             "Length of the rate in the sections, from the table's"),
     "rest": ("rate in a still", "Rates in the stills"),
     "closure": ("up carried through a turn, from up in the next still", "Up carried through the turns"),
     "turn": ("angle of a known turn", "Angles of the known turns"),

@@ -62,6 +62,7 @@ MOST_NAMED = 5
 
 KNOWN = {
     "gravity": ("|f| − g", "still", ("mg", "m/s^2")),
+    "rate": ("|w| − table", "section", ("deg/s", "rad/s")),
     "rest": ("rate", "still", ("deg/s", "rad/s")),
     "closure": ("error of up", "turn", ("deg", "rad")),
     "turn": ("error of the turn", "turn", ("deg", "rad")),

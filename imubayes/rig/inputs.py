@@ -156,7 +156,7 @@ class Run:
     @property
     def known(self) -> bool:
         """Whether its inputs are known."""
-        return self.gravity == 0.0
+        return self.gravity == 0.0 and not self.sections
 
     @property
     def t(self) -> FloatArray:
@@ -391,19 +391,22 @@ def _of_component(parts: Callable[[str], Iterator[Part]], name: str, purpose: st
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of a run whose inputs are known: the case at rest, or turned about the vertical.
+    """A part of a run whose inputs are known: at rest or turned about the vertical, or at a constant rate.
 
     Attributes
     ----------
     start, stop : samples [start, stop), counted from 0.
-    up : case axis that points up: ``x``, ``-x``, ``y``, ``-y``, ``z`` or ``-z``.
+    up : case axis that points up: ``x``, ``-x``, ``y``, ``-y``, ``z`` or ``-z``; empty where no direction is
+        known.
     angle : rad, right-handed about `up`; 0 at rest.
+    rate : rad/s, of a table about its own axis, which lies in the case in whatever direction.
     """
 
     start: int
     stop: int
-    up: str
+    up: str = ""
     angle: float = 0.0
+    rate: float = 0.0
 
     @property
     def direction(self) -> FloatArray:
@@ -486,7 +489,7 @@ class Facts:
     force : |f| where it is the same in every row (a test at 1 g), m/s^2; 0 where it is not.
     rate : |w| where it is the same in every row (the Earth's, in a test at rest), rad/s; 0 where it is not.
     still : f and w are the same in every row (a log at rest).
-    reference_free : only |f| = g is known, and no direction.
+    reference_free : only |f| = g is known, or of gyroscopes alone |w|, and no direction.
     """
 
     kind: str

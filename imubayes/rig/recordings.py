@@ -69,7 +69,7 @@ class RunSpec:
     file : the recorded file; None for a simulated run.
     shown : the file as the study gives it, for messages and the report.
     columns : where the file's own names or units differ, by channel.
-    gravity : local gravity, m/s^2; needed by ``free-tumble`` only.
+    gravity : local gravity, m/s^2, of runs of `CASES`; not of a turntable.
     noise : how the noise of the run is to be known.
     simulate : for a simulated run, ``profile`` (a key of `PROFILES`) and the arguments of its function by
         name, in SI.
@@ -99,6 +99,11 @@ class RunSpec:
     dwell: float = 0.0
     still_window: float = 0.0
     still_threshold: float = 0.0
+
+    @property
+    def turntable(self) -> bool:
+        """Whether of gyroscopes only the rates are known, and no direction."""
+        return any(section.rate for section in self.sections)
 
 
 def notes_of(t: FloatArray) -> tuple[str, ...]:

@@ -29,6 +29,13 @@ from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.motion import Motion, faster, heavier, in_fixture, longer, on_table, stretched
 from imubayes.rig.plans import Plan
 from imubayes.sensors import terms
+from imubayes.units import factor
+
+EARTH = "earth_rate"
+"""The kind of error that the Earth is: its rate along the axis of a table is not in what the table tells."""
+
+ANY_AXIS = 8.68
+"""deg/h: sd of the Earth's rate along an axis that may point anywhere, 15.04 / sqrt(3)."""
 
 OFFSET = "turn_on"
 """The kind of error that is none of the inputs."""
@@ -79,10 +86,11 @@ class Kind:
 
     @property
     def default(self) -> float | None:
-        """Sd in SI that the catalogue holds for typical; None where it has none."""
+        """Sd in SI that the catalogue holds for typical, of the Earth any axis; None where there is none."""
         from imubayes.sensors.catalogue import reference_errors
 
-        return reference_errors()[self.key][1] if self.key else None
+        usual = ANY_AXIS * factor(self.printed, self.unit) if self.name == EARTH else None
+        return reference_errors()[self.key][1] if self.key else usual
 
 
 def for_sensor(kind: Kind, sensor: terms.Kind) -> Kind:
@@ -108,6 +116,8 @@ KINDS: Mapping[str, Kind] = {
              "error of local gravity", 1e-3, heavier),
         Kind("rate_scale", "1", "ppm", "rate_accuracy", TURNING, "machine", _ONE,
              "scale error of the rig's rate", 1e-4, faster),
+        Kind(EARTH, "rad/s", "deg/h", "", ("free-tumble",), "bench", _ONE,
+             "Earth's rate along the table's axis", 1e-7, None),
         Kind("radius", "1", "ppm", "centrifuge_radius", ("centrifuge",), "bench", _ONE,
              "error of the arm's radius", 1e-4, longer),
         Kind("arm_stretch", "1/(m/s^2)", "ppm/g", "centrifuge_arm_stretch", ("centrifuge",), "bench", _ONE,

@@ -112,7 +112,7 @@ def read_imu_run(spec: RunSpec, *, tell: Tell = silent) -> Run:
 def _path(spec: RunSpec) -> Path:
     if spec.file is None:
         raise DataError(f"run '{spec.name}' is simulated: it has no file to read")
-    if spec.procedure in CASES and spec.gravity is None:
+    if spec.procedure in CASES and spec.gravity is None and not spec.turntable:
         example = 'gravity = "9.81 m/s^2"'
         raise DataError(f"run '{spec.name}': a {spec.procedure} run needs gravity, for example {example}")
     return existing(spec.file, _shown(spec, spec.file), spec.origin)

@@ -73,7 +73,7 @@ def _unit(rng: np.random.Generator) -> np.ndarray:
 
 def with_truth(lib, truth, *, referenced: bool = False) -> Triad:
     """Triad with coefficients by name; zero where none is given."""
-    triad = triad_of(lib, referenced=referenced)
+    triad = triad_of(lib, referenced=referenced or lib.kind == "gyroscope")
     return replace(triad, theta=np.array([truth.get(name, 0.0) for name in triad.names]))
 
 

@@ -58,7 +58,8 @@ class Found:
         }
 
     def triad(self, kind: str) -> Triad:
-        one = triad_of(self.spec.of(kind).library, referenced=self.run.procedure == "ferraris")
+        known = kind == "gyroscope" or self.run.procedure == "ferraris"
+        one = triad_of(self.spec.of(kind).library, referenced=known)
         return replace(one, theta=np.array([self.terms[name][0] for name in one.names]))
 
     def row(

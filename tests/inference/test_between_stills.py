@@ -54,7 +54,7 @@ TRUTH = {
 
 def asked(lib, **rules):
     raw = RAW[lib.kind]
-    libraries = triad_of(lib).libraries
+    libraries = triad_of(lib, referenced=lib.kind == "gyroscope").libraries
     sd = [raw.get(t.name, prior_sd(CLASS[lib.kind], t)[0]) for one in libraries for t in one.terms]
     return Asked(lib, ScalePrior(sd), CLASS[lib.kind], rules or None)
 
@@ -143,7 +143,7 @@ def test_error_of_gravity_is_no_error_of_the_gyroscopes():
     gravity = Extra("gravity", "gravity", 1e-2, "m/s^2", "ug", "error of local gravity")
     plain = solved(run)
     force, rate = given(OF_FORCE, hands.NOISES[0]), given(OF_RATE, hands.NOISES[1])
-    case = solve_imu_tumble([run], force, rate, gravity=gravity)
+    case = solve_imu_tumble([run], force, rate, extras=(gravity,))
     whole = np.concatenate((force.prior.sd, rate.prior.sd, [gravity.sd]))
     mean, _ = posterior(case.summary.factor, whole)
     assert case.summary.names[-1] == "gravity"
@@ -157,17 +157,17 @@ def test_too_few_turns_are_refused():
     stills = find_stills(run)
     seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills[:5])
     with pytest.raises(UnobservableError, match="has 4 turns without a gap between its 5 stills"):
-        turn_rows(seen, triad_of(OF_RATE), noises=hands.NOISES)
+        turn_rows(seen, triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
 
 
 def test_turn_with_a_gap_is_left_out():
     run = simulated(1)
     stills = find_stills(run)
     seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills)
-    whole = turn_rows(seen, triad_of(OF_RATE), noises=hands.NOISES)
+    whole = turn_rows(seen, triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
     late = np.arange(len(run.t)) > stills[3][1] + 20
     broken = replace(run, inputs=replace(run.inputs, t=run.t + 1.0 * late))
-    rows = turn_rows(replace(seen, run=broken), triad_of(OF_RATE), noises=hands.NOISES)
+    rows = turn_rows(replace(seen, run=broken), triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
     assert len(rows) == len(whole) - 2
 
 
@@ -213,7 +213,7 @@ def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
     rate = asked(lib)
     held = [
         1e-7 if name.endswith("b0") else sd
-        for name, sd in zip(triad_of(lib).names, rate.prior.sd, strict=True)
+        for name, sd in zip(triad_of(lib, referenced=True).names, rate.prior.sd, strict=True)
     ]
     case = solve_imu_tumble([run], asked(OF_FORCE), replace(rate, prior=ScalePrior(held)))
     for row, (_, scale) in zip(

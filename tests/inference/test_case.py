@@ -23,14 +23,17 @@ SDS = {"b0": (0.5, 5e-2), "b1": (1e-2, 1e-2), "m_j": (2e-2, 2e-2), "m_k": (2e-2,
 def asked(which, kind):
     every = library(kind, powers=1, asymmetry=-1, set="extended")
     lib = Library(kind, tuple(term for term in every.terms if term.name in SDS))
-    sd = [SDS[name][which] for one in triad_of(lib).libraries for name in one.names]
+    sd = [SDS[name][which] for one in triad_of(lib, referenced=which == 1).libraries for name in one.names]
     return Asked(lib, ScalePrior(sd), None, {"hand": NoiseRule("fixed", hands.NOISES[which])})
 
 
 @pytest.fixture(scope="module")
 def problem():
     both = [asked(k, kind) for k, kind in enumerate(("accelerometer", "gyroscope"))]
-    triads = [replace(triad_of(one.library), theta=0.3 * one.prior.sd) for one in both]
+    triads = [
+        replace(triad_of(one.library, referenced=k == 1), theta=0.3 * one.prior.sd)
+        for k, one in enumerate(both)
+    ]
     case = solve_imu_tumble([hands.in_the_hand(*triads)], *both)
     return case, np.concatenate([one.prior.sd for one in both])
 

@@ -8,7 +8,6 @@ import pytest
 
 from imubayes.errors import DataError
 from imubayes.inference.conflicts import refuse_conflicts
-from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.terms import library
@@ -61,7 +60,8 @@ def test_output_beyond_the_class_that_nothing_explains_is_refused():
 
 
 IN_HAND = hands.in_the_hand(
-    *(triad_of(library(kind, powers=1, asymmetry=0)) for kind in ("accelerometer", "gyroscope")), stills=12
+    *(hands.with_truth(library(kind, powers=1, asymmetry=0), {}) for kind in ("accelerometer", "gyroscope")),
+    stills=12,
 )
 
 

@@ -29,7 +29,8 @@ TURN = -2.0 * np.pi
 def asked(which, run, names=tuple(SDS), *, referenced=False):
     every = library(KINDS[which], powers=1, asymmetry=-1)
     lib = Library(KINDS[which], tuple(term for term in every.terms if term.name in names))
-    sd = [SDS[name][which] for one in triad_of(lib, referenced=referenced).libraries for name in one.names]
+    libraries = triad_of(lib, referenced=referenced or which == 1).libraries
+    sd = [SDS[name][which] for one in libraries for name in one.names]
     return Asked(lib, ScalePrior(sd), None, {run: NoiseRule("fixed", hands.NOISES[which])})
 
 
@@ -38,7 +39,7 @@ def drawn(both, seed, *, referenced=False):
     rng = np.random.default_rng([seed, 7])
     return [
         replace(
-            triad_of(one.library, referenced=referenced),
+            triad_of(one.library, referenced=referenced or one.library.kind == "gyroscope"),
             theta=one.prior.sd * rng.normal(size=len(one.prior.sd)),
         )
         for one in both

@@ -195,7 +195,9 @@ def test_unknown_gravity_leaves_the_common_scale_to_its_prior(hand_tumble):
     prior = ScalePrior(np.concatenate(sds))
     gravity = Extra("gravity", "gravity", 5e-3, "m/s^2", "ug", "local gravity")
     found = {
-        extra: solve_free_tumble([wrong], Asked(lib, prior, sensor_class), gravity=extra)
+        extra: solve_free_tumble(
+            [wrong], Asked(lib, prior, sensor_class), extras=() if extra is None else (extra,)
+        )
         for extra in (None, gravity)
     }
     scales = {}

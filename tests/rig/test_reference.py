@@ -143,7 +143,7 @@ def test_an_error_of_what_no_file_tells_is_refused(kind):
 
 
 def test_every_kind_of_error_shows_in_runs_that_tell_their_inputs():
-    refuse_idle([TUMBLE, ARM, TABLE, SWING], KINDS)
+    refuse_idle([TUMBLE, ARM, TABLE, SWING], [kind for kind in KINDS if kind != "earth_rate"])
 
 
 def test_a_ramp_and_a_swing_show_a_latency():

@@ -88,7 +88,8 @@ Mcmc = TypedDict("Mcmc", {
 RecoveredErrors = TypedDict("RecoveredErrors", {
     "run": Annotated[str, says("of the quantities")],
     "what": Annotated[str, says(
-        "`gravity` (length of the force in a still minus local g), `rest` (rates there), `closure` "
+        "`gravity` (length of the force in a still minus local g), `rate` (length of the rate in a "
+        "section minus the table's), `rest` (rates in a still), `closure` "
         "(sine of the angle by which up, carried through a turn, misses up in the next still) or "
         "`turn` (angle of a known turn minus that)"
     )],

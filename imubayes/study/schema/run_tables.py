@@ -50,14 +50,11 @@ _COUNTABLE = 2.0**53
 def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool = False) -> RunSpec:
     """Check one run of a sensor, with paths relative to the study's folder."""
     run = shaped(RunTable, raw, place)
-    _check_imu(run, place, imu=imu)
+    turntable = run.procedure == FREE_TUMBLE and kind == "gyroscope" and not imu
+    _check_imu(run, place, imu=imu, turntable=turntable)
     if (run.file is None) == (run.simulate is None):
         raise place.error(
             f"expected either file or simulate, came {'neither' if run.file is None else 'both'}"
-        )
-    if run.procedure == FREE_TUMBLE and kind != "accelerometer" and not imu:
-        raise place.at("procedure").error(
-            'calibrates accelerometers, or a whole IMU: expected another procedure, or kind = "imu"'
         )
     return RunSpec(
         name=run.name,
@@ -65,34 +62,42 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         file=None if run.file is None else located(run.file, folder),
         shown=run.file or "",
         columns=_columns(run, kind, place.at("columns"), imu=imu),
-        gravity=_local_gravity(run, place.at("gravity")),
+        gravity=_local_gravity(run, place.at("gravity"), needed=run.procedure in CASES and not turntable),
         noise=noise_rule(run.noise, kind, place.at("noise")),
         simulate=None if run.simulate is None else _simulation(run, place),
         origin=run.source,
         gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
         gyroscope_shown=run.gyroscope_file or "",
         ignore=run.ignore,
-        **_resting(run, place.at("stills")),
+        **_resting(run, place.at("stills"), turntable=turntable),
         dwell=0.0 if run.dwell is None else quantity(run.dwell, "s", place.at("dwell"), positive=True),
-        sections=tuple(_section(one, place.at("sections").at(k)) for k, one in enumerate(run.sections)),
+        sections=tuple(
+            _section(one, place.at("sections").at(k), turntable=turntable)
+            for k, one in enumerate(run.sections)
+        ),
     )
 
 
-def _check_imu(run: RunTable, place: Place, *, imu: bool) -> None:
+def _check_imu(run: RunTable, place: Place, *, imu: bool, turntable: bool) -> None:
     if not imu and run.gyroscope_file is not None:
         raise place.at("gyroscope_file").error('expected it beside kind = "imu" only: leave it out')
-    if (run.procedure == FERRARIS) != bool(run.sections):
+    if turntable and not run.sections:
+        raise place.at("sections").error(
+            "expected when gyroscopes alone were turned, and how fast, in ten directions or more, such as"
+            ' [{ rows = [0, 3000], rate = "100 deg/s" }, { rows = [3500, 6500], rate = "-100 deg/s" }]'
+        )
+    if not turntable and (run.procedure == FERRARIS) != bool(run.sections):
         raise place.at("sections").error(
             "expected the positions and turns of a run of procedure 'ferraris', and no other, such as"
             ' [{ rows = [0, 500], up = "x" }, { rows = [900, 1200], up = "x", turn = "360 deg" }]'
         )
 
 
-def _resting(run: RunTable, place: Place) -> dict[str, float]:
+def _resting(run: RunTable, place: Place, *, turntable: bool) -> dict[str, float]:
     if run.stills is None:
         return {}
-    if run.procedure != FREE_TUMBLE:
-        raise place.error("only a free-tumble run has stills to look for: leave it out")
+    if run.procedure != FREE_TUMBLE or turntable:
+        raise place.error("only accelerometers in a free-tumble have stills to look for: leave it out")
     table = shaped(StillsTable, run.stills, place)
     given = {"window": (table.window, "s"), "threshold": (table.threshold, "m/s^2")}
     return {
@@ -102,10 +107,27 @@ def _resting(run: RunTable, place: Place) -> dict[str, float]:
     }
 
 
-def _section(raw: object, place: Place) -> Section:
+def _section(raw: object, place: Place, *, turntable: bool) -> Section:
     table = shaped(SectionTable, raw, place)
+    needed, given = ("rate", table.rate) if turntable else ("up", table.up)
+    if not given:
+        raise place.at(needed).error(
+            'the key is missing: expected the rate of the table, such as "-100 deg/s"'
+            if turntable
+            else "the key is missing: expected the case axis that points up, such as -x"
+        )
+    others = ("up", "turn") if turntable else ("rate",)
+    if strange := [name for name in others if getattr(table, name)]:
+        raise place.at(strange[0]).error(
+            "of gyroscopes alone in a free-tumble no direction is known: expected rate alone"
+            if turntable
+            else 'is of kind = "gyroscope" in a free-tumble: leave it out, and give the angle as turn'
+        )
     angle = 0.0 if table.turn is None else quantity(table.turn, "rad", place.at("turn"))
-    return Section(*table.rows, table.up, angle)
+    rate = 0.0 if table.rate is None else quantity(table.rate, "rad/s", place.at("rate"))
+    if turntable and not rate:
+        raise place.at("rate").error("expected a rate that is not zero")
+    return Section(*table.rows, table.up, angle, rate)
 
 
 def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
@@ -221,11 +243,13 @@ def _wrap(table: ColumnTable, size: float, place: Place) -> float | None:
     return float(round(wraps)) if math.isclose(wraps, round(wraps), rel_tol=1e-14) else wraps
 
 
-def _local_gravity(run: RunTable, place: Place) -> float | None:
-    if run.procedure not in CASES:
+def _local_gravity(run: RunTable, place: Place, *, needed: bool) -> float | None:
+    if not needed:
         if run.gravity is not None:
             raise place.error(
-                f"only {' and '.join(CASES)} runs need it: leave it out, and give the inputs in the file"
+                "gyroscopes that are turned in unknown directions need no gravity: leave it out"
+                if run.procedure in CASES
+                else f"only {' and '.join(CASES)} runs need it: leave it out, and give the inputs in the file"
             )
         return None
     if run.simulate is not None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, RunSpec
-from imubayes.rig.reference import KINDS, OFFSET, for_sensor
+from imubayes.rig.reference import EARTH, KINDS, OFFSET, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.catalogue import coupled, sensor
@@ -26,6 +26,9 @@ KINDS_OF_IMU: tuple[Kind, Kind] = ("accelerometer", "gyroscope")
 
 LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
 """Errors of the reference that runs of several components in one case can allow for."""
+
+LEANS_ON_A_TABLE = ("rate_scale", EARTH)
+"""The same of gyroscopes on a table whose rate is all that is known."""
 
 SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
     "accelerometer": {"powers": 1, "asymmetry": -1},
@@ -75,7 +78,8 @@ def _of_kind(
         sensor_class = None if name is None else sensor(name, kind=kind, catalogue=catalogue)
     technology = sensor_class.technology if sensor_class else ""
     runs = tuple(_runs(table, kind, folder, place))
-    usual = {"technology": technology, **(SEEN_BY_HAND[kind] if runs[0].procedure in LEANS_ON else {})}
+    seen = SEEN_BY_HAND["accelerometer" if runs[0].turntable else kind]  # no force is known there
+    usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
     lib = _candidates(kind, usual, *_half(table.library, kind, place.at("library"), imu=imu))
     _check_runs(runs, sensor_class, place)
     _check_robust(table, runs, place.at("robust"))
@@ -183,6 +187,8 @@ def _tied(lib: Library, prior: dict[str, float], truth: dict[str, float]) -> tup
 
 def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
     allowed = LEANS_ON.get(runs[0].procedure)
+    if runs[0].turntable:
+        allowed, raw = LEANS_ON_A_TABLE, {EARTH: True, **raw}
     wanted = {name: value for name, value in raw.items() if value is not False}
     for name in raw:
         if name not in KINDS:

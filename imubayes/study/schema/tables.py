@@ -131,11 +131,24 @@ class SectionTable:
     rows: Annotated[tuple[int, int], Several] = key(
         "first row, and the row after the last, counted from 0", [540, 1271]
     )
-    up: Literal["x", "-x", "y", "-y", "z", "-z"] = key(
-        "the case axis that points up: `x`, `-x`, `y`, `-y`, `z` or `-z`", "-x"
+    up: Literal["x", "-x", "y", "-y", "z", "-z", ""] = key(
+        "of `ferraris`: the case axis that points up, `x`, `-x`, `y`, `-y`, `z` or `-z`",
+        "-x",
+        "",
+        "needed by `ferraris`, else refused",
     )
     turn: Annotated[Any, Holds(quantities("rad"))] = key(
-        "angle of the turn, right-handed about the axis that points up", "-360 deg", None, "at rest"
+        "of `ferraris`: angle of the turn, right-handed about the axis that points up",
+        "-360 deg",
+        None,
+        "at rest",
+    )
+    rate: Annotated[Any, Holds(quantities("rad/s"))] = key(
+        "of gyroscopes in a `free-tumble`: the rate of the table, which is constant; its sign is the sense,"
+        " and no direction in the case is known",
+        "-100 deg/s",
+        None,
+        "needed there, else refused",
     )
 
 
@@ -221,7 +234,8 @@ class RunTable:
     procedure: Procedure = key(
         "`tumble`, `centrifuge`, `rate-table`, `oscillation`, `thermal`, `static`, `other`: inputs are"
         " known. `free-tumble`: held in many positions by hand, only gravity is known; an accelerometer"
-        " triad or an IMU, and no other procedure in the same sensor. `ferraris`: known positions and turns"
+        " triad or an IMU, and no other procedure in the same sensor; of gyroscopes alone, turned in many"
+        " positions at known rates. `ferraris`: known positions and turns"
         " of an IMU or of its gyroscopes alone, or known positions of an accelerometer triad",
         "centrifuge",
     )
@@ -248,7 +262,7 @@ class RunTable:
         "local gravity, or the place",
         "9.8123 m/s^2",
         None,
-        "needed by a recorded `free-tumble` or `ferraris`, else refused",
+        "needed by a recorded `free-tumble` (but of gyroscopes alone) or `ferraris`, else refused",
     )
     noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of this run", {"run": "log"}, None, "the sensor's"
@@ -271,7 +285,7 @@ class RunTable:
         "[positions and turns](#sections)",
         [{"rows": [0, 500], "up": "x"}],
         list,
-        "needed by `ferraris`, else refused",
+        "needed by `ferraris`, and by gyroscopes alone in a `free-tumble`, else refused",
     )
 
 
