@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_fit import Spectrum, density
@@ -250,6 +249,8 @@ def confidence_band(
     -----
     Degrees of freedom by Greenhall and Riley (2004) for overlapping differences: the variance is chi-squared.
     """
+    from scipy.special import gammaincinv
+
     samples, interval = record
     steps = np.rint(tau / interval).astype(int).tolist()
     half = np.array([_freedom(a, m, samples) for a, m in zip(slopes.tolist(), steps, strict=True)]) / 2.0

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
@@ -227,6 +226,8 @@ def _dependence(look: Look) -> Dependence | None:
 
 
 def _fit(look: Look, noise: Noise) -> _Fit | None:
+    from scipy.special import fdtrc
+
     beside = np.column_stack((look.blocks.X, look.beside))
     p = beside.shape[1]
     white = np.column_stack((beside, look.columns, look.blocks.y))
@@ -308,6 +309,8 @@ def _draws(f: Factor, sd: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:
     """Probability that averages predicted anew lie farther from the model than the measured ones."""
+    from scipy.special import chdtrc
+
     blocks = blocks_of(rows, BLOCKS)
     white = whiten(run.noise, blocks.rows, np.column_stack((blocks.X, blocks.y)))[0]
     R = np.linalg.qr(white)[1]

@@ -12,8 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.special import ndtri
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior
@@ -134,6 +132,8 @@ def peak_of(ready: Prepared) -> tuple[Student, FloatArray]:
 
     Beside it stands the prior (d, 2): mean and sd of each logarithm.
     """
+    from scipy.linalg import block_diag
+
     c = coordinates(ready.summary.factor, ready.prior.sd)
     each = [_peak(ready, name, c) for name in places_of(ready.summary.runs)]
     center = np.concatenate([np.zeros(0), *(center for center, _, _ in each)])
@@ -179,6 +179,8 @@ def _root(information: FloatArray, width: FloatArray) -> FloatArray:
 
 def _spread(size: int, d: int, rng: np.random.Generator) -> FloatArray:
     """Standard normal draws (size, d), in each coordinate one from every slice of equal probability."""
+    from scipy.special import ndtri
+
     slices = np.argsort(rng.random((d, size)), axis=1).T
     return ndtri((slices + rng.random((size, d))) / size) if d else np.zeros((size, 0))
 

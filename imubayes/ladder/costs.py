@@ -31,7 +31,6 @@ from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten
 from imubayes.ladder import CostLaw, RungName, Size, rungs_for
 from imubayes.selection.enumerate import LARGEST
-from imubayes.selection.kernels import walk
 from imubayes.sensors.noise import Noise
 
 
@@ -174,6 +173,8 @@ def _whitening(n: int, width: int) -> Callable[[], object]:
 
 def _walking(p: int) -> Callable[[], object]:
     """Walk over the models of p candidates."""
+    from imubayes.selection.kernels import walk
+
     R = np.triu(np.ones((p + 1, p + 1))) + np.diag(np.arange(1.0, p + 2.0))
     walk(R)  # compiled once, which counts for nothing
     return lambda: walk(R)

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from functools import cache, reduce
 
 import numpy as np
-from scipy.special import expit, logit
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posterior, reorder
@@ -121,14 +120,15 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
             m, s = (moments[:p] for moments in posterior(reduce(add, others(k), moved), ready.prior.sd))
             shift += 0.5 * (m - mean)
             gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
-            turn += 0.5 * (expit(odds + gained) - found.inclusion)
+            turn += 0.5 * (np.exp(-np.logaddexp(0.0, -odds - gained)) - found.inclusion)
     change = float(np.max(np.abs(shift) / sd)), float(np.max(np.abs(turn)))
     return change, "each noise parameter moved by its sd either way, on block averages"
 
 
 def _odds(found: Answer, pull: FloatArray, narrower: FloatArray) -> FloatArray:
     """Log odds (p,) of each term; where its inclusion is 1 to rounding, the Bayes factor against zero."""
-    usual = logit(np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN))
+    held = np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN)
+    usual = np.log(held / (1.0 - held))
     return np.where(found.inclusion < 1.0 - CERTAIN, usual, 0.5 * pull**2 + np.log(narrower))
 
 

@@ -26,7 +26,6 @@ from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_o
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence
-from imubayes.selection.kernels import solutions, walk
 from imubayes.selection.mixture import (
     Components,
     candidates,
@@ -134,6 +133,8 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     >>> by_bic(factor_of(X, y, ("one", "turn"))).best[0][0]
     ('one',)
     """
+    from imubayes.selection.kernels import solutions
+
     names = tuple(n for n, size in zip(f.names, f.column_norms, strict=True) if size > 0.0)
     tested = reorder(f, names)
     norms = tested.column_norms
@@ -167,6 +168,8 @@ def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
 
 def _every(R: FloatArray, n: int) -> BoolArray:
     """The best of all subsets (m, p), best first."""
+    from imubayes.selection.kernels import walk
+
     p = R.shape[1] - 1
     bic = _bic(walk(np.ascontiguousarray(R))[0], sizes(p), n)
     best = np.argsort(bic, kind="stable")[: KEPT * SPARE]
@@ -175,6 +178,8 @@ def _every(R: FloatArray, n: int) -> BoolArray:
 
 def _stepwise(R: FloatArray, n: int) -> BoolArray:
     """Models (m, p) next to the way of the best single step from none, best first."""
+    from imubayes.selection.kernels import solutions
+
     p = R.shape[1] - 1
     here, seen, scores = np.zeros(p, dtype=bool), [], []
     best = math.inf
@@ -194,6 +199,8 @@ def _stepwise(R: FloatArray, n: int) -> BoolArray:
 
 def _full(f: Factor) -> dict[str, tuple[float, float]]:
     """Least squares under the full library, but for columns that depend on those before them."""
+    from imubayes.selection.kernels import solutions
+
     norms = np.where(f.column_norms > 0.0, f.column_norms, 1.0)
     scaled = f.R / np.append(norms, 1.0)
     kept = np.abs(np.diag(scaled)[:-1]) > ALIKE

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError, TermError
@@ -383,6 +382,8 @@ def _output(
 
 def _gauss_markov(variance: float, tau: float, steps: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Stationary first-order process, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve."""
+    from scipy.linalg import solve_banded
+
     innovations = np.sqrt(variance) * rng.standard_normal(len(steps) + 1)
     innovations[1:] *= np.sqrt(-np.expm1(-2.0 * steps / tau))
     bands = np.ones((2, len(innovations)))

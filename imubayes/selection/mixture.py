@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, reorder, solve_triangular, with_prior_rows
@@ -295,6 +294,8 @@ def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) 
 
 def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) -> FloatArray:
     """Distribution of each component at x; without spread a step, which counts x itself unless `strict`."""
+    from scipy.special import ndtr
+
     point = sd == 0.0
     step = mean < x if strict else mean <= x
     return np.where(point, step, ndtr((x - mean) / np.where(point, 1.0, sd)))

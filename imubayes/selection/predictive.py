@@ -18,7 +18,6 @@ from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
@@ -212,7 +211,7 @@ def psis_loo(log_lik: FloatArray) -> tuple[FloatArray, FloatArray]:
     elpd, k = np.empty(log_lik.shape[1]), np.empty(log_lik.shape[1])
     for d, column in enumerate(log_lik.T):
         weights, k[d] = _smoothed(-column)
-        elpd[d] = logsumexp(column + weights) - logsumexp(weights)
+        elpd[d] = np.logaddexp.reduce(column + weights) - np.logaddexp.reduce(weights)
     return elpd, k
 
 
@@ -243,7 +242,7 @@ def _pareto(x: FloatArray) -> tuple[float, float]:
     theta = 1.0 / x[-1] + (1.0 - np.sqrt(m / (np.arange(m) + 0.5))) / (SHAPE_SPREAD * quarter)
     shape = np.mean(np.log1p(-theta[:, None] * x), axis=1)
     height = n * (np.log(-theta / shape) - shape - 1.0)
-    best = float(np.sum(theta * np.exp(height - logsumexp(height))))
+    best = float(np.sum(theta * np.exp(height - np.logaddexp.reduce(height))))
     k = float(np.mean(np.log1p(-best * x)))
     draws, mean = SHAPE_PRIOR
     return (k * n + mean * draws) / (n + draws), -k / best

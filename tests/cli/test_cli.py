@@ -141,7 +141,7 @@ def test_a_run_reads_its_files_before_it_loads_what_draws_and_tests(tmp_path):
     )
     script = (
         "import sys\nfrom imubayes.cli import main\ntry:\n    main()\nexcept SystemExit:\n"
-        "    heavy = ('matplotlib', 'scipy.stats', 'sklearn', 'pandas')\n"
+        "    heavy = ('matplotlib', 'numba', 'scipy.linalg', 'scipy.special', 'scipy.stats', 'sklearn')\n"
         "    print([name for name in heavy if name in sys.modules])"
     )
     command = [
