@@ -292,13 +292,9 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     found.tests["block"] = lambda block, kind: type(block).__name__ == kind
-    found.filters["html"] = _on_page
+    found.filters["html"] = lambda text: text.page if isinstance(text, Both) else text
     found.globals["classes"] = CLASSES
     return found
-
-
-def _on_page(text: Text) -> str:
-    return text.page if isinstance(text, Both) else text
 
 
 def provenance(path: Path, text: str, command: str) -> Provenance:

@@ -137,7 +137,9 @@ def draw(
         figure = Figure(figsize=(WIDTH / 72.0, height / 72.0), dpi=72)
         box = (space.left / WIDTH, space.bottom / height, across / WIDTH, up / height)
         paint(figure.add_axes(box, axes_class=_AnyAxes))
-        return Panel(title, _inline(_svg(figure), key, alt, (WIDTH, height)))
+        buffer, nothing = io.StringIO(), dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
+        return Panel(title, _inline(buffer.getvalue(), key, alt, (WIDTH, height)))
 
 
 class _AnyAxes(Axes):
@@ -174,13 +176,6 @@ def _possible(ends: Any, now: tuple[float, float], scale: str) -> tuple[float, f
     if low != high:
         return low, high
     return (low / 2.0, 2.0 * low) if scale == "log" else (low - (abs(low) or 1.0), low + (abs(low) or 1.0))
-
-
-def _svg(figure: Figure) -> str:
-    buffer = io.StringIO()
-    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
-    return buffer.getvalue()
 
 
 def dots(axes: Axes, x: FloatArray, y: FloatArray, color: str = GREY, size: float = 2.4) -> None:

@@ -186,7 +186,13 @@ def case_section(
     scenes: Sequence[CaseRelevance] = (),
 ) -> Section:
     """One case: its known quantities, how its axes lie, what each kind and each scene needs."""
-    parts = [_recovered_section(name, key, sensors[0].recovered)] if sensors[0].recovered else []
+    parts: list[Section] = []
+    if found := sensors[0].recovered:
+        label = f"Known quantities of {name} before and after compensation"
+        table = Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
+        note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
+        panels = [recovered(one, f"{key}p{k}") for k, one in enumerate(found)]
+        parts.append(Section("Raw and compensated", [table, Figure(panels, note)]))
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
     parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
@@ -195,14 +201,6 @@ def case_section(
         said = [pretty(" ".join(case_sentences(found, name))) for found in scenes]
         last.append(Section("What the scenes require of all components together", [Prose(said, "list")]))
     return Section(f"{name} as a whole", [*parts, *last], key)
-
-
-def _recovered_section(name: str, key: str, found: Sequence[Recovered]) -> Section:
-    label = f"Known quantities of {name} before and after compensation"
-    table = Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
-    note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
-    panels = [recovered(one, f"{key}p{k}") for k, one in enumerate(found)]
-    return Section("Raw and compensated", [table, Figure(panels, note)])
 
 
 def _cells(one: Recovered) -> tuple[str, ...]:

@@ -149,10 +149,13 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
     total = sum(p for _, p in best)
     held = {name: sum(p for model, p in best if name in model) / total for name in names}
     varies = [name for name in names if NOT_NEEDED < held[name] < NEEDED]
+    few = "no term by more than 5 %"
+    if varies:
+        few = listed(varies) if len(varies) <= MOST_NAMED else counted(len(varies), "term")
     title = (
         f"The best model holds {percent(best[0][1])} of the probability"
         if best[0][1] >= NEEDED
-        else f"The best {len(best)} models hold {percent(total)} and " + _disagreement(varies)
+        else f"The best {len(best)} models hold {percent(total)} and disagree on {few}"
     )
     models = "; ".join(f"{p:.3f}: {' '.join(model)}" for model, p in best)
     return draw(
@@ -163,12 +166,6 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
         height=ROW * len(names) + 44,
         margins=Margins(left=54, right=12),
     )
-
-
-def _disagreement(names: Sequence[str]) -> str:
-    if not names:
-        return "disagree on no term by more than 5 %"
-    return f"disagree on {listed(names) if len(names) <= MOST_NAMED else counted(len(names), 'term')}"
 
 
 def _paint_models(

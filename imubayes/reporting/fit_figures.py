@@ -59,12 +59,10 @@ ROOM = 3.0
 
 def shown_runs(sensor: SensorResult, most: int) -> tuple[ResidualCheck, ...]:
     """Pick at most `most` runs, those that fit worst, in the study's order."""
-    worst = sorted(sensor.checks, key=_goodness)[:most]
+    worst = sorted(sensor.checks, key=lambda check: (check.fits, -abs(math.log(max(check.scale, 1e-12)))))[
+        :most
+    ]
     return tuple(check for check in sensor.checks if any(check is chosen for chosen in worst))
-
-
-def _goodness(check: ResidualCheck) -> tuple[bool, float]:
-    return check.fits, -abs(math.log(max(check.scale, 1e-12)))
 
 
 def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> Panel:
@@ -141,19 +139,20 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
         return None
     unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
     off = float(np.exp(np.max(np.abs(np.log(check.deviation[known] / check.expected[known])))))
+
+    def paint(axes: Axes) -> None:
+        axes.plot(check.tau, check.expected / unit, color=ACCENT)
+        axes.plot(check.tau, check.deviation / unit, "o", color=INK, markersize=3)
+        name = pretty(OUTPUT_UNIT[kind])
+        axes.set(xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {name}")
+        plain_logs(axes)
+
     return draw(
-        lambda axes: _paint_allan(axes, check, unit, pretty(OUTPUT_UNIT[kind])),
+        paint,
         title=f"Allan deviation within a factor {off:.2f} of the noise model",
         alt="Allan deviation of the residuals and of the fitted noise against averaging time",
         key=key,
     )
-
-
-def _paint_allan(axes: Axes, check: ResidualCheck, unit: float, name: str) -> None:
-    axes.plot(check.tau, check.expected / unit, color=ACCENT)
-    axes.plot(check.tau, check.deviation / unit, "o", color=INK, markersize=3)
-    axes.set(xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {name}")
-    plain_logs(axes)
 
 
 def channel_of(one: Dependence) -> str:

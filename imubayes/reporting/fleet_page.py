@@ -96,7 +96,7 @@ def fleet_page(result: FleetResult) -> Page:
     ]
     counts = Table("Units with each verdict", ("term", *VERDICTS), rows, "tn", "Number of units.")
     noise = [
-        (name, noise_range(one, study.spec.kind, k))
+        (name, _noise_range(one, study.spec.kind, k))
         for k, (name, one) in enumerate(zip("NBK", found.noise, strict=True))
     ]
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
@@ -304,8 +304,7 @@ def _noise_size(kind: Kind, k: int) -> float:
     return per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
 
 
-def noise_range(found: Share, kind: Kind, k: int) -> str:
-    """Median of N, B or K and what 90 % of the units have, in data-sheet units."""
+def _noise_range(found: Share, kind: Kind, k: int) -> str:
     value, low, high = (plain(x / _noise_size(kind, k)) for x in (found.value, found.low, found.high))
     return f"{value} ({low} to {high}) {pretty(NOISE_UNITS[kind][k])}"
 

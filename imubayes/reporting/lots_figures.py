@@ -185,7 +185,11 @@ def _matrix(
     middle = [f"{LABEL + wide * (c + 0.5):.4g}" for c in range(len(columns))]
     ends = [{row[c][2] for row in cells} for c in range(len(columns))]
     parts = [
-        _linked(_heading(name, float(x) + 4.0, head - 6.0), *(end if len(end) == 1 else ()))
+        _linked(
+            f'<text transform="translate({float(x) + 4.0:.1f} {head - 6.0:.1f}) rotate(-90)">'
+            f"{escape(name)}</text>",
+            *(end if len(end) == 1 else ()),
+        )
         for x, name, end in zip(middle, columns, ends, strict=True)
     ]
     for r, (name, row) in enumerate(zip(rows, cells, strict=True)):
@@ -206,10 +210,6 @@ def _matrix(
 
 def _titled(drawing: str, title: str) -> str:
     return f"<title>{escape(title)}</title>{drawing}" if title else drawing
-
-
-def _heading(name: str, x: float, y: float) -> str:
-    return f'<text transform="translate({x:.1f} {y:.1f}) rotate(-90)">{escape(name)}</text>'
 
 
 def _linked(drawing: str, anchor: str = "") -> str:

@@ -97,7 +97,8 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
     )
     counts = f"Of {counted(len(result.study.library.terms), 'term')}: {each}."
     said = [headline(result), (counts, "needed-terms")]
-    divided = _divided(result)
+    every = (one for k in range(len(result.study.missions)) for one in contrasts(result, k))
+    divided = [one for one in every if one.needing and one.without]
     # that a bias or a scale counts surprises nobody
     telling = [one for one in divided if not set(one.terms) & set(TERMS)] or divided
     sharpest = max(telling, key=lambda one: one.least / max(one.most, 1e-3), default=None)
@@ -106,11 +107,6 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
         said.append((f"{where} {contrast_sentence(sharpest)}", slug("scene", sharpest.mission)))
     checked = ((check_sentences(result)[0], "check"),) if result.study.missions else ()
     return (*said, *basic_answer(result), *checked)
-
-
-def _divided(result: LotResult) -> list[Contrast]:
-    every = (one for k in range(len(result.study.missions)) for one in contrasts(result, k))
-    return [one for one in every if one.needing and one.without]
 
 
 def contrasts(result: LotResult, k: int) -> tuple[Contrast, ...]:
@@ -238,18 +234,13 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
         f" the units), shown or not; with a calibration over the inputs of the test"
         f" {amid(scene.tested_order)}."
     )
-    said.append(f"Noise comes to {of_budget(scene.noise_share)}; {_staying(scene.within)}.")
+    text = f"{percent(scene.within)} of the units have a model that stays within the budget with 95{NARROW}%"
+    if scene.within < 1.0:
+        text += "; of the others the calibration alone exceeds it, and the smallest model leaves out less"
+    said.append(f"Noise comes to {of_budget(scene.noise_share)}; {text}.")
     if not math.isnan(scene.basic_share):
         said.append(f"The basic triad leaves {of_budget(scene.basic_share)}.")
     return tuple(said)
-
-
-def _staying(within: float) -> str:
-    """How many units have a model within the budget, and what the smallest model of the others is."""
-    text = f"{percent(within)} of the units have a model that stays within the budget with 95{NARROW}%"
-    if within == 1.0:
-        return text
-    return f"{text}; of the others the calibration alone exceeds it, and the smallest model leaves out less"
 
 
 def basic_answer(result: LotResult) -> tuple[Said, ...]:

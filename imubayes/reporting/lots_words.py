@@ -135,7 +135,9 @@ def headline(result: LotResult) -> Said:
         return _short(_of_scenes(result)), "scenes"
     if asks == "triad":
         return _short(_of_triad(result)), "basic"
-    return _short(_of_classes(result), _rest(result.classes)), "needed-terms"
+    needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
+    said = _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
+    return _short(said, _rest(result.classes)), "needed-terms"
 
 
 def _short(sentences: Iterable[str], last: str = "") -> str:
@@ -152,11 +154,6 @@ def _short(sentences: Iterable[str], last: str = "") -> str:
             break
         said.append(one)
     return " ".join((*said, last)).rstrip()
-
-
-def _of_classes(result: LotResult) -> list[str]:
-    needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
-    return _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
 
 
 def _rest(classes: Sequence[ClassFound]) -> str:

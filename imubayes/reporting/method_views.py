@@ -8,11 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
-from imubayes.reporting.rounding import in_unit, minus, on_output, probable
+from imubayes.reporting.rounding import in_unit, minus, on_output
 from imubayes.reporting.rows import own_names, sentence
 from imubayes.reporting.words import models_text
 from imubayes.selection.verdicts import listed
@@ -127,20 +125,15 @@ def votes_title(votes: Votes, selection: Selection, names: Mapping[str, str]) ->
     common = int(((kept == count) & (count > 0) & clear).sum())
     split = [j for j in range(len(terms)) if clear[j] and 0 < kept[j] < count[j]]
     agreed = f"All {voters} methods keep {'' if split or not common else 'the same '}{_terms(common)}"
-    parts = [f"{agreed} in common" if split else agreed, *_dispute(split, terms, kept, count)]
+    parts = [f"{agreed} in common" if split else agreed]
+    if len(split) == 1:
+        parts.append(f"{kept[split[0]]:.0f} of {count[split[0]]} keep {terms[split[0]]}")
+    elif split:
+        few = listed(terms[j] for j in split) if len(split) <= FEW else f"{len(split)} others"
+        parts.append(f"they differ on {few}")
     if not clear.all():
         parts.append(f"the test cannot tell {(~clear).sum()} more")
     return "; ".join(parts)
-
-
-def _dispute(
-    split: Sequence[int], terms: Sequence[str], kept: FloatArray, count: NDArray[np.int64]
-) -> Iterator[str]:
-    if len(split) == 1:
-        yield f"{kept[split[0]]:.0f} of {count[split[0]]} keep {terms[split[0]]}"
-    elif split:
-        few = listed(terms[j] for j in split) if len(split) <= FEW else f"{len(split)} others"
-        yield f"they differ on {few}"
 
 
 def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...]:
@@ -239,14 +232,6 @@ def reduced_sentence(reduced: Reduced, kind: Kind) -> str:
     return (
         f"{count} the test as well as the whole posterior: {listed(reduced.terms)} {together} {lost} rms, "
         f"of {budget} that the posterior itself leaves open."
-    )
-
-
-def group_sentences(selection: Selection) -> tuple[str, ...]:
-    """Say of each group of inseparable terms how probable it is that at least one of them is there."""
-    return tuple(
-        f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
-        for terms, chance in dict.fromkeys(selection.groups)
     )
 
 

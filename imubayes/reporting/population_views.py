@@ -89,11 +89,6 @@ def class_sentences(found: ClassInCommon) -> tuple[str, ...]:
     )
 
 
-def class_answer(found: ClassInCommon) -> str:
-    """What the top of the page says: what the class needs, and what changes between sessions."""
-    return " ".join((_opening(found), *_needs(found), *_turn_on(found)))
-
-
 def _opening(found: ClassInCommon) -> str:
     units, sessions = len(found.units), [name for name in found.sessions if name]
     over = f", in {len(sessions)} sessions" if len(sessions) > 1 else ""
@@ -224,8 +219,8 @@ def class_title(found: ClassInCommon) -> str:
 
 
 def class_words(found: ClassInCommon) -> str:
-    """Answer for the top of the page."""
-    return _signs(class_answer(found))
+    """Answer for the top of the page: what the class needs, and what changes between sessions."""
+    return _signs(" ".join((_opening(found), *_needs(found), *_turn_on(found))))
 
 
 def class_section(found: ClassInCommon, k: int) -> Section:

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.summary import RunSummary
     from imubayes.population.classes import ClassInCommon, TermInClass
-    from imubayes.population.sessions import Repeatability
     from imubayes.reporting.result import Moments
     from imubayes.selection.panel import Panel
 
@@ -67,7 +66,7 @@ def published_result(result: StudyResult) -> SensorsResult:
         study=study.title,
         sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
         scenes=tuple(published_scene(found, sensor) for sensor, found in result.scenes),
-        sessions=tuple(map(_sessions, result.sessions)),
+        sessions=tuple(published(Sessions, one, printed_unit=one.printed) for one in result.sessions),
         population=tuple(map(_population, result.classes)),
         cases=tuple(published_cases(result)),
         provenance=provenance(study.path, study.text, command(study)),
@@ -306,10 +305,6 @@ def _extra(entry: ExtraPosterior) -> Extra:
         confounded_with=entry.partners,
         printed_unit=entry.extra.printed,
     )
-
-
-def _sessions(found: Repeatability) -> Sessions:
-    return published(Sessions, found, printed_unit=found.printed)
 
 
 def _population(found: ClassInCommon) -> Population:

@@ -137,15 +137,12 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
     rounded = measured(value, 0.5 * (high - low))
     power = f"e{rounded.exponent}" if rounded.exponent else ""
     sd = rounded.sd or rounded.value.lstrip("-")
+    decimals = len(sd.partition(".")[2]) or min(2 - len(sd), 0)  # down to the second digit of the sd
     middle, *ends = (
-        f"{_as_fine(x * 10.0**-rounded.exponent, sd)}{power}".replace("-", "−", x < 0.0)
+        f"{_fixed(x * 10.0**-rounded.exponent, decimals)}{power}".replace("-", "−", x < 0.0)
         for x in (value, low, high)
     )
     return f"{middle} ({ends[0]} to {ends[1]}) {pretty(unit)}".rstrip()
-
-
-def _as_fine(value: float, sd: str) -> str:
-    return _fixed(value, len(sd.partition(".")[2]) or min(2 - len(sd), 0))
 
 
 def percent(share: float) -> str:

@@ -173,12 +173,9 @@ def _idle(found: Relevance) -> str:
     most = max(idle, key=lambda term: term.share[2])
     verb, takes = ("is", "takes") if len(idle) == 1 else ("are", "each take")
     names = _named(term.name for term in idle)
-    return f"{names} {verb} there and {takes} {_at_most(most)} of the budget."
-
-
-def _at_most(term: TermRelevance) -> str:
-    text = share(term.share[2])
-    return text if text.startswith("below") else f"up to {text}"
+    text = share(most.share[2])
+    text = text if text.startswith("below") else f"up to {text}"
+    return f"{names} {verb} there and {takes} {text} of the budget."
 
 
 def _open(found: Relevance) -> str:

@@ -29,7 +29,7 @@ from imubayes.study.scenes import component_library
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult, SensorSpec, Study
+    from imubayes.campaign.study import SensorResult, Study
     from imubayes.sensors.terms import Library
 
 
@@ -42,7 +42,8 @@ def standards(study: Study, sensor: SensorResult) -> dict[str, Standard]:
     """
     if sensor.correlation is None:
         return {}
-    spec = _spec_of(study, sensor)
+    by_id = {spec.id: spec for spec in study.sensors}
+    spec = by_id.get(sensor.id) or by_id[sensor.id.rpartition(".")[0]]
     technology = spec.sensor_class.technology if spec.sensor_class else ""
     lib = component_library(spec, sensor)
     return {name: _in_symbols(name, lib, sensor) for name in standards_for(sensor.kind, technology)}
@@ -90,11 +91,6 @@ def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:
             f" {size} rms, the values above take over as well as they can, by least squares over"
             f" {minus(pretty(absorbed['inputs']))}: {left} rms are left."
         )
-
-
-def _spec_of(study: Study, sensor: SensorResult) -> SensorSpec:
-    by_id = {spec.id: spec for spec in study.sensors}
-    return by_id.get(sensor.id) or by_id[sensor.id.rpartition(".")[0]]
 
 
 def _in_symbols(name: str, lib: Library, sensor: SensorResult) -> Standard:
@@ -148,7 +144,8 @@ def _projected(
     excited = [k for k in outside if driven[k]]
     if not excited:
         return move, None
-    sizes = [float(np.linalg.norm(X @ v) / np.sqrt(f.n)) for v in (_only(mean, outside), mean - move @ mean)]
+    alone = np.where(np.isin(np.arange(len(mean)), outside), mean, 0.0)
+    sizes = [float(np.linalg.norm(X @ v) / np.sqrt(f.n)) for v in (alone, mean - move @ mean)]
     return move, AbsorbedTerms(
         terms=tuple(lib.names[k] for k in excited),
         inputs=_over(sensor, lib, f.n),
@@ -156,10 +153,6 @@ def _projected(
         left=sizes[1],
         printed_unit=OUTPUT_UNIT[lib.kind],
     )
-
-
-def _only(values: np.ndarray, where: list[int]) -> np.ndarray:
-    return np.where(np.isin(np.arange(len(values)), where), values, 0.0)
 
 
 def _over(sensor: SensorResult, lib: Library, samples: int) -> str:

@@ -104,59 +104,52 @@ def terminal_summary(result: StudyResult) -> Group:
 
 
 def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
+    how = sensor.method
+    if sensor.chains is not None:
+        found = sensor.chains.diagnostics
+        how = f"{sensor.chains.sampler}, ESS {found.ess.min():,.0f}, R-hat {found.rhat.max():.3f}"
+    data = (
+        f"{counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
+        f" {how}, {weighed_text(sensor.selection.models)}, {sensor.seconds:.1f} s"
+    )
     yield Text(printable(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
-    yield indented(_data_line(sensor), "dim")
-    for text in (method_sentence(sensor), *choice_sentences(sensor.choice)):
-        if text:
-            yield indented(text, "dim")
+    first = (data, method_sentence(sensor), *choice_sentences(sensor.choice))
+    yield from (indented(text, "dim") for text in first if text)
     yield _term_table(sensor)
-    for warning in (unconverged_sentence(sensor), strain_sentence(sensor)):
-        if warning:
-            yield indented(warning, "bold red")
-    if temperature := temperature_sentence(sensor):
-        yield indented(temperature.replace("µ", "u").replace("−", "-"))  # as the table beside it
-    if bias := bias_sentence(sensor):
-        yield indented(bias)
-    if exports := export_sentence(sensor):
-        yield indented(exports)
-    yield from map(indented, sensor_groups(sensor, own_groups(sensor.selection), numbered=True))
-    if distrusted := distrust_sentence(sensor):
-        yield indented(distrusted)
-    if sensor.panel:
-        yield from map(indented, unasked_sentences(sensor.panel.unasked))
-    yield from map(indented, faults((run.name, run.procedure, run.source) for run in sensor.runs))
+    warnings = (unconverged_sentence(sensor), strain_sentence(sensor))
+    yield from (indented(text, "bold red") for text in warnings if text)
+    told = (
+        temperature_sentence(sensor).replace("µ", "u").replace("−", "-"),  # as the table beside it
+        bias_sentence(sensor),
+        export_sentence(sensor),
+        *sensor_groups(sensor, own_groups(sensor.selection), numbered=True),
+        distrust_sentence(sensor),
+        *(unasked_sentences(sensor.panel.unasked) if sensor.panel else ()),
+        *faults((run.name, run.procedure, run.source) for run in sensor.runs),
+        *_noise(sensor),
+        *(
+            f"{run.name}: {note}"
+            for run in sensor.runs
+            for note in run.source.notes
+            if MEANS in note or ABSENT in note
+        ),
+    )
+    yield from (indented(text) for text in told if text)
+    yield indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
+    yield Text()
+
+
+def _noise(sensor: SensorResult) -> Iterator[str]:
     # one value each: what is estimated apart from the processes of a run would be a second one
     told_below = () if sensor.chains else {found.choice.run for found in sensor.processes}
     for run in (run for run in sensor.runs[:MOST_RUNS] if run.name not in told_below):
         cells = zip("NBK", noise_cells(run, sensor.kind, sensor.chains), strict=True)
         told = ", ".join(f"{name} {'below ' if limit else ''}{cell}" for name, (cell, limit) in cells)
-        yield indented(f"noise, {run.name}: {told} ({noise_origin(run, sensor.chains)})")
+        yield f"noise, {run.name}: {told} ({noise_origin(run, sensor.chains)})"
     if len(sensor.runs) > MOST_RUNS:
-        yield indented(f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report")
+        yield f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report"
     for found in sensor.processes[:MOST_RUNS]:
-        yield indented(f"{found.choice.run}: {process_sentence(found.choice, sensor)}")
-    yield from (
-        indented(f"{run.name}: {note}")
-        for run in sensor.runs
-        for note in run.source.notes
-        if MEANS in note or ABSENT in note
-    )
-    yield indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
-    yield Text()
-
-
-def _data_line(sensor: SensorResult) -> str:
-    runs = counted(len(sensor.runs), "run")
-    how = f"{_how(sensor)}, {weighed_text(sensor.selection.models)}"
-    return f"{counted(sensor.samples, 'sample')} in {runs}; {how}, {sensor.seconds:.1f} s"
-
-
-def _how(sensor: SensorResult) -> str:
-    """Name the method; of chains with the diagnostics that say whether to trust them."""
-    if sensor.chains is None:
-        return sensor.method
-    found = sensor.chains.diagnostics
-    return f"{sensor.chains.sampler}, ESS {found.ess.min():,.0f}, R-hat {found.rhat.max():.3f}"
+        yield f"{found.choice.run}: {process_sentence(found.choice, sensor)}"
 
 
 def _term_table(sensor: SensorResult) -> Table:

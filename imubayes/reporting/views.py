@@ -34,13 +34,14 @@ from imubayes.reporting.chain_views import (
     unconverged_sentence,
 )
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
-from imubayes.reporting.method_views import group_sentences, methods_sections
+from imubayes.reporting.method_views import methods_sections
 from imubayes.reporting.noise_views import noise_blocks
 from imubayes.reporting.posterior import written_draws
 from imubayes.reporting.rounding import (
     in_unit,
     minus,
     pretty,
+    probable,
     superscript,
 )
 from imubayes.reporting.rows import (
@@ -55,6 +56,7 @@ from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standards
 from imubayes.reporting.words import answer as sensor_words
 from imubayes.reporting.words import averaged_text, sensor_groups, weighed_text
+from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
@@ -264,27 +266,32 @@ def _compensation(sensor: SensorResult) -> Section:
 
 def _open(one: Shown) -> Iterator[Block]:
     sensor = one.sensor
-    confounded, reasons = sensor_groups(sensor, own_groups(sensor.selection)), list(_reasons(sensor))
+    confounded = sensor_groups(sensor, own_groups(sensor.selection))
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for word in ("undecided", "unresolved", "untested"):  # the groups say it better for what is inseparable
+        for term in sensor.selection.terms:
+            if term.verdict == word:
+                reasons.setdefault((word, term.reason), []).append(term.name)
     if not confounded and not reasons:
         yield Prose("Every term has its yes or no.")
     told = Markup("{}: <strong>{}</strong>. {}")
-    words = [told.format(verdict(word).page, ", ".join(names), reason) for word, reason, names in reasons]
+    words = [
+        told.format(verdict(word).page, ", ".join(names), reason) for (word, reason), names in reasons.items()
+    ]
     yield Prose(confounded, "list")
     yield Prose(words, "list")
-    yield Prose(group_sentences(sensor.selection), "list")
+    yield Prose(
+        [
+            f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
+            for terms, chance in dict.fromkeys(sensor.selection.groups)
+        ],
+        "list",
+    )
     yield from bench_sections(sensor)
 
 
 def _decimals(texts: list[str]) -> int:
     return max((len(text.partition(".")[2]) for text in texts), default=0)
-
-
-def _reasons(sensor: SensorResult) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    # the groups say it better for what is inseparable
-    for word in ("undecided", "unresolved", "untested"):
-        having = [term for term in sensor.selection.terms if term.verdict == word]
-        for reason in dict.fromkeys(term.reason for term in having):
-            yield word, reason, tuple(term.name for term in having if term.reason == reason)
 
 
 def _fit(one: Shown) -> Iterator[Block]:

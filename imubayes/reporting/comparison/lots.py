@@ -215,9 +215,17 @@ def lots_page(found: Comparison) -> Page:
 
 def _section(one: Group, whole: bool) -> Section:
     terms = entry_rows(one.labels, one.terms.values(), whole=whole)
+    orders = [  # numbers of terms: needed, and of the smallest model of each scene
+        Row(
+            ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
+            brief=group is one,
+        )
+        for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes))
+        for k, (label, member) in enumerate(zip(one.labels, group.members, strict=True))
+    ]
     blocks = (
         Prose(" ".join(_sentences(one))),
-        titled("Model order", one.name, ORDER_HEAD, _order_rows(one), "ttt"),
+        titled("Model order", one.name, ORDER_HEAD, orders, "ttt"),
         titled("The population", one.name, HEAD, terms, "tttffn"),
         *(_scene_section(scene, one) for scene in one.scenes),
     )
@@ -236,14 +244,6 @@ def _sentences(one: Group) -> Iterator[str]:
             where = f"In the scene {scene_name(scene.name)} the smallest models of most units have"
             yield f"{where} {listed(other)} in one result and not in all."
     yield from incomplete(one, len(one.labels))
-
-
-def _order_rows(one: Group) -> Iterator[Row]:
-    """Numbers of terms: needed, and of the smallest model of each scene."""
-    for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes)):
-        for k, (label, member) in enumerate(zip(one.labels, group.members, strict=True)):
-            order = amid(Share(**member["order"])) if member else "not there"
-            yield Row(("" if k else name, label, order), brief=name == "needed")
 
 
 def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:

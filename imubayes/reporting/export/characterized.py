@@ -404,7 +404,12 @@ def _walks(found: Characterized) -> bool:
 def _model_words(found: Characterized) -> str:
     chosen = {place: _compensation(part.sensor, found.model) for place, part in found.parts.items()}
     if any(chosen.values()):
-        told = "; ".join(f"{place} {_chosen_words(one)}" for place, one in chosen.items() if one)
+        told = "; ".join(
+            f"{place} {one['model']} ({', '.join(one['terms'])}), {one['held_out']:.3g} over"
+            f" {one['positions']} positions"
+            for place, one in chosen.items()
+            if one
+        )
         return (
             f"of each component the model {found.model}, and the rms error of what was left out, SI: {told}"
         )
@@ -416,11 +421,6 @@ def _model_words(found: Characterized) -> str:
     return (
         f"the terms that the scene {found.model} requires; rms of what is left out, SI: {left or 'not known'}"
     )
-
-
-def _chosen_words(one: Exportable) -> str:
-    error = f"{one['held_out']:.3g} over {one['positions']} positions"
-    return f"{one['model']} ({', '.join(one['terms'])}), {error}"
 
 
 def _valid_words(found: Characterized) -> str:

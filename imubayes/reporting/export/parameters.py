@@ -123,17 +123,10 @@ DEGREES_AN_HOUR = math.degrees(3600.0)
 def json_files(found: Characterized) -> dict[str, str]:
     """Texts by file name: the model as JSON, and a module that defines gnss-ins-sim's ``imu_err``."""
     name = identifier(found)
+    parts = {place: _part_record(place, part) for place, part in found.parts.items()}
     return {
-        f"{name}_model.json": json_text(model_record(found)),
+        f"{name}_model.json": json_text({"provenance": provenance(found), "components": parts}),
         f"{name}_gnss_ins_sim.py": _gnss_ins_sim(found),
-    }
-
-
-def model_record(found: Characterized) -> dict[str, Any]:
-    """Everything that a simulator needs, as plain values, SI."""
-    return {
-        "provenance": provenance(found),
-        "components": {place: _part_record(place, part) for place, part in found.parts.items()},
     }
 
 
