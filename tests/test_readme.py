@@ -29,8 +29,8 @@ from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
 from imubayes.study.schema import (
-    described,
     read_study,
+    reading,
     tables,
 )
 from imubayes.units import factor, quantity
@@ -43,7 +43,7 @@ SHIPPED = [study for study in sorted((ROOT / "studies").glob("*.toml")) if study
 
 
 def tables_of_keys() -> dict[str, str]:
-    return dict(update_study.keyed(described.study_schema()["$defs"]))
+    return dict(update_study.keyed(reading.study_schema()["$defs"]))
 
 
 def _between(name: str) -> str:
@@ -155,7 +155,7 @@ def test_every_table_of_a_study_has_its_section():
 def test_usual_value_of_an_option_reads_back_to_that_of_the_profile(profile):
     parameters = inspect.signature(PROFILES[profile]).parameters
     shape = tables.SIMULATED[profile]
-    stated = described.study_schema()["$defs"][shape.__name__]["properties"]
+    stated = reading.study_schema()["$defs"][shape.__name__]["properties"]
     for key, one in stated.items():
         if "default" in one:
             values = {k: v["examples"][0] for k, v in stated.items()} | {key: one["default"]}
@@ -181,7 +181,7 @@ def _quantity_of(like: str) -> Callable[[Any], bool]:
     return check
 
 
-SCHEMA = described.study_schema()
+SCHEMA = reading.study_schema()
 QUANTITIES = jsonschema.FormatChecker(())
 for form in set(re.findall(r"quantity \(.*?\)(?=')", str(SCHEMA))):
     QUANTITIES.checks(form, raises=UnitError)(_quantity_of(form[len("quantity (") : -1]))
@@ -193,7 +193,7 @@ def test_documented_examples_of_a_tables_keys_are_what_these_may_be(name):
     examples = {key: one["examples"][0] for key, one in keys.items() if "examples" in one}
     schema = {"$defs": SCHEMA["$defs"], "$ref": f"#/$defs/{name}"}
     jsonschema.Draft202012Validator(schema, format_checker=QUANTITIES).validate(examples)
-    described.SHAPES[name](**examples)
+    reading.SHAPES[name](**examples)
 
 
 def test_a_quantity_of_something_else_is_no_example():

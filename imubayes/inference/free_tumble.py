@@ -60,16 +60,15 @@ from imubayes.inference.stills import (
     left_by,
     lengths_of,
     means_of,
-    rates_of,
     rows_of,
     samples_in,
+    shifts_of,
     times_of,
 )
 from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, Run
-from imubayes.rig.reference import EARTH
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import STANDARD_GRAVITY, counted
 
@@ -93,7 +92,7 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
     ----------
     runs : of one triad.
     asked : of its components.
-    extras : errors of local gravity, or of the rate of a table, that are allowed for (see `_moved`).
+    extras : errors of local gravity, or of the rate of a table, that are allowed for (see `shifts_of`).
 
     Raises
     ------
@@ -227,7 +226,7 @@ def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] 
     w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
     X = np.hstack([w[:, [c]] * phi for c, phi in enumerate(triad.regressors(f))])
     base = length - known + X @ triad.theta
-    X = np.hstack((X, _moved(run, stills, extras)))
+    X = np.hstack((X, shifts_of(run, stills, extras)))
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -239,15 +238,6 @@ def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] 
         columns=lambda start, stop: X[still[start:stop]],
         axes=w[still],
     )
-
-
-def _moved(run: Run, stills: Stills, extras: tuple[Extra, ...]) -> FloatArray:
-    """What a unit of each error adds to the length of the input in each still: (k, e)."""
-    if not run.sections:  # gravity: every length is off by as much
-        return np.ones((len(stills), len(extras)))
-    rate = rates_of(run, stills)
-    by_kind = {EARTH: np.sign(rate), "rate_scale": np.abs(rate)}
-    return np.array([by_kind[extra.kind] for extra in extras]).reshape(-1, len(rate)).T
 
 
 def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], found: NoiseEstimate) -> Told:

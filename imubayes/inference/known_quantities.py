@@ -22,7 +22,7 @@ from imubayes.algebra.factor import posterior_root
 from imubayes.inference.between_stills import TURNS, closures, directions, lasting
 from imubayes.inference.case import Case
 from imubayes.inference.linear import Linear, Rows
-from imubayes.inference.stills import Stills, find_stills, lengths_of, means_of, times_of
+from imubayes.inference.stills import Stills, find_stills, lengths_of, means_of, shifts_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.inference.whiten import marginal_variance
 from imubayes.rig.inputs import Run, Section
@@ -123,6 +123,12 @@ class _Judge:
     case: Case
     root: FloatArray
 
+    def known(self, run: Run, stills: Stills) -> FloatArray:
+        """Length (k, 1) of what is sensed in each still, with the errors of what it was said to be, SI."""
+        extras = self.case.summary.extras
+        errors = self.case.theta[len(self.case.theta) - len(extras) :]
+        return (lengths_of(run, stills) + shifts_of(run, stills, extras) @ errors)[:, None]
+
     def spread(self, part: str, times: Times) -> Spread:
         """Sds (k,) of the mean of a part's rows over spans of time."""
         rows, X, taken = self._means(part, times)
@@ -164,8 +170,8 @@ def _mean(rows: Linear, values: FloatArray, inside: Sequence[NDArray[np.intp]]) 
 def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
     """Stills of a free tumble, and the turns between them, or sections at a known rate."""
     stills = find_stills(run)
-    times = times_of(run, stills)
-    values = [_tumbled(run, stills, those) for those in triads]
+    times, known = times_of(run, stills), judge.known(run, stills)
+    values = [_tumbled(run, stills, those, known) for those in triads]
     spreads = [_column(judge.spread(run.name, times))]
     if not run.force.size:
         return _collected(run.name, ("rate",), values, spreads)
@@ -178,14 +184,11 @@ def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -
     return _collected(run.name, ("gravity", "rest", "closure"), values, spreads)
 
 
-def _tumbled(run: Run, stills: Stills, triads: Triads) -> list[FloatArray]:
-    """Errors of gravity, or of a table's rate (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
-    if not run.force.size:
-        w = triads[0].compensate(means_of(run, run.rate, stills))
-        return [_length(w, lengths_of(run, stills)[:, None])]
-    f = triads[0].compensate(means_of(run, run.force, stills))
-    found = [_length(f, run.gravity)]
-    if run.rate.size:
+def _tumbled(run: Run, stills: Stills, triads: Triads, known: FloatArray) -> list[FloatArray]:
+    """Errors of lengths that are known (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
+    f = triads[0].compensate(means_of(run, run.triad(triads[0].kind), stills))
+    found = [_length(f, known)]
+    if run.force.size and run.rate.size:
         rate = means_of(run, run.rate, stills)
         seen = directions(triads[0], run, stills)
         found += [triads[1].compensate(rate, f), closures(seen, triads[1])]

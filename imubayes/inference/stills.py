@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
-from imubayes.inference.linear import BLOCKS, Linear
+from imubayes.inference.linear import BLOCKS, Extra, Linear
 from imubayes.rig.checks import stretches_of
 from imubayes.rig.inputs import Inputs, Part, Run, durations
+from imubayes.rig.reference import EARTH
 from imubayes.rig.stream_survey import averaged_parts
 
 Stills = tuple[tuple[int, int], ...]
@@ -264,14 +265,23 @@ def means_of(run: Run, values: FloatArray, stills: Stills) -> FloatArray:
     return np.array([np.average(values[a:b], axis=0, weights=weights[a:b]) for a, b in stills])
 
 
-def rates_of(run: Run, stills: Stills) -> FloatArray:
+def _rates(run: Run, stills: Stills) -> FloatArray:
     """Rate (k,) of the table in each of the stills of gyroscopes alone, rad/s: its sign is the sense."""
     return np.array([next(s.rate for s in run.sections if s.start <= a < s.stop) for a, _ in stills])
 
 
 def lengths_of(run: Run, stills: Stills) -> FloatArray:
     """Length (k,) of what a triad senses in each still, where that is all that is known of it, SI."""
-    return np.abs(rates_of(run, stills)) if run.sections else np.full(len(stills), run.gravity)
+    return np.abs(_rates(run, stills)) if run.sections else np.full(len(stills), run.gravity)
+
+
+def shifts_of(run: Run, stills: Stills, extras: tuple[Extra, ...]) -> FloatArray:
+    """What a unit of each error adds to the length of the input in each still: (k, e)."""
+    if not run.sections:  # gravity: every length is off by as much
+        return np.ones((len(stills), len(extras)))
+    rate = _rates(run, stills)
+    by_kind = {EARTH: np.sign(rate), "rate_scale": np.abs(rate)}
+    return np.array([by_kind[extra.kind] for extra in extras]).reshape(-1, len(rate)).T
 
 
 def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:

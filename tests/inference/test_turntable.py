@@ -13,6 +13,7 @@ from imubayes.errors import DataError, UnobservableError
 from imubayes.inference.case import Asked
 from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.free_tumble import solve_free_tumble
+from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
@@ -103,6 +104,16 @@ def test_the_earth_adds_to_one_sense_and_takes_from_the_other():
     _, plain, narrow = solved(run, extras=(), noise=quiet)
     assert np.abs((mean[:9] - theta) / sd[:9]).max() < 4.0
     assert np.abs((plain - theta) / narrow).max() > 8.0
+
+
+def test_lengths_are_recovered_with_the_earth_in_them():
+    run, _ = turned(3, dwells=48, earth=7.292115e-5)
+    case, *_ = solved(run)
+    (found,) = recover(case, [run], np.append(WIDE, EARTH.sd), case.triads[0].theta)
+    assert (found.what, len(found.after)) == ("rate", 48)
+    # 38 degrees of freedom
+    assert np.mean((found.after / found.fitted) ** 2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 38.0))
+    assert np.abs(found.before).max() > 20.0 * found.fresh.max()
 
 
 def test_noise_is_estimated_from_the_sections():
