@@ -19,7 +19,6 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import condensed, find_stills
 from imubayes.inference.triad import calibration, triad_of
 from imubayes.rig.inputs import Inputs, Run
-from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library, library
@@ -125,16 +124,6 @@ def test_scale_and_misalignment_are_known_to_what_the_noise_over_the_turns_leave
     ]
     of_one = hands.NOISES[1].N * np.sqrt(hands.TURN + 1.0) / 2.0
     assert of_one / np.sqrt(23.0) < min(of_scale) and max(of_scale) < 2.0 * of_one
-
-
-def test_needed_terms_are_told_from_those_that_are_zero():
-    case, _, _ = solved(simulated(1))
-    prior = ScalePrior([*asked(OF_FORCE).prior.sd, *asked(OF_RATE).prior.sd])
-    (gx,) = (one for one in case.components if one.name == "gx")
-    chosen = select(replace(case.summary, facts=gx.facts), prior, gx.library, component="gx")
-    verdicts = {term.name: term.verdict for term in chosen.terms}
-    assert all(verdicts[name] == "needed" for name in (*LINEAR, "g_k"))
-    assert all(verdicts[name] != "needed" for name in ("b2", "g_i", "g_j"))
 
 
 def test_error_of_gravity_is_no_error_of_the_gyroscopes():

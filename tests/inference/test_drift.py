@@ -77,13 +77,6 @@ def test_the_mean_over_the_record_is_known_better_than_its_ends_and_covers_the_t
     assert np.all(np.abs(np.std(pulls, axis=0) - 1.0) < 4.0 / np.sqrt(80.0))
 
 
-def test_a_walk_that_does_not_count_leaves_b0_as_it_is():
-    run, *_ = tumbled(1)
-    rows = linear_of(run, LIB)
-    still = summarize([run], LIB, rules={"tumble": NoiseRule("fixed", Noise(2e-3, 0.0, 1e-7))}, rows=[rows])
-    assert drift_of(still, [rows], SD, "b0") is None
-
-
 def test_a_warm_up_strays_farther_than_any_walk_and_a_walk_does_not():
     for seed in range(40):
         run, *_ = tumbled(seed)

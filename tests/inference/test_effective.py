@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.linalg import inv, solve
 
-from imubayes.algebra.factor import add, reorder
+from imubayes.algebra.factor import add
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.whiten import effective_samples, marginal_variance, samples_of, whiten
 from imubayes.inference.whitened import whitened_factor
@@ -55,16 +55,6 @@ def test_marginal_variance_is_the_diagonal_of_the_covariance_that_whitens():
     # whitening the identity gives the inverse of the covariance's root
     lower = inv(whiten(NOISE, rows, np.eye(5))[0])
     assert marginal_variance(NOISE, rows) == pytest.approx(np.sum(lower**2, axis=1), rel=1e-10)
-
-
-def test_slow_noise_leaves_fewer_samples_to_a_constant_than_to_a_column_that_alternates():
-    n = 400
-    rows = _rows(n, np.where(np.arange(n) % 2, 1.0, -1.0))
-    f = whitened_factor(rows, NOISE)[0]
-    constant, alternating = (effective_samples(reorder(f, (name,)), [rows], [NOISE]) for name in ("b0", "b1"))
-    assert constant < 0.1 * n
-    assert alternating == n
-    assert effective_samples(f, [rows], [NOISE]) == pytest.approx(np.sqrt(constant * alternating), rel=1e-12)
 
 
 def test_samples_of_two_like_runs_are_twice_those_of_one():

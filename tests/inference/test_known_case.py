@@ -153,17 +153,6 @@ def test_units_and_benches_drawn_from_the_priors_are_as_far_off_as_the_posterior
     assert np.mean(distances) == pytest.approx(1.0, abs=4.0 * math.sqrt(2.0 / freedom))
 
 
-def test_one_error_of_the_bench_is_one_column_for_all_six():
-    runs, _ = simulated(1)
-    wanted = asked(rules=given(), reference={"gravity": 1e-5, "fixture": 1e-4, "turn_on": 1e-3})
-    names = [extra.name for extra in solve_known_case(runs, *wanted, blind=True).summary.extras]
-    tumbled, mounts = 3, 9
-    assert names.count("gravity") == 1
-    assert sum(name.startswith("fixture_") for name in names) == 3 * (tumbled + mounts)
-    assert sum(name.startswith("turn_on.") for name in names) == 2 * len(COMPONENTS)
-    assert sum(name.startswith("tilt_") for name in names) == 2 * len(COMPONENTS)
-
-
 def test_a_rotation_in_the_fixture_moves_the_six_components_as_one_vector():
     """Linearised column of the case against finite rotation of all inputs, by Rodrigues in another frame."""
     rho = np.array([2e-4, -3e-4, 1e-4])

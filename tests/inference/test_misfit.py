@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 import imubayes as ib
-from imubayes.inference.free_functions import HYSTERESIS
 from imubayes.inference.linear import linear_of
 from imubayes.inference.misfit import find_misfit
 from imubayes.inference.prior import class_sd
@@ -180,14 +179,3 @@ def test_false_alarms_are_no_more_than_one_sensor_in_a_hundred():
     alarms = sum(bool(well_specified(seed).found) for seed in range(number))
     expected = SUSPECT * number
     assert alarms <= expected + 4.0 * np.sqrt(expected)
-
-
-def test_every_input_that_varies_is_looked_at_once():
-    misfit = lacking({"b0": 0.01}, CHAMBER, ib.library("accelerometer", temperature=1))
-    looked = [d.input for d in misfit.dependences if d.run == "thermal"]
-    assert sorted(looked) == sorted({*looked})
-    assert {"T", "dT", "t", f"{HYSTERESIS}T"} <= set(looked)
-    for d in misfit.dependences:
-        assert len(d.x) == len(d.mean) == len(d.sd) == len(d.branch)
-        assert 0.0 <= d.p <= 1.0 and 0.0 <= d.share <= 1.0 and (d.sd > 0.0).all()
-        assert d.branch.any() == d.input.startswith(HYSTERESIS)

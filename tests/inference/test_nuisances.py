@@ -41,18 +41,6 @@ def pulls(summary: Summary, prior_sd: np.ndarray, values) -> np.ndarray:
     return (mean - np.array([values.get(name, 0.0) for name in summary.names])) / spread
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_errors_of_the_bench_bias_a_fit_that_ignores_them_and_not_one_that_allows_for_them(seed):
-    errors = {"radius": 300e-6, "table_zero": 10.0 * ARCSEC}
-    rng = np.random.default_rng(seed)
-    truth = draw_unit(SERVO, LIB, rng)
-    runs, sd = measured(SERVO, PLANS, truth, errors, rng), class_sd(SERVO, LIB)
-    ignored = pulls(summarize(runs, LIB, sensor=SERVO), sd, truth)
-    assert np.abs(ignored).max() > 10.0
-    allowed, _ = solve(runs, LIB, sd, errors, sensor=SERVO)
-    assert np.abs(pulls(allowed, sd, {**truth, **errors})).max() < STANDARD_ERRORS
-
-
 def test_a_latency_of_a_swinging_table_is_found():
     sensor, lib = ib.sensor("mems_tactical", kind="gyroscope"), ib.library("gyroscope")
     t = np.arange(6000) / 100.0

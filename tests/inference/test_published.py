@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 
 import pytest
-from published import ROOT, csv_text, imu_tk_rows, imucal_rows
+
+from studies.published import ROOT, csv_text, imu_tk_rows, imucal_rows
 
 ROWS = {"imu_tk_xsens": imu_tk_rows, "imucal_ferraris": imucal_rows}
 WRITE = os.environ.get("IMUBAYES_TABLES")

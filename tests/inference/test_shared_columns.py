@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imubayes.algebra.factor import posterior, with_prior_rows
-from imubayes.inference.linear import Linear, linear_of
+from imubayes.inference.linear import linear_of
 from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Inputs, Run
@@ -48,11 +48,3 @@ def test_factor_of_a_component_is_that_of_its_own_rows(run, noise):
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
         left = [with_prior_rows(one.R, 1.0 / sd)[-1, -1] for one in (shared, alone)]
         assert abs(left[0]) == pytest.approx(abs(left[1]), rel=1e-10)
-
-
-def test_columns_are_those_of_the_library(run):
-    together = shared_rows([run], LIBRARIES)
-    for name in COMPONENTS:
-        own: Linear = linear_of(run.component(name), LIBRARIES[name])
-        np.testing.assert_allclose(together[name][0].columns(7, 90), own.columns(7, 90), rtol=1e-14)
-        np.testing.assert_array_equal(together[name][0].y, own.y)

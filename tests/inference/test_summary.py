@@ -90,15 +90,6 @@ def test_the_origin_of_time_does_not_matter(origin):
     assert other.log_det == pytest.approx(one.log_det, rel=1e-9)
 
 
-@given(st.floats(-6.0, 6.0))
-def test_the_unit_of_the_noise_scales_the_factor(exponent):
-    unit, run = 10.0**exponent, _run("a", 40, 6)
-    one = summarize([run], LIB, rules=_given("a")).factor
-    other = summarize([run], LIB, rules=_given("a", noise=Noise(NOISE.N * unit, 0.0, NOISE.K * unit))).factor
-    np.testing.assert_allclose(other.R * unit, one.R, rtol=0.0, atol=1e-12 * np.abs(one.R).max())
-    assert other.log_det == pytest.approx(one.log_det + 80.0 * math.log(unit), abs=1e-9)
-
-
 def test_white_noise_of_unknown_scale_is_ordinary_least_squares_with_unit_residuals():
     run = _run("a", 60, 7)
     found = summarize([run], LIB, rules={"a": NoiseRule("white")})

@@ -1,7 +1,5 @@
 """Linearised rows, held against the simulated output of a rig that has the errors."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from benches import QUIET, measured, nominal
@@ -161,16 +159,3 @@ def test_a_tilt_turns_what_the_coefficients_see_and_not_the_input():
             slope = part.columns(0, len(part))[:, column]
             np.testing.assert_allclose(slope, (up - down) / (2.0 * step), atol=1e-8)
             assert np.abs(slope).max() > 1e-4
-
-
-def test_long_runs_of_dwells_hold_one_row_for_each_input(monkeypatch):
-    lib = ib.library("accelerometer")
-    plan = ib.tumble(angles=24, dwell=10.0, rate=100.0)
-    runs = nominal([replace(plan, name="long")])
-    made = []
-    original = module.columns
-    monkeypatch.setattr(module, "columns", lambda lib, c, n: made.append(n) or original(lib, c, n))
-    extras = extras_for(runs, {"gravity": 1e-5})
-    (rows,) = rows_with(runs, lib, extras, np.zeros(len(lib.terms)), np.zeros(1))
-    assert rows.columns(0, len(rows)).shape == (72_000, len(lib.terms) + 1)
-    assert max(made) == 72

@@ -8,7 +8,6 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from imubayes.algebra.factor import invert_triangular
 from imubayes.errors import InputError
 from imubayes.planning.exchange import (
     _promised,
@@ -193,12 +192,6 @@ def test_even_plan_without_a_second_left_is_refused():
     problem = _problem([_menu(np.eye(2), handling=Handling(30.0))], "worst", 60.0)
     with pytest.raises(InputError, match="raise the time, or offer fewer settings"):
         even_plan(problem, 0)
-
-
-def test_a_whole_plan_is_the_prior_without_steps():
-    start = np.triu(np.random.default_rng(1).normal(size=(3, 3))) + 3.0 * np.eye(3)
-    problem = replace(_problem([_menu(np.eye(3))], "rms", 1.0), start=start)
-    assert worth(problem, ()) == pytest.approx(np.linalg.norm(invert_triangular(start)))
 
 
 def test_cost_of_an_addition_is_what_it_adds_to_the_time():

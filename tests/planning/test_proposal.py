@@ -11,7 +11,7 @@ import pytest
 from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.errors import InputError, StudyError
 from imubayes.planning.proposal import propose
-from imubayes.reporting.plan_page import inseparable, plan_answer, term_rows
+from imubayes.reporting.plan_page import inseparable, term_rows
 from imubayes.study.schema.reading import read_plan, read_study
 from imubayes.study.schema.recorded import write_planned
 
@@ -127,13 +127,6 @@ def test_plan_for_a_scene_leaves_less_open_there_than_others(tmp_path):
     found = propose(read_plan(_written(tmp_path, text)))
     other = propose(read_plan(_written(tmp_path, text.replace('aim = "scene"', 'aim = "D"'))))
     assert found.best.share <= min(other.best.share, found.even.share)
-
-
-def test_range_of_simulated_over_predicted_is_that_of_the_table(planned):
-    table = {name: float(cells[-1]) for name, *cells in term_rows(planned)}
-    ratios = [table[name] for name in planned.needed]
-    (said,) = [text for text in plan_answer(planned) if "simulated units" in text]
-    assert f" are {min(ratios):.2f} to {max(ratios):.2f} of what is predicted for the plan," in said
 
 
 def test_a_term_that_the_bench_hides_is_told_with_the_sd_of_the_table_and_not_as_unseen(planned):

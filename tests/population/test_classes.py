@@ -63,24 +63,6 @@ def paired(sensors, result):
     return [(spec, [one]) for spec, one in zip(sensors, result.sensors, strict=True)]
 
 
-def test_every_unit_and_session_stands_at_its_place(sensors, result):
-    (found,) = result.classes
-    assert (found.units, found.sessions, found.components) == (UNITS, SESSIONS, ("",))
-    for name in ("b0", "b1", "m_j"):
-        truth = np.array([spec.truth[name] for spec in sensors]).reshape(4, 2)
-        one = terms(found)[name]
-        assert np.all(np.abs(one.value - truth) < 4.0 * one.error), name
-
-
-def test_population_holds_what_the_units_were_made_with(result):
-    found = terms(result.classes[0])
-    assert found["b0"].spreads.common_share.low > 0.5
-    low, high = found["b0"].spreads.shift
-    assert high - low == pytest.approx(0.02, abs=4.0 * 1e-3 * math.sqrt(2.0 / 4.0))
-    b1 = found["b1"].spreads
-    assert b1.p_value > 0.01 and b1.turn_on.high < 0.5 * b1.unit.value
-
-
 def test_tests_between_sessions_share_one_level_in_a_class(result):
     found = result.classes[0]
     tested = [term.spreads for term in found.terms if not math.isnan(term.spreads.p_value)]

@@ -79,14 +79,6 @@ def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
     assert result.answer.terms == whole[1].answer.terms
 
 
-def test_without_resume_everything_is_done_again(whole, tmp_path):
-    measure(fleet(4), tmp_path, here())
-    jobs: list[int] = []
-    measure(fleet(2), tmp_path, here(jobs))
-    assert jobs == [1]
-    assert list(_times(tmp_path)) == ["part-00000.parquet"]
-
-
 def test_poisoned_file_costs_only_its_unit_and_is_read_when_it_is_mended(tmp_path):
     study, out = recorded(tmp_path), tmp_path / "out"
     file = tmp_path / "units" / "A4" / "tumble.csv"
@@ -186,12 +178,3 @@ def test_unit_that_ends_its_process_is_broken_and_its_neighbours_are_not(whole, 
     assert [(one.number, one.error) for one in result.answer.broken] == [(4, ENDED)]
     usual = _rows(whole[0])
     assert _rows(tmp_path).equals(usual.filter(np.array(usual.column("number")) != 4))
-
-
-def test_unit_that_is_a_part_of_its_own_is_not_tried_again(tmp_path):
-    def do(work, jobs):
-        return ((k, Lost() if k == 1 else work(*job)) for k, job in enumerate(jobs))
-
-    result = measure(fleet(3, part=1), tmp_path, Engine("made up", do))
-    assert [one.number for one in result.answer.broken] == [1]
-    assert result.answer.units == 2

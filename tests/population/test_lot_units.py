@@ -10,14 +10,13 @@ from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import Mission
 from imubayes.inference.intervals import Share
 from imubayes.inference.linear import linear_of
-from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.prior import class_sd
 from imubayes.population.lots import basic_left, check, exposures, lot_of, measure, missions, spec_of, unit_of
 from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
-from imubayes.selection.decision import LOOSE, loose_fit, select
+from imubayes.selection.decision import LOOSE, loose_fit
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns
@@ -42,13 +41,6 @@ def test_classes_are_what_their_units_say_one_by_one(found):
 def _scene(units, study):
     exposed = exposures(study.missions, study.library)
     return missions(units, study.missions, exposed, basic=study.basic)[0]
-
-
-@pytest.mark.slow
-def test_two_processes_find_what_one_does(found):
-    shared = measure(replace(found[0].study, processes=2))
-    assert shared.check == found[0].check
-    assert [one.terms for one in shared.classes] == [one.terms for one in found[0].classes]
 
 
 def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
@@ -167,13 +159,6 @@ def test_what_the_basic_triad_leaves_is_the_residual_of_least_squares_over_the_s
     assert basic_left(seen, theta[None]) == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)
 
 
-def test_the_basic_triad_serves_a_scene_at_rest_entirely():
-    """All that any term does at rest is a bias; scale and misalignment cannot be told from it."""
-    seen = exposure(shaken(still=True), LIB, Budget("output", 1.0), axis="z")
-    ones = np.ones(len(LIB.terms))
-    assert basic_left(seen, ones[None]) < 1e-12
-
-
 def test_what_the_test_does_not_know_of_the_triad_itself_is_not_held_against_it():
     """A bias known to 0.01 m/s^2 leaves nothing that the larger model would not; a b2 is its own."""
     seen = exposure(shaken(), LIB, Budget("output", 1.0), axis="z")
@@ -222,15 +207,6 @@ def test_estimates_without_shrinkage_are_ridge_regression_with_the_bench_held_to
     np.testing.assert_allclose(cov, cov.T, rtol=1e-12)
 
 
-def test_a_noise_that_is_held_hardly_moves_an_inclusion(ready):
-    held = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
-    averaged = select(ready.summary, ready.prior)
-    inclusions = np.array([[term.inclusion for term in one.terms] for one in (held, averaged)])
-    # n rows know the scale to 1/sqrt(2 n), here 3 %, and log odds of a term near one half, of about 3, to 0.2
-    np.testing.assert_allclose(inclusions[0], inclusions[1], atol=0.07)
-    assert held.log_evidence == pytest.approx(averaged.log_evidence, abs=5.0)
-
-
 def test_truths_lie_within_what_the_test_says_of_them():
     """Squares of the standardised errors of all terms of a unit are chi-squared of its degrees."""
     study = small(units=6)
@@ -258,15 +234,6 @@ def test_errors_of_the_bench_move_the_output_and_not_what_the_rig_says():
     drawn = np.random.default_rng(4).standard_normal(2) * [1.0, 100.0]
     up = run.inputs.channels["f_i"] / 9.80665
     np.testing.assert_allclose(own.y, drawn[0] * up + drawn[1], atol=1e-9)
-
-
-def test_units_differ_and_each_is_the_same_whenever_it_is_tested():
-    first, again, second = (unit_of(STUDY, 0, number, LOT) for number in (0, 0, 1))
-    np.testing.assert_array_equal(first.draws, again.draws)
-    assert (first.name, first.number) == ("mems_tactical", 0)
-    excited = np.array(first.verdicts) != "untested"
-    assert not np.any(first.full_mean[excited] == second.full_mean[excited])
-    np.testing.assert_array_equal(second.truth, LOT.theta[1])
 
 
 SCENES = read(Path(__file__).parents[2] / "studies" / "scenes.toml")[1]

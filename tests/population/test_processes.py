@@ -43,10 +43,6 @@ def test_results_come_in_the_order_of_the_jobs_from_other_processes():
     assert told[-1] == "5 of 5 numbers, about 0 min left"
 
 
-def test_one_process_is_this_one():
-    assert shared(whoami, [(7,)], 1, things="numbers") == [(7, os.getpid())]
-
-
 def test_process_that_is_killed_costs_only_the_jobs_that_were_in_flight(tmp_path):
     log, n = str(tmp_path / "log"), 20
     found = dict(as_done(killed, [(k, (9,), log, True) for k in range(n)], 2))

@@ -215,11 +215,6 @@ def test_one_study_in_a_hundred_finds_a_change_where_sessions_differ_by_their_er
     assert alarms <= stats.binom.isf(1e-4, studies, 0.01)
 
 
-def test_one_session_compares_with_nothing():
-    assert repeatability(estimates(sessions=("1",))) == ()
-    assert [one.parameter for one in repeatability(estimates(components=("",)))] == ["b0", "b2"]
-
-
 def test_session_that_is_there_twice_is_refused():
     every = estimates()
     with pytest.raises(StudyError, match="session '2' of unit 'A' is there twice"):

@@ -167,16 +167,6 @@ def test_unit_of_the_numbers_changes_the_spreads_by_itself(factor):
     assert a.common_share.value == pytest.approx(b.common_share.value, rel=1e-6)
 
 
-def test_axes_together_have_the_spreads_that_they_share():
-    """The likelihoods of two axes multiply; a mean of both is not asked for."""
-    rng = np.random.default_rng(10)
-    blocks = [drawn(rng, (0.1, 0.5, 0.2), mean=mean) for mean in (-20.0, 30.0)]
-    found = spreads(blocks, SIZE)
-    assert math.isnan(found.mean.value) and not len(found.shift)
-    alone = [spreads([block], SIZE) for block in blocks]
-    assert found.unit.high / found.unit.low < min(one.unit.high / one.unit.low for one in alone)
-
-
 def test_one_session_leaves_turn_on_in_the_spread_of_the_units():
     rng = np.random.default_rng(11)
     one = drawn(rng, (0.3, 0.4, 0.0), units=200, sessions=1)
@@ -278,19 +268,6 @@ def test_intervals_hold_mean_and_spread_of_lots_as_often_as_they_say(unknown):
     # figures that terms of a class have in common make about a third of the cases independent
     error = math.sqrt(0.9 * 0.1 / (len(held) / 3.0))
     assert 0.86 - error < np.mean(held) < 0.94 + error
-
-
-def test_lots_lie_within_the_sizes_of_their_class():
-    rng = np.random.default_rng(4)
-    for kind in ("accelerometer", "gyroscope"):
-        lib = library(kind, set="extended")
-        for entry in classes(kind):
-            low, high = lot_sizes(entry, lib)
-            for _ in range(5):
-                sd = draw_lot(entry, lib, 1, rng).sd
-                # spread of a lot is sqrt(1 - r) of its size, with a share r of 0.1 or 0.5
-                assert np.all(sd >= math.sqrt(0.5) * low * (1.0 - 1e-9)), entry.id
-                assert np.all(sd <= math.sqrt(0.9) * high * (1.0 + 1e-9)), entry.id
 
 
 @pytest.mark.parametrize(("count", "n"), [(3, 10), (1, 6), (7, 8)])

@@ -126,7 +126,7 @@ PLAN = (
             rf"give or take ({NUM})": lambda r, m: [(2 * r["plan"]["units"]) ** -0.5],
         }
     ),
-    *fixed(r"(?:and|it is) (1)(?: is as|, give)", rf"Own input over ({NUM}) min: from ({NUM}) to ({NUM}) "),
+    *fixed(r"(?:and|it is) (1)(?: is as|, give)"),
 )  # fmt: skip
 
 
@@ -159,12 +159,6 @@ def _answered(result: Found, answer: str) -> list[str]:
     return found
 
 
-def _shared(result: Found) -> int:
-    """Terms that are needed and whose mean is not zero."""
-    terms = [term for term in result["fleet"]["terms"] if term["name"] in _answered(result, "needed")]
-    return sum(term["mean"]["low"] * term["mean"]["high"] > 0 for term in terms)
-
-
 def _pull(result: Found, match: Match) -> Iterable[Meant]:
     one = next(o for o in result["fleet"]["worst"] if (o["unit"], o["term"]) == (match[1], match[2]))
     return [None, None, one["pull"], None]
@@ -185,11 +179,9 @@ FLEET = (
                 lambda r, m: [len(r["fleet"]["broken"]), r["fleet"]["units"]],
             r"^(\d+) of (\d+) terms are needed by most units":
                 lambda r, m: [len(_answered(r, "needed")), len(r["fleet"]["terms"])],
-            r"^(\d+) of (\d+) terms are needed, and have a mean":
-                lambda r, m: [_shared(r), len(r["fleet"]["terms"])],
             rf"(?:needed: |; )(\S+) ({PERCENT})":
                 lambda r, m: [None, named(r["fleet"]["terms"], m[1])["needed"]["value"]],
         }
     ),
-    *fixed(r"^Population mean over the class's typical size: (.+)$", r"(90) %"),
+    *fixed(r"(90) %"),
 )  # fmt: skip

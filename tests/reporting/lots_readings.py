@@ -29,7 +29,7 @@ from report_reading import (
 )
 
 from imubayes.reporting.lots_words import class_name, slug
-from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 
 TRIAD = {"b0", "b1", "m_j", "m_k"}
@@ -204,12 +204,6 @@ def _in_scene(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     return [None, None, None, 95, max(most, 1e-3)]
 
 
-def _orders(lots: Lots, match: Match) -> Iterable[Meant]:
-    orders = [float(one["order"]["value"]) for one in lots.classes.values()]
-    right = [lots.classes[match[k]]["order"]["value"] for k in (2, 4)] == [max(orders), min(orders)]
-    return [max(orders) if right else math.nan, None, min(orders) if right else math.nan, None]
-
-
 def _range_of(one: dict[str, float]) -> list[float]:
     return [float(one[end]) for end in ("value", "low", "high")]
 
@@ -218,13 +212,6 @@ def _cell(lots: Lots, match: Match) -> Iterable[Meant]:
     needed, _, hidden = lots.counts(match[2], match[1])
     low, high = (100.0 * end for end in quantile(0.05, 0.95, needed, lots.units))
     return [None, None, needed / lots.units, low, high, hidden / lots.units]
-
-
-def _population(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
-    one = lots.classes[_class(lots, anchor)]
-    term = next(term for term in lots.library.terms if term.name == match[1])
-    mean = one["terms"][lots.terms.index(match[1])]["mean"]["value"]
-    return [None, mean / prior_sd(sensor(one["id"], kind=lots.library.kind), term)[0]]
 
 
 def _needs_model(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
@@ -249,12 +236,6 @@ def _needed(lots: Lots, name: str) -> list[str]:
     return lots.of(name, "needed")
 
 
-def _shared(lots: Lots, name: str) -> int:
-    """Terms that a class needs, and whose mean is not zero."""
-    terms = [term for term in lots.classes[name]["terms"] if term["name"] in _needed(lots, name)]
-    return sum(term["mean"]["low"] * term["mean"]["high"] > 0.0 for term in terms)
-
-
 OF_CLASS = readings(
     {
         rf"^The class needs ({LIST}|no term), (\d+) of (\d+) terms\.": lambda of, m: [
@@ -265,8 +246,6 @@ OF_CLASS = readings(
         ],
         rf"A single unit needs ({NUM}) \(({NUM}) to ({NUM})\) \(median, and (90) % of the units\)":
             lambda of, m: [*_range_of(of[0].classes[of[1]]["order"]), 90],
-        r"^(\d+) of (\d+) terms are needed, and have a mean that all units share$":
-            lambda of, m: [_shared(*of), len(of[0].terms)],
     },
     lambda lots, match, anchor: (lots, _class(lots, anchor)),
 )  # fmt: skip
@@ -316,11 +295,8 @@ OF_ALL = readings(
         r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?": _truth,
         r"^(\d+) of (\d+) terms are needed by every class$":
             lambda r, m: [len(set.intersection(*(set(_needed(r, n)) for n in r.classes))), len(r.terms)],
-        r"^The median unit needs ([\d.]+) terms of ([\w ]+), ([\d.]+) of ([\w ]+)$": _orders,
         r"(?:that the tests cannot tell: |; )([\w ]+): ([\w ]+), cannot tell (\d+)":
             lambda r, m: [None, _needed(r, m[1].strip()), len(r.of(m[1].strip(), "cannot tell"))],
-        rf"(?:% of the units: |; (?!with a calibration))([A-Za-z][\w ]*?) ({NUM}) \(({NUM}) to ({NUM})\)":
-            lambda r, m: [None, *_range_of(r.classes[m[1].strip()]["order"])],
         rf"^(\w+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
             _cell,
         r"^(\d+) of (\d+) class(?:es)? needs? a model in the scene (.+)$":
@@ -340,7 +316,6 @@ READINGS = (
         rf" less than ({SHARE}) (?:of )?the budget",
         _in_scene,
     ),
-    Reading(rf"(?:typical size: |; )(\w+) (-?{NUM})(?=;|$)", _population),
     Reading(r"needs a model in (\d+) of (\d+) scenes?$", _needs_model),
     Reading(
         rf"^(\w+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"

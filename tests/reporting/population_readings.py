@@ -128,16 +128,6 @@ def _size_of(key: str, found: Found, match: re.Match[str]) -> Iterable[Meant]:
     return [None, *spread_said(one, key, match.groups()[1:])]
 
 
-def _title(found: Found, match: re.Match[str]) -> Iterable[Meant]:
-    one = named(found["terms"], match[1], "parameter")
-    sizes = [spread_said(one, key, [match[k]])[:2] for key, k in (("unit_to_unit", 2), ("turn_on", 4))]
-    return [
-        None,
-        *(two_digits(size) if size else None for said in sizes for size in said),
-        len(found["units"]),
-    ]
-
-
 def _opening(found: Found, match: re.Match[str]) -> Iterable[Meant]:
     right = (match[2], match[3]) == (f"{found['kind']}s", found["class"])
     return [len(found["units"]) if right else math.nan, None, None, len(found["sessions"])]
@@ -196,8 +186,6 @@ CLASS_READINGS = (
             rf"({NAME}) differs by {SPREAD} \S+(?:,| and|\.)": partial(_size_of, "unit_to_unit"),
             rf"({NAME}) changes by {SPREAD} \S+(?:,| and|\.)": partial(_size_of, "turn_on"),
             rf"(?<!: )({NAME}) (below )({NUM}) \S+(?:,| and|\.)": partial(_size_of, "turn_on"),
-            rf"^({NAME}): sd (below )?({NUM}) \S+ from unit to unit"
-            rf"(?:, (below )?({NUM}) \S+ between sessions)?(?:, of (\d+) units)?$": _title,
             rf"({NUM}) % \(({NUM}) to ({NUM})\) of that of ({NAME})(?: \((\d+) of (\d+) sessions off)?":
                 _alike,
             rf"session (\S+) by ({NUM}) ± ({NUM}) ": _shift,
@@ -208,6 +196,5 @@ CLASS_READINGS = (
     *fixed(
         r"Intervals hold (90) %",
         r"has it with (0\.95) or more",
-        r"in a further session with (90) %",
     ),
 )  # fmt: skip

@@ -187,10 +187,10 @@ def names(text: str) -> list[str]:
 
 def problems(blocks: Iterable[Block], readings: Sequence[Reading], result: Any) -> list[str]:
     """Numbers that nothing in the result explains, and what contradicts it; empty where all is well."""
-    return [problem for block in blocks for problem in _wrong(block, readings, result)]
+    return [problem for block in blocks for problem in wrong_in(block, readings, result)]
 
 
-def _wrong(block: Block, readings: Sequence[Reading], result: Any) -> Iterator[str]:
+def wrong_in(block: Block, readings: Sequence[Reading], result: Any) -> Iterator[str]:
     explained: list[tuple[int, int]] = []
     for reading in readings:
         for match in re.finditer(reading.phrase, block.text):

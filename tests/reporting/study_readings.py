@@ -347,7 +347,6 @@ READINGS = readings(
         rf" (?:not )?white, p (?:= )?{P}(?:, (\d+) blocks? stands? out by up to ({NUM}) sd)?\)": _misfit,
         rf"(?:below p|p above) ({NUM})": lambda s, m: [s["residuals"][0]["level"]],
         r"Drawn below: the (?:run|\d+ runs) of (\d+) that fits? worst": lambda s, m: [len(s["residuals"])],
-        rf"importance sampling, largest k ({NUM})": lambda s, m: [s["criteria"]["loo"]["pareto_k"]],
         r"to leave (\d+) digits? of every coefficient, .*?, (\d+) of every sd and (\d+) of the inclusions":
             lambda s, m: [s["digits"][key] for key in ("coefficients", "sd", "inclusion")],
         rf"(?:Residual over noise|over time, rms) ({NUM}); (?:(\d+) blocks?|nothing)": _run_title,
@@ -369,7 +368,6 @@ READINGS = readings(
         rf"^Coefficients of (STLSQ|SR3) .*; at ({NUM}) it keeps":
             lambda s, m: [None, s["sindy"][m[1].lower()]["strength"]],
         r"^(STLSQ|SR3), at .* keeps (?:the decision's )?(\d+) terms?(?!: \d)": _kept,
-        r"^(STLSQ|SR3), at .* keeps (\d+) terms?: (\d+) more, (\d+) fewer": _kept,
         rf"^(\d+) terms? predicts? the test .*?: {NAMES} (?:together )?loses? ({NUM}) .+? rms, of ({NUM}) ":
             _reduced,
         rf"without any, ({NUM}) \S+ rms is lost of ({NUM}) \S+ allowed": lambda s, m: [
@@ -381,7 +379,6 @@ READINGS = readings(
         rf"({NUM}) \S+ rms, ({SHARE}) of the residual, p {P}": _dependence,
         rf"in run [^()]*\(({NUM}) \S+ rms\)": _dependence,
         rf"leaves ({NUM}) \S+ rms in ": _dependence,
-        rf"({NUM}) \S+ rms are left (?:between|in)": _dependence,
         rf"of those seen \(p ({NUM})(?: to ({NUM}))?\)":
             lambda s, m: [end(s["misfit"]["predictive_p"].values()) for end in (min, max)],
         rf"At least one of {NAMES} is in the model with probability ((?:above )?{NUM})":

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from imubayes.errors import DataError
 from imubayes.rig import stream_files, streams
 from imubayes.rig.clocks import unwrapped
-from imubayes.rig.columns import ColumnSpec, nearly, resolve
+from imubayes.rig.columns import ColumnSpec, resolve
 from imubayes.rig.formats import Table
-from imubayes.rig.recordings import INPUTS, RunSpec
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.scenes.record import read_scene
 
@@ -50,13 +50,6 @@ def test_seconds_of_the_minute_become_time(step, n):
     # a last bit of the time may fall to either side of a wrap, where the second of the minute is 0 or 60
     np.testing.assert_allclose(column.raw, time, rtol=1e-13, atol=1e-10)
     assert turns == pytest.approx(time[-1] // 60.0, abs=1)
-
-
-def test_clock_without_wraps_is_left_alone():
-    raw = np.array([5, 6, 2], dtype=np.uint16)
-    table = Table("clock.npz", ("t [s]",), (raw,), ordered=False)
-    column = resolve(table, {}, required=("t",), optional=(), output_unit="m/s^2")["t"]
-    assert unwrapped(table, column) == (column, 0)
 
 
 @pytest.mark.parametrize(
@@ -152,13 +145,6 @@ def test_column_that_is_nearly_a_missing_channel_is_refused_until_the_study_says
 
 
 @pytest.mark.parametrize(
-    "name", ["adc", "count", "fs", "dt", "f_norm", "temperature", "sigma_w", "status", "i"]
-)
-def test_column_of_another_kind_is_passed_over(name):
-    assert nearly(name, INPUTS) == ""
-
-
-@pytest.mark.parametrize(
     ("column", "refused"), [("f_s [Hz]", False), ("f_0 [K]", False), ("f_q [count]", True), ("f_q [V]", True)]
 )
 def test_a_column_that_measures_something_else_is_meant_for_no_channel(column, refused, tmp_path):
@@ -168,8 +154,3 @@ def test_a_column_that_measures_something_else_is_meant_for_no_channel(column, r
             a_run(path)
     else:
         assert a_run(path).inputs.channels.keys() == {"f_i"}
-
-
-def test_nothing_is_meant_where_every_channel_of_the_family_is_there(tmp_path):
-    force = [f"f_{axis} [m/s^2]" for axis in "ijk"]
-    assert a_run(table_of(tmp_path / "a.csv", "t [s]", "output [m/s^2]", *force, "f_q [m/s^2]"))

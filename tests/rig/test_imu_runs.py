@@ -46,16 +46,6 @@ def test_a_written_run_is_read_to_the_last_bit(tmp_path):
         np.testing.assert_array_equal(again.inputs.channels[name], values)
 
 
-def test_inputs_are_along_the_axes_of_the_case(tmp_path):
-    spec, table = file_of(tmp_path, f"t [s],f_x [m/s^2],f_y [g],w_z [deg/s],{OUTPUTS}")
-    run = read_imu_run(spec)
-    np.testing.assert_allclose(run.component("ay").inputs.channels["f_i"], 9.80665 * table[:, 2])
-    np.testing.assert_allclose(run.component("ay").inputs.channels["f_k"], table[:, 1])
-    np.testing.assert_allclose(run.component("gx").inputs.channels["w_k"], np.deg2rad(table[:, 3]))
-    np.testing.assert_array_equal(run.component("gz").output, table[:, -1])
-    assert run.source.notes[-1].endswith("f_z, w_x, w_y, dw_x, dw_y, dw_z")
-
-
 def test_gyroscopes_may_have_a_file_of_their_own(tmp_path):
     (tmp_path / "apart").mkdir()
     spec, table = file_of(tmp_path, f"t [s],f_x [m/s^2],{OUTPUTS[: OUTPUTS.index(',gx')]}")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.rig.inputs import facts_of, sampling_interval
+from imubayes.rig.inputs import facts_of
 from imubayes.rig.plans import EARTH_RATE
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.tumbles import positions, static, tumble
@@ -70,16 +70,5 @@ def test_a_case_at_rest_has_the_earths_rate_in_every_position_and_a_log_the_same
     assert facts("gyroscope", rate_table(RATES, rate=1.0)).rate == 0.0
 
 
-def test_runs_without_any_force_have_no_constant_one():
-    assert facts_of([{"w_i": np.array([1.0, 2.0])}], "gyroscope").force == 0.0
-    assert facts_of([{"w_i": np.array([1.0, 2.0])}], "gyroscope").one_sided
-
-
 def test_a_run_without_the_own_input_takes_no_side():
     assert not facts_of([{"f_j": np.array([9.8, 9.8])}], "accelerometer").one_sided
-
-
-def test_gaps_between_dwells_do_not_stretch_a_sample():
-    t = np.concatenate([1e3 * k + 0.1 * np.arange(20.0) for k in range(9)])
-    assert sampling_interval(t) == pytest.approx(0.1)
-    assert sampling_interval(t[:1]) == 1.0

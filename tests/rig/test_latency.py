@@ -50,11 +50,6 @@ def test_nothing_comes_across_a_gap():
     np.testing.assert_array_equal(moved, u)
 
 
-def test_no_latency_changes_no_bit():
-    u = np.random.default_rng(3).normal(size=20)
-    np.testing.assert_array_equal(delayed(Inputs(np.arange(20.0), {"w_i": u}, 1.0), 0.0, 4, 9)["w_i"], u[4:9])
-
-
 def test_a_jump_moves_by_the_latency_as_sample_averages_do():
     """The sum over the samples, which is the integral of the input, shifts by jump times latency."""
     u = np.repeat([0.0, 5.0], 10)

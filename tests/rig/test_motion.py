@@ -3,19 +3,11 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
-from imubayes.rig.motion import faster, heavier, longer, motion_of, stretched, turned
+from imubayes.rig.motion import faster, heavier, longer, motion_of, stretched
 
 seeds = st.integers(0, 2**32 - 1)
 ULPS = 1e-14
-
-
-@given(seeds, st.floats(1e-9, 6.0))
-def test_turning_is_scipys_rotation_at_any_angle(seed, size):
-    rng = np.random.default_rng(seed)
-    v, rotation = rng.normal(size=(5, 3)), size * rng.normal(size=(5, 3))
-    np.testing.assert_allclose(turned(v, rotation), Rotation.from_rotvec(rotation).apply(v), atol=1e-12)
 
 
 def spinning(rng, *, w=None, dw=None, radius=0.7, n=6):

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imubayes.errors import DataError, TermError, UnobservableError
+from imubayes.errors import DataError, UnobservableError
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
 from imubayes.rig.reference import (
-    HEADS,
     KINDS,
     TILT,
     errors_of,
@@ -96,12 +95,6 @@ def test_a_fixture_has_three_rotations_in_each_mount():
     assert errors[5].text == "rotation of the case in its fixture about k in mount 1 of run tumble"
 
 
-def test_names_are_unique_and_their_heads_tell_the_kind():
-    errors = errors_of(BENCH, KINDS)
-    assert len({error.name for error in errors}) == len(errors)
-    assert all(HEADS[error.name.partition(".")[0]] == error.kind for error in errors)
-
-
 def test_an_error_applies_to_the_runs_that_it_is_confined_to():
     for error in errors_of(BENCH, KINDS):
         runs = [run.name for run in BENCH if error.applies(run)]
@@ -149,8 +142,3 @@ def test_every_kind_of_error_shows_in_runs_that_tell_their_inputs():
 def test_a_ramp_and_a_swing_show_a_latency():
     refuse_idle([SWING], ["latency"])
     refuse_idle([centrifuge([1, 5], ramp=True)], ["latency"])
-
-
-def test_an_unknown_kind_is_refused_with_what_is_known():
-    with pytest.raises(TermError, match=r"'gravty' is no error.*gravity"):
-        errors_of(BENCH, ["gravty"])

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imubayes.errors import DataError, StudyError
+from imubayes.errors import DataError
 from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.runs import read_run
-from imubayes.rig.simulate import plan_run, simulate, simulate_runs
+from imubayes.rig.simulate import simulate, simulate_runs
 from imubayes.rig.thermal import temperature_rate
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import sensor
@@ -89,14 +89,6 @@ def test_a_mount_that_is_no_whole_number_is_refused_at_its_line(wrong, tmp_path)
         read_run(RunSpec("a", "tumble", path), "accelerometer")
 
 
-def test_failed_write_leaves_no_file(tmp_path):
-    (run,) = simulate(sensor("mems_tactical", kind="accelerometer"), [tumble(angles=3, planes=1)], seed=3)
-    (tmp_path / "run.csv").mkdir()
-    with pytest.raises(OSError):
-        write_run(run, tmp_path / "run.csv", kind="accelerometer")
-    assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]
-
-
 def test_units_of_the_header_become_si(tmp_path):
     rows = _rows(5)
     path = _csv(tmp_path, "t [ms],output [mg],f_i [g],w_j [deg/s],T [degC]", rows)
@@ -109,14 +101,6 @@ def test_units_of_the_header_become_si(tmp_path):
     T = run.inputs.channels["T"]
     np.testing.assert_array_equal(run.inputs.channels["dT"], temperature_rate(run.inputs.t, T))
     assert "dT/dt is the smoothed derivative of the recorded temperature" in run.source.notes
-
-
-def test_a_recorded_rate_of_temperature_is_taken_as_it_is(tmp_path):
-    rows = _rows(4)
-    path = _csv(tmp_path, "t [s],output [g],T [degC],dT [degC/min]", rows)
-    run = read_run(RunSpec("a", "thermal", path), "accelerometer")
-    np.testing.assert_allclose(run.inputs.channels["dT"], rows[:, 3] / 60.0, rtol=1e-15)
-    assert not any("dT/dt" in note for note in run.source.notes)
 
 
 def test_study_says_what_counts_are(tmp_path):
@@ -214,13 +198,6 @@ def test_simulated_runs_are_of_one_unit_and_say_which():
     assert given[1] == {"b0": 0.5}
 
 
-def test_recorded_run_has_no_plan_and_simulated_run_no_file():
-    with pytest.raises(StudyError, match="'a' is recorded"):
-        plan_run(RunSpec("a", "tumble", Path("run.csv")))
-    with pytest.raises(DataError, match="'a' is simulated"):
-        read_run(RunSpec("a", "tumble", simulate={"profile": "tumble"}), "accelerometer")
-
-
 def clipped(folder: Path, at: float, *, step: float = 0.0) -> tuple[RunSpec, Run, Run]:
     """A centrifuge to 20 g as it was simulated and as it is read, clipped at so many g."""
     plan = centrifuge([1, 5, 20], mounts=4, dwell=10.0)
@@ -244,13 +221,6 @@ def test_saturated_samples_are_left_out_with_their_rows_and_number(tmp_path):
     assert not read.output.flags.writeable and not read.inputs.t.flags.writeable
 
 
-def test_run_within_its_range_is_read_whole(tmp_path):
-    for step in (0.0, 0.01, 1.0):
-        _, run, read = clipped(tmp_path, 50.0, step=step)
-        assert len(read.output) == len(run.output)
-        assert not any(SATURATED in note for note in read.source.notes)
-
-
 def test_run_that_is_saturated_nearly_everywhere_is_refused(tmp_path):
     output = np.minimum(np.arange(2000.0), 150.0)
     path = _csv(tmp_path, "t [s],output [g],f_i [g]", np.column_stack((np.arange(2000.0), output, output)))
@@ -261,11 +231,6 @@ def test_run_that_is_saturated_nearly_everywhere_is_refused(tmp_path):
 def test_run_that_is_beyond_the_range_everywhere_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"only 2 values, within 10 m/s\^2, while its input moves by"):
         clipped(tmp_path, 5.0 / G)
-
-
-def test_coarse_output_that_follows_its_input_is_read(tmp_path):
-    _, run, read = clipped(tmp_path, 50.0, step=10.0 * G)
-    assert len(np.unique(read.output)) < 6 and len(read.output) == len(run.output)
 
 
 def test_triad_leaves_out_the_rows_in_which_one_component_is_saturated(tmp_path):

@@ -57,12 +57,6 @@ def test_signal_is_normal_by_its_third_and_fourth_moment():
     assert np.abs(np.mean(x**4, axis=1) - 3.0).max() < 4.0 * math.sqrt(24.0 / INDEPENDENT)
 
 
-def test_no_two_dwells_have_the_same_signal():
-    x = signals()
-    shared = np.abs(np.corrcoef(x) - np.eye(len(x)))
-    assert shared.max() < 4.5 / math.sqrt(INDEPENDENT)
-
-
 def moments(f0: float, s: float) -> dict[str, float]:
     """Means over a normal law about f0, from the published formulas."""
     odd = float(erf(f0 / (s * math.sqrt(2.0))))

@@ -8,7 +8,7 @@ import pytest
 
 from imubayes.errors import InputError, TermError
 from imubayes.rig.rotations import centrifuge
-from imubayes.rig.simulate import drawn_errors, library_of, simulate, simulate_on_bench, synthesise
+from imubayes.rig.simulate import drawn_errors, simulate, simulate_on_bench, synthesise
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import classes, draw_unit, sensor, typical_noise
 from imubayes.sensors.catalogue_file import figure_range, packaged_tables
@@ -69,12 +69,6 @@ def test_noise_has_the_dense_covariance_at_any_time_stamps(noise, t):
     np.testing.assert_allclose(_covariance_of_draws(noise, t, 0.5), expected, rtol=1e-12, atol=1e-12)
 
 
-def test_single_sample_has_no_random_walk():
-    t = np.array([7.0])
-    variance = _covariance_of_draws(Noise(1.0, 0.0, 5.0), t, 0.25)
-    np.testing.assert_allclose(variance, [[4.0]], rtol=1e-15)
-
-
 @pytest.mark.parametrize(
     "noise",
     [Noise(1.0, 0.0, 0.0), Noise(0.0, 1.0, 0.0), Noise(0.0, 0.0, 1.0), Noise(1.0, 0.3, 0.02)],
@@ -101,14 +95,6 @@ def test_output_is_input_plus_library_times_coefficients():
         X = columns(lib, run.inputs.channels, len(run.inputs))
         expected = run.inputs.channels["f_i"] + X @ np.array([truth[name] for name in lib.names])
         np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
-
-
-def test_truth_may_name_any_term_of_any_library():
-    truth = {"b4": 1e-9, "S_ii": 1e-4, "c_kk": 1e-5, "b1*T2": 1e-7}
-    (run,) = simulate(TACTICAL, [centrifuge([1, 5])], seed=1, truth=truth, noise=SILENT)
-    f_i, f_k, w_i = (run.inputs.channels[name] for name in ("f_i", "f_k", "w_i"))
-    expected = f_i + 1e-9 * f_i**4 + 1e-4 * w_i**2 + 1e-5 * f_k**2  # at the reference temperature
-    np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
 
 
 def test_gyroscope_answers_to_its_own_input():
@@ -142,12 +128,6 @@ def test_noise_without_a_word_is_the_typical_one_of_the_class():
     np.testing.assert_array_equal(default.output, given.output)
     assert default.output.std() > 0.0
     assert "of class mems_tactical" in default.source.notes[0]
-
-
-def test_library_of_names_is_in_the_order_of_the_model_equation():
-    full = library("gyroscope", powers=5, asymmetry=3, set="extended", temperature=2)
-    shuffled = np.random.default_rng(0).permutation(full.names)
-    assert library_of("gyroscope", shuffled).terms == full.terms
 
 
 @pytest.mark.parametrize("name", ["b13", "g_i", "K2", "b0*T13", ""])

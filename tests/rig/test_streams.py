@@ -135,14 +135,6 @@ def test_averages_are_those_of_the_rows_and_never_reach_across_a_long_gap(form, 
     )
 
 
-def test_extremes_of_the_inputs_are_those_of_all_rows(tmp_path):
-    whole, run = both(parquet(recording(), tmp_path))
-    for name, values in whole.extremes.items():
-        assert run.extremes[name].min() == values.min()
-        assert run.extremes[name].max() == values.max()
-    assert len(run.extremes["output"]) < 20
-
-
 def test_a_stretch_at_full_rate_has_no_gap(tmp_path):
     whole, run = both(parquet(recording(), tmp_path))
     stretch = run.stream.stretch
@@ -229,15 +221,6 @@ def test_the_rate_of_a_recorded_temperature_is_that_of_the_whole_run(tmp_path):
     usual = np.sqrt(np.mean(whole.inputs.channels["dT"] ** 2))
     # both are parabolas through windows that a regressor's noise below 1/20 chose
     assert np.sqrt(np.mean((rate - whole.inputs.channels["dT"]) ** 2)) < 0.05 * usual
-
-
-def test_progress_is_told_with_rows_a_second(tmp_path, monkeypatch):
-    monkeypatch.setattr(streams, "SAID_EVERY", 0.0)
-    said: list[str] = []
-    spec = RunSpec("r", "other", file=parquet(recording(), tmp_path))
-    read_run(spec, "accelerometer", tell=said.append)
-    assert said[-1].startswith("reading: 20,000 of about 20,000 rows, ")
-    assert said[-1].endswith(" rows/s")
 
 
 def test_another_process_reads_the_same_rows(tmp_path):

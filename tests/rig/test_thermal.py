@@ -83,12 +83,6 @@ def test_rate_of_a_parabola_is_exact_also_beside_gaps():
     np.testing.assert_allclose(temperature_rate(t, T), rate, rtol=0.0, atol=1e-9 * np.max(np.abs(rate)))
 
 
-@pytest.mark.parametrize(("number", "expected"), [(1, 0.0), (2, 0.5), (4, 0.5), (9, 0.5)])
-def test_rate_of_a_short_record(number, expected):
-    t = np.arange(float(number))
-    np.testing.assert_allclose(temperature_rate(t, 300.0 + 0.5 * t), expected, atol=1e-12)
-
-
 def test_constant_temperature_has_no_rate():
     assert not temperature_rate(np.arange(100.0), np.full(100, 300.0)).any()
 

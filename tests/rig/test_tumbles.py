@@ -128,11 +128,6 @@ def test_force_at_rest_is_plus_one_g_upwards_and_the_input_axis_down_turns_both_
         np.testing.assert_array_equal(w[down], -w[:rows])
 
 
-def test_log_has_the_earths_rate_only_where_a_latitude_is_given():
-    assert set(static(1.0, 1.0).inputs.channels) == {"f_i"}
-    assert set(static(1.0, 1.0, latitude=0.5).inputs.channels) == {"f_i", "w_i", "w_j"}
-
-
 @pytest.mark.parametrize(
     ("plan", "message"),
     [

@@ -177,16 +177,6 @@ def test_share_is_averaged_over_models() -> None:
     assert found.terms[0].rms == pytest.approx(0.01 * np.sqrt(0.3))
 
 
-def test_relevance_does_not_depend_on_the_order_of_the_terms(flown) -> None:
-    found, scene, knowledge, budget, noise = flown
-    order = np.random.default_rng(1).permutation(P)
-    turned = library("accelerometer")
-    turned = type(turned)(turned.kind, tuple(turned.terms[k] for k in order))
-    again = Knowledge(knowledge.draws[:, order], knowledge.inclusion[order], knowledge.limit95[order])
-    other = relevance(scene, turned, again, budget, noise=noise)
-    assert set(other.model) == set(found.model) and other.left == pytest.approx(found.left)
-
-
 def test_noise_stands_beside_in_the_unit_of_the_budget(flown) -> None:
     found, scene, _, budget, noise = flown
     by_unit = noise_growth(propagation("accelerometer", scene, [scene.duration]), "x", "position")
@@ -265,14 +255,6 @@ def test_case_errs_as_a_full_navigator_with_the_errors_of_all_its_sensors_does()
     assert found.met and found.left[1] <= 10.0 < found.uncompensated[0]
     assert found.candidates == sum(len(known.inclusion) for known in knowledge.values())
     assert 0 < sum(map(len, found.models.values())) < found.candidates
-
-
-def test_case_of_one_component_requires_what_the_component_does(flown) -> None:
-    alone, scene, knowledge, budget, noise = flown
-    found = weigh_case({"A": exposure(scene, LIB, budget)}, {"A": knowledge}, {"A": noise})
-    assert found.models == {"A": alone.model} and found.met == alone.met
-    for of_case, own in ((found.left, alone.left), (found.noise, alone.noise)):
-        assert of_case == pytest.approx(own, rel=1e-9)
 
 
 def test_budget_of_the_output_is_refused_for_a_case() -> None:

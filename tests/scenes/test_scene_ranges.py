@@ -7,7 +7,7 @@ import math
 import pytest
 
 from imubayes.errors import TermError
-from imubayes.scenes.ranges import catalogue_scenes, ranges_of, scene_named
+from imubayes.scenes.ranges import catalogue_scenes, scene_named
 from imubayes.scenes.trajectories import MANNERS
 
 
@@ -32,12 +32,3 @@ def test_scene_that_is_not_known_names_its_neighbours() -> None:
         scene_named("quadroter")
     with pytest.raises(TermError, match="known are bench_static"):
         scene_named("sauna")
-
-
-def test_hovering_drone_is_a_quadrotor() -> None:
-    assert scene_named("uav-hover").id == "quadrotor"
-
-
-def test_table_without_a_figure_names_it() -> None:
-    with pytest.raises(TermError, match="'sea' of the catalogue has no 'w_dps'"):
-        ranges_of({"id": "sea", "f_g": [0, 1]})

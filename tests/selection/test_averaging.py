@@ -11,7 +11,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.decision import posterior_draws, select
+from imubayes.selection.decision import select
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import average, components_given, inclusion_given
 
@@ -111,32 +111,10 @@ def test_average_given_a_term_is_over_the_models_that_have_it(data):
     assert np.all(components_given(models, ("b2",)).inside[:, 2])
 
 
-def test_draws_have_the_averaged_moments():
-    lib = ib.library("accelerometer", powers=2, asymmetry=-1)
-    sensor = ib.sensor("mems_tactical", kind="accelerometer")
-    runs = ib.simulate(sensor, [ib.tumble(angles=12, dwell=5.0)], seed=2)
-    summary = ib.summarize(runs, lib, sensor=sensor)
-    prior = ib.prior(sensor, lib)
-    noises = [NoiseDraw(_scaled(summary.factor, s), 0.0) for s in (0.8, 1.2)]
-    # the same importance for both: the evidence that the models give is what tells them apart
-    selection = select(summary, prior, noises=[NoiseDraw(n.factor, _full(n.factor, prior)) for n in noises])
-    drawn = posterior_draws(selection, 20_000, np.random.default_rng(1))
-    tested = [k for k, t in enumerate(selection.terms) if t.verdict not in ("untested", "inseparable")]
-    assert len(tested) > 4
-    for k in tested:
-        term = selection.terms[k]
-        assert abs(drawn[:, k].mean() - term.mean) < 4.0 * term.sd / math.sqrt(20_000)
-
-
 def _scaled(f, s):
     from dataclasses import replace
 
     return replace(f, R=f.R / s, log_det=f.log_det + 2.0 * f.n * math.log(s))
-
-
-def _full(f, prior):
-    models = enumerate_models(Summary(f), prior, scale=1.0)
-    return models.log_evidence
 
 
 def test_plug_in_inclusion_is_that_without_draws():

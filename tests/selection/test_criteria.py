@@ -98,15 +98,6 @@ def test_criteria_are_their_formulas_with_the_effective_sample_size_for_n(sample
         assert list(found[name].inclusion.values()) == pytest.approx(share, rel=1e-9)
 
 
-def test_a_child_is_never_in_without_its_parent():
-    X, y = _problem()
-    f, pieces = factor_of(X, y, NAMES), [_cut(X, y, NAMES, 6)]
-    for c in criteria(f, pieces, np.ones(5), NAMES, needs=(("a", "b"), ("c", "gone"))):
-        assert "a" not in c.model or "b" in c.model
-        assert c.inclusion["a"] <= c.inclusion["b"]
-        assert c.compared == 24
-
-
 def test_of_columns_that_depend_on_each_other_the_smallest_subset_with_their_span_wins():
     rng = np.random.default_rng(5)
     X, y = _problem()

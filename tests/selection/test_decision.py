@@ -136,13 +136,6 @@ def campaign():
     return truth, summary, prior, select(summary, prior)
 
 
-def test_needed_terms_are_needed_at_every_prior_width(campaign):
-    truth, summary, prior, usual = campaign
-    strong = {name for name in truth if name != "c_ij"}
-    for selection in (usual, *(select(summary, prior.wider(width)) for width in (WIDTHS[0], WIDTHS[-1]))):
-        assert strong <= needed(selection) <= set(truth)
-
-
 def test_inclusion_range_is_that_of_the_enumerations_at_each_width(campaign):
     _, summary, prior, selection = campaign
     by_width = {
@@ -183,17 +176,6 @@ def test_full_library_moments_are_those_of_ridge_regression(campaign):
     for name, expected, spread in zip(excited(summary), mean, width, strict=True):
         assert terms[name].full_sd == pytest.approx(spread, rel=0.1)
         assert abs(terms[name].full_mean - expected) < 0.1 * spread
-
-
-def test_limits_and_quantiles_enclose_the_mean(campaign):
-    for term in campaign[-1].terms:
-        assert term.q05 <= term.q95, term.name
-        assert term.q05 < term.mean < term.q95 or term.inclusion < 0.95, term.name
-        assert term.q05 == term.q95 == 0.0 or term.inclusion > 0.05, term.name
-        assert term.q95 - term.q05 <= 2.0 * 4.5 * term.sd  # Chebyshev: 5 % lie at most 4.4 sd out
-        # of a distribution about its mean, 95 % reach as far as the mean itself lies from zero
-        assert term.limit95 > abs(term.mean), term.name
-        assert term.limit95 < abs(term.full_mean) + 4.0 * max(term.full_sd, term.sd) or term.inclusion < 0.5
 
 
 def test_largest_effect_is_the_mean_times_the_reach_of_its_column(campaign):

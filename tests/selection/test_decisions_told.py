@@ -84,13 +84,6 @@ def test_prior_draws_have_the_prior_s_moments(selection):
         assert part.std() == pytest.approx(term.prior_sd, rel=4.0 / math.sqrt(2.0 * len(part)))
 
 
-def test_the_same_generator_gives_the_same_draws(selection):
-    for make in (posterior_draws, prior_draws):
-        once, again, other = (make(selection, 50, np.random.default_rng(seed)) for seed in (5, 5, 6))
-        np.testing.assert_array_equal(once, again)
-        assert np.any(once != other)
-
-
 SENSOR = ib.sensor("mems_tactical", kind="accelerometer")
 LIBRARY = ib.library("accelerometer")
 TRUTH = {"b0": 5e-3, "b1": 2e-4}

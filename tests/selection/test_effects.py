@@ -163,19 +163,3 @@ def test_frols_adds_what_lowers_the_residual_most():
         expected.append(list(inside))
     path = PATHS["frols"](A, b, np.arange(8.0))
     assert [sorted(np.flatnonzero(s)) for s in path] == [sorted(s) for s in expected]
-
-
-@pytest.mark.parametrize("name", PATHS)
-def test_path_leads_from_all_to_nothing_without_a_warning(name):
-    A, b = triangle(*regression_rows(4))
-    path = PATHS[name](A, b, np.geomspace(1e-9, 1e9, 9) if name in ("stlsq", "sr3") else np.arange(9.0)[::-1])
-    assert path[0].all()
-    assert not path[-1].any()
-    assert (np.diff(path.sum(axis=1)) <= 0).all()
-
-
-@pytest.mark.parametrize("name", PATHS)
-def test_single_column_is_a_library_too(name):
-    A, b = np.array([[2.0]]), np.array([6.0])
-    strength = np.array([1.0, 4.0]) if name in ("stlsq", "sr3") else np.array([1.0, 0.0])
-    assert PATHS[name](A, b, strength).tolist() == [[True], [False]]

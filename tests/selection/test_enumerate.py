@@ -17,7 +17,6 @@ from imubayes.errors import TermError, UnobservableError
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.selection.model_sets import fold
 from imubayes.selection.models import components_given, inclusion_given
 
 NAMES = ("a", "b", "c", "d", "e", "f")
@@ -189,30 +188,6 @@ def _same_posterior(one, other, order, unit):
     np.testing.assert_allclose(other.sd * unit, one.sd[order], rtol=level)
 
 
-@given(seed=seeds, exponents=st.lists(st.floats(-9.0, 9.0), min_size=4, max_size=4))
-@settings(max_examples=20)
-def test_the_posterior_does_not_depend_on_the_unit_of_a_column(seed, exponents):
-    X, y, sd = _problem(seed=seed)
-    unit = 10.0 ** np.array(exponents)
-    one = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd))
-    other = enumerate_models(Summary.from_arrays(X * unit, y, NAMES[:4]), ScalePrior(sd / unit))
-    _same_posterior(one, other, range(4), unit)
-
-
-@pytest.mark.parametrize("prior", PRIORS, ids=PRIOR_NAMES)
-@given(seed=seeds, unit=st.floats(-9.0, 9.0).map(lambda x: 10.0**x))
-@settings(max_examples=20)
-def test_the_unit_of_the_response_only_scales_coefficients(prior, seed, unit):
-    X, y, _ = _problem(seed=seed)
-    scaled = prior.wider(unit) if isinstance(prior, ScalePrior) else prior
-    one = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), prior)
-    other = enumerate_models(Summary.from_arrays(X, y * unit, NAMES[:4]), scaled)
-    np.testing.assert_allclose(other.inclusion, one.inclusion, rtol=1e-9)
-    np.testing.assert_allclose(other.mean, one.mean * unit, rtol=1e-9)
-    np.testing.assert_allclose(other.sd, one.sd * unit, rtol=1e-9)
-    assert other.log_evidence == pytest.approx(one.log_evidence - len(y) * math.log(unit), abs=1e-8)
-
-
 def test_a_column_that_was_never_excited_keeps_its_prior():
     X, y, sd = _problem()
     X[:, 2] = 0.0
@@ -258,15 +233,6 @@ def test_inclusion_given_terms_is_that_of_the_models_with_them(required):
     parts = components_given(found, required)
     assert np.all(parts.inside[:, [NAMES.index(name) for name in required]])
     np.testing.assert_allclose(parts.weight @ (parts.sd > 0.0), expected, atol=1e-9)
-
-
-@given(st.integers(0, 6), seeds)
-def test_fold_sums_the_weights_of_the_masks_with_each_bit(p, seed):
-    weight = np.random.default_rng(seed).uniform(size=1 << p)
-    sums, total = fold(weight, p)
-    masks = np.arange(1 << p)
-    np.testing.assert_allclose(sums, [weight[masks >> j & 1 == 1].sum() for j in range(p)], rtol=1e-13)
-    assert total == pytest.approx(weight.sum(), rel=1e-13)
 
 
 def test_with_everything_forced_one_model_is_left_with_its_least_squares():

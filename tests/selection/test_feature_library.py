@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pysindy as ps
 import pytest
-from sklearn.base import clone
 
 import imubayes as ib
 from imubayes.errors import TermError
@@ -43,15 +40,6 @@ def test_several_runs_are_several_trajectories():
     x = inputs(features)
     parts = features.fit_transform([x[:100], x[100:]])
     assert np.array_equal(np.vstack(parts), features.transform(x))
-
-
-@pytest.mark.parametrize("copy", [clone, lambda f: pickle.loads(pickle.dumps(f))], ids=["clone", "pickle"])
-def test_copies_give_the_same_regressors(copy):
-    features = ib.feature_library(LIBRARY)
-    twin, x = copy(features), inputs(features)
-    assert twin is not features
-    assert set(twin.get_params()) == {"library", "channels"}
-    assert np.array_equal(twin.fit_transform(x), features.fit_transform(x))
 
 
 def test_pysindy_recovers_the_coefficients_of_a_simulated_sensor():

@@ -13,7 +13,7 @@ from scipy.integrate import quad
 
 from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.inference.prior import GPrior, HyperG, ZellnerSiow, g_nodes
-from imubayes.selection.kernels import g_integrals, solutions, submodel, walk
+from imubayes.selection.kernels import g_integrals, solutions, walk
 from imubayes.selection.model_sets import Every
 
 seeds = st.integers(0, 2**32 - 1)
@@ -74,17 +74,6 @@ def _small_problem(seed: int, p: int) -> tuple[np.ndarray, np.ndarray, np.ndarra
     rng = np.random.default_rng(seed)
     X, y = rng.normal(size=(p + 6, p)), rng.normal(size=p + 6)
     return X, y, factor_of(X, y, "abcdef"[:p]).R
-
-
-@given(seeds, st.integers(1, 6), st.data())
-def test_submodel_is_the_triangular_factor_of_its_columns(seed, p, data):
-    X, y, R = _small_problem(seed, p)
-    inside = np.array(data.draw(st.lists(st.booleans(), min_size=p, max_size=p)))
-    T, columns = submodel(R, inside)
-    assert columns.tolist() == np.flatnonzero(inside).tolist()
-    whole = np.column_stack((X[:, columns], y))
-    np.testing.assert_array_equal(T, np.triu(T))
-    np.testing.assert_allclose(T.T @ T, whole.T @ whole, rtol=0.0, atol=1e-12 * np.sum(whole**2))
 
 
 @given(seeds, st.integers(1, 5))

@@ -4,9 +4,6 @@ list, against all subsets."""
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -26,7 +23,6 @@ from imubayes.selection.model_sets import (
     sizes,
     standing_for,
     tally,
-    threads,
     united,
 )
 
@@ -96,24 +92,10 @@ def test_models_that_stand_for_all_have_the_weight_of_all_and_the_heavy_ones_the
     np.testing.assert_array_equal(share[np.searchsorted(which, heavy)], weight[heavy])
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 5])
-@pytest.mark.parametrize("available", [1, 2, 4])
-def test_pieces_come_back_in_their_order(monkeypatch, count, available):
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", available)
-    assert pieces(lambda k: 10 * k, count) == [10 * k for k in range(count)]
-
-
 def test_an_error_in_a_piece_is_raised(monkeypatch):
     monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
     with pytest.raises(ZeroDivisionError):
         pieces(lambda k: 1 // (k - 2), 4)
-
-
-def test_a_process_of_a_pool_takes_one_thread(monkeypatch):
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
-    assert threads() == 2
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        assert pool.submit(threads).result() == 1
 
 
 NAMES = tuple(f"x{k}" for k in range(12))

@@ -69,15 +69,6 @@ def test_processes_well_above_the_limit_are_found_and_no_others(noise, candidate
             assert abs(getattr(noise, name)) > told.detection_limit
 
 
-def test_probabilities_add_up_and_inclusions_are_sums_over_sets():
-    found = chosen(usual(B=0.3), samples=5000, candidates=("B", "Q", "R"))
-    assert len(found.sets) == 8 and sum(p for _, p in found.sets) == pytest.approx(1.0)
-    for name in ("B", "Q", "R"):
-        assert found.size(name).inclusion == pytest.approx(sum(p for names, p in found.sets if name in names))
-    share = np.mean(found.draws[:, 3] != 0.0)
-    assert share == pytest.approx(found.size("Q").inclusion, abs=4.0 * math.sqrt(0.25 / len(found.draws)))
-
-
 def test_a_process_far_below_the_noise_keeps_its_prior_and_is_not_decided():
     found = chosen(usual(Q=1e-4), samples=3000, candidates=("K",))
     size = found.size("K")

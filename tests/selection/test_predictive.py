@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal
 from imubayes.algebra.factor import factor_of, triangular
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import candidates
-from imubayes.selection.model_sets import Every, Listed
+from imubayes.selection.model_sets import Every
 from imubayes.selection.predictive import (
     RELIABLE,
     by_dwell,
@@ -103,13 +103,6 @@ def test_pieces_that_are_always_there_are_known_when_the_others_are_predicted(
     assert found == pytest.approx([_refitted(rows, parts, mask) for mask in range(8)], rel=1e-10)
 
 
-def test_a_listed_model_scores_what_it_does_among_all(pieces, field):
-    held = by_dwell(pieces, field, SCALE)
-    which = np.array([5, 0, 7])
-    listed = leave_out(held, Listed(Every(3).members(which)))
-    assert listed == pytest.approx(leave_out(held, Every(3))[which], rel=1e-12)
-
-
 @pytest.mark.parametrize("mask", [0, 5, 7])
 def test_waic_in_closed_form_is_that_of_draws_of_the_posterior(rows, pieces, field, mask):
     inside = Every(3).members(np.array([mask]))[0]
@@ -193,12 +186,6 @@ def test_k_is_the_shape_of_the_tail_of_the_weights(shape):
     # asymptotic sd (1 + k)/sqrt(M), of the mean of 30; the prior pulls by 10 draws of 0.5
     expected = (shape * tail + 5.0) / (tail + 10.0)
     assert abs(k.mean() - expected) < 4.0 * (1.0 + shape) / math.sqrt(30.0 * tail)
-
-
-def test_equal_weights_need_no_smoothing():
-    elpd, k = psis_loo(np.full((500, 1), -1.5))
-    assert elpd.tolist() == pytest.approx([-1.5], rel=1e-12)
-    assert k.tolist() == [0.0]
 
 
 def test_too_few_draws_for_a_tail_are_not_trusted():

@@ -116,19 +116,6 @@ def test_a_budget_of_nothing_keeps_every_term_and_an_endless_one_none(campaign):
     )
 
 
-def test_more_terms_never_lose_more_and_the_strongest_comes_first(campaign):
-    rows, _, _, selection = campaign
-    told = reduced(selection, design_factor(rows), rng=np.random.default_rng(1))
-    losses = [loss for _, loss in told.path]
-    assert losses == sorted(losses, reverse=True)
-    assert [len(terms) for terms, _ in told.path] == list(range(len(losses)))
-    sizes = [
-        np.linalg.norm(predictions(rows, selection, {name: value}))
-        for name, value in zip(told.terms, told.coefficients, strict=True)
-    ]
-    assert sizes == sorted(sizes, reverse=True)
-
-
 def test_the_usual_budget_is_the_error_that_the_posterior_leaves_in_the_output():
     """Four terms that are all certain: the posterior is normal, and its error in the output has a formula."""
     rng, lib = np.random.default_rng(5), ib.library("accelerometer", powers=1, asymmetry=0)

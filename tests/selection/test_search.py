@@ -121,29 +121,6 @@ def test_bound_holds_where_the_search_is_stopped_at_once():
     assert np.exp(found.log_joint - total).sum() <= 1.0
 
 
-def test_walk_gives_the_inclusion_of_enumeration():
-    p = 18
-    problem = _problem("correlated", p, seed=5)
-    found = search(
-        *problem, _beta_binomial(p), tolerance=1e-300, most=200, effort=15.0, rng=np.random.default_rng(2)
-    )
-    exact = _enumerated(problem, ())
-    sums, total = fold(np.exp(exact - exact.max()), p)
-    assert not found.certified
-    assert np.abs(found.frequency - sums / total).max() < 0.01
-    assert (np.abs(found.frequency - sums / total) < 4.0 * found.error + 1e-6).all()
-    np.testing.assert_allclose(found.log_joint, exact[_masks(found.inside)], rtol=0.0, atol=1e-8)
-
-
-def test_search_gives_the_same_twice():
-    problem = _problem("correlated", 16, seed=9)
-    seeds = (np.random.default_rng(1), np.random.default_rng(1))
-    found = [search(*problem, _beta_binomial(16), most=300, effort=1.0, rng=rng) for rng in seeds]
-    assert not found[0].certified
-    np.testing.assert_array_equal(found[0].frequency, found[1].frequency)
-    np.testing.assert_array_equal(found[0].weight, found[1].weight)
-
-
 def test_circular_needs_and_too_many_candidates_are_refused():
     problem = _problem("random", 5, seed=1)
     with pytest.raises(TermError, match="circle"):

@@ -13,7 +13,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import select
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.selection.sensitivity import of_decision, sensitivity
+from imubayes.selection.sensitivity import sensitivity
 from imubayes.selection.verdicts import Costs
 
 
@@ -57,17 +57,6 @@ def test_the_widths_of_the_verdicts_are_those_of_the_decision(campaign):
         at = int(np.argmin(np.abs(told.widths - width)))
         assert told.widths[at] == pytest.approx(width)
         np.testing.assert_allclose(told.inclusion[at], inclusion, rtol=1e-9)
-
-
-def test_what_the_decision_knows_of_its_widths_is_a_part_of_that(campaign):
-    _, _, selection = campaign
-    told = of_decision(selection)
-    assert told.widths.tolist() == [1.0 / 3.0, 1.0, 3.0]
-    ranges = {term.name: term.inclusion_range for term in selection.terms}
-    for name, inclusion in zip(told.names, told.inclusion.T, strict=True):
-        assert ranges[name] == pytest.approx((inclusion.min(), inclusion.max()))
-        crossed = any(inclusion.min() < level <= inclusion.max() for level in (0.05, 0.5, 0.95))
-        assert (name in told.swing) == crossed
 
 
 def test_inclusion_of_a_single_candidate_is_that_of_quadrature():

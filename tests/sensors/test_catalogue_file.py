@@ -10,7 +10,7 @@ import pytest
 
 from imubayes.errors import StudyError, TermError
 from imubayes.sensors.catalogue import classes, prior_sd, sensor
-from imubayes.sensors.catalogue_file import origins_of, read_catalogue
+from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.terms import library
 
 G = 9.80665
@@ -58,13 +58,6 @@ def test_a_figure_that_is_stated_anew_is_no_longer_what_the_old_source_said(tmp_
     assert own.origins["N"][2] == "second_hand"
 
 
-def test_a_number_that_two_sources_say_bears_the_better_one():
-    quoted = {"second_hand": ["K0", "s.low"], "datasheet": ["K0.high"]}
-    found = origins_of(quoted, ["K0", "s"])
-    assert found["K0"] == ("second_hand", "second_hand", "datasheet")
-    assert found["s"] == ("second_hand", "order_of_magnitude", "order_of_magnitude")
-
-
 def test_own_class_is_known_where_its_catalogue_is_given_and_nowhere_else(tmp_path):
     own = read_catalogue(_file(tmp_path, SCREENED))
     assert sensor("screened", kind="accelerometer", catalogue=own) is own[0]
@@ -75,15 +68,6 @@ def test_own_class_is_known_where_its_catalogue_is_given_and_nowhere_else(tmp_pa
     assert origin == "the typical K0"
     with pytest.raises(TermError, match="'screened' is not in the catalogue"):
         sensor("screened", kind="accelerometer")
-
-
-def test_own_class_may_be_like_another_own_class(tmp_path):
-    text = SCREENED + '[accelerometer.best]\nlike = "screened"\nnoise = { N = [5, 6, 7, "ug/sqrt(Hz)"] }\n'
-    screened, best = read_catalogue(_file(tmp_path, text))
-    assert best.coefficients == screened.coefficients
-    assert best.noise == {**screened.noise, "N": pytest.approx([5e-6 * G, 6e-6 * G, 7e-6 * G], rel=ULPS)}
-    assert best.origins["K0"] == screened.origins["K0"]
-    assert best.origins["N"] == ("order_of_magnitude",) * 3
 
 
 def test_a_floor_is_0_664_of_the_coefficient_and_takes_the_place_of_the_one_that_was_inherited(tmp_path):

@@ -112,14 +112,6 @@ def test_magnitudes_fill_the_range_of_the_class_with_the_typical_one_in_the_midd
     assert _mean_is(drawn > typical * (low / typical) ** (z / point), expected, spread)
 
 
-def test_terms_of_one_figure_have_one_magnitude_in_a_lot():
-    lot = draw_lot(TACTICAL, LIB, 1, np.random.default_rng(5))
-    sd = dict(zip(lot.names, lot.sd, strict=True))
-    assert sd["c_ij"] == sd["c_ik"] == sd["c_jk"] and sd["m_j"] == sd["m_k"]
-    typical = {term.name: prior_sd(TACTICAL, term)[0] for term in LIB.terms}
-    assert len({round(sd[name] / typical[name], 9) for name in ("c_ij", "c_jj", "b2", "b3", "b1p")}) == 5
-
-
 def test_noise_of_units_scatters_log_normally_about_the_lots():
     lot = draw_lot(TACTICAL, LIB, NUMBER, np.random.default_rng(6))
     for name, spread in NOISE_SPREAD.items():

@@ -20,7 +20,6 @@ from imubayes.sensors.noise import (
     flicker,
     gauss_markov_variance,
     shares,
-    vague_prior,
 )
 from imubayes.units import factor
 
@@ -53,15 +52,6 @@ def test_flicker_of_the_fitted_ratio_is_within_three_percent_up_to_its_ends():
     tau = np.geomspace(1.0, 1e4, 201)
     allan = _sum_allan_variance(1.0, 1e4, 10.0, tau)
     assert np.max(np.abs(np.sqrt(allan / FLOOR) - 1.0)) < 0.03
-
-
-@pytest.mark.parametrize("longest", [0.5, 1.0, 1.1, 16.0, 17.0, 1e5])
-def test_time_constants_enclose_the_range_by_one_step_in_a_geometric_row(longest):
-    variance, tau = flicker(3.0, 1.0, longest, ratio=4.0)
-    np.testing.assert_allclose(tau[1:] / tau[:-1], 4.0, rtol=1e-12)
-    assert tau[0] == 0.25
-    assert max(longest, 1.0) * 4.0 <= tau[-1] < max(longest, 1.0) * 16.0
-    np.testing.assert_allclose(variance, 9.0 * math.log(4.0) / math.pi, rtol=1e-15)
 
 
 def test_allan_variance_has_the_published_coefficient_of_each_process():
@@ -144,10 +134,3 @@ def test_quantum_of_an_accelerometer_is_over_its_sampling_interval_and_of_a_gyro
     ring = sensor("rlg_navigation", kind="gyroscope")
     laser = [class_prior(ring, interval).log_normal["Q"] for interval in (0.01, 1.0)]
     assert laser[0] == laser[1] == pytest.approx((0.32 * factor("arcsec"), laser[0][1]))
-
-
-def test_prior_without_a_class_scales_with_the_white_noise():
-    one, ten = (vague_prior(white, 3600.0, 0.1) for white in (1.0, 10.0))
-    for name in "NBKQG":
-        assert ten.log_normal[name][0] == pytest.approx(10.0 * one.log_normal[name][0])
-    assert ten.ramp == pytest.approx(10.0 * one.ramp)

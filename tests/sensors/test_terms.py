@@ -120,15 +120,6 @@ def test_slide_set_is_exactly_the_slides_terms():
     assert list(library("gyroscope").names) == [*shared, *products]
 
 
-def test_extended_set_adds_what_the_slides_leave_out():
-    def added(kind):
-        return set(library(kind, set="extended").names) - set(library(kind).names)
-
-    diagonal = {"S_ii", "S_jj", "S_kk"}
-    assert added("accelerometer") == diagonal
-    assert added("gyroscope") == diagonal | {"g_i", "g_j", "g_k", "s_i", "s_j", "s_k"}
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_asymmetries_are_zero_at_zero_input(kind):
     lib = library(kind, powers=1, asymmetry=4)
@@ -138,15 +129,6 @@ def test_asymmetries_are_zero_at_zero_input(kind):
         value = column(term, {lib.own: np.array([-2.0, -0.0, 0.0, 2.0])})
         n = int(term.name[1:-1])
         np.testing.assert_array_equal(value, [-((-2.0) ** n), 0.0, 0.0, 2.0**n])
-
-
-def test_absent_channel_counts_as_zero():
-    lib = library("accelerometer", set="extended", temperature=1)
-    present = {"f_i": np.array([1.0, -1.0])}
-    zeros = {name: np.zeros(2) for name in [*CHANNELS, "dT"]} | {"T": np.full(2, 298.15)}
-    np.testing.assert_array_equal(columns(lib, present, 2), columns(lib, zeros | present, 2))
-    tested = [term.name for term in lib.terms if np.any(column(term, present) != 0.0)]
-    assert tested == ["b0", "b1", "b2", "b3", "b0p", "b1p", "b2p"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -107,13 +107,6 @@ def test_a_rung_that_is_asked_for_by_name_has_the_whole_report(command, study, r
         assert f"because the method {rung} was asked for" in text
 
 
-def test_a_rung_of_one_component_is_refused_for_several(command, tmp_path):
-    path = tmp_path / "imu.toml"
-    path.write_text(IMU)
-    ended = command("run", path, "--out", tmp_path / "no", "--method", "means")
-    assert ended.code == 2 and "means takes runs of one component" in ended.words
-
-
 def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_all(command, tmp_path):
     path = tmp_path / "imu.toml"
     path.write_text(IMU)

@@ -13,7 +13,6 @@ from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 from imubayes.study import scenes
-from imubayes.study.scenes import component_library
 
 LIB = library("accelerometer", powers=2, asymmetry=-1, temperature=1)
 UP = {"f_i": np.full(50, 2.0), "f_j": np.full(50, 3.0), "f_k": np.full(50, 5.0)}
@@ -70,12 +69,6 @@ def test_component_of_a_triad_lies_along_its_own_axis_whatever_the_mission_says(
     assert [_rms(one)["b1"] for one in found.values()] == pytest.approx([2.0, 3.0, 5.0], rel=1e-12)
 
 
-def test_single_sensor_that_is_called_like_a_component_is_none():
-    spec = replace(SPEC, id="az")
-    ((_, found),) = required([MISSION], [(spec, [_component("az")])])
-    assert found.axis == "x"
-
-
 def test_terms_that_the_scene_does_not_drive_are_named():
     ((_, found),) = required([MISSION], [(SPEC, [_component()])])
     (said,) = [note for note in found.notes if "drives" in note]
@@ -100,11 +93,6 @@ def test_noise_is_that_of_the_longest_run():
     assert "noise as in run 'long'" in found.notes
     # white noise averaged over one second
     assert found.noise[0] == pytest.approx(0.25, rel=1e-12)
-
-
-def test_library_of_a_component_has_its_terms_in_the_order_of_the_equation():
-    part = _component(names=("b1", "m_j", "b0"))
-    assert component_library(SPEC, part).names == ("b0", "b1", "m_j")
 
 
 def test_term_that_the_test_cannot_tell_is_not_there_whatever_its_inclusion():

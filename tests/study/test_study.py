@@ -17,7 +17,7 @@ from imubayes.reporting.words import answer
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.selection.verdicts import TermVerdict
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.noise import NoiseRule
 from imubayes.study import method
 
 QUICKSTART = Path(__file__).parents[2] / "studies" / "quickstart.toml"
@@ -74,13 +74,6 @@ def test_the_same_seed_gives_the_same_result_and_another_one_another():
     assert numbers(once.selection.terms[0]) != numbers(other.selection.terms[0])
 
 
-def test_a_sensor_s_result_does_not_depend_on_those_after_it():
-    first = method.run(small()).sensors[0]
-    beside = method.run(small(spec(), spec(id="B"))).sensors
-    assert first.selection.terms == beside[0].selection.terms
-    assert numbers(beside[0].selection.terms[0]) != numbers(beside[1].selection.terms[0])
-
-
 def test_all_residual_tests_of_a_study_share_one_level():
     """What each may give in false alarms adds up to the level, however many sensors and runs there are."""
     names = ("A", "B", "C")
@@ -135,26 +128,6 @@ def test_without_a_class_each_term_may_move_the_output_by_its_whole_range(monkey
     assert {"b1", "m_j"} <= {t.name for t in sensor.selection.terms if t.verdict == "needed"}
 
 
-def test_noise_rules_are_obeyed_and_named():
-    given = Noise(6e-4, 4e-4, 1e-6)
-    origins = {}
-    for rule in (NoiseRule(), NoiseRule("white"), NoiseRule("fixed", given)):
-        runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),)
-        (run,) = method.run(small(spec(runs=runs))).sensors[0].runs
-        origins[run.noise_origin] = run.noise
-    assert set(origins) == {"REML", "white", "given"}
-    assert origins["given"] == given
-    assert origins["white"].B == origins["white"].K == 0.0 < origins["white"].N
-
-
-def test_noise_of_a_static_log_is_taken_over():
-    log = RunSpec("log", "static", simulate={"profile": "static", "duration": 400.0, "rate": 1.0})
-    tumble = RunSpec("tumble", "tumble", simulate=TUMBLE, noise=NoiseRule("fixed", like="log"))
-    (sensor,) = method.run(small(spec(runs=(tumble, log)))).sensors
-    assert sensor.runs[0].noise == sensor.runs[1].noise
-    assert [run.noise_origin for run in sensor.runs] == ["run log", "REML"]
-
-
 def test_estimated_noise_is_averaged_over_and_hardly_moves_what_a_long_test_says():
     exact, averaged = (method.run(small(method=m, ess=400.0)).sensors[0] for m in ("exact", "auto"))
     assert (exact.method, averaged.method) == ("plug-in", "collapsed")
@@ -193,16 +166,6 @@ def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_p
     np.testing.assert_array_equal(resumed.theta, whole.theta)
 
 
-def test_sessions_of_a_unit_are_compared():
-    sensors = [spec(id=f"A{k}", unit="A", session=str(k)) for k in (1, 2, 3)]
-    sessions = method.run(small(*sensors)).sessions
-    by_name = {one.parameter: one for one in sessions}
-    assert by_name["b0"].sessions == ("1", "2", "3")
-    # one truth behind all three: nothing separates them but noise
-    assert not any(one.exceeds for one in sessions)
-    assert method.run(small()).sessions == ()
-
-
 def test_distrusted_run_leaves_its_noise_and_its_bench_errors_behind(monkeypatch):
     """Every dwell of the centrifuge is spoilt; the tumble was to have its noise, and the arm its radius."""
     arm = {"profile": "centrifuge", "levels": [1.0, 5.0], "dwell": 10.0, "rate": 1.0}
@@ -238,14 +201,6 @@ def test_errors_of_the_bench_become_columns_with_a_posterior():
     b1 = next(t for t in sensor.selection.terms if t.name == "b1")
     assert b1.full_sd > 3.0 * plain["b1"].full_sd
     assert b1.full_sd == pytest.approx(gravity.sd / 9.80665, rel=0.05)
-
-
-def test_errors_of_the_bench_are_sampled_like_coefficients():
-    (sensor,) = method.run(small(spec(reference={"gravity": 1e-3}), method="full", ess=400.0)).sensors
-    names = sensor.chains.names
-    assert names[-1] == "gravity"
-    (gravity,) = sensor.extras
-    assert sensor.chains.theta[..., -1].std() == pytest.approx(gravity.sd, rel=0.1)
 
 
 def test_what_cannot_be_told_names_its_sensor():

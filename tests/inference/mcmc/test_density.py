@@ -78,16 +78,6 @@ def test_conditional_draws_have_the_moments_of_the_factor_at_that_noise(campaign
     np.testing.assert_allclose(theta.std(0) / sd, 1.0, atol=4.0 / math.sqrt(2.0 * size) + 0.02)
 
 
-def test_given_noise_leaves_only_coefficients(given):
-    density = given.density
-    assert density.d == 0
-    x = np.empty((1, 0))
-    noise = [run.noise for run in given.summary.runs]
-    flat = np.log([value for one in noise for value in (one.N, one.B, one.K)])
-    expected = dense_log_likelihood(given, flat)
-    assert log_marginal(density, x)[0] == pytest.approx(expected, abs=1e-6)
-
-
 def test_noise_beyond_what_was_computed_is_refused(campaign):
     x = near(campaign, 2)
     x[1, 1] += 20.0  # B a billion times too large

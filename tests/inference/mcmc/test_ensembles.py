@@ -43,25 +43,12 @@ def test_ensembles_stop_by_themselves_with_the_right_moments():
     np.testing.assert_allclose(x.std(axis=0) / SD, 1.0, atol=4.0 / np.sqrt(done.found.ess.min()))
 
 
-def test_same_seed_gives_the_same_chains_and_another_seed_others():
-    one, same, other = (run_ensembles(target_of(), Limits(seed=seed)) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.chains[0], same.chains[0])
-    assert not np.array_equal(one.chains[0][:5], other.chains[0][:5])
-    assert not np.array_equal(one.chains[0][:5], one.chains[1][:5])
-
-
 def test_time_limit_ends_the_chains_and_says_what_is_missing():
     slow = Limits(seed=1, ess=1e9, time_limit=0.3)
     done = run_ensembles(target_of(), slow)
     assert not done.found.converged
     assert "effective samples" in done.found.text
     assert len(done.chains[0]) > 1
-
-
-def test_progress_tells_acceptance_autocorrelation_and_time_left():
-    told = []
-    run_ensembles(target_of(), Limits(seed=1, ess=20_000.0), told.append)
-    assert all(word in told[-1] for word in ("accepted", "tau", "ESS", "R-hat", "s left"))
 
 
 def test_resumed_chain_is_the_chain_that_was_not_interrupted(tmp_path):

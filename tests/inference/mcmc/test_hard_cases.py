@@ -90,12 +90,6 @@ def test_given_noise_is_given_to_the_chains_and_to_the_evidence_alike(given):
     assert chosen.plug_in == ()
 
 
-def test_single_short_run_is_sampled():
-    (run,) = ib.simulate(SENSOR, [ib.tumble(angles=12, planes=3, dwell=2.0, rate=1.0)], seed=1, truth=unit())
-    assert len(run.inputs) == 72
-    assert sampled([run]).chains.diagnostics.converged
-
-
 def test_interpolated_density_is_right_where_bias_instability_and_walk_are_strong():
     strong = ib.Noise(6e-4, 12e-4, 3e-5)
     plans = [ib.tumble(angles=12, dwell=20.0, rate=20.0)]

@@ -42,16 +42,6 @@ def test_full_sampler_gives_the_exact_posterior_where_the_noise_is_given(given):
     assert chains.log_evidence[1] < 0.05
 
 
-def test_collapsed_sampler_draws_exactly_where_the_noise_is_given(given):
-    chains = sample(given.summary, given.rows, given.sd, limits=Limits(seed=3)).chains
-    mean, sd = posterior(given.summary.factor, given.sd)
-    found = flat(chains.theta)
-    assert np.all(np.abs(found.mean(axis=0) - mean) < 4.0 * sd / math.sqrt(len(found)))
-    assert chains.log_evidence == (pytest.approx(log_marginal(given.density, np.empty((1, 0)))[0]), 0.0)
-    assert chains.diagnostics.converged
-    assert chains.diagnostics.rhat.max() < 1.05
-
-
 def test_both_samplers_agree(both):
     one, other = (both[method].chains for method in ("collapsed", "full"))
     size = flat(one.theta).shape[0]

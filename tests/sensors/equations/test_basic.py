@@ -7,7 +7,6 @@ from imubayes.algebra.factor import factor_of
 from imubayes.errors import TermError, UnobservableError
 from imubayes.sensors.equations.basic import (
     TERMS,
-    BasicComponent,
     project,
 )
 from imubayes.sensors.terms import columns, library
@@ -54,13 +53,6 @@ def test_projection_loses_less_than_leaving_the_terms_out():
     assert projection.lost == pytest.approx(K2 * 60.0**2 / (6.0 * np.sqrt(5.0)), rel=1e-6)
     assert p.s == pytest.approx(K2 * 100.0, rel=1e-6)
     assert p.b == pytest.approx(K2 * (60.0**2 / 12.0 - 50.0**2), rel=1e-6)
-
-
-def test_what_is_basic_already_stays_and_nothing_is_lost():
-    theta = _theta(b0=1e-2, b1=2e-3, m_j=-3e-3, m_k=4e-3)
-    p, projection = project(LIB, theta, _factor(_scene(np.random.default_rng(2))))
-    assert p == BasicComponent("accelerometer", 1e-2, 2e-3, -3e-3, 4e-3)
-    assert (projection.rms, projection.lost) == (0.0, 0.0)
 
 
 def test_a_misalignment_that_the_scene_does_not_excite_keeps_its_value():

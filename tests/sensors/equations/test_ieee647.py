@@ -115,13 +115,6 @@ def test_scale_and_dead_band_terms_fitted_to_lock_in_are_those_of_its_integrals(
     assert b0p < 0.0 < b1
 
 
-def test_outside_the_dead_band_lock_in_and_the_linear_equation_differ_by_the_stated_bound():
-    p, w = RingLaserGyro(w_L=1e-3), np.array([-2.0, -0.01, 0.002, 0.5])
-    size = np.abs(w)
-    bound = 1e-6 / (size + np.sqrt(size**2 - 1e-6))
-    np.testing.assert_allclose(size - np.abs(indicated(p, {"w_i": w}, 4)), bound, rtol=1e-9, atol=1e-15)
-
-
 def test_dither_amplitude_enters_the_equation_by_the_residual_lock_in():
     w = np.array([0.5])
     dithered = RingLaserGyro(w_L=1.0, S=10.0, theta_D=0.5)

@@ -99,13 +99,6 @@ def test_implied_terms_are_exactly_those_that_the_mapping_makes_beside_the_table
     assert made == {symbol.term for symbol in known.symbols if symbol.term} | set(known.implied)
 
 
-@BY_ID
-def test_no_two_parameters_share_a_term(known):
-    terms = [symbol.term for symbol in known.symbols if symbol.term]
-    assert len(terms) == len(set(terms))
-    assert set(terms) <= set(_wide(known.kind).names)
-
-
 def test_row_and_alignment_agree_with_gains_and_angles():
     rng = np.random.default_rng(6)
     for s, a_X, a_Y in rng.normal(0.0, (0.1, 0.3, 0.3), (200, 3)):
@@ -119,14 +112,6 @@ def test_small_scale_errors_keep_their_digits():
     """Through 1 + b1 in double precision 1e-9 would lose seven of its sixteen digits."""
     b1, m_j, m_k = row(1e-9, 3e-8, -4e-8)
     assert alignment(b1, m_j, m_k)[0] == pytest.approx(1e-9, rel=1e-13)
-
-
-def test_mapping_works_on_arrays_as_on_numbers():
-    s, a_X, a_Y = np.random.default_rng(7).normal(0.0, 0.1, (3, 5))
-    a_X[0] = a_Y[0] = 0.0
-    together = np.array(row(s, a_X, a_Y))
-    for n in range(5):
-        np.testing.assert_array_equal(together[:, n], row(s[n], a_X[n], a_Y[n]))
 
 
 def test_gain_that_is_not_positive_is_refused():

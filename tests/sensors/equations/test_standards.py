@@ -74,16 +74,6 @@ def test_jacobian_is_the_slope_of_the_mapping(known):
         np.testing.assert_allclose(J[:, n], slope, rtol=1e-7, atol=1e-9)
 
 
-def test_jacobian_holds_where_the_misalignment_is_zero():
-    """The square root has a corner there, the angles have none: d a_Y / d m_j = 1, d s / d m_j = 0."""
-    lib = library("gyroscope")
-    rows, _, J = linearised("ieee952", lib, np.zeros(len(lib.terms)))
-    slopes = {row.field: J[n] for n, row in enumerate(rows)}
-    m_j, m_k, b1 = (lib.names.index(name) for name in ("m_j", "m_k", "b1"))
-    assert (slopes["a_Y"][m_j], slopes["a_X"][m_k], slopes["eps_K"][b1]) == (1.0, -1.0, -1.0)
-    assert slopes["eps_K"][m_j] == slopes["a_Y"][m_k] == 0.0
-
-
 def test_trap_full_differences_double_value_and_sd():
     lib = library("accelerometer")
     mean = np.array([1e-3 if name in ("b0p", "b1p") else 0.0 for name in lib.names])
@@ -114,21 +104,6 @@ def test_trap_ppm_of_the_scale_factor_is_1e_6():
     eps_K = _value(in_standard("ieee952", lib, mean, np.zeros((len(mean), len(mean)))), "eps_K")
     # 1/(1 - 1e-4) - 1 = 1.0001e-4 and higher: the denominator shows in the fourth digit
     assert eps_K.value / factor(eps_K.printed) == pytest.approx(100.01, rel=1e-7)
-
-
-@BY_ID
-def test_units_are_those_of_the_terms(known):
-    wide = library(known.kind, powers=12, asymmetry=2, set="extended", temperature=1)
-    terms = {term.name: term for term in wide.terms}
-    for row in known.symbols:
-        if row.term:
-            assert (row.unit, row.printed) == (terms[row.term].unit, terms[row.term].printed), row.symbol
-
-
-@BY_ID
-def test_symbols_and_fields_are_unique(known):
-    assert len({row.symbol for row in known.symbols}) == len(known.symbols)
-    assert len({row.field for row in known.symbols}) == len(known.symbols)
 
 
 @BY_ID

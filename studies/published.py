@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from imubayes.reporting.rounding import measured
 from imubayes.rig.inputs import Run
 from imubayes.study.schema import read_runs, read_study
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 
 IMU_TK = {
     "scale": ((2.41278e-3, 2.42712e-3, 2.41168e-3), (2.09295e-4, 2.09899e-4, 2.09483e-4)),
@@ -37,9 +37,10 @@ IMUCAL = {
 HEADER = ("figure", "component", "unit", "published", "here, ± sd", "published less here", "in sd")
 
 
-def csv_text(rows, header=HEADER) -> str:
+def csv_text(rows: Iterable[Sequence[str]]) -> str:
+    """Text of a table."""
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows([header, *rows])
+    csv.writer(stream, lineterminator="\n").writerows([HEADER, *rows])
     return stream.getvalue()
 
 
@@ -58,6 +59,7 @@ class Found:
         }
 
     def triad(self, kind: str) -> Triad:
+        """Components of a kind with the coefficients that were found."""
         known = kind == "gyroscope" or self.run.procedure == "ferraris"
         one = triad_of(self.spec.of(kind).library, referenced=known)
         return replace(one, theta=np.array([self.terms[name][0] for name in one.names]))
@@ -65,6 +67,7 @@ class Found:
     def row(
         self, what: str, name: str, unit: str, published: float, here: float, sd: float
     ) -> tuple[str, ...]:
+        """A published figure beside ours."""
         size = measured(here, sd, unit)
         digits = len(size.value.partition(".")[2])
         power = 10.0**size.exponent
@@ -105,7 +108,9 @@ def imu_tk_rows() -> Iterator[tuple[str, ...]]:
         )
 
 
-def _rest_rows(found: Found, force: Triad, rate: Triad, nominal) -> Iterator[tuple[str, ...]]:
+def _rest_rows(
+    found: Found, force: Triad, rate: Triad, nominal: list[tuple[float, float]]
+) -> Iterator[tuple[str, ...]]:
     """imu_tk's bias is the output in the first still: bias and g-sensitivity there."""
     run: Run = found.run
     stills = find_stills(run)[:1]
