@@ -109,10 +109,7 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
         _study(RUN, RUN + 'columns = { t = { unit = "s", wraps = "10 s" } }\n'),
         ("run.csv", "'t [s]'", "from 0 to 19.5", "at 10"),
     ),
-    "too many planes": (
-        _study('file = "run.csv"', "simulate = { planes = 7 }"),
-        ("'tumble'", "7"),
-    ),
+    "too many planes": (_study('file = "run.csv"', "simulate = { planes = 7 }"), ("'tumble'", "7")),
     "study is a directory": (_directory_as_study, ("study.toml", "directory")),
     "study is not text": (
         lambda folder: (folder / "study.toml").write_bytes(b"\xff\xfe\x00"),

@@ -103,10 +103,7 @@ def test_the_committed_report_is_what_its_study_gives_today(name: str, recording
     if name in OF_THE_TOOL:
         called = ("-m", f"studies.{name}")
     done = subprocess.run(
-        [sys.executable, *called, "--out", str(tmp_path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
+        [sys.executable, *called, "--out", str(tmp_path)], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     old = json.loads(REPORTS[name].read_text(encoding="utf-8"))

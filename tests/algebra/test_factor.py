@@ -12,15 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.factor import (
-    EXTENDED_ROWS,
-    Factor,
-    add,
-    factor_of,
-    least_squares,
-    reorder,
-    with_prior_rows,
-)
+from imubayes.algebra.factor import EXTENDED_ROWS, Factor, add, factor_of, least_squares, reorder
 from imubayes.errors import UnobservableError
 from imubayes.inference.summary import Summary
 
@@ -64,23 +56,6 @@ def test_factor_of_two_runs_is_factor_of_their_stack(seed, p, more):
     _same(add(*parts), factor_of(X, y, _names(p)))
 
 
-@given(seeds, widths)
-def test_addition_of_factors_is_commutative_and_associative(seed, p):
-    a, b, c = (_factor(seed + i, p, p + 2 + i, log_det=0.5 + i) for i in range(3))
-    _same(add(a, b), add(b, a))
-    _same(add(add(a, b), c), add(a, add(b, c)))
-
-
-@given(seeds, st.integers(1, 6), st.integers(1, 4))
-def test_factor_of_fewer_rows_than_columns_adds_like_any_other(seed, p, few):
-    X, y = _rows(seed, p, p + 8)
-    parts = (factor_of(X[i : i + few], y[i : i + few], _names(p)) for i in range(0, p + 8, few))
-    total = next(parts)
-    for part in parts:
-        total = add(total, part)
-    _same(total, factor_of(X, y, _names(p)))
-
-
 @given(st.lists(st.lists(st.integers(-3, 3), min_size=4, max_size=4), min_size=1, max_size=9))
 def test_factor_keeps_every_inner_product_whatever_the_rank(rows):
     whole = np.array(rows, dtype=float)
@@ -95,17 +70,6 @@ def test_reorder_is_the_factor_of_the_columns_named(seed, order, kept):
     X, y = _rows(seed, 5, 12)
     names = tuple(_names(5)[j] for j in order[:kept])
     _same(reorder(factor_of(X, y, _names(5)), names), factor_of(X[:, order[:kept]], y, names))
-
-
-@given(seeds, st.permutations(range(5)))
-def test_least_squares_does_not_depend_on_the_order_of_columns(seed, order):
-    X, y = _rows(seed, 5, 12)
-    given_order, other = (
-        least_squares(factor_of(X[:, j], y, [_names(5)[i] for i in j])) for j in (list(range(5)), order)
-    )
-    np.testing.assert_allclose(other.mean, given_order.mean[order], rtol=IDENTITY)
-    np.testing.assert_allclose(other.sd, given_order.sd[order], rtol=IDENTITY)
-    assert other.rss == pytest.approx(given_order.rss, rel=IDENTITY)
 
 
 @pytest.mark.parametrize("n", [20, EXTENDED_ROWS + 10])
@@ -127,15 +91,6 @@ def test_factor_does_not_depend_on_how_the_rows_are_blocked(n):
     direct = Factor(_names(4), np.linalg.qr(whole / np.abs(whole).max(axis=0), mode="r"), n)
     scaled = factor_of(X / np.abs(X).max(axis=0), y / np.abs(y).max(), _names(4))
     _same(scaled, direct)
-
-
-@given(seeds, widths)
-def test_prior_rows_are_rows_like_any_other(seed, p):
-    X, y = _rows(seed, p, p + 3)
-    weight = np.random.default_rng(seed).uniform(0.1, 10.0, p) * np.linalg.norm(X, axis=0)
-    stacked = factor_of(np.vstack((X, np.diag(weight))), np.append(y, np.zeros(p)), _names(p))
-    with_rows = with_prior_rows(factor_of(X, y, _names(p)).R, weight)
-    _same(Factor(_names(p), with_rows, stacked.n), stacked)
 
 
 @given(seeds, st.integers(1, 5), st.integers(0, 4))

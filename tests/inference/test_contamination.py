@@ -67,12 +67,7 @@ def evidence_of(runs):
     return evidence(runs, [NOISE] * len(runs), PRIOR, np.full(sum(map(len, runs)), TAU))
 
 
-CASES = {
-    "clean": {},
-    "gross": {2: 15.0},
-    "borderline": {2: 3.0, 7: -2.6},
-    "many": {0: 8.0, 3: -9.0, 8: 7.0},
-}
+CASES = {"clean": {}, "gross": {2: 15.0}, "borderline": {2: 3.0, 7: -2.6}, "many": {0: 8.0, 3: -9.0, 8: 7.0}}
 
 
 @pytest.fixture(scope="module", params=CASES)

@@ -74,12 +74,7 @@ def positions(truth, seed):
     outputs = (f + hands.deviation(truth[0], f) + noisy[0], w + hands.deviation(truth[1], w, f) + noisy[1])
     inputs = Inputs(t, {}, dt)
     return Run(
-        "bench",
-        "ferraris",
-        inputs,
-        np.hstack(outputs),
-        gravity=hands.GRAVITY,
-        sections=tuple(sections),
+        "bench", "ferraris", inputs, np.hstack(outputs), gravity=hands.GRAVITY, sections=tuple(sections)
     )
 
 

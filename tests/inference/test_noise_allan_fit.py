@@ -7,13 +7,7 @@ from allantools import ci
 from quiet_logs import quiet_log
 from scipy.stats import chi2
 
-from imubayes.inference.allan import (
-    allan_curve,
-    allan_deviation,
-    confidence_band,
-    fit_allan,
-    log_covariance,
-)
+from imubayes.inference.allan import allan_curve, allan_deviation, confidence_band, fit_allan, log_covariance
 from imubayes.sensors.noise import NoiseProcesses
 
 SAMPLES = 4000

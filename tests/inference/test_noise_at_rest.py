@@ -26,8 +26,7 @@ LIBRARIES = [
 ]
 TRIADS = tuple(hands.with_truth(lib, {}, referenced=True) for lib in LIBRARIES)
 CASE = SimpleNamespace(
-    triads=TRIADS,
-    components=[SimpleNamespace(name=name) for triad in TRIADS for name in triad.components],
+    triads=TRIADS, components=[SimpleNamespace(name=name) for triad in TRIADS for name in triad.components]
 )
 AT_REST = np.concatenate([np.arange(k * SAMPLES, (k + 1) * SAMPLES - MOVING) for k in range(6)])
 NOISE = NoiseProcesses(N=0.1, K=0.2)

@@ -29,14 +29,7 @@ from imubayes.inference.summary import summarize
 from imubayes.rig.rotations import oscillation, rate_table
 from imubayes.rig.simulate import simulate
 from imubayes.selection.decision import posterior_draws, prior_draws, select
-from imubayes.sensors.catalogue import (
-    coupled,
-    draw_unit,
-    prior_root,
-    prior_sd,
-    sensor,
-    typical_noise,
-)
+from imubayes.sensors.catalogue import coupled, draw_unit, prior_root, prior_sd, sensor, typical_noise
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import library, tied
 

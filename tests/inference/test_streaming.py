@@ -421,10 +421,7 @@ def imu_recording(*, shock, n=8000):
 def asked_of_imu(reference):
     """What is asked of both kinds, with the noise given."""
     found = []
-    for kind, size in (
-        ("accelerometer", 1.0),
-        ("gyroscope", 0.1),
-    ):
+    for kind, size in (("accelerometer", 1.0), ("gyroscope", 0.1)):
         lib, sensor = library(kind, powers=1, asymmetry=-1), catalogue_sensor("mems_tactical", kind=kind)
         prior = ScalePrior(np.tile(class_sd(sensor, lib), 3))
         noise = Noise(size * NOISE.N, size * NOISE.B, size * NOISE.K)

@@ -35,12 +35,6 @@ def test_estimated_noise_is_sampled_and_the_runs_are_named(campaign):
     assert "tumble, centrifuge" in reason
 
 
-def test_one_estimated_run_is_enough():
-    method, reason = chosen_method("auto", campaign_of({"tumble": FIXED}).summary)
-    assert method == "collapsed"
-    assert "run centrifuge is" in reason
-
-
 def test_so_many_rows_that_sampling_takes_long_are_exact_and_say_so(campaign):
     huge = replace(campaign.summary, factor=replace(campaign.summary.factor, n=3_000_000))
     method, reason = chosen_method("auto", huge)
@@ -63,7 +57,3 @@ def test_so_many_columns_that_sampling_takes_long_are_exact_and_say_so(campaign)
 def test_what_the_study_or_the_command_line_asks_for_is_done(campaign, given, wanted):
     for c in (campaign, given):
         assert chosen_method(wanted, c.summary) == (wanted, f"the method {wanted} was asked for")
-
-
-def test_exact_is_another_word_for_plug_in(campaign):
-    assert chosen_method("exact", campaign.summary) == ("plug-in", "the method exact was asked for")

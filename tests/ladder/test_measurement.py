@@ -32,11 +32,6 @@ def test_what_is_kept_of_an_answer_is_what_it_says(answers):
             assert abs(told.draws[:, j].mean() - told.mean[j]) < error[j] + 1e-12
 
 
-def test_rungs_without_draws_have_no_monte_carlo_error(answers):
-    assert not monte_carlo(answers["means"]).any()
-    assert not monte_carlo(answers["plug-in"]).any()
-
-
 def _with(answer, **posterior):
     return replace(answer, posterior=replace(answer.posterior, **posterior))
 
@@ -52,14 +47,6 @@ def test_the_monte_carlo_error_is_the_scatter_of_averages_over_as_many_draws(ans
     np.testing.assert_allclose(
         monte_carlo(answer), scatter * np.sqrt(n / (n - 1.0)), rtol=4.0 / np.sqrt(8000.0), atol=1e-12
     )
-
-
-def test_draws_that_are_taken_again_make_the_monte_carlo_error_no_smaller(answers):
-    answer = answers["averaged"]
-    first, second = list({id(noise): noise for noise in answer.posterior.noises}.values())[:2]
-    even = _with(answer, noises=(first, second) * 8)
-    few = _with(answer, noises=(first, second))
-    np.testing.assert_allclose(monte_carlo(even), monte_carlo(few), rtol=1e-12)
 
 
 def test_chains_that_fall_short_want_more_time(answers):

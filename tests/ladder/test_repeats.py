@@ -43,13 +43,6 @@ def test_errors_of_the_bench_are_drawn_with_the_sd_that_is_stated():
     assert abs(np.mean(drawn)) < 4.0 * 1e-4 / np.sqrt(len(drawn))
 
 
-def test_sensors_are_drawn_from_the_posterior_each_another_one():
-    one, subject = told(draws=np.arange(30.0).reshape(10, 3)), Subject("a", problem())
-    truths = {tuple(drawn(subject, one, number).truth) for number in range(4)}
-    assert len(truths) == 4
-    assert truths <= {tuple(row) for row in one.draws}
-
-
 def test_rungs_of_a_repeat_answer_for_the_truth_that_was_drawn():
     subject = Subject("a", problem())
     names = subject.problem.library.names
@@ -81,7 +74,3 @@ def test_repeats_fit_into_the_time_and_better_rungs_have_no_more_of_them(seconds
     assert (
         len(found) == len(seconds) or not repeats or left * processes - taken < FEWEST * max(seconds.values())
     )
-
-
-def test_no_time_affords_nothing():
-    assert afforded({"means": 0.1}, 20, -3.0, 2) == {}

@@ -1,15 +1,13 @@
-from typing import get_args
-
 import numpy as np
 import pytest
 from ladders import ground, in_memory_and_streamed, problem
 
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder import LADDER, RungName
+from imubayes.ladder import LADDER
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
-from imubayes.ladder.rungs import AT_ONCE, POSTERIORS, stand
+from imubayes.ladder.rungs import stand
 from imubayes.rig.inputs import Inputs, Run
 
 NAMES = [rung.name for rung in LADDER]
@@ -21,11 +19,6 @@ def climbed():
     one = problem()
     g = ground_of(one, np.random.default_rng(2), lambda message: None, SHORT)
     return g, {name: stand(name, g) for name in NAMES}
-
-
-def test_every_rung_has_its_function_and_only_the_last_leaves_nothing_out():
-    assert (*AT_ONCE, *POSTERIORS) == tuple(NAMES) == get_args(RungName)
-    assert [rung.name for rung in LADDER if not rung.leaves_out] == NAMES[-1:]
 
 
 def test_an_unknown_rung_is_answered_with_those_there_are():
@@ -97,14 +90,7 @@ LONGER = Limits(ess=200.0, time_limit=30.0, seed=3)
 
 @pytest.mark.parametrize(
     "rung",
-    [
-        "means",
-        "sparse",
-        "plug-in",
-        "averaged",
-        "collapsed",
-        pytest.param("full", marks=pytest.mark.slow),
-    ],
+    ["means", "sparse", "plug-in", "averaged", "collapsed", pytest.param("full", marks=pytest.mark.slow)],
 )
 def test_a_streamed_run_says_what_its_rows_in_memory_say(twice, rung):
     whole, part = (stand(rung, g) for g in twice)

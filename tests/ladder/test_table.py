@@ -14,7 +14,7 @@ from imubayes.inference.intervals import frequency
 from imubayes.ladder import NEEDS_ROWS
 from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade import table
-from imubayes.ladder.trade.components import NAMES, Subject, rungs_of, with_options
+from imubayes.ladder.trade.components import NAMES, Subject, rungs_of
 from imubayes.ladder.trade.repeats import Rate, Score
 from imubayes.ladder.trade.table import RungTotals, allowed, faults, front, recommended
 from imubayes.reporting.trade_page import trade_answer
@@ -73,11 +73,6 @@ def test_a_rung_whose_process_ends_is_left_out_and_said(monkeypatch):
 def test_rungs_that_cannot_be_traded_are_refused(asked):
     with pytest.raises(InputError):
         rungs_of(asked)
-
-
-def test_a_negative_number_of_repeats_is_refused():
-    with pytest.raises(InputError, match="-1 repeats"):
-        with_options(trade(), repeats=-1)
 
 
 def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(monkeypatch, tmp_path):

@@ -20,9 +20,7 @@ from imubayes.study.schema import read
 CLASS = sensor("mems_tactical", kind="accelerometer")
 
 TUMBLE = RunSpec(
-    "tumble",
-    "tumble",
-    simulate={"profile": "tumble", "angles": 12, "planes": 1, "dwell": 10.0, "rate": 0.5},
+    "tumble", "tumble", simulate={"profile": "tumble", "angles": 12, "planes": 1, "dwell": 10.0, "rate": 0.5}
 )
 """Twelve positions, five samples each: a unit takes some 30 ms."""
 

@@ -22,7 +22,6 @@ from imubayes.population.dataset import (
     part_file,
     publish,
     read_part,
-    records_of,
     write_part,
 )
 from imubayes.population.records import part_found
@@ -46,15 +45,6 @@ def test_records_read_back_to_the_last_bit(found, tmp_path):
         for field in fields(one):
             mine, theirs = getattr(one, field.name), getattr(other, field.name)
             assert np.array_equal(mine, theirs) if isinstance(mine, np.ndarray) else mine == theirs, field
-
-
-def test_recorded_units_have_no_truth_in_the_dataset(found, tmp_path):
-    study, records = found
-    unknown = replace(records[0], truth=np.full(len(study.spec.library.terms), np.nan))
-    table = parquet.read_table(_write(tmp_path, study, (unknown,)))
-    assert table.column("truth").null_count == table.num_rows
-    (back,) = records_of(table)
-    assert np.isnan(back.truth).all()
 
 
 def test_a_row_is_a_unit_and_a_term_and_their_factor_gives_the_posterior_again(found, tmp_path):

@@ -35,17 +35,6 @@ def test_one_unit_that_cannot_be_read_is_named_and_the_exit_code_is_0(command, t
     assert sorted(file.name for file in out.iterdir()) == ["report.html", "result.json", "units"]
 
 
-def test_resume_keeps_what_is_finished(command, tmp_path):
-    path, out = tmp_path / "fleet.toml", tmp_path / "out"
-    path.write_text(SMALL)
-    assert command("run", path, "--out", out).code == 0
-    (part,) = (out / "units").iterdir()
-    before = part.stat().st_mtime_ns
-    ended = command("run", path, "--out", out, "--resume", "--scheduler", "local")
-    assert ended.code == 0 and "5 units were there already" in ended.words
-    assert part.stat().st_mtime_ns == before
-
-
 @pytest.mark.parametrize(
     ("option", "message"),
     [

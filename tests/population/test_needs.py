@@ -96,13 +96,6 @@ def test_unit_answers_yes_or_no_only_where_its_sessions_do_not_contradict_each_o
     assert found in verdicts or found == "undecided"
 
 
-def test_most_units_that_cannot_tell_leave_the_class_untold_whatever_the_pooled_model_says():
-    for word in CANNOT_TELL:
-        need = class_need([word] * 5 + ["needed"] * 3, 1.0)
-        assert need.verdict == "cannot tell" and word in need.reason
-        assert need.share.high == 1.0 and need.share.low == pytest.approx(beta(3.5, 5.5).ppf(0.05))
-
-
 @pytest.mark.parametrize(
     ("answers", "pooled", "verdict"),
     [

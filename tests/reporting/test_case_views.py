@@ -91,13 +91,6 @@ def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     assert row[-1] == f"{one.inside} of {30 * width}"
 
 
-def test_where_the_fit_has_a_coefficient_for_each_error_nothing_is_predicted_of_it(cased):
-    study = cased(recovered(fitted=1e-3 * MG))
-    assert rows(shown(study))[0][6] == "–"
-    assert "a coefficient for each" in said(shown(study))
-    assert "0.20 mg for new ones" in " ".join(answered(study))
-
-
 def test_a_kind_needs_what_its_components_show_together(cased):
     study = cased(recovered())
     verdicts = {row[0]: row[-1][2:] for row in rows(shown(study))[1:]}

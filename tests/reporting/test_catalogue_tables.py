@@ -33,13 +33,6 @@ def test_list_names_every_class_once_with_its_technology_and_sizes():
     assert "closed-loop IFOG" in words and "SRS-1000" in words
 
 
-def test_list_puts_own_classes_below_those_of_their_kind():
-    tactical = sensor("mems_tactical", kind="accelerometer")
-    text = printed(class_list((*classes(), replace(tactical, id="own_class"))))
-    assert text.count("accelerometers, ") == 1
-    assert text.index("strategic_piga") < text.index("own_class") < text.index("gyroscopes, ")
-
-
 def _rows(text: str, first: str) -> dict[str, list[str]]:
     """Rows of the table whose heading begins with `first`, by their first cell."""
     lines = text.splitlines()

@@ -6,15 +6,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from results_found import sampled_result, sensor_result
+from results_found import sampled_result
 
-from imubayes.reporting.chain_views import (
-    bench_sections,
-    chain_sections,
-    change_sections,
-    diagnoses,
-    own_errors,
-)
+from imubayes.reporting.chain_views import diagnoses, own_errors
 
 
 @pytest.mark.parametrize("sampled", [True, False])
@@ -32,11 +26,6 @@ def test_bridge_is_held_against_the_exact_evidence_only_where_they_mean_the_same
         )
     told = diagnoses(sensor, replace(sensor.chains, diagnostics=found))
     assert ("noise's prior costs" in told) == sampled and ("must agree" in told) != sampled
-
-
-def test_exact_component_has_no_chains() -> None:
-    sensor = sensor_result()
-    assert not [*chain_sections(sensor), *bench_sections(sensor), *change_sections(sensor)]
 
 
 @pytest.mark.parametrize(("id", "listed"), [("imu.ay", ["gravity", "tilt_j.ay"]), ("alone", None)])

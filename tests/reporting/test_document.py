@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from page_reading import Page, whole
 from results_found import sampled_result, sensor_result, study_result
-from scenes_found import a_relevance
 
 from imubayes.cli.console import complete
 from imubayes.errors import InputError
 from imubayes.reporting.document import report_html, write_results
-from imubayes.reporting.views import MANY, MOST_DRAWN
 from imubayes.sensors.terms import library
 
 
@@ -40,19 +38,6 @@ def test_test_that_excites_nothing_is_reported() -> None:
     selection = replace(sensor.selection, terms=terms, model=(), models=models)
     html = report_html(study_result(replace(sensor, selection=selection)))
     assert "0 of 20 terms are needed" in html and "No term is kept" in html
-
-
-def test_components_that_share_their_rows_show_them_once() -> None:
-    first = sensor_result("IMU.ax")
-    second = replace(first, id="IMU.ay")
-    html = report_html(study_result(first, second))
-    alone = report_html(study_result(first))
-    assert (
-        html.count("Autocorrelation of the whitened") == alone.count("Autocorrelation of the whitened") == 2
-    )
-    assert (
-        'the figures stand with <a href="#s1-fit">IMU.ax</a>' in html and "Runs of IMU.ax and IMU.ay" in html
-    )
 
 
 def test_results_are_written_with_parents_and_replace_older_ones_only(tmp_path, result) -> None:
@@ -95,16 +80,6 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb() -> Non
     drawn = html[html.index("Figures are drawn of 3 of the 72 components") :]
     assert "imu3-session1.ax" in drawn[: drawn.index("</p>")]
     assert html.index('<h2 id="s1">') < html.index("terms are needed")
-
-
-def test_report_says_what_scenes_require_in_words_where_components_are_many() -> None:
-    many = study_result(*(sensor_result(f"U{k}", runs=("tumble",)) for k in range(MANY + 1)))
-    many = replace(many, scenes=tuple((sensor.id, a_relevance()) for sensor in many.sensors))
-    html = report_html(many)
-    assert all(f"{sensor.id} in quadrotor" in html for sensor in many.sensors)
-    # tables and figures only of the components that are drawn
-    assert html.count(' in quadrotor"') == MOST_DRAWN
-    whole(Page(html))
 
 
 def test_chains_that_have_not_converged_are_said_first_and_marked() -> None:

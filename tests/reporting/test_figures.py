@@ -1,19 +1,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from xml.etree import ElementTree
 
 from results_found import sensor_result
 
 from imubayes.reporting import figures, fit_figures, rows
-from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, draw
+from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING
 from studies.decision_quality import figures as quality_figures
-
-
-def test_alternative_text_is_escaped() -> None:
-    panel = draw(lambda axes: None, title="", alt='"><script>alert(1)</script>', key="k")
-    assert "<script" not in panel.svg
-    assert ElementTree.fromstring(panel.svg).get("aria-label") == '"><script>alert(1)</script>'
 
 
 def test_models_disagree_only_on_terms_that_are_neither_in_nor_out(monkeypatch) -> None:
@@ -36,12 +29,6 @@ def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit() -> No
 
     assert title(0.9999).endswith("the prior's width matters for none")
     assert "(0.90 to 1.00)" in title(0.9)
-
-
-def test_runs_that_fit_worst_are_drawn_when_there_are_many() -> None:
-    sensor = sensor_result(runs=tuple(f"r{k}" for k in range(12)), misfit="r7")
-    shown = [check.run for check in fit_figures.shown_runs(sensor, 3)]
-    assert len(shown) == 3 and "r7" in shown and shown == sorted(shown, key=lambda run: int(run[1:]))
 
 
 def test_posterior_counts_the_terms_that_the_test_narrows_tenfold() -> None:

@@ -11,12 +11,7 @@ from results_found import judged_result, sampled_result
 
 from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting.fit_figures import channel_of, dependence_words
-from imubayes.reporting.fit_views import (
-    MOST_DEPENDENCES,
-    dwell_sections,
-    fit_sentence,
-    misfit_sections,
-)
+from imubayes.reporting.fit_views import MOST_DEPENDENCES, dwell_sections, fit_sentence, misfit_sections
 
 
 def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decision() -> None:

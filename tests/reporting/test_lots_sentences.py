@@ -5,10 +5,7 @@ import pytest
 from lots_found import lot_result
 
 from imubayes.population.lots import Against
-from imubayes.reporting.lots_sentences import (
-    contrasts,
-    lots_answer,
-)
+from imubayes.reporting.lots_sentences import contrasts, lots_answer
 from imubayes.reporting.lots_words import MOST_WORDS, headline
 
 

@@ -9,10 +9,7 @@ from page_reading import printed
 from results_found import judged_result, study_result
 
 from imubayes.reporting.document import report_html
-from imubayes.reporting.method_views import (
-    decided,
-    vote_table,
-)
+from imubayes.reporting.method_views import decided, vote_table
 from imubayes.reporting.results import result_json
 from imubayes.reporting.tables import terminal_summary
 from imubayes.selection.panel import Unasked

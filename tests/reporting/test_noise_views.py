@@ -8,11 +8,7 @@ import pytest
 from block_readings import panels, rows
 
 from imubayes.inference.allan import AllanFit, allan_curve
-from imubayes.reporting.noise_views import (
-    process_blocks,
-    process_units,
-    published_processes,
-)
+from imubayes.reporting.noise_views import process_blocks, process_units, published_processes
 from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
 from imubayes.sensors.noise import NoiseProcesses
 from imubayes.units import factor

@@ -7,15 +7,8 @@ import pytest
 from populations_found import SESSIONS, UG, UNITS, class_found, term_found
 
 from imubayes.inference.intervals import Share
-from imubayes.reporting.document import report_html
 from imubayes.reporting.population_views import resolved, spread_text
 from imubayes.reporting.results import result_json
-
-
-def test_units_of_one_session_have_no_column_of_sessions(result) -> None:
-    text = report_html(replace(result, classes=(class_found(sessions=("",)),)))
-    assert ">unit to unit<" in text and ">between sessions<" not in text
-    assert "what a turn-on changes is in the sd from unit to unit" in text
 
 
 def test_population_is_in_the_results_in_si(result) -> None:

@@ -8,14 +8,7 @@ import pytest
 from results_found import sampled_result, sensor_result
 
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, per_unit
-from imubayes.reporting.rows import (
-    noise_cells,
-    noise_floor,
-    noise_origin,
-    own_groups,
-    range_texts,
-    term_rows,
-)
+from imubayes.reporting.rows import noise_cells, noise_floor, noise_origin, range_texts, term_rows
 from imubayes.sensors.noise import Noise, allan_variance
 
 G = 9.80665
@@ -24,19 +17,6 @@ DEG_H = math.pi / 180.0 / 3600.0
 
 def rows_by_name(sensor):
     return {row.verdict.name: row for row in term_rows(sensor)}
-
-
-def test_value_in_printed_unit_is_the_si_value_by_hand() -> None:
-    sensor = sensor_result()
-    row = rows_by_name(sensor)["b2"]
-    # theta f^2 with theta in s^2/m: 1 ug/g^2 is 1e-6 g / g^2
-    assert float(row.size.value) == pytest.approx(row.verdict.mean * G / 1e-6, rel=1e-3)
-
-
-def test_effect_is_printed_in_the_output_unit_only_where_the_term_has_a_value() -> None:
-    rows = rows_by_name(sensor_result())
-    assert str(rows["b0"].effect) == "1500 ug"
-    assert all((row.effect is None) == (row.kind != "value") for row in rows.values())
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
@@ -104,11 +84,3 @@ def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once() -> None:
     )
     changed = replace(sensor, selection=replace(sensor.selection, terms=terms))
     assert rows_by_name(changed)["m_k"].partners == ("d_o", "fixture", "gravity")
-
-
-def test_directions_of_the_same_terms_are_one_group() -> None:
-    selection = sensor_result().selection
-    (group,) = selection.observability.groups
-    other = replace(group, terms=("b0", "b2"))
-    seen = replace(selection.observability, groups=(group, other, replace(group, direction=(1.0, 0.5))))
-    assert own_groups(replace(selection, observability=seen)) == (group, other)

@@ -12,15 +12,6 @@ from imubayes.reporting.tables import terminal_summary
 from imubayes.sensors.terms import library
 
 
-def test_value_columns_line_up_at_their_sd(result) -> None:
-    lines = [
-        line
-        for line in printed(terminal_summary(result)).splitlines()
-        if "+-" in line and "noise" not in line
-    ]
-    assert len({line.index("+-") for line in lines[1:]}) == 1 and len(lines) == 7
-
-
 def test_what_is_one_is_in_the_singular() -> None:
     lib = replace(library("accelerometer", powers=1), terms=library("accelerometer", powers=1).terms[:1])
     one = sensor_result(lib=lib, runs=("tumble",))

@@ -72,8 +72,7 @@ def test_scene_takes_a_log_with_its_header_behind_a_comment(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("interval", "resolution"),
-    [(0.01, 0.1), (0.01, 1.0), (1.0 / 128.0, 1e-3), (1.0 / 1100.0, 1e-3)],
+    ("interval", "resolution"), [(0.01, 0.1), (0.01, 1.0), (1.0 / 128.0, 1e-3), (1.0 / 1100.0, 1e-3)]
 )
 def test_rows_of_a_coarse_clock_are_spread_evenly(interval, resolution, tmp_path):
     true = 1e9 + interval * np.arange(N)

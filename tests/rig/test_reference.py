@@ -9,12 +9,7 @@ from imubayes.errors import DataError, UnobservableError
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import (
-    KINDS,
-    TILT,
-    errors_of,
-    kind_of,
-)
+from imubayes.rig.reference import KINDS, TILT, errors_of, kind_of
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import reference_errors

@@ -15,13 +15,7 @@ from navigator import G, R
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
-from imubayes.scenes.propagation import (
-    STATES,
-    Budget,
-    noise_growth,
-    output_noise,
-    propagation,
-)
+from imubayes.scenes.propagation import STATES, Budget, noise_growth, output_noise, propagation
 from imubayes.scenes.record import Scene, in_case, recorded
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from imubayes.cli import main
 from imubayes.errors import DataError
 from imubayes.study.method import check, run
 from imubayes.study.schema import record_study
@@ -100,8 +99,6 @@ name = "faces"
 procedure = "tumble"
 simulate = { positions = 6, dwell = "10 s", rate = "2 Hz" }
 """
-IMU = 'kind = "imu"'
-FACES = 'simulate = { positions = 6, dwell = "10 s", rate = "2 Hz" }'
 GRAVITY = 'bench = "drawn"\nreference = { gravity = "1 mg" }'
 BENCH = """
 bench = "drawn"
@@ -168,17 +165,6 @@ def test_a_simulated_imu_is_characterized_to_its_end(tmp_path):
     assert 0.0 < angle["sd"] < 1e-3
 
 
-def test_a_recorded_imu_without_a_column_ends_with_the_file_and_exit_2(tmp_path, capsys, monkeypatch):
-    record(tmp_path / "faces.csv", CHANNELS)
-    path = written(tmp_path, known().replace(FACES, 'file = "faces.csv"'))
-    monkeypatch.setattr("sys.argv", ["imubayes", "run", str(path), "--out", str(tmp_path / "out")])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert "faces.csv: has no column with an input: expected some of f_x f_y f_z" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 def test_six_components_can_be_checked_before_the_test(tmp_path):
     record(tmp_path / "both.csv", CHANNELS, rows=90)
     ups = [*"xyz", "-x", "-y", "-z"]
@@ -189,15 +175,3 @@ def test_six_components_can_be_checked_before_the_test(tmp_path):
     ]
     path = written(tmp_path, NO_SENSOR + FERRARIS + f"sections = [{', '.join(parts)}]\n")
     assert [one.id for one in check(read_study(path))] == ["A.ax", "A.ay", "A.az", "A.gx", "A.gy", "A.gz"]
-
-
-def test_gyroscopes_alone_are_checked_in_positions_and_turns(tmp_path):
-    rate = record(tmp_path / "both.csv", CHANNELS[1:])
-    parts = '{ rows = [0, 20], up = "x" }, { rows = [20, 40], up = "x", turn = "90 deg" }'
-    head = HEAD.partition("class")[0].replace("imu", "gyroscope") + 'class = "mems_consumer"\n'
-    text = head + f"accept_prior_conflict = true\n{FERRARIS}sections = [{parts}]\n"
-    path = written(tmp_path, text)
-    (run,) = read_runs(path)
-    np.testing.assert_allclose(run.rate, np.deg2rad(rate), rtol=1e-12)
-    assert run.force.size == 0
-    assert [one.id for one in check(read_study(path))] == ["A.gx", "A.gy", "A.gz"]

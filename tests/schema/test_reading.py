@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.campaign.study import Appendix, Sampling
+from imubayes.campaign.study import Sampling
 from imubayes.errors import StudyError
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.reference import KINDS
@@ -59,11 +59,6 @@ def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
     assert (sensor.reference, sensor.robust, sensor.unit, sensor.session) == ({}, False, "", "")
 
 
-def test_sampling_is_that_of_the_study(tmp_path):
-    text = '[study]\nmethod = "full"\n[sampling]\ness = 250\ntime_limit = "1.5 h"\n'
-    assert _read(tmp_path, text + HEAD + RUN).sampling == Sampling("full", 250.0, 5400.0)
-
-
 def test_errors_of_the_bench_are_the_catalogues_or_the_studys_in_si(tmp_path):
     text = (
         'gravity = true\ntable_zero = "2 arcsec"\nfixture = false\n'
@@ -74,13 +69,6 @@ def test_errors_of_the_bench_are_the_catalogues_or_the_studys_in_si(tmp_path):
     assert sensor.reference == pytest.approx(
         {"gravity": UG, "table_zero": 2.0 * arcsec, "arm_stretch": 1e-6 / G, "radius": 9e-6}, rel=ULPS
     )
-
-
-def test_turn_on_is_in_the_unit_of_the_output(tmp_path):
-    gyro = HEAD.replace('"accelerometer"', '"gyroscope"')
-    for head, text, expected in ((HEAD, "5 ug", 5.0 * UG), (gyro, "0.1 deg/h", math.radians(0.1) / 3600.0)):
-        sensor = _sensor(tmp_path, head + f'reference = {{ turn_on = "{text}" }}\n' + RUN)
-        assert sensor.reference == pytest.approx({"turn_on": expected}, rel=ULPS)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -110,14 +98,6 @@ def test_sessions_of_one_unit_are_told_apart(tmp_path):
     sensors = _read(tmp_path, "".join(head + RUN for head in heads)).sensors
     assert [(one.unit, one.session) for one in sensors] == [("U", "1"), ("U", "2"), ("V", "1")]
     assert all(one.robust for one in sensors)
-
-
-def test_appendix_holds_the_texts_of_its_file(tmp_path):
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "speed.csv").write_text('\ufeffsampler, "ESS/s"\n\n"a, b",  430\nc,\n', "utf-8")
-    keys = 'title = "T"\nnote = "N"\ncommand = "C"\nfile = "tables/speed.csv"\n'
-    (table,) = _read(tmp_path, f"[[appendix]]\n{keys}" + HEAD + RUN).appendices
-    assert table == Appendix("T", "N", "C", ("sampler", "ESS/s"), (("a, b", "430"), ("c", "")))
 
 
 @pytest.mark.parametrize(
@@ -201,12 +181,6 @@ def test_noise_of_a_run_wins_over_that_of_its_sensor(text, rule, tmp_path):
         expected = (rule.value.N, rule.value.B, rule.value.K)
         came = (noise.value.N, noise.value.B, noise.value.K)
         assert came == pytest.approx(expected, rel=ULPS)
-
-
-def test_static_log_that_the_others_lean_on_is_estimated(tmp_path):
-    log = RUN.replace('"tumble"', '"log"', 1)
-    sensor = _sensor(tmp_path, HEAD + 'noise = { run = "log" }\n' + RUN + log)
-    assert [run.noise.like for run in sensor.runs] == ["log", None]
 
 
 def test_gravity_by_place_is_normal_gravity(tmp_path):

@@ -21,13 +21,6 @@ file = "tumble.csv"
 GYROSCOPE = SENSOR.replace("accelerometer", "gyroscope").replace('"A"', '"G"')
 SCENE = '[[scene]]\nname = "quadrotor"\nbudget = { position = "100 m" }\n'
 LOG = "t [s],up [mg],w_i [deg/s]\n0,1000,0\n1,1000,90\n2,1000,180\n"
-OWN = """
-[accelerometer.mine]
-like = "mems_tactical"
-grade = "mine"
-[accelerometer.mine.coefficients]
-K0 = [1, 2, 3, "ug"]
-"""
 
 
 def _scenes(folder, text, head=""):
@@ -107,12 +100,3 @@ def test_free_flight_is_that_of_scenes_without_weight_unless_the_study_says_so(n
     assert found.budget.schuler == (name not in ("gun_projectile", "reentry_spin", "spacecraft"))
     (said,) = _scenes(tmp_path, f"{text}free_flight = {str(found.budget.schuler).lower()}\n")
     assert said.budget.schuler != found.budget.schuler
-
-
-def test_class_of_the_study_s_own_catalogue_gives_the_priors(tmp_path):
-    (tmp_path / "own.toml").write_text(OWN)
-    path = tmp_path / "bench.toml"
-    path.write_text('[study]\ncatalogue = "own.toml"\n' + SENSOR.replace("mems_tactical", "mine"))
-    (sensor,) = read_study(path).sensors
-    assert sensor.sensor_class is not None and sensor.sensor_class.grade == "mine"
-    assert sensor.sensor_class.coefficients["K0"] == pytest.approx((G * 1e-6, 2e-6 * G, 3e-6 * G), rel=1e-14)

@@ -15,14 +15,7 @@ from imubayes.algebra.factor import factor_of, triangular
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import candidates
 from imubayes.selection.model_sets import Every
-from imubayes.selection.predictive import (
-    RELIABLE,
-    by_dwell,
-    by_run,
-    leave_out,
-    psis_loo,
-    waic,
-)
+from imubayes.selection.predictive import RELIABLE, by_dwell, by_run, leave_out, psis_loo, waic
 
 NAMES = ("a", "b", "c", "bench")
 SD = np.array([1.0, 0.3, 2.0, 0.5])

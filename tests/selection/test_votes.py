@@ -80,11 +80,7 @@ def test_every_method_has_its_row_and_every_tested_term_its_column():
     expected = [inclusion, widths.g_prior, [1, 1, 1], [1, 0, 0], [0.1, 0.1, 0.8]]
     np.testing.assert_allclose(told.strength, expected)
     np.testing.assert_array_equal(told.keeps, [[1, 0, 1], [1, 0, 1], [1, 1, 1], [1, 0, 0], [0, 0, 1]])
-    assert set(reasons(told)) == {
-        (names[1], "aic"),
-        (names[2], "bic"),
-        (names[0], "stlsq"),
-    }
+    assert set(reasons(told)) == {(names[1], "aic"), (names[2], "bic"), (names[0], "stlsq")}
 
 
 def test_methods_of_one_mind_have_no_disagreement():

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import TermError
-from imubayes.sensors.catalogue import (
-    classes,
-    draw_unit,
-    prior_sd,
-    sensor,
-    terms_of,
-)
+from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor, terms_of
 from imubayes.sensors.noise import noise_prior
 from imubayes.sensors.terms import Library, Term, library
 

@@ -53,11 +53,6 @@ def test_a_g_prior_by_one_least_squares_after_the_other_is_ours():
     assert contest.entrants[0].error(found["imubayes"]) < 1e-12
 
 
-def test_enumeration_by_products_is_that_by_logarithms():
-    contest = problems.enumeration(10, 4)
-    assert contest.entrants[0].error(contest.entrants[0].solve()) < 1e-12
-
-
 def test_white_noise_alone_is_read_off_the_allan_plot():
     """sigma(tau) = N/sqrt(tau): over the first decade of 1e5 samples to 1 %, 4 sd."""
     pytest.importorskip("allantools", reason="needs the extra benchmark")

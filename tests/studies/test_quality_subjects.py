@@ -2,16 +2,8 @@ import numpy as np
 import pytest
 
 from imubayes.rig.bench import true_inputs
-from imubayes.sensors.catalogue import classes
 from imubayes.sensors.terms import columns, library
 from studies.decision_quality.subjects import runs_of, subject
-
-
-@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_classes_of_the_catalogue_take_turns(kind):
-    known = [entry.id for entry in classes(kind)]
-    drawn = [subject(library(kind), k, seed=1).sensor.id for k in range(2 * len(known))]
-    assert drawn == known * 2
 
 
 def test_number_of_true_terms_is_uniform():

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from imubayes.errors import InputError
 from studies.decision_quality import questions as asked
-from studies.decision_quality import scores as scoring
 from studies.decision_quality.scores import scores
 from studies.decision_quality.trials import DECISION, MODELLED, SURE, Trial
 
@@ -68,18 +66,6 @@ def test_perfect_method_costs_nothing_and_the_constant_ones_all_of_one_error(tol
     assert nothing.cost.value == pytest.approx(told.true / told.sensors, rel=1e-12)
 
 
-def test_strength_of_one_half_scores_as_a_coin(told):
-    assert told.of("coin").brier.value == pytest.approx(0.25, rel=1e-12)
-    assert told.of("coin").log.value == pytest.approx(np.log(2.0), rel=1e-12)
-    assert np.isnan(told.of(SURE).brier.value)
-
-
-def test_surest_mistake_costs_no_more_than_the_clip(told):
-    zero = told.zero / (told.zero + told.true)
-    clipped = -np.log(scoring.CLIP) * zero - np.log1p(-scoring.CLIP) * (1.0 - zero)
-    assert told.of("all").log.value == pytest.approx(clipped, rel=1e-12)
-
-
 def test_interval_of_a_cost_is_that_of_a_mean_over_sensors(tried, told):
     each = np.array([np.sum(t.keeps[0] != (t.truth != 0.0)) for t in tried], dtype=float)
     half = 1.96 * each.std() / np.sqrt(len(each))
@@ -96,12 +82,6 @@ def test_exact_interval_leaves_a_fortieth_on_either_side(events, total):
         assert binom.sf(events - 1, total, low) == pytest.approx(0.025, rel=1e-9)
     if events < total:
         assert binom.cdf(events, total, high) == pytest.approx(0.025, rel=1e-9)
-
-
-def test_rate_that_never_happened_is_not_known_to_be_zero(told):
-    never = told.of("perfect").false_keeps
-    assert never.events == 0
-    assert never.high == pytest.approx(1.0 - 0.025 ** (1.0 / never.of), rel=1e-9)
 
 
 def test_calibrated_inclusion_is_found_calibrated(told):
@@ -122,11 +102,3 @@ def test_group_is_one_question_that_any_of_its_terms_answers():
     alone = sum(int(np.sum(t.keeps[0, 3:] != (t.truth[3:] != 0.0))) for t in grouped)
     expected = (alone + int(np.sum(kept != true))) / len(grouped)
     assert told.group_cost.value == pytest.approx(expected, rel=1e-12)
-
-
-def test_scores_of_a_kind_take_its_sensors_alone():
-    rng = np.random.default_rng(5)
-    mixed = [trial(k, rng, kind=("accelerometer", "gyroscope")[k % 2]) for k in range(10)]
-    assert scores(mixed, MODELLED, "gyroscope", rng=rng).sensors == 5
-    with pytest.raises(InputError, match="nothing can be scored"):
-        scores(mixed[::2], MODELLED, "gyroscope", rng=rng)

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -8,17 +6,7 @@ from imubayes.inference.summary import summarize
 from imubayes.sensors.terms import library
 from studies.decision_quality import trials as trying
 from studies.decision_quality.subjects import runs_of, subject
-from studies.decision_quality.trials import (
-    DECISION,
-    MISSING,
-    MODELLED,
-    SMALL,
-    STRONG,
-    SURE,
-    TREATMENTS,
-    WHITE,
-    trials,
-)
+from studies.decision_quality.trials import DECISION, MISSING, MODELLED, SMALL, STRONG, SURE, trials
 
 
 @pytest.fixture(scope="module")
@@ -31,14 +19,6 @@ def reference_of(kind, number, **options):
     one = subject(library(kind, **options), number, seed=7)
     summary = summarize(runs_of(one), one.library, sensor=one.sensor)
     return one, summary, trying._Reference.of(one, summary)
-
-
-def test_every_sensor_is_tried_under_every_treatment(found):
-    trials_, told = found
-    assert {(t.kind, t.treatment) for t in trials_} == {
-        (kind, treatment) for kind in ("accelerometer", "gyroscope") for treatment in TREATMENTS
-    }
-    assert told[-1].startswith("2 of 2 sensors")
 
 
 def test_decision_comes_first_and_needed_terms_are_among_those_it_keeps(found):
@@ -62,13 +42,6 @@ def test_missing_term_is_a_strong_true_one_that_no_method_is_asked_about(found):
             assert trial.missing == ""
 
 
-def test_effect_over_noise_does_not_depend_on_the_treatment(found):
-    white = [t for t in found[0] if t.treatment == WHITE]
-    right = [t for t in found[0] if t.treatment == MODELLED]
-    for one, other in zip(white, right, strict=True):
-        np.testing.assert_array_equal(one.effect, other.effect)
-
-
 def test_effect_over_noise_is_the_size_over_the_sd_of_least_squares():
     one, summary, reference = reference_of("accelerometer", 0, powers=2, asymmetry=-1)
     tested = tuple(n for n, norm in zip(summary.names, summary.factor.column_norms, strict=True) if norm > 0)
@@ -90,10 +63,3 @@ def test_effect_of_a_group_is_blind_to_what_the_test_cannot_see():
     moved = {name: value + size * hidden.get(name, 0.0) for name, value in one.truth.items()}
     assert reference.effect(group, moved) == pytest.approx(reference.effect(group, one.truth), rel=1e-3)
     assert reference.effect(["b2"], moved) < 1.0
-
-
-@pytest.mark.slow
-def test_number_of_processes_changes_no_number(found):
-    for one, other in zip(found[0], trials(replace(SMALL, processes=2)), strict=True):
-        np.testing.assert_array_equal(one.keeps, other.keeps)
-        np.testing.assert_allclose(one.strength, other.strength, rtol=1e-9, equal_nan=True)

@@ -77,10 +77,7 @@ def test_given_noise_is_given_to_the_chains_and_to_the_evidence_alike(given):
     """Three times too small a noise is taken at its word by both."""
     found = sample(given.summary, given.rows, given.sd, limits=Limits(seed=1))
     chosen = ib.select(
-        given.summary,
-        ScalePrior(given.sd),
-        noises=found.noises,
-        log_evidence=found.chains.log_evidence[0],
+        given.summary, ScalePrior(given.sd), noises=found.noises, log_evidence=found.chains.log_evidence[0]
     )
     theta = found.chains.theta.reshape(-1, len(given.sd))
     for k, term in enumerate(chosen.terms):

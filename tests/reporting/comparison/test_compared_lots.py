@@ -52,14 +52,6 @@ def test_shares_of_units_differ_by_their_counts():
     assert _first(a, b).pulls["needed"].size == fisher((4, 4), (1, 4))
 
 
-def test_term_that_no_unit_tests_is_not_compared():
-    result = _changed(lot_result(), mean=Share(9e9, 8e9, 1e10))
-    first = result.classes[0]
-    units = tuple(replace(u, verdicts=("untested", *u.verdicts[1:])) for u in first.units)
-    blind = replace(result, classes=(replace(first, units=units), *result.classes[1:]))
-    assert set(_first(lot_result(), blind).pulls.values()) == {None}
-
-
 def test_classes_of_one_result_only_are_named():
     result = lot_result()
     found = _compared(result, replace(result, classes=result.classes[1:]))
@@ -159,11 +151,6 @@ def test_noise_is_held_against_the_logarithms_of_the_lot():
     (noise,) = unit.noise.values()
     sd = math.hypot(np.std(logs[:, 0], ddof=1) * math.sqrt(1.0 + 1.0 / 50), 0.1)
     assert noise.pull.size == pytest.approx(abs(math.log(5.0) - logs[:, 0].mean()) / sd, rel=1e-12)
-
-
-def test_untested_terms_are_not_compared():
-    found = _beside(_unit([99.0] * 3, verdict="untested"), _lot())
-    assert found.tests == 0 and all(term.pull is None for term in found.groups[0].terms.values())
 
 
 def test_components_of_other_classes_are_named_and_none_at_all_is_refused():

@@ -105,16 +105,6 @@ def test_sensors_are_matched(first, second, matched, alone):
     assert by == ({"id"} if first == "PQ" else {"order"})
 
 
-def test_runs_of_other_names_are_compared_in_their_order():
-    found = _pair(_part(runs="monday"), _part(runs="friday", noise=[(9.0, 0.1)]))
-    assert found.noise["monday0", "N"].beyond
-
-
-def test_untested_term_is_not_compared():
-    b0 = _pair(_part(), _part() | {"terms": (a_term("b0", 99.0, 0.1, "untested"),)}).terms["b0"]
-    assert b0.pull is None and b0.divided
-
-
 def test_results_agree_with_themselves_whatever_they_hold():
     one = _part(values=[(1.0, 0.1), (math.nan, math.nan), (0.0, 0.0)])
     found = _pair(one, one)
@@ -151,15 +141,6 @@ def test_shares_differ_by_the_error_over_its_sd():
     sd = 100.0 * (0.4 - 0.2) / (2.0 * SIDE)
     assert scene.terms["b2"].pull.size == pytest.approx(100.0 / (2.0**0.5 * sd), rel=1e-12)
     assert [name for name, term in scene.terms.items() if term.beyond] == ["b2"]
-
-
-def test_budget_that_was_changed_is_no_difference_by_itself():
-    found = a_relevance()
-    halved = tuple(replace(t, share=tuple(2.0 * share for share in t.share)) for t in found.terms)
-    half = replace(found, budget=replace(found.budget, limit=50.0), terms=halved)
-    (scene,) = _compared(_scenes(found), _scenes(half)).groups[0].scenes
-    sizes = [term.pull.size for term in scene.terms.values() if term.pull]
-    assert sizes == pytest.approx([0.0] * len(sizes), abs=1e-12) and len(sizes) == 4  # b3 has no interval
 
 
 def test_scenes_are_matched_by_name_and_by_what_is_budgeted():

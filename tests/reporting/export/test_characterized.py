@@ -10,7 +10,7 @@ import pytest
 from exported_results import ENDS, coefficients, entry, library_for, write_draws, write_imu
 
 from imubayes.errors import DataError, InputError
-from imubayes.reporting.export.characterized import UNLIMITED, characterized, heading, identifier
+from imubayes.reporting.export.characterized import UNLIMITED, characterized, heading
 from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
 
@@ -107,10 +107,6 @@ def test_committed_results_are_imus(study):
     assert found.source.sha256 in "".join(heading(found))
 
 
-def test_a_component_whose_id_names_no_place_stands_along_x():
-    assert tuple(characterized(REPORTS / "quickstart").parts) == ("ax",)
-
-
 @pytest.mark.parametrize(
     ("options", "named"),
     [({"model": "uav-hower"}, "uav-hover"), ({"sensor": "U-2"}, "'U-2' is not in it.*U-1")],
@@ -133,12 +129,6 @@ def test_several_sensors_need_a_name(tmp_path):
 def test_a_result_of_another_kind_of_study_is_refused():
     with pytest.raises(DataError, match="no coefficients"):
         characterized(REPORTS / "scenes")
-
-
-@pytest.mark.parametrize(("id", "name"), [("U-1", "u_1"), ("7/α", "imu_7"), ("", "imu")])
-def test_every_id_gives_an_identifier(tmp_path, id, name):
-    found = identifier(characterized(write_imu(tmp_path, id=id)))
-    assert found == name and found.isidentifier()
 
 
 def test_a_simulator_gets_the_symbols_of_the_result(tmp_path):

@@ -12,7 +12,7 @@ from exported_results import write_imu
 from scipy.integrate import quad
 
 from imubayes.errors import InputError
-from imubayes.reporting.export import FORMATS, exported
+from imubayes.reporting.export import exported
 from imubayes.reporting.export.characterized import characterized
 from imubayes.reporting.export.parameters import PEAK, PEAK_AT, filter_record, floor_process
 from imubayes.sensors.catalogue import sensor, typical_noise
@@ -160,24 +160,6 @@ def test_the_initial_covariance_is_the_posterior_in_the_order_of_the_states(tmp_
             part = found.parts[place]
             j = part.component.library.names.index(term)
             assert P0[k, k] == part.covariance[j, j]
-
-
-def test_a_model_without_a_bias_still_has_the_state_of_one(tmp_path):
-    path = write_imu(tmp_path)
-    path.write_text(path.read_text().replace('"model": ["b0", ', '"model": ['))
-    record = filter_record(characterized(path))
-    assert next(s["name"] for s in record["states"] if s["name"].endswith(".b0")) == "ax.b0"
-    assert len(record["P0"]) == len(record["states"])
-
-
-@pytest.mark.parametrize("to", FORMATS)
-def test_every_file_names_its_result_units_axes_and_range(tmp_path, to):
-    path = write_imu(tmp_path)
-    digest = characterized(path).source.sha256
-    for text in exported(path, to).values():
-        for needed in (digest, "rad/s^2", "right-handed", "imubayes", "result.json"):
-            assert needed in text
-        assert "60" in text  # the largest specific force of the runs
 
 
 def test_an_unknown_format_is_named():

@@ -81,38 +81,6 @@ def test_the_terms_in_the_matlab_text_add_up_to_the_model(tmp_path, model):
     assert (np.abs(found_outputs - np.hstack([outputs.f, outputs.w])) / SCALE).max() < IDENTICAL
 
 
-def matlab_struct(text: str) -> dict[str, object]:
-    """Fields that the MATLAB function assigns as literals: numbers, rows, cells of texts, structs."""
-    body = text.split("\nend\n", 1)[0]
-    fields: dict[str, object] = {}
-    for field, literal in re.findall(r"^imu\.([\w.]+) = (.*);$", body, re.MULTILINE):
-        if literal.startswith("@"):
-            continue
-        if literal.startswith("struct("):
-            pairs = re.findall(r"'(\w)', ([-+.e\d]+)", literal)
-            fields[field] = {key: float(value) for key, value in pairs}
-        else:
-            plain = re.sub(r"''", r"\\'", literal).replace(";", ",")
-            fields[field] = ast.literal_eval(plain.translate(str.maketrans("{}", "[]")))
-    return fields
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_the_matlab_struct_holds_the_numbers_of_the_model(tmp_path, model):
-    found = characterized(write_imu(tmp_path), model=model)
-    (text,) = matlab_files(found).values()
-    fields = matlab_struct(text)
-    for place, part in found.parts.items():
-        assert fields[f"{place}.names"] == list(part.component.library.names)
-        assert fields[f"{place}.units"] == [term.unit for term in part.component.library.terms]
-        np.testing.assert_array_equal(fields[f"{place}.coefficients"], part.component.theta)
-        np.testing.assert_array_equal(fields[f"{place}.sd"], np.sqrt(np.diag(part.covariance)))
-        assert fields[f"{place}.noise"] == {"N": part.noise.N, "B": part.noise.B, "K": part.noise.K}
-    module = compiled(found)
-    np.testing.assert_array_equal(fields["ends"], module["ENDS"])
-    assert (fields["T0"], fields["rounds"]) == (module["T0"], module["ROUNDS"])
-
-
 @pytest.mark.skipif(shutil.which("octave") is None, reason="needs octave")
 @pytest.mark.parametrize("model", MODELS)
 def test_octave_returns_the_inputs(tmp_path, model):

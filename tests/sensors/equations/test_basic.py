@@ -5,10 +5,7 @@ import pytest
 
 from imubayes.algebra.factor import factor_of
 from imubayes.errors import TermError, UnobservableError
-from imubayes.sensors.equations.basic import (
-    TERMS,
-    project,
-)
+from imubayes.sensors.equations.basic import TERMS, project
 from imubayes.sensors.terms import columns, library
 
 ROWS = 500

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from imubayes.sensors.equations.ieee813 import (
-    SYMBOLS,
-    TunedGyroAxis,
-    component,
-    indicated_pair,
-)
+from imubayes.sensors.equations.ieee813 import SYMBOLS, TunedGyroAxis, component, indicated_pair
 
 ROWS = 30
 

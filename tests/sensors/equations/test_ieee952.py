@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.sensors.equations.ieee952 import (
-    STANDARD,
-    FiberOpticGyro,
-    indicated,
-    sensed,
-    to_general,
-)
+from imubayes.sensors.equations.ieee952 import STANDARD, FiberOpticGyro, indicated, sensed, to_general
 from imubayes.sensors.equations.mapping import place
 from imubayes.sensors.terms import columns, library
 
