@@ -49,7 +49,7 @@ class Waiting:
         typer.echo(f"imubayes: {text}", err=True)
 
     def quicker(self, text: str) -> None:
-        """Keep what would take less time, for the time when it is long."""
+        """Keep what would take less time: it is said once, when it is long."""
         self.instead = text
 
 
@@ -72,8 +72,10 @@ def _remind(told: Waiting, over: Event, often: float) -> None:
     elapsed = wait = MINUTE if sys.stderr.isatty() else often
     while not over.wait(wait):
         clear_progress()
-        parts = [f"after {duration(elapsed)}: {told.doing or 'starting'}", told.instead]
-        typer.echo(f"imubayes: {'; '.join(part for part in parts if part)}", err=True)
+        typer.echo(f"imubayes: after {duration(elapsed)}: {told.doing or 'starting'}", err=True)
+        if told.instead:
+            typer.echo(f"imubayes: {told.instead}", err=True)
+            told.instead = ""
         wait = elapsed if sys.stderr.isatty() else often
         elapsed += wait
 

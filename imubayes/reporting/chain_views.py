@@ -109,8 +109,8 @@ fewer where K is fitted to the same drift."""
 
 
 def bias_sentence(sensor: SensorResult) -> str:
-    """Which bias b0 is, where a random walk of the noise moves it; empty where it does not."""
-    if sensor.bias is None:
+    """Which bias b0 is, where a random walk of the noise moves it by more than the error bars; else empty."""
+    if sensor.bias is None or abs(sensor.bias.drift[0]) < max(sensor.bias.drift[1], sensor.bias.mean[1]):
         return ""
     start, mean, end, drift = (
         str(on_output(size, sensor.kind, sd))

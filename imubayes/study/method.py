@@ -137,7 +137,10 @@ def _quicker(job: _Job, runs: Sequence[Run]) -> str:
     size, law = size_of(problem_of(job.spec, runs)), known_law()
     rung = within(SHORT, size, law)
     seconds = foreseen(rung, size, law)
-    return f'--budget "{SHORT:g} s" would answer by the method {rung}, in about {math.ceil(seconds)} s'
+    return (
+        f'if {job.spec.id} takes too long, stop this and add --budget "{SHORT:g} s": the method {rung}'
+        f" answers in about {math.ceil(seconds)} s"
+    )
 
 
 def check(study: Study) -> tuple[SensorCheck, ...]:

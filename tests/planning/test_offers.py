@@ -106,6 +106,29 @@ def test_sds_of_a_plan_are_those_of_the_analysis_of_its_simulated_data(tmp_path,
     assert 0.9 < min(ratios.values()) <= max(ratios.values()) < 1.1, ratios
 
 
+@pytest.mark.parametrize("name", ["mems_consumer", "mems_industrial"])
+def test_terms_that_a_hand_cannot_tell_leave_b0_as_sure_as_nine_parameters_do(tmp_path, name):
+    def simulated(text):
+        file = tmp_path / "study.toml"
+        options = 'simulate = { attitudes = 26, dwell = "4 s" }'
+        file.write_text(text.partition("[plan]")[0].replace("mems_consumer", name) + "[[sensor.run]]\n"
+            f'name = "hand"\nprocedure = "free-tumble"\n{options}\n', encoding="utf-8")  # fmt: skip
+        (spec,) = read_study(file).sensors
+        return _known_noise(spec)
+
+    def sds(spec):
+        _, ready = prepare_case(spec, runs_of(spec, 1, 0))
+        _, S = posterior_root(ready.summary.factor, ready.prior.sd)
+        return dict(zip(ready.summary.names, np.linalg.norm(S, axis=1), strict=True))
+
+    whole, triad = sds(simulated(HAND)), simulated(TRIAD)
+    nine = tuple(term for term in triad.library.terms if term.name in ("b0", "b1", "m_j", "m_k"))
+    alone = sds(replace(triad, library=replace(triad.library, terms=nine)))
+    assert len(alone) == 9
+    for axis in "xyz":
+        assert whole[f"a{axis}.b0"] < 1.2 * alone[f"a{axis}.b0"]
+
+
 @pytest.mark.parametrize("text", [HAND, BENCH], ids=["hand", "bench"])
 def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path, text):
     _, problem = _problem(_read(tmp_path, text), "D")

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import pytest
 from results_found import sampled_result
 
-from imubayes.reporting.chain_views import diagnoses, own_errors
+from imubayes.reporting.chain_views import bias_sentence, diagnoses, own_errors
+from imubayes.selection.decision import Bias
 
 
 @pytest.mark.parametrize("sampled", [True, False])
@@ -34,3 +35,11 @@ def test_a_component_lists_the_bench_and_its_own_errors(id, listed):
     extras = [SimpleNamespace(extra=SimpleNamespace(name=name)) for name in names]
     found = own_errors(SimpleNamespace(id=id, extras=extras))
     assert [entry.extra.name for entry in found] == (listed or names)
+
+
+@pytest.mark.parametrize(("drift", "told"), [(3.0, False), (9.0, False), (30.0, True)])
+def test_drift_of_the_bias_is_told_where_it_is_more_than_its_error_bar_and_that_of_the_bias(drift, told):
+    mean, sd, of_drift = 1e-3, 1e-4, 4e-5
+    moved = drift * 1e-5
+    bias = Bias((mean, sd), (mean, sd), (mean + moved, sd), (moved, of_drift), walk=4e-5)
+    assert bool(bias_sentence(replace(sampled_result(), bias=bias))) == told
