@@ -23,7 +23,6 @@ from imubayes.algebra.arrays import FloatArray
 
 __all__ = [
     "Axes",
-    "Margins",
     "Panel",
     "areas",
     "dots",
@@ -33,6 +32,7 @@ __all__ = [
     "no_ticks",
     "plain_logs",
     "sticks",
+    "time_unit",
 ]
 
 
@@ -101,16 +101,6 @@ class Panel:
     svg: str
 
 
-@dataclass(frozen=True, slots=True)
-class Margins:
-    """Space around the axes in px, for tick labels and axis titles."""
-
-    left: int = 46
-    right: int = 10
-    top: int = 6
-    bottom: int = 38
-
-
 def draw(
     paint: Callable[[Axes], None],
     *,
@@ -118,7 +108,10 @@ def draw(
     alt: str,
     key: str,
     height: int = 180,
-    margins: Margins | None = None,
+    left: int = 46,
+    right: int = 10,
+    top: int = 6,
+    bottom: int = 38,
 ) -> Panel:
     """Draw one panel.
 
@@ -129,13 +122,12 @@ def draw(
     alt : what the panel shows, for people who cannot see it. It may hold names from files: it is escaped.
     key : identifier of ASCII letters and digits, unique in the page; keeps the panels' inner ids apart.
     height : px.
-    margins : px.
+    left, right, top, bottom : px around the axes, for tick labels and axis titles.
     """
-    space = margins or Margins()
-    across, up = WIDTH - space.left - space.right, height - space.top - space.bottom
+    across, up = WIDTH - left - right, height - top - bottom
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
         figure = Figure(figsize=(WIDTH / 72.0, height / 72.0), dpi=72)
-        box = (space.left / WIDTH, space.bottom / height, across / WIDTH, up / height)
+        box = (left / WIDTH, bottom / height, across / WIDTH, up / height)
         paint(figure.add_axes(box, axes_class=_AnyAxes))
         buffer, nothing = io.StringIO(), dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
@@ -221,6 +213,11 @@ def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
     axis.set_major_locator(LogLocator(subs=steps, numticks=numbers))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
+
+
+def time_unit(duration: float) -> tuple[str, float]:
+    """Unit in which a duration in s is shown, and how many s it has."""
+    return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
 
 
 def no_ticks(axes: Axes) -> None:

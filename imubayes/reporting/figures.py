@@ -19,12 +19,12 @@ from imubayes.reporting.canvas import (
     VERDICT_COLOURS,
     WARNING,
     Axes,
-    Margins,
     Panel,
     areas,
     draw,
     few_ticks,
     log_scale,
+    time_unit,
 )
 from imubayes.reporting.rounding import per_unit, percent, pretty, share
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
@@ -82,7 +82,8 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
         alt=f"Inclusion probability by term: {values}",
         key=key,
         height=ROW * len(terms) + 44,
-        margins=Margins(left=54, right=12),
+        left=54,
+        right=12,
     )
 
 
@@ -119,25 +120,25 @@ def model_size(sensor: SensorResult, key: str) -> Panel:
     chance = np.exp(by_size - top)
     chance /= chance.sum()
     best = int(np.argmax(chance))
+
+    def paint(axes: Axes) -> None:
+        size, relative = np.arange(len(by_size)), by_size - top
+        shown = relative > -DEEP
+        axes.plot(size[shown], relative[shown], "o-", color=GREY, markersize=4, linewidth=1.0)
+        axes.plot(best, relative[best], "o", color=ACCENT, markersize=8)
+        axes.set(xlabel="number of terms in the model", ylabel="ln evidence below best (nats)")
+        axes.set_ylim(min(float(relative[shown].min()), -3.0) * 1.08, 1.5)
+        axes.set_xlim(-0.5, len(relative) - 0.5)
+        few_ticks(axes, 8, 5, counts=True)
+
     return draw(
-        lambda axes: _paint_sizes(axes, by_size - top, best),
+        paint,
         title=f"Most likely {counted(best, 'term')} ({chance[best]:.0%})",
         alt="Log evidence by number of terms, relative to the best: "
         + ", ".join(f"{k}: {value - top:.1f}" for k, value in enumerate(by_size) if value - top > -DEEP),
         key=key,
         height=220,
     )
-
-
-def _paint_sizes(axes: Axes, relative: FloatArray, best: int) -> None:
-    size = np.arange(len(relative))
-    shown = relative > -DEEP
-    axes.plot(size[shown], relative[shown], "o-", color=GREY, markersize=4, linewidth=1.0)
-    axes.plot(best, relative[best], "o", color=ACCENT, markersize=8)
-    axes.set(xlabel="number of terms in the model", ylabel="ln evidence below best (nats)")
-    axes.set_ylim(min(float(relative[shown].min()), -3.0) * 1.08, 1.5)
-    axes.set_xlim(-0.5, len(relative) - 0.5)
-    few_ticks(axes, 8, 5, counts=True)
 
 
 def best_models(sensor: SensorResult, key: str) -> Panel:
@@ -164,7 +165,8 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
         alt=f"Best models with their probabilities: {models}",
         key=key,
         height=ROW * len(names) + 44,
-        margins=Margins(left=54, right=12),
+        left=54,
+        right=12,
     )
 
 
@@ -196,30 +198,30 @@ def posterior(sensor: SensorResult, key: str) -> Panel | None:
     mean, sd = (np.array([getattr(t, key) / t.prior_sd for t in kept]) for key in ("mean", "sd"))
     places, narrow = zip(kept, mean, sd, strict=True), int((sd <= NARROWED).sum())
     are = "is" if narrow == 1 else "are"
+
+    def paint(axes: Axes) -> None:
+        axes.axvspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
+        axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
+        _whiskers(axes, np.column_stack([mean - 2.0 * sd, mean + 2.0 * sd]), ACCENT)
+        axes.plot(mean, np.arange(len(kept)), "o", color=ACCENT, markersize=4.5)
+        reach = max(2.2, 1.1 * float(np.max(np.abs(mean) + 2.0 * sd)))
+        axes.set(xlim=(-reach, reach), ylim=(len(kept) - 0.4, -0.6), xlabel="prior sd")
+        few_ticks(axes, 6)
+        _term_ticks(axes, tuple(t.name for t in kept))
+
     return draw(
-        lambda axes: _paint_posterior(axes, tuple(t.name for t in kept), mean, sd),
+        paint,
         title=f"{narrow} of {counted(len(kept), 'kept term')} {are} known ten times as well as before",
         alt="Posterior in prior sd: " + ", ".join(f"{t.name} {m:.3g} ± {s:.2g}" for t, m, s in places),
         key=key,
         height=ROW * len(kept) + 44,
-        margins=Margins(left=54, right=12),
+        left=54,
+        right=12,
     )
 
 
 def _is_known(term: TermVerdict) -> bool:
     return 0.0 < term.sd < math.inf and math.isfinite(term.mean) and 0.0 < term.prior_sd < math.inf
-
-
-def _paint_posterior(axes: Axes, names: tuple[str, ...], mean: FloatArray, sd: FloatArray) -> None:
-    down = np.arange(len(names))
-    axes.axvspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
-    axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=0)
-    _whiskers(axes, np.column_stack([mean - 2.0 * sd, mean + 2.0 * sd]), ACCENT)
-    axes.plot(mean, down, "o", color=ACCENT, markersize=4.5)
-    reach = max(2.2, 1.1 * float(np.max(np.abs(mean) + 2.0 * sd)))
-    axes.set(xlim=(-reach, reach), ylim=(len(names) - 0.4, -0.6), xlabel="prior sd")
-    few_ticks(axes, 6)
-    _term_ticks(axes, names)
 
 
 def _whiskers(axes: Axes, ends: FloatArray, color: str) -> None:
@@ -231,30 +233,29 @@ def _whiskers(axes: Axes, ends: FloatArray, color: str) -> None:
 def recovered(one: Recovered, key: str) -> Panel:
     """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
     held = f"{one.inside} of {one.after.size} within 2 sd"
-    name, place, _ = KNOWN[one.what]
+    name, place, (unit, si) = KNOWN[one.what]
+    after, expected = (values / per_unit(unit, si) for values in (one.after, one.expected))
+
+    def paint(axes: Axes) -> None:
+        count, width = after.shape
+        number = np.arange(1, count + 1, dtype=float)
+        band = 2.0 * expected.max(axis=1)
+        axes.fill_between(number, -band, band, color=PALE, linewidth=0.0, step="mid")
+        axes.axhline(0.0, color=GREY, linewidth=0.8)
+        for c, marker in enumerate("os^"[:width]):
+            axes.plot(number, after[:, c], marker, color=SERIES[c], markersize=3.5)
+        axes.set(xlim=(0.4, count + 0.6), xlabel=place, ylabel=f"{name}, {pretty(unit)}")
+        few_ticks(axes, 5, 4)
+        axes.set_xticks(np.unique(np.linspace(1, count, min(count, 6)).round().astype(int)))
+
     return draw(
-        lambda axes: _paint_recovered(axes, one),
+        paint,
         title=f"{name} after compensation: {held}",
         alt=f"{name} by {place}, {len(one.after)} of them, with the predicted ± 2 sd: {held}",
         key=key,
         height=170,
-        margins=Margins(left=54),
+        left=54,
     )
-
-
-def _paint_recovered(axes: Axes, one: Recovered) -> None:
-    name, place, (unit, si) = KNOWN[one.what]
-    after, expected = (values / per_unit(unit, si) for values in (one.after, one.expected))
-    count, width = after.shape
-    number = np.arange(1, count + 1, dtype=float)
-    band = 2.0 * expected.max(axis=1)
-    axes.fill_between(number, -band, band, color=PALE, linewidth=0.0, step="mid")
-    axes.axhline(0.0, color=GREY, linewidth=0.8)
-    for c, marker in enumerate("os^"[:width]):
-        axes.plot(number, after[:, c], marker, color=SERIES[c], markersize=3.5)
-    axes.set(xlim=(0.4, count + 0.6), xlabel=place, ylabel=f"{name}, {pretty(unit)}")
-    few_ticks(axes, 5, 4)
-    axes.set_xticks(np.unique(np.linspace(1, count, min(count, 6)).round().astype(int)))
 
 
 def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
@@ -267,35 +268,33 @@ def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
         if found.met
         else f"No model stays within the budget: {least} is left at least"
     )
+    limit = found.budget.limit / size
+
+    def paint(axes: Axes) -> None:
+        drawn = np.maximum(error, 1e-3 * limit)
+        axes.plot(count, drawn, "o-", color=GREY, markersize=4, linewidth=1.0)
+        axes.plot(kept, drawn[count == kept], "o", color=ACCENT, markersize=8)
+        axes.axhline(limit, color=WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
+        axes.set_ylim(0.6 * min(float(drawn.min()), limit), 1.6 * max(float(drawn.max()), limit))
+        axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {pretty(unit)}")
+        few_ticks(axes, 6, counts=True)
+        log_scale(axes, "y", 5)
+
     return draw(
-        lambda axes: _paint_scene(axes, (count, error), found.budget.limit / size, kept, pretty(unit)),
+        paint,
         title=title,
         alt=f"Bound of the error with 95 %, {unit}, by number of terms: "
         + ", ".join(f"{n:.0f}: {value:.3g}" for n, value in zip(count, error, strict=True)),
         key=key,
         height=220,
-        margins=Margins(left=66),
+        left=66,
     )
-
-
-def _paint_scene(
-    axes: Axes, steps: tuple[FloatArray, FloatArray], limit: float, kept: int, unit: str
-) -> None:
-    count, error = steps
-    drawn = np.maximum(error, 1e-3 * limit)
-    axes.plot(count, drawn, "o-", color=GREY, markersize=4, linewidth=1.0)
-    axes.plot(kept, drawn[count == kept], "o", color=ACCENT, markersize=8)
-    axes.axhline(limit, color=WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
-    axes.set_ylim(0.6 * min(float(drawn.min()), limit), 1.6 * max(float(drawn.max()), limit))
-    axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {unit}")
-    few_ticks(axes, 6, counts=True)
-    log_scale(axes, "y", 5)
 
 
 def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
     """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
     last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
-    unit, size = next(((u, s) for limit, u, s in _CLOCK if last < limit), ("h", 3600.0))
+    unit, size = time_unit(last)
     t, deg = found.t / size, math.radians(1.0)
     told = (
         ("force", "Specific force, g", found.force / STANDARD_GRAVITY),
@@ -318,14 +317,10 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
             alt=f"{title}, over one record of the scene: from lowest to highest in each part of it",
             key=f"{key}{name}",
             height=120,
-            margins=Margins(left=58),
+            left=58,
         )
         for name, title, band in told
     )
-
-
-_CLOCK = ((600.0, "s", 1.0), (36_000.0, "min", 60.0))
-"""Length of a record below which its time is in this unit and not in hours, and the unit's size, s."""
 
 
 def _term_ticks(axes: Axes, names: tuple[str, ...]) -> None:

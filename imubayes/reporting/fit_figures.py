@@ -18,13 +18,13 @@ from imubayes.reporting.canvas import (
     SERIES,
     WARNING,
     Axes,
-    Margins,
     Panel,
     dots,
     draw,
     few_ticks,
     plain_logs,
     sticks,
+    time_unit,
 )
 from imubayes.reporting.rounding import (
     OUTPUT_SI,
@@ -101,11 +101,6 @@ def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
     few_ticks(axes, 5, 4)
 
 
-def time_unit(duration: float) -> tuple[str, float]:
-    """Unit in which a duration in s is shown, and how many s it has."""
-    return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
-
-
 def _thinned(count: int, most: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)) if count else np.arange(0)
 
@@ -174,30 +169,29 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     found = (
         f"{in_unit(on_output(one.size, kind))} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
     )
-    where = dependence_words(one)
+    where, (name, x) = dependence_words(one), _input(one, kind)
+    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    mean, sd = one.mean / unit, one.sd / unit
+
+    def paint(axes: Axes) -> None:
+        axes.axhline(0.0, color=GREY, linewidth=0.8)
+        for sign, colour, shape in ((0.0, ACCENT, "o"), (1.0, SERIES[1], "^"), (-1.0, ACCENT, "v")):
+            part = np.flatnonzero(np.sign(one.branch) == sign)
+            part = part[np.argsort(x[part], kind="stable")]
+            if len(part):
+                sticks(axes, x[part], mean[part] - 2.0 * sd[part], mean[part] + 2.0 * sd[part], colour)
+                axes.plot(x[part], mean[part], f"{shape}-", color=colour, markersize=4.5, linewidth=0.9)
+        axes.set(xlabel=name, ylabel=f"residual, {pretty(OUTPUT_UNIT[kind])}")
+        few_ticks(axes, 5, 4)
+
     return draw(
-        lambda axes: _paint_dependence(axes, one, kind),
+        paint,
         title=f"{where}: {found}",
         alt=f"What the residuals hold beyond the library, with ± 2 sd, against {where}: {found}",
         key=key,
         height=200,
-        margins=Margins(left=54),
+        left=54,
     )
-
-
-def _paint_dependence(axes: Axes, one: Dependence, kind: Kind) -> None:
-    name, x = _input(one, kind)
-    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
-    mean, sd = one.mean / unit, one.sd / unit
-    axes.axhline(0.0, color=GREY, linewidth=0.8)
-    for sign, colour, shape in ((0.0, ACCENT, "o"), (1.0, SERIES[1], "^"), (-1.0, ACCENT, "v")):
-        part = np.flatnonzero(np.sign(one.branch) == sign)
-        part = part[np.argsort(x[part], kind="stable")]
-        if len(part):
-            sticks(axes, x[part], mean[part] - 2.0 * sd[part], mean[part] + 2.0 * sd[part], colour)
-            axes.plot(x[part], mean[part], f"{shape}-", color=colour, markersize=4.5, linewidth=0.9)
-    axes.set(xlabel=name, ylabel=f"residual, {pretty(OUTPUT_UNIT[kind])}")
-    few_ticks(axes, 5, 4)
 
 
 def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
@@ -224,7 +218,7 @@ def allan_panel(found: NoiseFound, kind: Kind, key: str) -> Panel | None:
         alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
         key=key,
         height=280,
-        margins=Margins(right=18),
+        right=18,
     )
 
 

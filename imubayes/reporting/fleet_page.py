@@ -30,7 +30,6 @@ from imubayes.reporting.canvas import (
     PALE,
     VERDICT_COLOURS,
     Axes,
-    Margins,
     Panel,
     areas,
     draw,
@@ -160,8 +159,8 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
         f"{term.name} {100.0 * term.needed.value:.0f} %" for term in answer.terms
     )
     title = f"{mostly} of {len(names)} terms are needed by most units"
-    margins = Margins(left=int(14 + LETTER * max(map(len, names))))
-    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, margins=margins)
+    left = int(14 + LETTER * max(map(len, names)))
+    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, left=left)
 
 
 def _worst(result: FleetResult) -> Table:

@@ -32,7 +32,6 @@ from imubayes.reporting.canvas import (
     SERIES,
     WARNING,
     Axes,
-    Margins,
     Panel,
     draw,
     log_scale,
@@ -218,8 +217,8 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
         + ", ".join(f"{CALLED[o.name]} {r:.2g}" for o, r in zip(told, ratios[:, k], strict=True))
         for k in shown
     )
-    margins = Margins(left=52, bottom=40)
-    return draw(paint, title=title, alt=alt, key=key, height=ROW * (len(shown) + 2) + 46, margins=margins)
+    height = ROW * (len(shown) + 2) + 46
+    return draw(paint, title=title, alt=alt, key=key, height=height, left=52, bottom=40)
 
 
 def _done(found: Proposal) -> str:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from imubayes.population.sessions import SUSPECT
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table
-from imubayes.reporting.canvas import GREY, SERIES, Axes, Margins, Panel, draw, few_ticks, sticks
+from imubayes.reporting.canvas import GREY, SERIES, Axes, Panel, draw, few_ticks, sticks
 from imubayes.reporting.rounding import measured, per_unit, pretty, probability, signed
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -118,7 +118,7 @@ def _panel(one: Repeatability, key: str, sessions: tuple[str, ...]) -> Panel:
         f" in {counted(len(one.sessions), 'session')}: {found}",
         key=key,
         height=170,
-        margins=Margins(left=54),
+        left=54,
     )
 
 

@@ -17,7 +17,6 @@ from imubayes.reporting.canvas import (
     PALE,
     WARNING,
     Axes,
-    Margins,
     Panel,
     dots,
     draw,
@@ -37,8 +36,8 @@ NEAR, SIMILAR = 0.06, 3.0
 SLANT = 62
 """deg; names of rungs whose times are close stand beside each other."""
 
-SPACE = Margins(right=34)
-"""Room for the last one's name."""
+SPACE = 34
+"""px to the right, for the last one's name."""
 
 LEAST = 0.01
 """Error in posterior sd below which nothing is drawn lower."""
@@ -76,7 +75,7 @@ def trade_panel(found: Traded) -> Panel:
     if last is not None and len(found.front) > 1:
         said = f"errors fall until {last.rung}, {duration(last.whole_seconds)}"
     title, alt = f"Coefficients: {said}", f"Error against time: {told}"
-    return draw(paint, title=title, alt=alt, key="pareto", height=HEIGHT, margins=SPACE)
+    return draw(paint, title=title, alt=alt, key="pareto", height=HEIGHT, right=SPACE)
 
 
 def _points(

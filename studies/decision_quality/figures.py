@@ -13,7 +13,6 @@ from imubayes.reporting.canvas import (
     PALE,
     SERIES,
     Axes,
-    Margins,
     Panel,
     dots,
     draw,
@@ -83,7 +82,7 @@ def cost_panel(told: Scores, key: str) -> Panel:
     title = f"{best[:1].upper()}{best[1:]} costs least: {order[-1].cost.value:.2f} wrong terms a sensor"
     alt = "Wrong terms a sensor: " + "; ".join(f"{called(s.method)} {s.cost.value:.2f}" for s in order[::-1])
     height = ROW * len(order) + 50
-    return draw(paint, title=title, alt=alt, key=key, height=height, margins=Margins(left=106))
+    return draw(paint, title=title, alt=alt, key=key, height=height, left=106)
 
 
 def ratio_panel(told: Scores, key: str) -> Panel:

@@ -11,7 +11,6 @@ from imubayes.reporting.canvas import (
     GREY,
     WARNING,
     Axes,
-    Margins,
     Panel,
     dots,
     draw,
@@ -49,8 +48,8 @@ def contest_panel(found: Found, key: str) -> Panel:
     alt = f"{found.title}, time: " + "; ".join(
         f"{_label(found, place)} {duration(place.fastest)}" for place in order[::-1]
     )
-    space = Margins(left=140, bottom=26)
-    return draw(paint, title=found.title, alt=alt, key=key, height=ROW * len(order) + 40, margins=space)
+    height = ROW * len(order) + 40
+    return draw(paint, title=found.title, alt=alt, key=key, height=height, left=140, bottom=26)
 
 
 def _ticked(value: float, _: float) -> str:

@@ -130,7 +130,12 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
     >>> list(toml_lines({"study": {"seed": 1}, "sensor": [{"id": "A"}]}))
     ['\n[study]', 'seed = 1', '\n[[sensor]]', 'id = "A"']
     """
-    deep = {key: value for key, value in table.items() if isinstance(value, dict) or _is_tables(value)}
+    deep = {
+        key: value
+        for key, value in table.items()
+        if isinstance(value, dict)
+        or (value and isinstance(value, list) and all(isinstance(one, dict) for one in value))
+    }
     for key, value in table.items():
         if key not in deep:
             yield f"{_toml_key(key)} = {_toml_value(value)}"
@@ -139,10 +144,6 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
         for one in value if isinstance(value, list) else [value]:
             yield f"\n[[{inner}]]" if isinstance(value, list) else f"\n[{inner}]"
             yield from toml_lines(one, inner)
-
-
-def _is_tables(value: object) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
 
 
 def _toml_key(key: str) -> str:

@@ -265,15 +265,12 @@ def _local_gravity(run: RunTable, place: Place, *, needed: bool) -> float | None
 
 
 def _simulation(run: RunTable, place: Place) -> dict[str, object]:
-    profile = _profile(run)
+    profile = run.procedure
+    if profile == CALLED["positions"] and "positions" in (run.simulate or {}):
+        profile = "positions"  # a tumble with these is a standard set
+    elif profile == CALLED["vibration"]:
+        profile = "vibration"
     if profile not in SIMULATED:
         known = ", ".join(dict.fromkeys(CALLED.get(profile, profile) for profile in SIMULATED))
         raise place.at("procedure").error(f"'{run.procedure}' cannot be simulated: expected one of {known}")
     return {"profile": profile, **arguments(SIMULATED[profile], run.simulate, place.at("simulate"))}
-
-
-def _profile(run: RunTable) -> str:
-    """Profile of a simulated run: a tumble with `positions` is a standard set, anything else is shaken."""
-    if run.procedure == CALLED["positions"] and "positions" in (run.simulate or {}):
-        return "positions"
-    return "vibration" if run.procedure == CALLED["vibration"] else run.procedure

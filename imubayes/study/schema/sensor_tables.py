@@ -57,7 +57,11 @@ def sensor_spec(
     table = shaped(SensorTable, raw, place)
     if not table.run:
         raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
-    _check_session(table, place)
+    if (table.unit is None) != (table.session is None):
+        given, missing = ("session", "unit") if table.unit is None else ("unit", "session")
+        raise place.at(missing).error(
+            f"the key is missing: beside {given} it says which sensors are one unit; give both or neither"
+        )
     if table.kind != "imu":
         return _of_kind(table, table.kind, folder, place, catalogue)
     _check_imu(table, place)
@@ -82,10 +86,15 @@ def _of_kind(
     usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
     lib = _candidates(kind, usual, *_half(table.library, kind, place.at("library"), imu=imu))
     _check_runs(runs, sensor_class, place)
-    _check_robust(table, runs, place.at("robust"))
+    if table.robust and runs[0].procedure == FERRARIS:
+        raise place.at("robust").error(
+            "is not known for positions and turns, of which each is there once: leave it out"
+        )
     prior, there = _half(table.prior, kind, place.at("prior"), imu=imu)
     prior = _prior(prior, lib, there)
-    truth = _truths_of(table.truth, kind) if imu else table.truth
+    truth = table.truth
+    if imu:
+        truth = {name: one for name, one in _flat(truth).items() if kind_of(name.partition(".")[0]) == kind}
     truth = _truth(truth, kind, runs, place.at("truth"))
     if sensor_class is not None:
         lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
@@ -215,19 +224,6 @@ def _uncertainty(value: object, error: BenchError, place: Place) -> float:
     return quantity(value, error.unit, place, positive=True)
 
 
-def _check_robust(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> None:
-    if table.robust and runs[0].procedure == FERRARIS:
-        raise place.error("is not known for positions and turns, of which each is there once: leave it out")
-
-
-def _check_session(table: SensorTable, place: Place) -> None:
-    if (table.unit is None) != (table.session is None):
-        given, missing = ("session", "unit") if table.unit is None else ("unit", "session")
-        raise place.at(missing).error(
-            f"the key is missing: beside {given} it says which sensors are one unit; give both or neither"
-        )
-
-
 def _check_runs(runs: tuple[RunSpec, ...], sensor_class: SensorClass | None, place: Place) -> None:
     unique([run.name for run in runs], "name", place.at("run"))
     for k, run in enumerate(runs):
@@ -290,11 +286,6 @@ def _check_imu(table: SensorTable, place: Place) -> None:
             "accelerometers and gyroscopes have other units: expected"
             ' { accelerometer = "200 ug", gyroscope = "5 deg/h" }'
         )
-
-
-def _truths_of(raw: dict[str, Any], kind: Kind) -> dict[str, Any]:
-    """Entries of an IMU's ``truth`` for the components of a kind, by component and term."""
-    return {name: value for name, value in _flat(raw).items() if kind_of(name.partition(".")[0]) == kind}
 
 
 def _without_component(name: str) -> str:
