@@ -21,7 +21,7 @@ from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, with_stills
-from imubayes.inference.summary import Summary, summarize
+from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
 from imubayes.rig.bench import effective
 from imubayes.rig.filtering import with_disturbances
@@ -30,7 +30,6 @@ from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, R
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
-from imubayes.rig.stream_survey import renewed
 from imubayes.selection.decision import Selection
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
@@ -115,11 +114,10 @@ def prepare(
     if spec.robust:
         tell("dwells that cannot be trusted")
         kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
-        runs, distrusted = [renewed(run) for run in kept.runs], kept.distrusted
+        runs, distrusted = kept.noted, kept.distrusted
         # a run that is left out takes the errors with it that no other run has
         kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
         found = _summarized(spec, runs, prior, tell, kinds)
-        found = replace(found, summary=_noted(found.summary, kept.notes))
     return replace(found, source=source, distrusted=distrusted)
 
 
@@ -157,15 +155,6 @@ def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:
         return [run.noise for run in summary.runs]
 
     return noise_of
-
-
-def _noted(summary: Summary, notes: tuple[str, ...]) -> Summary:
-    """Summary whose first run's source says what did not go as usual."""
-    if not notes:
-        return summary
-    first, *others = summary.runs
-    source = replace(first.source, notes=(*first.source.notes, *notes))
-    return replace(summary, runs=(replace(first, source=source), *others))
 
 
 def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
@@ -243,8 +232,9 @@ def prepare_case(
         runs, distrusted, free = trusted_stills(runs, asked, extras=_leant_on(spec), rng=rng)
     if spec.gyroscope:
         own, beside = _triad_prior(spec.gyroscope)
+        source = source if source == beside else f"accelerometers: {source}; gyroscopes: {beside}"
         case = _imu_case(spec, runs, (prior, own), rng, free)
-        prior, source = ScalePrior([*prior.sd, *own.sd]), _both(source, beside)
+        prior = ScalePrior([*prior.sd, *own.sd])
     elif _referenced(spec):
         case = _of_sections(spec, runs, asked)
     else:
@@ -295,13 +285,6 @@ def _referenced(spec: SensorSpec) -> bool:
     return spec.runs[0].procedure != FREE_TUMBLE or by_others
 
 
-def _both(accelerometer: str, gyroscope: str) -> str:
-    """Sources of the priors of both kinds, in words."""
-    if accelerometer == gyroscope:
-        return accelerometer
-    return f"accelerometers: {accelerometer}; gyroscopes: {gyroscope}"
-
-
 def _leant_on(spec: SensorSpec) -> tuple[Extra, ...]:
     """Errors of what partly known runs lean on, where the study allows for them; `ferraris` has a fixture."""
     kinds = [KINDS[name] for name in spec.reference if KINDS[name].each != "mount"]
@@ -313,8 +296,7 @@ def _leant_on(spec: SensorSpec) -> tuple[Extra, ...]:
 
 def _rules(spec: SensorSpec, runs: Sequence[Run]) -> dict[str, NoiseRule]:
     """Noise rules of the study; a run whose noise was to be that of a run left out has its own."""
-    there = {run.name for run in runs}
-    return {s.name: s.noise if (s.noise.like or s.name) in there else NoiseRule() for s in spec.runs}
+    return rules_among({s.name: s.noise for s in spec.runs}, {run.name for run in runs})
 
 
 def _noise_before_fit(spec: SensorSpec) -> dict[str, NoiseRule]:

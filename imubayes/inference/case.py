@@ -202,7 +202,8 @@ def apart(
     kept = tuple(name for name, there in zip(summary.names, moved, strict=True) if there or name in columns)
     known = _elsewhere(summary, sd, [k for k in range(len(summary.runs)) if k not in parts], kept)
     factors = [reorder(run.factor, kept) for run in own]
-    runs = tuple(_among(run, f, summary.names) for run, f in zip(own, factors, strict=True))
+    where = [summary.names.index(name) for name in kept]
+    runs = tuple(replace(run, factor=f, reach=run.reach[where]) for run, f in zip(own, factors, strict=True))
     whole = reduce(add, factors if known is None else [*factors, known])
     return Apart(
         summary=replace(
@@ -212,7 +213,7 @@ def apart(
             reach={name: summary.reach[name] for name in kept if name in summary.reach},
             extras=tuple(extra for extra in summary.extras if extra.name in kept),
         ),
-        sd=sd[[summary.names.index(name) for name in kept]],
+        sd=sd[where],
         rows=tuple(narrowed(rows[k], [rows[k].names.index(name) for name in kept]) for k in parts),
         known=known,
     )
@@ -237,11 +238,6 @@ def _elsewhere(
     R[-1, -1] = 0.0
     told = np.abs(np.diag(R)[:-1]) > VANISHED * f.column_norms[len(gone) :]
     return Factor(kept, R, int(np.count_nonzero(told)))
-
-
-def _among(run: RunSummary, f: Factor, names: Sequence[str]) -> RunSummary:
-    reach = run.reach[[list(names).index(name) for name in f.names]]
-    return replace(run, factor=f, reach=reach)
 
 
 def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...]]:

@@ -84,7 +84,10 @@ def drift_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, column: s
         slope += weights[:, None] * seen[1]
         cov += np.outer(weights, weights) * seen[2]
     mean, root = posterior_root(summary.factor, sd, scale)
-    before = _walk(blocks, [run.noise.K for run in summary.runs], [k for k, _ in taken], whole)
+    spans = np.array([blocks[k].rows.span for k, _ in taken])
+    walks = np.array([summary.runs[k].noise.K for k, _ in taken])
+    # sd of the walks' mean before the data: K sqrt(T / 3) of a single run
+    before = float(np.sqrt(np.sum((spans / whole) ** 2 * walks**2 * spans / 3.0))) if taken else 0.0
     if not before > MATTERS * float(np.linalg.norm(root[own])):
         return None
     unit = np.eye(p)[own]
@@ -104,13 +107,6 @@ def _share(blocks: Linear, own: int) -> FloatArray | None:
     each = np.ones((len(column), 1)) if blocks.axes is None else blocks.axes
     alike = np.abs(each - column[:, None]).max(axis=0) <= ALIKE * max(float(np.abs(column).max()), ALIKE)
     return each[:, int(np.argmax(alike))] if alike.any() else None
-
-
-def _walk(blocks: Sequence[Linear], walks: Sequence[float], taken: Sequence[int], whole: float) -> float:
-    """Sd of the walks' mean before the data, SI: ``K sqrt(T / 3)`` of a single run."""
-    spans = np.array([blocks[k].rows.span for k in taken])
-    sizes = np.array([walks[k] for k in taken])
-    return float(np.sqrt(np.sum((spans / whole) ** 2 * sizes**2 * spans / 3.0))) if len(taken) else 0.0
 
 
 def _seen(blocks: Linear, noise: Noise, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -31,15 +31,14 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import At, Round
 from imubayes.inference.shared_columns import shared_rows
-from imubayes.inference.summary import RunSummary, Summary, joined, summarize
+from imubayes.inference.summary import RunSummary, Summary, joined, rules_among, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Facts, Run, facts_of
 from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
-from imubayes.rig.stream_survey import renewed
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import AXES, Kind, Library
 
 
@@ -76,7 +75,7 @@ def solve_known_case(
         return _case(problem, found)
     trusted = _trusted(problem, found, rng)
     kept = zip(problem.parts, trusted, strict=True)
-    problem = replace(problem, runs=(), parts=tuple(_without(part, one) for part, one in kept))
+    problem = replace(problem, runs=(), parts=tuple(_among(part, one.noted) for part, one in kept))
     named = [(part.name, one) for part, one in zip(problem.parts, trusted, strict=True)]
     distrusted = [replace(d, run=title(d.run, name)) for name, one in named for d in one.distrusted]
     return replace(_case(problem, _settled(problem)), distrusted=tuple(distrusted))
@@ -121,18 +120,10 @@ def _trusted(problem: _Problem, found: Round, rng: np.random.Generator) -> list[
     return trusted
 
 
-def _without(part: _Part, trusted: Trusted) -> _Part:
-    """A component in the runs that are trusted; the first of them says what did not go as usual."""
-    first, *others = trusted.runs
-    source = replace(first.source, notes=(*first.source.notes, *trusted.notes))
-    return _among(part, [renewed(run) for run in (replace(first, source=source), *others)])
-
-
 def _among(part: _Part, runs: Sequence[Run]) -> _Part:
     """A component in some of its runs; one whose noise was to be that of a run left out has its own."""
     there = {run.name for run in runs}
-    rules = {name: part.asked.rule(name) for name in there}
-    rules = {name: rule if (rule.like or name) in there else NoiseRule() for name, rule in rules.items()}
+    rules = rules_among({name: part.asked.rule(name) for name in there}, there)
     return replace(part, runs=tuple(runs), asked=replace(part.asked, rules=rules))
 
 

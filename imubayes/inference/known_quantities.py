@@ -172,7 +172,7 @@ def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -
     stills = find_stills(run)
     times, known = times_of(run, stills), judge.known(run, stills)
     values = [_tumbled(run, stills, those, known) for those in triads]
-    spreads = [_column(judge.spread(run.name, times))]
+    spreads = [_side_by_side([judge.spread(run.name, times)])]
     if not run.force.size:
         return _collected(run.name, ("rate",), values, spreads)
     if run.rate.size:
@@ -201,7 +201,8 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
     turned = [s for s in run.sections if s.angle]
 
     def spreads(names: Sequence[str], sections: Sequence[Section]) -> list[Spread]:
-        return [judge.spread(f"{run.name} ({name})", _times(run, sections)) for name in names]
+        times = [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
+        return [judge.spread(f"{run.name} ({name})", times) for name in names]
 
     what, found = [], []
     if run.force.size:
@@ -248,10 +249,6 @@ def _length(own: FloatArray, known: float | FloatArray) -> FloatArray:
     return np.linalg.norm(own, axis=1, keepdims=True) - known
 
 
-def _times(run: Run, sections: Sequence[Section]) -> Times:
-    return [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
-
-
 def _along(spreads: Sequence[Spread], sections: Sequence[Section]) -> Spread:
     """Sds (k, 1) of the component along the axis of each section."""
     axes = [int(np.argmax(np.abs(s.direction))) for s in sections]
@@ -259,10 +256,6 @@ def _along(spreads: Sequence[Spread], sections: Sequence[Section]) -> Spread:
         np.array([spreads[c][which][k] for k, c in enumerate(axes)])[:, None] for which in (0, 1)
     )
     return fitted, fresh
-
-
-def _column(spread: Spread) -> Spread:
-    return spread[0][:, None], spread[1][:, None]
 
 
 def _side_by_side(spreads: Sequence[Spread]) -> Spread:

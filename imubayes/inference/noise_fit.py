@@ -153,20 +153,17 @@ def detection_limits(data: NoiseModel, noise: NoiseProcesses, candidates: Sequen
     noise : the processes that it has.
     candidates : that could take each other's place.
     """
-    grid = spectrum(data.levels, ramp="R" in candidates, parts=_parts(data))
+    begins = np.flatnonzero(~data.joined)
+    # lengths of the unbroken parts, where the columns are enough to take out the mean of each
+    few = data.table.shape[1] - 2 < len(begins) or len(begins) == 1
+    parts = None if few else np.add.reduceat(data.rows.duration, begins)
+    grid = spectrum(data.levels, ramp="R" in candidates, parts=parts)
     limits = {
         name: _limit(grid, noise, name, [c for c in candidates if c not in (name, "R")], data.prior)
         for name in candidates
         if name != "R"
     }
     return limits | ({"R": _ramp_limit(data, grid, noise, candidates)} if "R" in candidates else {})
-
-
-def _parts(data: NoiseModel) -> FloatArray | None:
-    """Lengths of the unbroken parts, s, where the columns are enough to take out the mean of each."""
-    begins = np.flatnonzero(~data.joined)
-    few = data.table.shape[1] - 2 < len(begins)
-    return None if few or len(begins) == 1 else np.add.reduceat(data.rows.duration, begins)
 
 
 def spectrum(
@@ -328,11 +325,7 @@ def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candida
         return math.inf
     # half the square of the ramp's size over its sd is its own information; the ramp is one parameter more
     need = EVIDENCE + PARAMETER - PARAMETER * (np.arange(len(models)) > 0) - told
-    square = 2.0 * _informative(np.maximum(need, 0.0)) / slopes
-    return data.prior.ramp * float(np.sqrt(np.max(square)))
-
-
-def _informative(need: FloatArray) -> FloatArray:
-    """Mean information D that leaves what is needed in 19 logs of 20: D - 1.645 sqrt(2 D) = need."""
+    # mean information D that leaves what is needed in 19 logs of 20: D - 1.645 sqrt(2 D) = need
     half = SURE / math.sqrt(2.0)
-    return np.where(need > 0.0, (half + np.sqrt(half**2 + need)) ** 2, 0.0)
+    square = 2.0 * np.where(need > 0.0, (half + np.sqrt(half**2 + np.maximum(need, 0.0))) ** 2, 0.0) / slopes
+    return data.prior.ramp * float(np.sqrt(np.max(square)))

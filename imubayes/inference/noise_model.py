@@ -210,7 +210,10 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
     by = swept_back(table, d, *way, states.arrays, gains, by_row)
     slope = dict(zip(parts, _by_size(parts, sizes, rows.axes, by), strict=True))
     if "tau" in sizes:
-        slope["tau"] = _by_tau(model, names, x)
+        # all weights depend on the time constant: a central difference
+        step = 0.1 * STEP * (np.array(names) == "tau")
+        ends = [likelihood(model, names, x + sign * step).level for sign in (1.0, -1.0)]
+        slope["tau"] = (ends[0] - ends[1]) / (0.2 * STEP)
     return replace(told, slope=np.array([slope[name] for name in names]))
 
 
@@ -278,13 +281,6 @@ def _by_size(
         told = float((by_own * part.own).sum() + by_power[own] @ part.power + by_drift[own] @ part.drift)
         found.append(2.0 * sizes[name] ** 2 * told)
     return found
-
-
-def _by_tau(model: NoiseModel, names: Sequence[str], x: FloatArray) -> float:
-    """Derivative by the time constant, on which all weights depend: a central difference."""
-    step = 0.1 * STEP * (np.array(names) == "tau")
-    ends = [likelihood(model, names, x + sign * step).level for sign in (1.0, -1.0)]
-    return (ends[0] - ends[1]) / (0.2 * STEP)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,6 +38,7 @@ from imubayes.inference.contamination import (
 from imubayes.inference.dwells import Dwells, dwells_of, rows_kept, rows_outside
 from imubayes.inference.linear import Linear
 from imubayes.rig.inputs import Run
+from imubayes.rig.stream_survey import renewed
 from imubayes.sensors.noise import Noise
 
 Mask = NDArray[np.bool_]
@@ -93,6 +94,13 @@ class Trusted:
     rows: tuple[Linear, ...]
     distrusted: tuple[Distrusted, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def noted(self) -> list[Run]:
+        """The runs, of which the first says what did not go as usual, with the extremes of what is left."""
+        first, *others = self.runs
+        source = replace(first.source, notes=(*first.source.notes, *self.notes))
+        return [renewed(run) for run in (replace(first, source=source), *others)]
 
 
 def robust_rows(

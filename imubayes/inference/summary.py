@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
@@ -318,6 +318,11 @@ def _noise(
             f"run '{rows.name}' takes its noise from run '{rule.like}', which the sensor does not have"
         )
     return replace(done[rule.like].found, prior=prior, origin=f"run {rule.like}", run=rule.like)
+
+
+def rules_among(rules: Rules, names: Collection[str]) -> dict[str, NoiseRule]:
+    """Rules of some runs: one whose noise was to be that of a run which is not among them has its own."""
+    return {name: rule if (rule.like or name) in names else NoiseRule() for name, rule in rules.items()}
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:

@@ -73,14 +73,10 @@ def averaged(ground: Ground) -> Posterior:
     ready, drawn = prepared(ground), weighted(ground)
     noises = tuple(drawn.draws[k] for k in _resampled(drawn.weight, ground.rngs["averaged"]))
     noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
-    return Posterior("averaged", noise, noises, drawn.log_evidence, _moments(ready, drawn))
-
-
-def _moments(ready: Prepared, drawn: Weighted) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd (p,) of all columns under the full library, over all weighted draws."""
     each = np.array([posterior(draw.factor, ready.prior.sd) for draw in drawn.draws])
     mean = drawn.weight @ each[:, 0]
-    return mean, np.sqrt(drawn.weight @ (each[:, 1] ** 2 + (each[:, 0] - mean) ** 2))
+    sd = np.sqrt(drawn.weight @ (each[:, 1] ** 2 + (each[:, 0] - mean) ** 2))
+    return Posterior("averaged", noise, noises, drawn.log_evidence, (mean, sd))
 
 
 def weighted(ground: Ground) -> Weighted:
@@ -102,8 +98,13 @@ def weighted(ground: Ground) -> Weighted:
 
 def _drawn(ready: Prepared, q: Student, prior: FloatArray, rng: np.random.Generator) -> Weighted:
     """Draws about the peak, of a Student distribution: its tails hold what a normal one would miss."""
+    from scipy.special import ndtri
+
     d = len(q.center)
-    z = _spread(PROPOSED if d else 1, d, rng)
+    size = PROPOSED if d else 1
+    # in each coordinate one from every slice of equal probability
+    slices = np.argsort(rng.random((d, size)), axis=1).T
+    z = ndtri((slices + rng.random((size, d))) / size) if d else np.zeros((size, 0))
     z *= np.sqrt(q.freedom / rng.chisquare(q.freedom, len(z)))[:, None]
     x = q.center + z @ q.L.T
     noises = noises_at(ready.summary.runs, x)
@@ -175,14 +176,6 @@ def _root(information: FloatArray, width: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(information * np.outer(width, width))
     covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
     return np.asarray(np.linalg.cholesky(covariance * np.outer(width, width)), dtype=float)
-
-
-def _spread(size: int, d: int, rng: np.random.Generator) -> FloatArray:
-    """Standard normal draws (size, d), in each coordinate one from every slice of equal probability."""
-    from scipy.special import ndtri
-
-    slices = np.argsort(rng.random((d, size)), axis=1).T
-    return ndtri((slices + rng.random((size, d))) / size) if d else np.zeros((size, 0))
 
 
 def _resampled(weight: FloatArray, rng: np.random.Generator) -> list[int]:

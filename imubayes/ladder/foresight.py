@@ -102,14 +102,18 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
     blocks = [blocks_of(rows, BLOCKS) for rows in ready.rows]
     noises = [run.noise for run in ready.summary.runs]
     names, p = ready.summary.names, len(found.names)
-    usual = [_factor(b, noise, names) for b, noise in zip(blocks, noises, strict=True)]
-    mean, sd = (moments[:p] for moments in posterior(reduce(add, usual), ready.prior.sd))
-    odds = _odds(found, mean / sd, sd / ready.prior.sd[:p])
+    plain = [_factor(b, noise, names) for b, noise in zip(blocks, noises, strict=True)]
+    mean, sd = (moments[:p] for moments in posterior(reduce(add, plain), ready.prior.sd))
+    held = np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN)
+    usual = np.log(held / (1.0 - held))
+    # where an inclusion is 1 to rounding, the Bayes factor against zero
+    against = 0.5 * (mean / sd) ** 2 + np.log(sd / ready.prior.sd[:p])
+    odds = np.where(found.inclusion < 1.0 - CERTAIN, usual, against)
     shift, turn = np.zeros(p), np.zeros(p)
 
     @cache
     def others(k: int) -> list[Factor]:
-        rest = [*usual[:k], *usual[k + 1 :]]
+        rest = [*plain[:k], *plain[k + 1 :]]
         return [reduce(add, rest)] if rest else []
 
     for k, away in _steps(ready):
@@ -123,13 +127,6 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
             turn += 0.5 * (np.exp(-np.logaddexp(0.0, -odds - gained)) - found.inclusion)
     change = float(np.max(np.abs(shift) / sd)), float(np.max(np.abs(turn)))
     return change, "each noise parameter moved by its sd either way, on block averages"
-
-
-def _odds(found: Answer, pull: FloatArray, narrower: FloatArray) -> FloatArray:
-    """Log odds (p,) of each term; where its inclusion is 1 to rounding, the Bayes factor against zero."""
-    held = np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN)
-    usual = np.log(held / (1.0 - held))
-    return np.where(found.inclusion < 1.0 - CERTAIN, usual, 0.5 * pull**2 + np.log(narrower))
 
 
 def _few_draws(ground: Ground, found: Answer) -> Foresight:

@@ -126,7 +126,9 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
         which = rng.choice(len(phi), size, replace=False)
         return np.asarray(np.column_stack((phi[which], x[which])), dtype=float)
 
-    q = _proposal(x)
+    d = x.shape[1]
+    root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
+    q = Student(x.mean(axis=0), np.asarray(root, dtype=float), TAIL)
     return Target(
         names=(*density.names, *density.parameters),
         log_prob=log_density(ready, density),
@@ -134,13 +136,6 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
         start=start,
         readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
     )
-
-
-def _proposal(x: FloatArray) -> Student:
-    """Student distribution with the moments of draws x (m, d)."""
-    d = x.shape[1]
-    root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
-    return Student(x.mean(axis=0), np.asarray(root, dtype=float), TAIL)
 
 
 def _logarithms(runs: Sequence[RunSummary], noise: FloatArray) -> FloatArray:

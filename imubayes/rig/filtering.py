@@ -70,7 +70,8 @@ class Colour:
         means = f"{MEANS} {self.samples * interval:.2g} s"
         if self.correlation < 0.0:
             return f"neighbouring samples take turns, as quantization makes them: {means}"
-        rate = _corner(self.correlation, interval)
+        share = self.correlation / interval  # of a filter of first order
+        rate = -math.log((math.sqrt(1.0 + share**2) - 1.0) / share) / (2.0 * math.pi * interval)
         return f"filtered above about {float(f'{rate:.1g}'):g} Hz: {means}"
 
 
@@ -142,12 +143,6 @@ def _sum_of(levels: FloatArray, *, fourth: bool) -> tuple[tuple[float, float, fl
     free = len(length) - int(np.count_nonzero(sizes))
     more, less = sizes[3:].tolist() if fourth else (0.0, 0.0)
     return (float(sizes[0]), more, less), float(gammaincc(0.5 * max(free, 1), 0.5 * left**2))
-
-
-def _corner(correlation: float, interval: float) -> float:
-    """Half-power frequency, Hz, of the first-order filter whose samples have this correlation time, s."""
-    share = correlation / interval
-    return -math.log((math.sqrt(1.0 + share**2) - 1.0) / share) / (2.0 * math.pi * interval)
 
 
 def as_means(run: Run, kind: Kind = "accelerometer") -> Run:

@@ -376,14 +376,14 @@ def datasets_of(file: Any) -> dict[str, Any]:
             return
         if node.size is not None and node.size > 1:
             unit = node.attrs.get("unit", node.attrs.get("units"))
-            found[name if unit is None or "[" in name else f"{name} [{_decoded(unit)}]"] = node
+            found[
+                name
+                if unit is None or "[" in name
+                else f"{name} [{unit.decode() if isinstance(unit, bytes) else unit}]"
+            ] = node
 
     file.visititems(visit)
     return found
-
-
-def _decoded(unit: object) -> str:
-    return unit.decode() if isinstance(unit, bytes) else str(unit)
 
 
 def named(found: dict[str, Any]) -> dict[str, Any]:
@@ -392,14 +392,8 @@ def named(found: dict[str, Any]) -> dict[str, Any]:
     if len(groups) == 1:
         cut = len(groups.pop())
         return {name[cut:].lstrip("/"): values for name, values in found.items()}
-    return {
-        name.partition(" [")[0].replace("/", ".") + _unit_of(name): values for name, values in found.items()
-    }
-
-
-def _unit_of(name: str) -> str:
-    _, bracket, unit = name.partition(" [")
-    return bracket + unit
+    parted = {name.partition(" ["): values for name, values in found.items()}
+    return {path.replace("/", ".") + start + unit: values for (path, start, unit), values in parted.items()}
 
 
 def _read_parquet(path: Path, shown: str) -> Text:

@@ -25,7 +25,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
-from imubayes.rig.inputs import Inputs, Run
+from imubayes.rig.inputs import Run
 from imubayes.rig.motion import Motion, faster, heavier, in_fixture, longer, on_table, stretched
 from imubayes.rig.plans import Plan
 from imubayes.sensors import terms
@@ -234,10 +234,6 @@ def _places(runs: Sequence[Run | Plan], each: str) -> list[tuple[tuple[str, ...]
         return [
             ((run.name, str(m)), f"in mount {m} of run {run.name}", {"run": run.name, "mount": m})
             for run in runs
-            for m in _mounts(run.inputs)
+            for m in ([0] if run.inputs.mount is None else np.unique(run.inputs.mount).tolist())
         ]
     return [((), "", {})]
-
-
-def _mounts(inputs: Inputs) -> list[int]:
-    return [0] if inputs.mount is None else np.unique(inputs.mount).tolist()

@@ -298,15 +298,11 @@ def _read_in_parts(stream: Stream) -> str:
     )
 
 
-def _stretch(found: _Survey) -> Part:
-    """Longest part of the first rows that no gap interrupts."""
-    rows = joined_parts(found.kept)
-    a, b = max(between_gaps(rows.t, found.reader.interval), key=lambda part: part[1] - part[0])
-    return rows.some(slice(a, b), a, np.nan)
-
-
 def _run(spec: RunSpec, kind: Kind | None, found: _Survey) -> Run:
-    counts, stretch = np.array(found.counts), _stretch(found)
+    counts, rows = np.array(found.counts), joined_parts(found.kept)
+    # the longest part of the first rows that no gap interrupts
+    a, b = max(between_gaps(rows.t, found.reader.interval), key=lambda part: part[1] - part[0])
+    stretch = rows.some(slice(a, b), a, np.nan)
     axes = "ijk" if kind else "xyz"
     duration = np.array([row[1] for row in found.sums])
     stream = Stream(

@@ -172,7 +172,8 @@ def from_arrow(table: pa.Table, shown: str, *, lines: bool) -> Text:
     """Columns of an Arrow table; what is missing becomes NaN among numbers, NaT among time stamps."""
     import pyarrow as pa
 
-    _require_rows(table.num_rows, shown)
+    if not table.num_rows:
+        raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
     plain = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp, pa.types.is_date)
     arrays = tuple(
         column.to_numpy()
@@ -181,11 +182,6 @@ def from_arrow(table: pa.Table, shown: str, *, lines: bool) -> Text:
         for column in table.columns
     )
     return Text(tuple(str(name).strip() for name in table.column_names), arrays, lines)
-
-
-def _require_rows(n: int, shown: str) -> None:
-    if n == 0:
-        raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
 
 
 def lines_of(path: Path) -> Iterator[tuple[int, str]]:

@@ -129,10 +129,12 @@ def temperature_rate(t: FloatArray, T: FloatArray) -> FloatArray:
     """
     if len(t) < ENOUGH:
         return np.gradient(T, t) if len(t) > 1 else np.zeros(len(t))
-    centres, means, counts = _averaged(t, T)
+    centres, means = _averaged(t, T)
     if len(centres) < ENOUGH:
         return np.full(len(t), np.polyfit(t - t.mean(), T, 1)[0])
-    white, step = _noise(means, counts), _step(T)
+    off = means[1:-1] - 0.5 * (means[:-2] + means[2:])
+    # an average's distance to the straight line between its neighbours
+    white, step = float(np.median(np.abs(off))) / (0.6745 * math.sqrt(1.5)), _step(T)
     found = np.zeros(len(centres))
     for window in _windows(centres):
         found = _slopes(centres, means, window)
@@ -152,21 +154,15 @@ def _check(levels: FloatArray, positions: int, times: tuple[float, float, float]
         raise InputError(f"thermal run with dwell, ramp and rate {times}: expected more than zero of each")
 
 
-def _averaged(t: FloatArray, T: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean time and temperature over at most so many equal times, and how many samples each holds."""
+def _averaged(t: FloatArray, T: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean time and temperature over at most so many equal times."""
     if len(t) <= BINS:
-        return t - t[0], T, np.ones(len(t))
+        return t - t[0], T
     bins = np.minimum(((t - t[0]) / (t[-1] - t[0]) * BINS).astype(np.int64), BINS - 1)
     counts = np.bincount(bins, minlength=BINS)
     there = counts > 0
     means = [np.bincount(bins, values, BINS)[there] / counts[there] for values in (t - t[0], T - T[0])]
-    return means[0], means[1] + T[0], counts[there].astype(float)
-
-
-def _noise(means: FloatArray, counts: FloatArray) -> float:
-    """Sd of an average, from its distance to the straight line between its neighbours."""
-    off = means[1:-1] - 0.5 * (means[:-2] + means[2:])
-    return float(np.median(np.abs(off))) / (0.6745 * math.sqrt(1.5))
+    return means[0], means[1] + T[0]
 
 
 def _step(T: FloatArray) -> float:

@@ -130,7 +130,9 @@ def tumble(
     up = np.concatenate([_circle(angles, *pair) for pair in pairs])
     vectors = {"f": gravity * up}
     if latitude is not None:
-        vectors["w"] = earth_rate(up, np.repeat([_normal(*pair) for pair in pairs], angles, axis=0), latitude)
+        vectors["w"] = earth_rate(
+            up, np.repeat([np.cross(*np.eye(3)[list(pair)]) for pair in pairs], angles, axis=0), latitude
+        )
     t = dwells(planes * angles, dwell, rate, settle)
     inputs = at_rest(vectors, t, 1.0 / rate)
     return Plan("tumble", "tumble", replace(inputs, mount=numbers(planes, len(t))))
@@ -258,12 +260,6 @@ def _circle(angles: int, first: int, second: int) -> FloatArray:
     up = np.zeros((angles, 3))
     up[:, first], up[:, second] = snapped(np.cos(turn)), snapped(np.sin(turn))
     return up
-
-
-def _normal(first: int, second: int) -> FloatArray:
-    """Axis (3,) of the turn from one case axis towards another."""
-    axes = np.eye(3)
-    return np.cross(axes[first], axes[second])
 
 
 def _sets() -> dict[int, tuple[FloatArray, FloatArray]]:

@@ -210,7 +210,8 @@ def _always(case: DisputedTerm, other: Ballot) -> bool:
 
 def _of_collinearity(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     if partners := case.term.confounded_with:
-        return f"the test sees it only together with {_first(partners)}, and each method takes one of them"
+        few = partners if len(partners) <= FEW else (*partners[: FEW - 1], f"{len(partners) - FEW + 1} more")
+        return f"the test sees it only together with {listed(few)}, and each method takes one of them"
     swapped = tuple(dict.fromkeys(name for other in others for name in other.swapped))
     shares = [abs(r) for name, r in case.alike if name in swapped]
     verb = "left out" if not case.kept else "taken"
@@ -297,11 +298,6 @@ _CAUSES: tuple[
     ("method", _always, _of_method),
 )
 """Each cause: its name, whether it holds, and what to say. The first that holds is the cause."""
-
-
-def _first(names: Sequence[str]) -> str:
-    """Join names, or the first of many."""
-    return listed(names if len(names) <= FEW else (*names[: FEW - 1], f"{len(names) - FEW + 1} more"))
 
 
 def _line_and_why(case: DisputedTerm) -> str:

@@ -257,7 +257,9 @@ def reduced(
     S = algebra.reorder(design, names).R[:-1, :-1] / math.sqrt(design.n)
     mean = models.mean[[models.names.index(name) for name in names]]
     if budget is None:
-        budget = _uncertainty(selection, S, rng)
+        # what the posterior's spread in the coefficients does to the output
+        drawn = posterior_draws(selection, DRAWS, rng)[:, [selection.columns.index(name) for name in names]]
+        budget = float(np.linalg.norm(S @ (drawn - drawn.mean(axis=0)).T) / math.sqrt(DRAWS))
     subsets = subsets_by_size(S, mean)
     losses = [loss for _, loss in subsets]
     k = next(k for k, loss in enumerate(losses) if loss <= budget)
@@ -300,13 +302,6 @@ def project(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> FloatArray
     return algebra.solve_triangular(T[:-1, :-1], T[:-1, -1]) / size
 
 
-def _uncertainty(selection: Selection, S: FloatArray, rng: np.random.Generator) -> float:
-    """Rms of the error of the output that the posterior's spread in the coefficients causes."""
-    drawn = posterior_draws(selection, DRAWS, rng)
-    drawn = drawn[:, [selection.columns.index(name) for name in selection.models.candidates.names]]
-    return float(np.linalg.norm(S @ (drawn - drawn.mean(axis=0)).T) / math.sqrt(DRAWS))
-
-
 def _all_subsets(S: FloatArray, theta: FloatArray) -> Iterator[tuple[list[int], float]]:
     """Best subset of each size but the last, from the tree over all of them."""
     from imubayes.selection.kernels import walk
@@ -329,14 +324,10 @@ def _eliminated(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], float
         inverse = algebra.invert_triangular(T[:-1, :-1])
         missed = np.abs(inverse @ T[:-1, -1]) / np.linalg.norm(inverse, axis=1)
         kept = kept[: (weakest := int(np.argmin(missed)))] + kept[weakest + 1 :]
-        found.append((kept, _lost(S, theta, kept)))
+        full = np.zeros(len(theta))
+        full[kept] = project(S, theta, kept)
+        found.append((kept, float(np.linalg.norm(S @ (theta - full)))))
     return found[::-1]
-
-
-def _lost(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> float:
-    full = np.zeros(len(theta))
-    full[list(kept)] = project(S, theta, kept)
-    return float(np.linalg.norm(S @ (theta - full)))
 
 
 def _unit_columns(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> tuple[FloatArray, FloatArray]:

@@ -333,9 +333,11 @@ def _predictive(field: _Field, pieces: Sequence[Pieces], scale: float) -> tuple[
     """WAIC, leave-one-dwell-out, leave-one-run-out."""
     dwells, runs = by_dwell(pieces, field.candidates, scale), by_run(pieces, field.candidates, scale)
     near = _left_out(field, dwells)
+    which = field.first(near.deviance, SCORED)
+    scores = np.array([waic(dwells, inside) for inside in field.space.members(which)])
     alone = "the only run is predicted from the prior: this is the evidence" if len(pieces) == 1 else ""
     return (
-        field.best("waic", _widely(field, dwells, near.deviance)),
+        field.best("waic", _completed(field, near.deviance, which, scores, "leave-one-out")),
         field.best("loo", near),
         field.best("leave_one_run_out", _left_out(field, runs), note=alone),
     )
@@ -354,13 +356,6 @@ def _left_out(field: _Field, held: Held) -> _Scores:
     guess = rss / held.scale**2 + 2.0 * field.space.sizes()
     which = field.first(guess, max(int(LISTED / parts), 1))
     return _completed(field, guess, which, leave_out(held, Listed(field.space.members(which))), "AIC")
-
-
-def _widely(field: _Field, held: Held, loo: FloatArray) -> _Scores:
-    """WAIC of the models that predict a dwell left out best."""
-    which = field.first(loo, SCORED)
-    scores = np.array([waic(held, inside) for inside in field.space.members(which)])
-    return _completed(field, loo, which, scores, "leave-one-out")
 
 
 def _completed(field: _Field, guess: FloatArray, which: IntArray, scores: FloatArray, other: str) -> _Scores:

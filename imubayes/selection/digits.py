@@ -56,7 +56,8 @@ def _trustworthy(models: Models, backing: FloatArray | float) -> Digits:
     """
     c, parts = models.candidates, models.components
     inclusion = models.inclusion[[models.names.index(name) for name in c.names]]
-    scale = _middle_scale(models)
+    peak = float(parts.scale.max())  # the posterior mean of the noise scale, in the units of the candidates
+    scale = math.ldexp(peak * float(parts.weight @ (parts.scale / peak)), -c.response_unit)
     T = c.at(scale)
     found = bounds(T, rounding_of(c.dof, len(c.columns)) * np.maximum(backing, 1.0))
     misfit = (abs(float(T[-1, -1])) / scale) * (found.response / scale)
@@ -110,13 +111,6 @@ def _spread(parts: Components) -> float:
     size = np.maximum(np.abs(mean), sd)
     known = np.isfinite(size) & (size > 0.0)
     return float(np.max(sd[known] / size[known], initial=0.0)) if known.all() else 1.0
-
-
-def _middle_scale(models: Models) -> float:
-    """Posterior mean of the noise scale, in the units of the candidates."""
-    parts = models.components
-    peak = float(parts.scale.max())
-    return math.ldexp(peak * float(parts.weight @ (parts.scale / peak)), -models.candidates.response_unit)
 
 
 def _full_size(T: FloatArray, scale: float) -> FloatArray:

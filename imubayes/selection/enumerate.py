@@ -259,7 +259,10 @@ def _over_scales(c: Candidates, sums: Products | Logs, limit: float) -> Weighed:
     lowest = math.ceil(math.log(_smallest(c) / start) / step)
     highest = math.ceil(min(WIDEST, math.log(limit)) / step)
     reached = min(math.floor(math.log(largest / start) / step) + 1, highest)
-    seeds = range(0, reached, max(1, round(SEED / step))) if _disagree(c, start) else [0]
+    # whether the prior pulls the full library's fit off the data, as far as a noise scale goes
+    inside, free = float(c.at(start)[-1, -1]), float(c.whole[-1, -1])
+    disagree = 0.5 * (inside**2 - free**2) / start**2 > NEGLIGIBLE
+    seeds = range(0, reached, max(1, round(SEED / step))) if disagree else [0]
     for seed in seeds:
         for direction in (1, -1):
             m = seed
@@ -313,12 +316,6 @@ def _at_scale(c: Candidates, sums: Products | Logs, scale: float) -> Weighed:
     """Weigh each model at one noise scale, which is known."""
     sums.add(scale)
     return Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
-
-
-def _disagree(c: Candidates, scale: float) -> bool:
-    """Whether the prior pulls the full library's fit off the data, as far as a noise scale goes."""
-    inside, free = float(c.at(scale)[-1, -1]), float(c.whole[-1, -1])
-    return 0.5 * (inside**2 - free**2) / scale**2 > NEGLIGIBLE
 
 
 def _first_scale(c: Candidates) -> tuple[float, float, float]:

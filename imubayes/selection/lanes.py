@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import FloatArray, IntArray
+from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.kernels import ones
 from imubayes.selection.model_prior import Needs
 from imubayes.selection.model_sets import pieces
@@ -99,7 +99,7 @@ def add_weights(
     needs : (child, parent): a model that has a child without its parent gets nothing.
     """
     kernel = shape_of(len(R) - 1)
-    lane_sizes = _ones(LANE_BITS)
+    lane_sizes = np.array([number.bit_count() for number in range(1 << LANE_BITS)])
     sizes = np.arange(kernel[2] - LANE_BITS + 1)[:, None] + lane_sizes
     table = np.exp(by_size)[sizes]
     links = np.array(needs, dtype=np.int64).reshape(-1, 2)
@@ -121,11 +121,6 @@ def residuals(R: FloatArray) -> FloatArray:
     rss = np.empty(1 << kernel[2])
     pieces(lambda piece: _keep(R, piece, kernel, rss), 1 << kernel[0])
     return rss
-
-
-def _ones(bits: int) -> IntArray:
-    """Ones in each number of so many bits."""
-    return np.array([number.bit_count() for number in range(1 << bits)])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

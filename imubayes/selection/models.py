@@ -128,11 +128,12 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
     parts = merged(share.tolist(), [m.components for m in models])
     every = all(m.n_models == 1 << len(m.candidates.names) for m in models)
     error = 0.0 if every else _error_of_few(models, share)
+    by_size = [np.exp(m.by_size - m.log_evidence) for m in models]
     averaged = posterior_of(
         first.names,
         Weighed(first.candidates, space, NO_SCALE, weight, evidence),
         parts,
-        _averaged_totals(models, share),
+        Totals(share @ [inclusion_given(m, ()) for m in models], 1.0, share @ by_size),
     )
     mean, off = share @ [m.mean for m in models], [m.mean for m in models]
     return replace(
@@ -145,12 +146,6 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         missing=float(share @ [m.missing for m in models]),
         error=error,
     )
-
-
-def _averaged_totals(models: Sequence[Models], share: FloatArray) -> Totals:
-    """Sums over the models at each draw, as these know them themselves."""
-    by_size = [np.exp(m.by_size - m.log_evidence) for m in models]
-    return Totals(share @ [inclusion_given(m, ()) for m in models], 1.0, share @ by_size)
 
 
 def _error_of_few(models: Sequence[Models], share: FloatArray) -> float:

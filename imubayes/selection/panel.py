@@ -158,6 +158,7 @@ def _question(
     own = apart(summary, prior.sd, rows, parts or range(len(rows)), candidates)
     names = tuple(name for name in own.summary.names if name in models.candidates.columns)
     pieces = [pieces_of(r, run.noise) for r, run in zip(own.rows, own.summary.runs, strict=True)]
+    told = reduce(add, (reorder(run.factor, candidates) for run in own.summary.runs))
     return _Question(
         own=own,
         factor=reorder(own.summary.factor, names),
@@ -165,7 +166,7 @@ def _question(
         pieces=[*pieces, *([] if own.known is None else [always(own.known)])],
         candidates=candidates,
         needs=hierarchy(names) if hierarchical else (),
-        samples=_effective(own, candidates),
+        samples=effective_samples(told, own.rows, [run.noise for run in own.summary.runs]),
         among=_most_probable(models) if len(candidates) > LARGEST else None,
     )
 
@@ -229,13 +230,6 @@ def _votes(
     return _asked(left_out, ["reasons of disagreements"], told) or votes(
         selection, (), (), alone, silent=EVERY
     )
-
-
-def _effective(own: Apart, candidates: tuple[str, ...]) -> float:
-    """Effective sample size of a component's own runs."""
-    runs = own.summary.runs
-    factor = reduce(add, (reorder(run.factor, candidates) for run in runs))
-    return effective_samples(factor, own.rows, [run.noise for run in runs])
 
 
 def _most_probable(models: Models) -> BoolArray:

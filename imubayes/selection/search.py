@@ -351,14 +351,11 @@ def search_models(
         rng=np.random.default_rng(SEED),
     )
     space, weight = listed(found.inside, found.weight)
-    w = Weighed(c, space, np.array([held]), weight, _log_evidence(found) + log_flat(c, T, held))
+    # of all models, from the share that some of them have of it
+    most = np.argsort(-found.weight, kind="stable")[:MANY]
+    level = float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))
+    w = Weighed(c, space, np.array([held]), weight, level + log_flat(c, T, held))
     posterior = posterior_of(names, w, scale_components(c, space, w.scales, weight))
     if found.certified:
         return replace(posterior, missing=float(found.error.max()))
     return replace(posterior, missing=math.nan, error=float(found.error.max()))
-
-
-def _log_evidence(found: ModelsFound) -> float:
-    """Log of the summed joint probability of all models, from the share that some of them have of it."""
-    most = np.argsort(-found.weight, kind="stable")[:MANY]
-    return float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))

@@ -164,21 +164,17 @@ def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:
     if not len(split.correction):
         return packed
     away = np.clip(np.array([log_b, log_k]) - split.middle, -split.reach, split.reach)
-    return _mended(split, packed, _powers(away) @ split.correction)
+    missing, L = _powers(away) @ split.correction, _with_prior(split, packed)
+    more = L @ unpacked(missing[:-1]) @ L.T * split.level**2
+    return packed + np.append(packed_of(more), missing[-1])
 
 
 def _missing(split: Split, packed: FloatArray, exact: FloatArray) -> FloatArray:
-    """What `_mended` needs to make the exact values of the packed ones."""
+    """What `values_at` needs to make the exact values of the packed ones."""
     L = _with_prior(split, packed)
     half = np.linalg.solve(L, unpacked(exact[:-1] - packed[:-1]) / split.level**2)
     more = np.asarray(np.linalg.solve(L, half.T), dtype=float)
     return np.append(packed_of(more), exact[-1] - packed[-1])
-
-
-def _mended(split: Split, packed: FloatArray, missing: FloatArray) -> FloatArray:
-    L = _with_prior(split, packed)
-    more = L @ unpacked(missing[:-1]) @ L.T * split.level**2
-    return packed + np.append(packed_of(more), missing[-1])
 
 
 def _with_prior(split: Split, packed: FloatArray) -> FloatArray:
