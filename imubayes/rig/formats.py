@@ -207,7 +207,10 @@ def read_table(path: Path, shown: str = "") -> Table:
     shown = shown or str(path)
     reader = FORMATS.get(path.suffix.lower())
     if reader is None:
-        raise DataError(f"{shown}: format '{path.suffix}' is not known: expected one of {', '.join(FORMATS)}")
+        known = f"expected one of {', '.join(FORMATS)}"
+        if path.suffix.lower() in SPREADSHEETS:
+            raise DataError(f"{shown}: is a spreadsheet: save its sheet as CSV, and name that file ({known})")
+        raise DataError(f"{shown}: format '{path.suffix}' is not known: {known}")
     try:
         if path.stat().st_size == 0:
             raise DataError(f"{shown}: the file is empty: expected a run with named columns")
@@ -407,6 +410,9 @@ def _read_parquet(path: Path, shown: str) -> Text:
 
 
 Reader = Callable[[Path, str], "Text | Mapping[str, Array]"]
+
+SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
+"""Files of which a sheet is to be chosen, and cells may be formulas."""
 
 FORMATS: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), read_text),

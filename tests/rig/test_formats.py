@@ -165,3 +165,10 @@ def test_truncated_last_line_is_named(name, tmp_path):
     path.write_text(whole[: whole.rindex(repr(float(Y[-1]))) - 1].rstrip(", "))
     with pytest.raises(DataError, match="line 5: has 1 fields where the first line has 2"):
         read_table(path)
+
+
+def test_a_spreadsheet_is_refused_with_what_to_do(tmp_path):
+    path = tmp_path / "means.xlsx"
+    path.write_bytes(b"PK\3\4")
+    with pytest.raises(DataError, match=r"is a spreadsheet: save its sheet as CSV"):
+        read_table(path)
