@@ -207,7 +207,7 @@ def _check_any(every: Sequence[Record | Broken]) -> None:
 def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetAnswer:
     """Put the units of a fleet together, of a simulated one beside the truth of its lot."""
     units, names = _records(every), study.spec.library.names
-    terms = population(units, study.sensor_class, study.spec.library, lot)
+    terms = population([units], study.sensor_class, study.spec.library, [lot] if lot else ())
     N, B, K = (over_units([unit.noise[k] for unit in units]) for k in range(3))
     pulls = _pulls(units, terms)
     limit = NormalDist().inv_cdf(1.0 - 0.5 * ALARM / pulls.size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,11 +18,9 @@ from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, 
 from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
-from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.scenes.smallest import SURE, Knowledge, left_over
-from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.noise import Noise
@@ -50,11 +48,12 @@ class LotStudy:
 
     Attributes
     ----------
-    classes : of the catalogue, in the order of the report.
-    units : simulated of each class.
-    runs : the test campaign that each unit goes through, simulated.
-    reference : sd in SI of each error of the test bench, by kind: drawn for each unit, and allowed for in its
-        analysis.
+    specs : of a unit of each class, in the order of the report: class, library as the class couples it, the
+        test campaign that each unit goes through, and the sd of each error of the bench, which is drawn for
+        each unit, and allowed for in its analysis.
+    units : simulated of each lot.
+    lots : drawn of each class.
+    library : candidate terms, without couplings.
     missions : scenes that the terms are held against.
     basic : whether the report asks what the twelve-parameter triad would cost.
     asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
@@ -64,17 +63,21 @@ class LotStudy:
     title: str
     seed: int
     kind: Kind
-    classes: tuple[SensorClass, ...]
+    specs: tuple[SensorSpec, ...]
     units: int
     library: Library
-    runs: tuple[RunSpec, ...]
-    reference: Mapping[str, float]
     missions: tuple[Mission, ...]
     basic: bool
     processes: int
     path: Path
     text: str
     asks: Literal["classes", "scenes", "triad"] | Against = "classes"
+    lots: int = 1
+
+    @property
+    def classes(self) -> tuple[SensorClass, ...]:
+        """Class of each of the specs."""
+        return tuple(spec.sensor_class for spec in self.specs if spec.sensor_class)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,7 @@ class MissionTerm:
     share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
     required : share of the units whose smallest model for the scene has it, shown by the test or not.
     true_share : median over units of the share of the budget of the simulated truth.
+    most : share of the budget at the size that a further unit stays below with 95 % (`pooled.Pooled`).
     """
 
     name: str
@@ -95,6 +99,7 @@ class MissionTerm:
     share: Share
     required: float
     true_share: float
+    most: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,39 +168,59 @@ class LotResult:
 def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> LotResult:
     """Measure what the classes of a study need; `progress` is told how many units are done."""
     start = time.perf_counter()
-    lots = [lot_of(study, k) for k in range(len(study.classes))]
-    units = _units(study, lots, progress)
+    drawn = [[lot_of(study, k, number) for number in range(study.lots)] for k in range(len(study.specs))]
+    lots = _units(study, drawn, progress)
     progress("scenes")
     exposed = exposures(study.missions, study.library)
     classes = tuple(
-        ClassFound(
-            sensor_class=lot.sensor_class,
-            units=own,
-            terms=population(own, lot.sensor_class, study.library, lot),
-            order=over_units([unit.verdicts.count(NEEDED) for unit in own]),
-            missions=missions(own, study.missions, exposed, basic=study.basic),
-        )
-        for lot, own in zip(lots, units, strict=True)
+        _class_found(study, entry, own, truth, exposed)
+        for entry, own, truth in zip(study.classes, lots, drawn, strict=True)
     )
     return LotResult(study, classes, check(classes), time.perf_counter() - start)
 
 
-def lot_of(study: LotStudy, class_index: int) -> Lot:
-    """Draw the lot of one class of a study."""
-    rng = np.random.default_rng([study.seed, class_index, 0])
+def _class_found(
+    study: LotStudy,
+    entry: SensorClass,
+    lots: Sequence[Sequence[Record]],
+    drawn: Sequence[Lot],
+    exposed: Sequence[Exposure],
+) -> ClassFound:
+    """What the units of a class say of it, over all of its lots."""
+    units = tuple(unit for lot in lots for unit in lot)
+    terms = population(lots, entry, study.library, drawn)
+    limits = np.array([term.pooled.limit for term in terms])
+    return ClassFound(
+        sensor_class=entry,
+        units=units,
+        terms=terms,
+        order=over_units([unit.verdicts.count(NEEDED) for unit in units]),
+        missions=missions(units, study.missions, exposed, limits, basic=study.basic),
+    )
+
+
+def lot_of(study: LotStudy, class_index: int, number: int = 0) -> Lot:
+    """Draw one of the lots of one class of a study."""
+    rng = np.random.default_rng([study.seed, class_index, 0, *([number] if number else [])])
     return draw_lot(study.classes[class_index], study.library, study.units, rng)
 
 
-def _units(study: LotStudy, lots: Sequence[Lot], progress: Progress) -> list[tuple[Record, ...]]:
-    """Units of each class; scenes stay behind, as no unit needs them and they are large."""
+def _units(
+    study: LotStudy, drawn: Sequence[Sequence[Lot]], progress: Progress
+) -> list[list[tuple[Record, ...]]]:
+    """Units of each lot of each class; scenes stay behind, as no unit needs them and they are large."""
     slim = replace(study, missions=())
-    jobs = [(slim, k, number, lot) for k, lot in enumerate(lots) for number in range(study.units)]
-    found = shared(unit_of, jobs, study.processes, things="units", progress=progress)
-    return [tuple(found[k * study.units : (k + 1) * study.units]) for k in range(len(lots))]
+    jobs = [
+        (slim, k, number, lots[number // study.units])
+        for k, lots in enumerate(drawn)
+        for number in range(study.lots * study.units)
+    ]
+    found = iter(shared(unit_of, jobs, study.processes, things="units", progress=progress))
+    return [[tuple(next(found) for _ in range(study.units)) for _ in lots] for lots in drawn]
 
 
 def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
-    """Test and analyse one unit of the lot of a class.
+    """Test and analyse one unit of a lot of a class, by its number in the class.
 
     Raises
     ------
@@ -203,13 +228,7 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
     ConvergenceError : if the errors of the bench do not settle.
     """
     seed = (study.seed, class_index, 1, number)
-    return tested(number, spec_of(study, lot.sensor_class), lot, number, seed, draws=DRAWS)
-
-
-def spec_of(study: LotStudy, entry: SensorClass) -> SensorSpec:
-    """Entry of a unit of a class: the study's campaign, the library as the class couples it."""
-    lib, bench = coupled(study.library, entry), dict(study.reference)
-    return SensorSpec(entry.id, study.kind, entry, lib, study.runs, {}, reference=bench)
+    return tested(number, study.specs[class_index], lot, number % study.units, seed, draws=DRAWS)
 
 
 def check(classes: Sequence[ClassFound]) -> Check:
@@ -231,9 +250,10 @@ def check(classes: Sequence[ClassFound]) -> Check:
     both = sum(said and true for said, true in cells)
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
     tested = [
-        term
+        lot
         for one in classes
         for j, term in enumerate(one.terms)
+        for lot in term.lots
         if any(unit.verdicts[j] != "untested" for unit in one.units)
     ]
     return Check(
@@ -258,17 +278,25 @@ def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
 
 
 def missions(
-    units: Sequence[Record], scenes: Sequence[Mission], exposed: Sequence[Exposure], *, basic: bool
+    units: Sequence[Record],
+    scenes: Sequence[Mission],
+    exposed: Sequence[Exposure],
+    limits: FloatArray,
+    *,
+    basic: bool,
 ) -> tuple[MissionFound, ...]:
     """Weigh the units of one class in every scene, with what each makes of the library's terms (`exposures`).
 
-    What the triad of twelve parameters leaves is worked out where `basic` asks for it.
+    `limits` (p,) are the sizes that the units together set. What the triad of twelve parameters leaves is
+    worked out where `basic` asks for it.
     """
     pairs = zip(scenes, exposed, strict=True)
-    return tuple(_mission(units, mission, seen, basic) for mission, seen in pairs)
+    return tuple(_mission(units, mission, seen, limits, basic) for mission, seen in pairs)
 
 
-def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: bool) -> MissionFound:
+def _mission(
+    units: Sequence[Record], mission: Mission, seen: Exposure, limits: FloatArray, basic: bool
+) -> MissionFound:
     weighed = [
         weigh(
             seen,
@@ -283,7 +311,7 @@ def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: b
     left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         mission=mission.name,
-        terms=_terms(units, weighed, seen),
+        terms=_terms(units, weighed, seen, limits),
         order=over_units([len(one.model) for one in weighed]),
         tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
         within=float(np.mean([one.met for one in weighed])),
@@ -292,12 +320,15 @@ def _mission(units: Sequence[Record], mission: Mission, seen: Exposure, basic: b
     )
 
 
-def _terms(units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure) -> tuple[MissionTerm, ...]:
+def _terms(
+    units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure, limits: FloatArray
+) -> tuple[MissionTerm, ...]:
     rms, share, kept = (
         np.array([[value(term) for term in one.terms] for one in weighed])
         for value in (lambda t: t.rms, lambda t: t.share[1], lambda t: t.kept)
     )
     true = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
+    most = seen.budgeted.single(limits) / seen.budget.limit
     return tuple(
         MissionTerm(
             name=name,
@@ -305,6 +336,7 @@ def _terms(units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure
             share=over_units(share[:, j]),
             required=float(kept[:, j].mean()),
             true_share=float(np.median(true[:, j])),
+            most=float(most[j]),
         )
         for j, name in enumerate(seen.lib.names)
     )

@@ -1,8 +1,8 @@
 """What a class needs, of itself and in a scene: the rules for all that is said, drawn and counted of it.
 
 *Needed* is what the tests of the units show, and *not needed* too. Where the tests of most units leave a term
-open, the class has no answer: *cannot tell*. More units of the same test cannot tell either: what each of
-them leaves to the prior adds up to the prior's width, not to knowledge.
+open, the class has no answer, *cannot tell*, unless all units together show it: their estimates then scatter
+more than their errors do (`pooled`).
 
 Of drawn units, and of a fleet, there is one verdict each, and half of the units decide (`of_class`). What an
 open term takes of a scene's budget is then what the catalogue says of its size; where that counts, it *would
@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from imubayes.inference.intervals import Share, frequency
+from imubayes.population.pooled import over_lots
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection import verdicts
 from imubayes.units import counted
@@ -63,9 +64,13 @@ class ClassFound:
 
 
 def of_class(term: PopulationTerm) -> str:
-    """Whether a class needs a term: what most of those units say whose tests tell."""
+    """Whether a class needs a term: what most of those units say whose tests tell.
+
+    Where half of the tests or more leave it open, all units together may still show that most have it.
+    """
     if term.open >= HALF:
-        return UNTOLD
+        together = term.pooled.inclusion >= verdicts.NEEDED and term.pooled.share.value >= HALF
+        return NEEDED if together else UNTOLD
     return NEEDED if term.needed.value + TIE >= HALF * (1.0 - term.open) else NOT_NEEDED
 
 
@@ -104,17 +109,20 @@ def answers_in(found: ClassFound, scene: MissionFound) -> Iterator[tuple[str, st
         yield term.name, in_scene(term, one)
 
 
-def could_change(term: PopulationTerm, units: int) -> bool:
-    """Whether the answer of a class could be another one with as many other units of its lot.
+def could_change(term: PopulationTerm) -> bool:
+    """Whether the answer of a class could be another one with other units, or lots where there are several.
 
     It could where the 90 % interval of a share of units that it rests on reaches across one half.
     """
-    hidden, needed = round(term.open * units), round(term.needed.value * units)
-    unseen, told = frequency(hidden, units), units - hidden
-    if of_class(term) == UNTOLD:
-        return unseen.low < HALF
-    most = max(needed, told - needed)
-    return unseen.high >= HALF or frequency(most, told).low < HALF
+    answer = of_class(term)
+    if answer == UNTOLD:
+        return term.hidden.low < HALF
+    if term.open >= HALF:
+        return term.pooled.share.low < HALF
+    # of the units that tell, what most of them say
+    told, needed = [term.units - lot.open for lot in term.lots], [lot.needed for lot in term.lots]
+    most = needed if answer == NEEDED else [n - k for n, k in zip(told, needed, strict=True)]
+    return term.hidden.high >= HALF or over_lots(most, told).low < HALF
 
 
 @dataclass(frozen=True, slots=True)

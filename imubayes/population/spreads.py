@@ -28,9 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import TAIL, UNKNOWN, Share, frequency, of_cells, of_mixture
+from imubayes.inference.intervals import TAIL, UNKNOWN, Share, of_cells, of_mixture
 from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
 from imubayes.population.needs import NEEDED, OPEN
+from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.population.records import Record
 from imubayes.population.sessions import SUSPECT
 from imubayes.sensors.catalogue import prior_sd
@@ -70,24 +71,71 @@ REACH = 1e3
 
 
 @dataclass(frozen=True, slots=True)
+class InLot:
+    """One term over the units of a lot, SI.
+
+    Attributes
+    ----------
+    needed, open : how many units need it, and how many leave it open.
+    mean, spread : of the population: a hierarchical posterior over units.
+    true_mean, true_spread : of the lot that was simulated; NaN for recorded units.
+    """
+
+    needed: int
+    open: int
+    mean: Share
+    spread: Share
+    true_mean: float = math.nan
+    true_spread: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
 class PopulationTerm:
     """One term over the units of a class, SI.
 
     Attributes
     ----------
-    needed : share of the units in which it is needed.
-    open : share of the units whose test cannot tell, or leaves it undecided.
-    mean, spread : of the population: a hierarchical posterior over units.
-    true_mean, true_spread : of the lot that was simulated; NaN for recorded units.
+    units : of each lot.
+    lots : each by itself.
+    pooled : what all units say together.
+    needed, hidden, open : shares of the units in which it is needed, and whose test cannot tell or leaves it
+        undecided: with its interval, and without.
+    mean, spread, true_mean, true_spread : of a lot; of several the middle one's, and with it the lowest and
+        the highest.
     """
 
     name: str
-    needed: Share
-    open: float
-    mean: Share
-    spread: Share
-    true_mean: float
-    true_spread: float
+    units: int
+    lots: tuple[InLot, ...]
+    pooled: Pooled
+
+    @property
+    def needed(self) -> Share:  # noqa: D102 - above
+        return over_lots([lot.needed for lot in self.lots], self.units)
+
+    @property
+    def hidden(self) -> Share:  # noqa: D102 - above
+        return over_lots([lot.open for lot in self.lots], self.units)
+
+    @property
+    def open(self) -> float:  # noqa: D102 - above
+        return self.hidden.value
+
+    @property
+    def mean(self) -> Share:  # noqa: D102 - above
+        return _middle([lot.mean for lot in self.lots])
+
+    @property
+    def spread(self) -> Share:  # noqa: D102 - above
+        return _middle([lot.spread for lot in self.lots])
+
+    @property
+    def true_mean(self) -> float:  # noqa: D102 - above
+        return float(np.median([lot.true_mean for lot in self.lots]))
+
+    @property
+    def true_spread(self) -> float:  # noqa: D102 - above
+        return float(np.median([lot.true_spread for lot in self.lots]))
 
 
 def over_units(values: Sequence[float] | NDArray[np.generic]) -> Share:
@@ -96,28 +144,29 @@ def over_units(values: Sequence[float] | NDArray[np.generic]) -> Share:
 
 
 def population(
-    units: Sequence[Record], entry: SensorClass, lib: Library, lot: Lot | None = None
+    lots: Sequence[Sequence[Record]], entry: SensorClass, lib: Library, drawn: Sequence[Lot] = ()
 ) -> tuple[PopulationTerm, ...]:
-    """Put the units of a class together; simulated ones beside the truth of their lot."""
+    """Put the units of a class together, lot by lot; simulated ones beside the truth of their lots."""
     low, high = lot_sizes(entry, lib)
-    verdicts = np.array([unit.verdicts for unit in units])
-    estimate = np.array([unit.full_mean for unit in units])
-    variance = np.array([unit.full_sd for unit in units]) ** 2
+    truths = drawn or [None] * len(lots)
     found: list[PopulationTerm] = []
     for j, name in enumerate(lib.names):
-        mean, tau = spread(estimate[:, j], variance[:, j], (low[j] / math.sqrt(2.0), high[j]))
-        found.append(
-            PopulationTerm(
-                name=name,
-                needed=frequency(int(np.sum(verdicts[:, j] == NEEDED)), len(units)),
-                open=int(np.isin(verdicts[:, j], list(OPEN)).sum()) / len(units),
-                mean=mean,
-                spread=tau,
-                true_mean=math.nan if lot is None else float(lot.mean[j]),
-                true_spread=math.nan if lot is None else float(lot.sd[j]),
-            )
-        )
+        sizes = low[j] / math.sqrt(2.0), high[j]
+        estimate = [np.array([unit.full_mean[j] for unit in units]) for units in lots]
+        variance = [np.array([unit.full_sd[j] for unit in units]) ** 2 for units in lots]
+        own: list[InLot] = []
+        for units, t, v, truth in zip(lots, estimate, variance, truths, strict=True):
+            verdicts = [unit.verdicts[j] for unit in units]
+            told = verdicts.count(NEEDED), sum(verdict in OPEN for verdict in verdicts), *spread(t, v, sizes)
+            own.append(InLot(*told, *((float(truth.mean[j]), float(truth.sd[j])) if truth else ())))
+        found.append(PopulationTerm(name, len(lots[0]), tuple(own), pooled(estimate, variance, sizes)))
     return tuple(found)
+
+
+def _middle(lots: Sequence[Share]) -> Share:
+    """Of several lots the middle value, the lowest and the highest; one lot's own interval."""
+    values = [one.value for one in lots]
+    return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
 
 
 def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]:

@@ -12,7 +12,7 @@ from rich.text import Text
 from imubayes.reporting.blocks import indented, printable
 from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
-from imubayes.sensors.catalogue_file import origins_of, packaged_tables
+from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
 from imubayes.sensors.equations.standards import symbols
 from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import (
@@ -72,8 +72,17 @@ def class_page(entry: SensorClass) -> Group:
         Text(),
         _prior_table(entry),
         Text(),
-        *(indented(text) for text in (entry.note, entry.source) if text),
+        *(indented(text) for text in (entry.note, entry.source, *_campaign(entry)) if text),
     )
+
+
+def _campaign(entry: SensorClass) -> Iterator[str]:
+    """The test that fits a class, its bench, and where both come from."""
+    if entry.campaign:
+        fits = campaign_of(entry)
+        bench = ", ".join(f"{name} {size}" for name, size in fits["reference"].items())
+        said = "; ".join(f"{kind.replace('_', ' ')}: {text}" for kind, text in fits["source"].items())
+        yield f'test that fits it (campaign = "class"): {fits["text"]}; bench: {bench} ({said})'
 
 
 def bench_list() -> Group:

@@ -124,12 +124,13 @@ TRIAD = (
 )
 
 POPULATION_HEAD = ("term", "symbol", "mean", "true", "spread", "true", "unit", "typical", "needed", "open",
-                   "class")  # fmt: skip
+                   "together", "limit", "class")  # fmt: skip
 
 POPULATION_NOTE = (
-    "Mean and spread of the units, a hierarchical posterior with 90 % intervals; true: of the lot that"
-    " was simulated; typical: size in the catalogue; needed, open: shares of the units; class: what that"
-    " says of it."
+    "Mean and spread of the units of a lot, a hierarchical posterior with 90 % intervals; of several lots the"
+    " middle one's, the lowest and the highest; true: of what was simulated; typical: size in the catalogue;"
+    " needed, open: shares of the units, over lots; together: probability that units have the term, by all"
+    " at once; limit: the size that a further unit's stays below with 95 %; class: what all of that says."
 )
 
 SCENE_NOTE = (
@@ -258,8 +259,11 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
     for term, one, base in zip(
         lib.terms, found.terms, population_cells(found.terms, lib, true=True), strict=True
     ):
-        typical = plain(prior_sd(entry, term)[0] / per_unit(term.printed, term.unit))
-        cells = (link(one.name, "needed-terms"), *base[1:-2], typical, *base[-2:], of_class(one))
+        size = per_unit(term.printed, term.unit)
+        typical, limit = plain(prior_sd(entry, term)[0] / size), plain(one.pooled.limit / size)
+        together = f"{one.pooled.inclusion:.3f}"
+        shares = (*base[-2:], together, limit, of_class(one))
+        cells = (link(one.name, "needed-terms"), *base[1:-2], typical, *shares)
         rows.append(Row(cells, slug("class", entry.id, one.name)))
     return rows
 
@@ -350,6 +354,7 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
             share_of_budget=term.share.value,
             share_range=(term.share.low, term.share.high),
             true_share_of_budget=term.true_share,
+            most_of_budget=term.most,
             answer=in_scene(known, term),
         )
         for known, term in zip(found.terms, scene.terms, strict=True)
@@ -376,5 +381,13 @@ def _published_class(found: ClassFound) -> Class:
         needed=terms_of(found, NEEDED),
         not_needed=terms_of(found, NOT_NEEDED),
         cannot_tell=terms_of(found, UNTOLD),
-        terms=tuple(published(ClassTerm, term, answer=of_class(term)) for term in found.terms),
+        terms=tuple(
+            published(
+                ClassTerm,
+                term,
+                answer=of_class(term),
+                needed_by_lot=tuple(lot.needed / term.units for lot in term.lots),
+            )
+            for term in found.terms
+        ),
     )

@@ -205,11 +205,22 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
         said.append(f"Not needed: {listed(idle)}.")
     if hidden:
         said.append(f"Of {len(hidden)} the tests cannot tell: {listed(hidden)}.")
+    if harmless := _harmless(found, hidden):
+        said.append(
+            f"Whatever they are, {listed(harmless)} {'takes' if len(harmless) == 1 else 'take'} less than"
+            f" {percent(MATTERS)} of every scene's budget: the units together leave no more open."
+        )
     said.append(
         f"A single unit needs {amid(found.order)} (median, and 90{NARROW}% of the units): units differ in"
         " what they need, and in what their tests tell."
     )
     return (*said, *(_required(found, scene) for scene in found.missions))
+
+
+def _harmless(found: ClassFound, names: Sequence[str]) -> list[str]:
+    """Which of some terms count in no scene, even at the size below which all units together hold them."""
+    every = [{term.name: term.most for term in scene.terms} for scene in found.missions]
+    return [name for name in names if every and all(scene[name] < MATTERS for scene in every)]
 
 
 def _required(found: ClassFound, scene: MissionFound) -> str:

@@ -7,7 +7,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.population.lots import Against
-from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, could_change, terms_in, terms_of
+from imubayes.population.needs import (
+    NEEDED,
+    NOT_NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    answers_in,
+    could_change,
+    of_class,
+    terms_in,
+    terms_of,
+)
 from imubayes.reporting.rounding import (
     NARROW,
     duration,
@@ -233,17 +243,25 @@ def _of_triad(result: LotResult) -> list[str]:
 
 
 def _against(result: LotResult, asks: Against) -> list[str]:
-    """What some classes all need, by whether the others do; then what only the others need."""
+    """What some classes all need, by whether the others do; then what only the others need.
+
+    In the study's scenes, where it has some: of themselves classes need what their tests can show.
+    """
     mine, others = (
         [one for one in result.classes if one.sensor_class.id in ids] for ids in (asks.needed_by, asks.not_by)
     )
+    told = {one.sensor_class.id: _told(one) for one in (*mine, *others)}
+
+    def said_of(classes: Sequence[ClassFound], name: str, answer: str) -> list[bool]:
+        return [told[one.sensor_class.id][name] == answer for one in classes]
+
     me, them, names = _called(mine), _called(others), result.study.library.names
-    wanted = [n for n in names if all(n in terms_of(one, NEEDED) for one in mine)]
-    theirs = [n for n in names if any(n in terms_of(one, NEEDED) for one in others)]
-    only = [n for n in wanted if all(n in terms_of(one, NOT_NEEDED) for one in others)]
+    wanted = [n for n in names if all(said_of(mine, n, NEEDED))]
+    theirs = [n for n in names if any(said_of(others, n, NEEDED))]
+    only = [n for n in wanted if all(said_of(others, n, NOT_NEEDED))]
     both = [n for n in wanted if n in theirs]
     more = [n for n in theirs if n not in wanted]
-    untold = [n for n in more if any(n in terms_of(one, UNTOLD) for one in mine)]
+    untold = [n for n in more if any(said_of(mine, n, UNTOLD))]
     need = f"some {them} need" if len(others) > 1 else f"{them} needs"
     alone = [n for n in wanted if n not in (*only, *both)]
     groups = (
@@ -253,8 +271,26 @@ def _against(result: LotResult, asks: Against) -> list[str]:
         ([n for n in more if n not in untold], f"{need} {{}}, and {me} does not."),
         (untold, f"{need} {{}}; of {me} the tests cannot tell."),
     )
-    said = [capitalised(text.format(listed(terms))) for terms, text in groups if terms]
-    return said if only else [f"None is shown to be needed by {me} alone.", *said]
+    said = [] if only else [f"none is shown to be needed by {me} alone."]
+    said += [text.format(listed(terms)) for terms, text in groups if terms]
+    scenes = [scene_name(mission.name) for mission in result.study.missions]
+    if scenes and len(scenes) <= MOST_NAMES:
+        said[0] = f"in the scenes {listed(scenes)} {said[0]}"
+    return [capitalised(one) for one in said]
+
+
+def _told(found: ClassFound) -> dict[str, str]:
+    """Answer of a class on each term: over its scenes what one of them requires, of itself without scenes."""
+    if not found.missions:
+        return {term.name: of_class(term) for term in found.terms}
+    answers: dict[str, set[str]] = {}
+    for scene in found.missions:
+        for name, answer in answers_in(found, scene):
+            answers.setdefault(name, set()).add(answer)
+    return {
+        name: NEEDED if NEEDED in each else UNTOLD if each & {UNTOLD, WOULD_MATTER} else NOT_NEEDED
+        for name, each in answers.items()
+    }
 
 
 def _called(classes: Sequence[ClassFound]) -> str:
@@ -277,12 +313,17 @@ def status(result: LotResult) -> str:
 
 def simulated(result: LotResult) -> str:
     """That it is simulated, from how many units, and how many answers hang on which units these were."""
-    units, kind = result.study.units, result.study.kind
+    units, lots, kind = result.study.units, result.study.lots, result.study.kind
     every = [term for one in result.classes for term in one.terms]
-    loose = sum(could_change(term, units) for term in every)
+    loose = f"{sum(map(could_change, every))} of the {len(every)} answers could change (90 % intervals)"
+    if lots > 1:
+        return (
+            f"Simulated: {lots} lots of {units} {kind}s of each class, with magnitudes drawn over the class's"
+            f" range. With other lots {loose}."
+        )
     return (
-        f"Simulated: one lot of {units} {kind}s of each class. With other units of these lots {loose} of the"
-        f" {len(every)} answers could change (90 % intervals); other lots may differ by more."
+        f"Simulated: one lot of {units} {kind}s of each class. With other units of these lots {loose}; other"
+        " lots may differ by more."
     )
 
 

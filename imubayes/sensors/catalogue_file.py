@@ -45,7 +45,7 @@ from imubayes.sensors.terms import Kind
 Table = Mapping[str, Any]
 KINDS: tuple[Kind, ...] = ("accelerometer", "gyroscope")
 
-_TEXTS = ("technology", "grade", "note", "like")
+_TEXTS = ("technology", "grade", "note", "like", "campaign")
 _TABLES = ("source", "quoted", "coefficients", "noise")
 _NEEDED = ("technology", "grade", "full_scale", "bandwidth", "temperature", "coefficients", "noise")
 _KNOWN = (*_TEXTS, "examples", "full_scale", "bandwidth", "temperature", *_TABLES)
@@ -93,6 +93,28 @@ def packaged_classes() -> tuple[SensorClass, ...]:
         for kind in KINDS
         for id, table in packaged_tables()[kind].items()
     )
+
+
+def campaign_of(entry: SensorClass) -> Table:
+    """Test campaign that fits a class, as it is written: ``text``, ``source``, ``reference``, ``run``.
+
+    Raises
+    ------
+    StudyError : if the class has none.
+
+    Examples
+    --------
+    >>> from imubayes.sensors.catalogue import sensor
+    >>> [run["name"] for run in campaign_of(sensor("fog_navigation", kind="gyroscope"))["run"]]
+    ['rate steps', 'tumble', 'centrifuge']
+    """
+    known = packaged_tables()["campaign"]
+    if not entry.campaign:
+        fits = [name for name, table in known.items() if table["kind"] == entry.kind]
+        raise StudyError(
+            f"class '{entry.id}' has no test campaign: state campaign in its table, one of {', '.join(fits)}"
+        )
+    return known[entry.campaign]
 
 
 def figure_range(figure: Sequence[Any]) -> Range:
@@ -212,7 +234,15 @@ def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
         units={key: figure[-1] for key, figure in written.items()},
         origins=origins_of(quoted, written),
         note=table.get("note", ""),
+        campaign=_campaign(table.get("campaign", ""), kind, f"{where}.campaign"),
     )
+
+
+def _campaign(name: str, kind: Kind, where: str) -> str:
+    known = [key for key, table in packaged_tables()["campaign"].items() if table["kind"] == kind]
+    if name and name not in known:
+        raise StudyError(f"{where}: there is no campaign '{name}': {hint(name, known)}")
+    return name
 
 
 def _noise(table: Table, kind: Kind, where: str) -> dict[str, Range]:

@@ -45,6 +45,7 @@ class SensorClass:
         ``floor`` is written.
     origins : source kind of each number of each figure, by key.
     note : what the figures leave out, in words; mostly empty.
+    campaign : name of the test campaign that fits the class (`catalogue_file.campaign_of`); empty for none.
     """
 
     id: str
@@ -61,6 +62,7 @@ class SensorClass:
     units: Mapping[str, str]
     origins: Mapping[str, Origins]
     note: str = ""
+    campaign: str = ""
 
 
 @dataclass(frozen=True, slots=True)

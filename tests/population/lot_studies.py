@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.study import Mission
+from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.population.lots import LotStudy
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import recorded
-from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.terms import library
 
 TUMBLE = RunSpec(
@@ -36,17 +36,19 @@ def shaken(name: str = "shaken", *, still: bool = False):
 
 def small(**options) -> LotStudy:
     """Two classes of accelerometers, two units of each, few terms."""
+    lib = library("accelerometer", powers=2, asymmetry=-1)
+    entries = (sensor(name, kind="accelerometer") for name in ("mems_tactical", "quartz_flexure_servo"))
+    bench = {"plane_zero": 1e-5, "gravity": 1e-5, "turn_on": 1e-4}
     asked = {
         "title": "small",
         "seed": 5,
         "kind": "accelerometer",
-        "classes": tuple(
-            sensor(name, kind="accelerometer") for name in ("mems_tactical", "quartz_flexure_servo")
+        "specs": tuple(
+            SensorSpec(one.id, one.kind, one, coupled(lib, one), (TUMBLE, WHIRL), {}, reference=bench)
+            for one in entries
         ),
         "units": 2,
-        "library": library("accelerometer", powers=2, asymmetry=-1),
-        "runs": (TUMBLE, WHIRL),
-        "reference": {"plane_zero": 1e-5, "gravity": 1e-5, "turn_on": 1e-4},
+        "library": lib,
         "missions": (Mission("shaken", shaken(), Budget("output", 1e-3)),),
         "basic": True,
         "processes": 1,

@@ -8,16 +8,14 @@ from lot_studies import TUMBLE, shaken, small
 from imubayes.algebra.factor import noise_scale
 from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import Mission
-from imubayes.inference.intervals import Share
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
-from imubayes.population.lots import basic_left, check, exposures, lot_of, measure, missions, spec_of, unit_of
+from imubayes.population.lots import basic_left, check, exposures, lot_of, measure, missions, unit_of
 from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
 from imubayes.selection.decision import LOOSE, loose_fit
-from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns
 from imubayes.study.schema import read
@@ -33,14 +31,15 @@ def test_classes_are_what_their_units_say_one_by_one(found):
     study, second = found[0].study, found[0].classes[1]
     lot = lot_of(study, 1)
     units = [unit_of(study, 1, number, lot) for number in range(2)]
-    assert second.terms == population(units, lot.sensor_class, study.library, lot)
-    assert second.missions[0].terms == _scene(units, study).terms
+    assert second.terms == population([units], lot.sensor_class, study.library, [lot])
+    assert second.missions[0].terms == _scene(units, study, second.terms).terms
     assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
 
 
-def _scene(units, study):
+def _scene(units, study, terms):
     exposed = exposures(study.missions, study.library)
-    return missions(units, study.missions, exposed, basic=study.basic)[0]
+    limits = np.array([term.pooled.limit for term in terms])
+    return missions(units, study.missions, exposed, limits, basic=study.basic)[0]
 
 
 def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
@@ -50,18 +49,24 @@ def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
     terms = tuple(
         replace(term, share=replace(term.share, value=said), true_share=true) for said, true in said_true
     )
-    shown = tuple(replace(known, needed=Share(1.0, 0.8, 1.0), open=0.0) for known in one.terms[:6])
+    shown = tuple(said_by(known, needed=2, hidden=0) for known in one.terms[:6])
     told = check([replace(one, terms=shown, missions=(replace(scene, terms=terms),))])
     assert told.cells == (6, 3)
     assert told.precision.value == pytest.approx(2 / 3)
     assert told.recall.value == pytest.approx(2 / 3)
 
 
-@pytest.mark.parametrize(("hidden", "untold"), [(0.0, 0), (0.49, 0), (0.5, 1), (1.0, 1)])
+def said_by(term, *, needed, hidden):
+    """A term of which so many of 2 units are said to need it, and to leave it open."""
+    lots = tuple(replace(lot, needed=needed, open=hidden) for lot in term.lots)
+    return replace(term, lots=lots, pooled=replace(term.pooled, inclusion=0.5))
+
+
+@pytest.mark.parametrize(("hidden", "untold"), [(0, 0), (1, 1), (2, 1)])
 def test_cells_of_terms_that_half_of_the_units_leave_open_are_counted_apart(found, hidden, untold):
     one = found[0].classes[0]
-    shown = tuple(replace(term, needed=Share(1.0, 0.8, 1.0), open=0.0) for term in one.terms)
-    first = replace(shown[0], needed=Share(1.0 - hidden, 0.0, 1.0), open=hidden)
+    shown = tuple(said_by(term, needed=2, hidden=0) for term in one.terms)
+    first = said_by(shown[0], needed=2 - hidden, hidden=hidden)
     told = check([replace(one, terms=(first, *shown[1:]))])
     assert (told.cells[0], told.untold) == (len(shown) - untold, untold)
 
@@ -71,17 +76,18 @@ def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):
     untested = tuple(
         replace(unit, verdicts=("untested", *("needed",) * (len(unit.verdicts) - 1))) for unit in one.units
     )
-    held = [
-        replace(t, true_mean=t.mean.value, true_spread=t.spread.high * (2.0 if k == 1 else 1.0))
-        for k, t in enumerate(one.terms)
-    ]
-    lost = (replace(held[0], true_mean=1e9, true_spread=1e9), *held[1:])
+    held = [_true(t, t.mean.value, t.spread.high * (2.0 if k == 1 else 1.0)) for k, t in enumerate(one.terms)]
+    lost = (_true(held[0], 1e9, 1e9), *held[1:])
     told = check([replace(one, units=untested, terms=lost)])
     n = len(held) - 1
     means, spreads = told.population_mean, told.population_spread
     assert (means.held, means.of, means.share.value) == (n, n, 1.0)
     assert (spreads.held, spreads.of) == (n - 1, n)
     assert spreads.share.value == pytest.approx((n - 1) / n)
+
+
+def _true(term, mean, spread):
+    return replace(term, lots=tuple(replace(lot, true_mean=mean, true_spread=spread) for lot in term.lots))
 
 
 STUDY = small()
@@ -112,7 +118,7 @@ def unit(theta, number=0, scatter=0.0) -> Record:
 
 def weighed(units, study=STUDY):
     exposed = exposures(study.missions, study.library)
-    return missions(units, study.missions, exposed, basic=study.basic)
+    return missions(units, study.missions, exposed, np.ones(len(study.library.terms)), basic=study.basic)
 
 
 def outputs(scene) -> np.ndarray:
@@ -181,7 +187,7 @@ def test_input_axis_of_a_mission_decides_which_component_is_weighed():
 
 
 LOT = lot_of(STUDY, 0)
-SPEC = replace(spec_of(STUDY, LOT.sensor_class), library=STUDY.library, truth=LOT.truth(0))
+SPEC = replace(STUDY.specs[0], library=STUDY.library, truth=LOT.truth(0))
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +217,7 @@ def test_truths_lie_within_what_the_test_says_of_them():
     """Squares of the standardised errors of all terms of a unit are chi-squared of its degrees."""
     study = small(units=6)
     lot = lot_of(study, 0)
-    lib, sizes = coupled(study.library, study.classes[0]), []
+    lib, sizes = study.specs[0].library, []
     own = [name == carrier for name, carrier in zip(lib.names, lib.carriers, strict=True)]
     for number in range(6):
         unit = unit_of(study, 0, number, lot)
@@ -225,12 +231,10 @@ def test_truths_lie_within_what_the_test_says_of_them():
 
 
 def test_errors_of_the_bench_move_the_output_and_not_what_the_rig_says():
-    study = small(runs=(TUMBLE,), reference={"gravity": 1.0, "turn_on": 100.0})
+    spec = replace(STUDY.specs[0], runs=(TUMBLE,), reference={"gravity": 1.0, "turn_on": 100.0})
     lot = replace(LOT, noise=tuple(Noise(0.0, 0.0, 0.0) for _ in LOT.noise), theta=np.zeros_like(LOT.theta))
-    (run,) = simulate_unit(
-        replace(spec_of(study, lot.sensor_class), truth=lot.truth(0)), lot, 0, np.random.default_rng(4)
-    )
-    own = linear_of(run, study.library)
+    (run,) = simulate_unit(replace(spec, truth=lot.truth(0)), lot, 0, np.random.default_rng(4))
+    own = linear_of(run, STUDY.library)
     drawn = np.random.default_rng(4).standard_normal(2) * [1.0, 100.0]
     up = run.inputs.channels["f_i"] / 9.80665
     np.testing.assert_allclose(own.y, drawn[0] * up + drawn[1], atol=1e-9)
@@ -245,13 +249,11 @@ ARCSECOND = np.pi / 180.0 / 3600.0
 )
 def test_errors_of_a_bench_settle_where_they_are_thousands_of_times_the_noise(class_id, arcseconds, number):
     """Plain relinearisation runs astray here; the coefficients must be the truth within their own sds."""
-    study = replace(
-        SCENES,
-        classes=(sensor(class_id, kind="gyroscope"),),
-        reference={**SCENES.reference, "fixture": arcseconds * ARCSECOND},
-    )
+    spec = next(one for one in SCENES.specs if one.id == class_id)
+    spec = replace(spec, reference={**spec.reference, "fixture": arcseconds * ARCSECOND})
+    study = replace(SCENES, specs=(spec,))
     lot = lot_of(study, 0)
-    spec = replace(spec_of(study, study.classes[0]), truth=lot.truth(number))
+    spec = replace(spec, truth=lot.truth(number))
     runs = simulate_unit(spec, lot, number, np.random.default_rng(7))
     ready = prepare(spec, runs, lambda message: None, np.random.default_rng(8))
     mean, cov = loose_fit(ready.summary, ready.prior)

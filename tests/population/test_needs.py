@@ -1,12 +1,13 @@
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from imubayes.inference.intervals import Share, frequency
+from imubayes.inference.intervals import Share
 from imubayes.population.lots import MissionTerm
 from imubayes.population.needs import (
     CANNOT_TELL,
@@ -20,13 +21,14 @@ from imubayes.population.needs import (
     of_class,
     unit_answer,
 )
-from imubayes.population.spreads import PopulationTerm
+from imubayes.population.pooled import Pooled
+from imubayes.population.spreads import InLot, PopulationTerm
 
 NOTHING = Share(0.0, 0.0, 0.0)
 
 
 def _term(needed: int, hidden: int, units: int) -> PopulationTerm:
-    return PopulationTerm("b0", frequency(needed, units), hidden / units, NOTHING, NOTHING, 0.0, 0.0)
+    return PopulationTerm("b0", units, (InLot(needed, hidden, NOTHING, NOTHING),), Pooled(0.5, NOTHING, 1.0))
 
 
 def _cell(share: float, required: float) -> MissionTerm:
@@ -79,9 +81,25 @@ def test_answer_in_a_scene_by_what_is_shown_and_what_it_takes(needed, hidden, sh
 
 
 def test_answer_of_few_units_that_are_not_of_one_mind_could_change_and_that_of_many_could_not():
-    assert could_change(_term(6, 0, 10), 10) and could_change(_term(0, 6, 10), 10)
-    assert not could_change(_term(10, 0, 10), 10) and not could_change(_term(0, 10, 10), 10)
-    assert not could_change(_term(600, 0, 1000), 1000)
+    assert could_change(_term(6, 0, 10)) and could_change(_term(0, 6, 10))
+    assert not could_change(_term(10, 0, 10)) and not could_change(_term(0, 10, 10))
+    assert not could_change(_term(600, 0, 1000))
+
+
+def test_what_most_tests_leave_open_is_needed_where_all_units_together_show_it():
+    """Mutation: without its inclusion, or its share, the pooled evidence would decide alone."""
+    term, most = _term(0, 10, 10), Share(0.9, 0.7, 1.0)
+    for inclusion, share, answer in ((0.99, most, NEEDED), (0.9, most, UNTOLD), (0.99, NOTHING, UNTOLD)):
+        assert of_class(replace(term, pooled=Pooled(inclusion, share, 1.0))) == answer
+
+
+def test_lots_that_differ_leave_an_answer_open_that_alike_ones_do_not():
+    alike, apart = (
+        replace(_term(0, 0, 20), lots=tuple(InLot(k, 0, NOTHING, NOTHING) for k in counts))
+        for counts in ((19, 20, 20), (18, 5, 20))
+    )
+    assert of_class(alike) == of_class(apart) == NEEDED
+    assert could_change(apart) and not could_change(alike)
 
 
 WORDS = ("needed", "not needed", "undecided", *sorted(CANNOT_TELL))

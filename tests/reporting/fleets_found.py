@@ -10,8 +10,9 @@ import numpy as np
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.intervals import Share
 from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
+from imubayes.population.pooled import Pooled
 from imubayes.population.records import Broken, FleetStudy, simulated_units
-from imubayes.population.spreads import PopulationTerm
+from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 
@@ -52,9 +53,9 @@ def fleet_result(title: str = "Ten <b>units</b>", **options) -> FleetResult:
 
 
 def _term(name: str, *, needed: bool) -> PopulationTerm:
-    share = Share(1.0, 0.8, 1.0) if needed else Share(0.0, 0.0, 0.2)
     mean, spread = Share(1e-4, 5e-5, 2e-4), Share(3e-4, 2e-4, 5e-4)
-    return PopulationTerm(name, share, 0.0 if needed else 1.0, mean, spread, 1.1e-4, 2.9e-4)
+    lot = InLot(12 * needed, 12 * (not needed), mean, spread, 1.1e-4, 2.9e-4)
+    return PopulationTerm(name, 12, (lot,), Pooled(0.5, Share(0.4, 0.1, 0.8), 1e-3))
 
 
 def pull_of(k: int, pull: float) -> Pull:

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.study import Mission
+from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share
 from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound, MissionTerm
 from imubayes.population.needs import ClassFound
+from imubayes.population.pooled import Pooled
 from imubayes.population.records import Record
-from imubayes.population.spreads import PopulationTerm
+from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated
@@ -44,9 +45,10 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
             ("fixed_wing", Budget("position", 1852.0)),
         )
     )
+    specs = tuple(SensorSpec(one.id, one.kind, one, lot_library(), (), {}) for one in entries)
     study = LotStudy(
-        title=title, seed=3, kind="gyroscope", classes=entries, units=4, library=lot_library(), runs=(),
-        reference={}, missions=missions, basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n",
+        title=title, seed=3, kind="gyroscope", specs=specs, units=4, library=lot_library(), missions=missions,
+        basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n",
     )  # fmt: skip
     means, spreads = Coverage(27, 33, Share(0.82, 0.69, 0.91)), Coverage(30, 33, Share(0.91, 0.81, 0.97))
     check = Check(Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99), (84, 20), means, spreads)
@@ -70,15 +72,17 @@ def _population(entry: SensorClass, lib: Library, k: int, size: float) -> Popula
     needed = max(0.0, 1.0 - 0.08 * k) if size > 0.1 else 0.25 * (k < 3)
     if size > 0.1 and lib.terms[k].name in SHAKEN:
         needed = 1.0
-    return PopulationTerm(
-        lib.terms[k].name,
-        Share(needed, 0.8 * needed, min(1.0, needed + 0.2)),
-        min(1.0 - needed, 0.7 if k % 5 == 4 else 0.1),
+    share = min(1.0 - needed, 0.7 if k % 5 == 4 else 0.1)
+    lot = InLot(
+        round(100 * needed),
+        round(100 * share),
         Share(mean, mean - 0.3 * typical, mean + 0.3 * typical),
         Share(typical, 0.6 * typical, 2.0 * typical),
         1.1 * mean,
         0.9 * typical,
     )
+    pooled = Pooled(0.5, Share(0.4, 0.1, 0.8), 2.0 * typical)
+    return PopulationTerm(lib.terms[k].name, 100, (lot,), pooled)
 
 
 def _mission(lib: Library, name: str, size: float, basic: bool) -> MissionFound:
@@ -92,7 +96,12 @@ def _mission(lib: Library, name: str, size: float, basic: bool) -> MissionFound:
 def _in_scene(name: str, size: float) -> MissionTerm:
     share = size * (1.0 if name in SHAKEN else 0.2 if name == UNSEEN else 0.05)
     return MissionTerm(
-        name, 1e-5 * share, Share(share, 0.3 * share, 3.0 * share), float(share > 0.1), 1.1 * share
+        name,
+        1e-5 * share,
+        Share(share, 0.3 * share, 3.0 * share),
+        float(share > 0.1),
+        1.1 * share,
+        2.0 * share,
     )
 
 

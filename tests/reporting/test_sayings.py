@@ -93,11 +93,21 @@ def _scene(one: Any, scene: Any) -> Any:
     return replace(one, missions=(scene, *one.missions[1:]))
 
 
+def _counted(term: Any, *, needed: float | None = None, hidden: float = 0.0) -> Any:
+    """A term with other shares of the units of its lot that need it, or leave it open."""
+    (lot,) = term.lots
+    counts = lot.needed if needed is None else round(needed * term.units), round(hidden * term.units)
+    return replace(term, lots=(replace(lot, needed=counts[0], open=counts[1]),))
+
+
+def _all_counted(found: Any, **shares: float) -> Any:
+    return replace(found, terms=tuple(_counted(term, **shares) for term in found.terms))
+
+
 def _needing(result: Any, k: int, **shares: float) -> Any:
     """Change the share of units of the k-th class that need a term."""
     terms = tuple(
-        replace(t, needed=Share(shares[t.name], 0.0, 1.0), open=0.0) if t.name in shares else t
-        for t in result.classes[k].terms
+        _counted(t, needed=shares[t.name]) if t.name in shares else t for t in result.classes[k].terms
     )
     return _class(result, k, replace(result.classes[k], terms=terms))
 
@@ -107,11 +117,11 @@ def lots() -> Sayings:
     first, last = result.classes[0], result.classes[2]
     near = _scene(last, _terms(last.missions[0], share=replace(last.missions[0].terms[0].share, high=0.5)))
     yield "a class comes near the budget", contrast_sentence(contrasts(_class(result, 2, near), 0)[0])
-    hidden = contrasts(_class(result, 2, _terms(last, open=0.9)), 0)
+    hidden = contrasts(_class(result, 2, _all_counted(last, hidden=0.9)), 0)
     yield "tests of a class leave the terms open", contrast_sentence(hidden[0])
     loud = _scene(first, replace(first.missions[0], noise_share=2.5, within=0.1))
     yield "noise is above the budget", scene_sentences(_class(result, 0, loud), 0)
-    dark = [_terms(one, needed=Share(0.0, 0.0, 0.2), open=1.0) for one in result.classes]
+    dark = [_all_counted(one, needed=0.0, hidden=1.0) for one in result.classes]
     dark = [
         replace(one, missions=tuple(_terms(scene, required=1.0) for scene in one.missions)) for one in dark
     ]
@@ -124,9 +134,14 @@ def lots() -> Sayings:
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
         yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
     yield "one class", status(replace(result, classes=result.classes[:1]))
-    sure = [_terms(one, needed=Share(1.0, 0.9, 1.0), open=0.0) for one in result.classes]
+    sure = [_all_counted(one, needed=1.0) for one in result.classes]
     study = replace(result.study, units=1000)
     yield "many units of one mind", simulated(replace(result, study=study, classes=tuple(sure)))
+
+
+def _without_scenes(result: Any) -> Any:
+    bare = tuple(replace(one, missions=()) for one in result.classes)
+    return replace(result, classes=bare, study=replace(result.study, missions=()))
 
 
 def lots_headlines() -> Sayings:
@@ -136,7 +151,7 @@ def lots_headlines() -> Sayings:
         "all classes need two": (_needing(result, 2, b0=1.0, b1=1.0), "classes"),
         "scenes": (result, "scenes"),
         "triad": (result, "triad"),
-        "one needs what the others do without": (_needing(result, 2, c_kk=1.0), fog),
+        "one needs what the others do without": (_without_scenes(_needing(result, 2, c_kk=1.0)), fog),
         "others may need it too": (result, fog),
     }
     for case, (found, asks) in cases.items():

@@ -5,9 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imubayes.errors import StudyError
 from imubayes.population.lots import Against, measure
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.lots_page import lots_json, lots_page
+from imubayes.rig.simulate import plan_run
+from imubayes.sensors.catalogue import classes
+from imubayes.sensors.catalogue_file import campaign_of
 from imubayes.study.schema import read
 
 SMALL = """
@@ -47,7 +51,7 @@ def test_study_has_what_its_file_says(tmp_path):
     )
     assert [one.id for one in study.classes] == ["mems_tactical", "fog_navigation"]
     assert {one.kind for one in study.classes} == {"gyroscope"}
-    assert [run.name for run in study.runs] == ["tumble"]
+    assert [[run.name for run in spec.runs] for spec in study.specs] == [["tumble"]] * 2
     assert [(one.name, one.budget.quantity) for one in study.missions] == [("helicopter", "attitude")]
     assert study.text == study.path.read_text(encoding="utf-8")
 
@@ -58,7 +62,7 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     assert [one.name for one in study.missions] == ["helicopter", "helicopter, position"]
     forces = [one.scene.inputs.channels["f_k"] for one in study.missions]
     assert np.array_equal(*forces)
-    study = replace(study, classes=study.classes[:1], units=2, processes=1)
+    study = replace(study, specs=study.specs[:1], units=2, processes=1)
     result = measure(study)
     scenes = json.loads(lots_json(result))["scenes"]
     assert [one["name"] for one in scenes] == ["helicopter", "helicopter, position"]
@@ -84,3 +88,37 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
 )
 def test_study_asks_what_its_file_says(tmp_path, written, asks):
     assert _read(tmp_path, SMALL.replace("units = 3", f"units = 3\n{written}")).asks == asks
+
+
+def test_each_class_has_the_test_and_the_bench_that_fit_it_where_the_file_says_so(tmp_path):
+    """Mutation: with one campaign for all, both classes would dwell alike on one bench."""
+    head, _, rest = SMALL.partition("[[lots.run]]")
+    own = head.replace("units = 3", 'units = 3\ncampaign = "class"')
+    mems, fog = _read(tmp_path, own + rest[rest.index("[[scene]]") :]).specs
+    assert [run.name for run in fog.runs] == ["rate steps", "tumble", "centrifuge", "chamber"]
+    assert [run.name for run in mems.runs] == ["rate steps", "tumble", "centrifuge", "oscillation", "chamber"]
+    dwells = [
+        next(run for run in spec.runs if run.name == "tumble").simulate["dwell"] for spec in (mems, fog)
+    ]
+    assert dwells == [60.0, 3600.0]
+    assert fog.reference["rate_scale"] == pytest.approx(0.5e-6)
+    assert mems.reference["rate_scale"] == pytest.approx(5e-6)
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+def test_every_class_of_the_catalogue_has_a_test_within_its_range(tmp_path, kind):
+    """What the rig applies against the typical full scale; hours in the text against the plan's."""
+    for entry in classes(kind):
+        text = f'[lots]\nkind = "{kind}"\nclasses = ["{entry.id}"]\ncampaign = "class"\n'
+        channel, hours = "f_i" if kind == "accelerometer" else "w_i", 0.0
+        for run in _read(tmp_path, text).specs[0].runs:
+            inputs = plan_run(run).inputs
+            largest = np.abs(inputs.channels.get(channel, np.zeros(1))).max()
+            assert largest <= 1.001 * entry.full_scale, (entry.id, run.name)
+            hours += (inputs.t[-1] - inputs.t[0] + inputs.interval) / 3600.0
+        assert campaign_of(entry)["text"].endswith(f": {hours:.0f} h")
+
+
+def test_a_campaign_that_comes_with_the_class_and_one_of_the_study_s_own_exclude_each_other(tmp_path):
+    with pytest.raises(StudyError, match=r"lots\.run: comes with each class's campaign"):
+        _read(tmp_path, SMALL.replace("units = 3", 'units = 3\ncampaign = "class"'))

@@ -15,7 +15,7 @@ from imubayes.errors import InputError, hint
 from imubayes.ladder import LADDER, RungName, rung_of
 from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, problem_of
-from imubayes.population.lots import LotStudy, lot_of, spec_of
+from imubayes.population.lots import LotStudy, lot_of
 from imubayes.population.records import simulate_unit
 from imubayes.sensors.lots import Lot
 
@@ -149,7 +149,7 @@ def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS)
     subjects = []
     for k in chosen:
         lot, rng = lot_of(larger, k), np.random.default_rng([study.seed, k, 1, 0, 0])
-        problem = unit_of(lot, 0, spec_of(study, lot.sensor_class), rng)
+        problem = unit_of(lot, 0, study.specs[k], rng)
         subjects.append(Subject(lot.sensor_class.id, problem, lot))
     return _trade(study, subjects, study.missions, only)
 

@@ -173,6 +173,7 @@ RecoveredRms = TypedDict("RecoveredRms", {
     "before": Number, "after": Number, "flown": Number, "fitted": Number, "fresh": Number,
 })
 Pooled = TypedDict("Pooled", {"inclusion": Number, "verdict": str})
+PooledUnits = TypedDict("PooledUnits", {"inclusion": Number, "share": Interval, "limit": Number})
 Appendix = TypedDict("Appendix", {"title": str, "command": str})
 Coverage = TypedDict("Coverage", {"held": Count, "of": Count, "share": Interval})
 Check = TypedDict("Check", {

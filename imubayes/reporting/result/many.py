@@ -22,6 +22,7 @@ from imubayes.reporting.result import (
     NoiseIntervals,
     Number,
     Numbers,
+    PooledUnits,
     PopulationMean,
     Provenance,
     SessionShift,
@@ -158,6 +159,7 @@ class ClassTermInScene(TypedDict):
     )]
     true_share_of_budget: Annotated[Number, says("of the simulated truth, median over units")]
     answer: Annotated[str, says("`needed`, `not needed`, `would matter` or `cannot tell`")]
+    most_of_budget: NotRequired[Annotated[Number, says("at the `limit` that all units together set")]]
 
 
 class ClassInScene(TypedDict):
@@ -188,17 +190,28 @@ class ClassTerm(TypedDict):
     name: Annotated[str, says("of the term")]
     needed: Annotated[Interval, says("share of the units in which it is needed")]
     open: Annotated[Number, says("share of the units whose test cannot tell, or leaves it undecided")]
-    mean: Annotated[Interval, says("of the population: a hierarchical posterior over units")]
+    mean: Annotated[Interval, says(
+        "of the population: a hierarchical posterior over units; of several lots the middle one's, the "
+        "lowest and the highest"
+    )]
     spread: Annotated[Interval, says("sd from unit to unit, the same way")]
-    true_mean: Annotated[Number, says("of the lot that was simulated")]
+    true_mean: Annotated[Number, says("of the lot that was simulated, of several the middle one's")]
     true_spread: Annotated[Number, says("the same")]
     answer: Annotated[str, says("`needed`, `not needed` or `cannot tell`")]
+    needed_by_lot: NotRequired[Annotated[Numbers, says(
+        "share of the units of each lot in which it is needed"
+    )]]
+    pooled: NotRequired[Annotated[PooledUnits, says(
+        "what all units say together: `inclusion`, the probability that units of the class have the term; "
+        "`share` of the units that have it, if any has; `limit`, the size, SI, that a further unit's "
+        "coefficient stays below with 95 %"
+    )]]
 
 
 class Unit(TypedDict):
     """A simulated unit: coefficients in the order of the terms."""
 
-    number: Annotated[Count, says("in its lot")]
+    number: Annotated[Count, says("in its class")]
     truth: Annotated[Numbers, says(
         "coefficients that were simulated, in the order of the terms like all that follows"
     )]
@@ -220,14 +233,15 @@ class Class(TypedDict):
     not_needed: Annotated[Names, says("terms that it does not")]
     cannot_tell: Annotated[Names, says("terms that the tests of most units leave open")]
     terms: Annotated[tuple[ClassTerm, ...], says("of the library")]
-    units: Annotated[tuple[Unit, ...], says("of the lot")]
+    units: Annotated[tuple[Unit, ...], says("of the lots, one lot after the other")]
 
 
 class Lots(TypedDict):
-    """Lots of simulated units, one of each class."""
+    """Lots of simulated units of each class."""
 
     kind: Annotated[Kind, says("accelerometer or gyroscope")]
-    units: Annotated[Count, says("of each class")]
+    units: Annotated[Count, says("of each lot")]
+    lots: NotRequired[Annotated[Count, says("of each class")]]
     terms: Annotated[Names, says("of the library")]
     classes: Annotated[tuple[Class, ...], says("of the study")]
     check: Annotated[Check, says(

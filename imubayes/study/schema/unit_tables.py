@@ -13,7 +13,8 @@ from imubayes.population.lots import Against, LotStudy
 from imubayes.population.records import FleetStudy, Unit, simulated_units
 from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.rig.simulate import plan_run
-from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.catalogue import coupled, sensor
+from imubayes.sensors.catalogue_file import campaign_of
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.scene_tables import scenes_of
@@ -87,7 +88,15 @@ class LotsTable(UnitsTable):
         "classes of the catalogue (`imubayes catalogue`), in the order of the report",
         ["mems_tactical", "strategic_piga"],
     )
-    units: Annotated[int, Limits(ge=2)] = key("simulated of each class", 10, 8)
+    units: Annotated[int, Limits(ge=2)] = key("simulated of each lot", 10, 8)
+    lots: Count = key("drawn of each class, each with magnitudes of its own within the class", 3, 1)
+    campaign: Annotated[str, Holds({"enum": ["same", "class"]})] = key(
+        "`same`: all classes go through `[[lots.run]]`. `class`: each goes through the test that fits it, on"
+        " a bench as its laboratories have (`imubayes catalogue CLASS` shows it), in place of `[[lots.run]]`"
+        " and `[lots.reference]`",
+        "class",
+        "same",
+    )
     basic: bool = key(
         "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
     )
@@ -124,10 +133,11 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
     here = Place(str(path), "lots")
     table = shaped(LotsTable, tables.lots, here)
     entries = _classes(table, own, here.at("classes"))
-    campaign = _campaign(table, table.classes[0], path.parent, own, here)
-    for k, run in enumerate(campaign.runs):
+    specs = [_lot_campaign(table, entry, path.parent, own, here) for entry in entries]
+    for k, run in enumerate(specs[0].runs):
         if run.simulate is None:
             raise here.at("run", k).error("units of a lot are simulated: expected simulate, not a file")
+    lib = replace(specs[0].library, technology="", ties=())
     there = Place(str(path), "scene")
     missions = scenes_of(tables.scene, path.parent, there, header.seed, {table.kind})
     unique([one.name for one in missions], "name", there)
@@ -135,11 +145,12 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
         title=header.title or path.stem,
         seed=header.seed,
         kind=table.kind,
-        classes=entries,
+        specs=tuple(
+            replace(spec, library=coupled(lib, entry)) for spec, entry in zip(specs, entries, strict=True)
+        ),
         units=table.units,
-        library=replace(campaign.library, technology="", ties=()),
-        runs=campaign.runs,
-        reference=campaign.reference,
+        lots=table.lots,
+        library=lib,
         missions=missions,
         basic=table.basic,
         processes=table.processes,
@@ -147,6 +158,22 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
         text=text,
         asks=_asks(table, missions, here.at("asks")),
     )
+
+
+def _lot_campaign(
+    table: LotsTable, entry: SensorClass, folder: Path, own: Sequence[SensorClass], place: Place
+) -> SensorSpec:
+    """Test campaign of a class: the study's, or the one that fits the class."""
+    if table.campaign == "same":
+        return _campaign(table, entry.id, folder, own, place)
+    if table.campaign != "class":
+        raise place.at("campaign").error(f"expected 'same' or 'class', came {table.campaign!r}")
+    for name in ("run", "reference"):
+        if getattr(table, name):
+            raise place.at(name).error("comes with each class's campaign (campaign = 'class'): leave it out")
+    with place.at("classes").blamed():
+        fits = campaign_of(entry)
+    return _campaign(table, entry.id, folder, own, place, run=fits["run"], reference=fits["reference"])
 
 
 def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:

@@ -1,0 +1,160 @@
+"""What the units of a class say of a term together, where each by itself may not tell.
+
+A share q of the units has the term. In lot l those that have it are ``theta_i ~ N(mu_l, tau_l^2)``, with
+``mu_l ~ N(0, tau_l^2)`` and tau_l log-uniform over what the catalogue gives a lot of the class, as in
+`spreads`; in the others it is zero. A unit's test gives ``t_i ~ N(theta_i, v_i)``, without the prior. So::
+
+    p(t | q) = prod_l E_tau,mu prod_i [(1 - q) N(t_i; 0, v_i) + q N(t_i; mu, tau^2 + v_i)]
+
+That no unit has it (q = 0) and that some have (q uniform) are equally likely beforehand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.intervals import Share, frequency, of_cells
+
+SHARES = 30
+"""Cells of the grid of the share of units."""
+
+SIZES = 30
+"""Cells of the grid of ln tau."""
+
+NODES = 15
+"""Points of the Gauss-Hermite rule over mu."""
+
+FINE = 500
+"""Cells of the share of a class over its lots."""
+
+CHUNK = 100
+"""Units that are taken at a time."""
+
+SURE = 0.95
+"""Probability with which the size of a further unit's coefficient is below its limit."""
+
+HALVINGS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Pooled:
+    """One term over all units of a class.
+
+    Attributes
+    ----------
+    inclusion : probability that units of the class have the term.
+    share : of the units that have it, if any has.
+    limit : size that a further unit's coefficient stays below with 95 %, SI.
+    """
+
+    inclusion: float
+    share: Share
+    limit: float
+
+
+def pooled(
+    estimates: Sequence[FloatArray], variances: Sequence[FloatArray], sizes: tuple[float, float]
+) -> Pooled:
+    """Put the units of a class together.
+
+    Parameters
+    ----------
+    estimates, variances : of each lot those of its units (n,), without the prior, SI and squared.
+    sizes : (smallest, largest) spread that a lot of the class can have.
+
+    Examples
+    --------
+    >>> scatter = np.linspace(-2.0, 2.0, 24)
+    >>> faint, none = (pooled([size * scatter], [np.ones(24)], (0.1, 10.0)) for size in (1.6, 0.7))
+    >>> faint.inclusion > 0.95, none.inclusion < 0.3, faint.limit > none.limit
+    (True, True, True)
+    """
+    edges = np.linspace(math.log(sizes[0]), math.log(sizes[1]), SIZES + 1)
+    tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
+    q = (np.arange(SHARES) + 0.5) / SHARES
+    lots = [_lot(t, v, tau, q) for t, v in zip(estimates, variances, strict=True)]
+    log = np.sum([np.logaddexp.reduce(one, axis=(0, 1)) for one in lots], axis=0)
+    absent = sum(float(np.sum(_normal(t, v))) for t, v in zip(estimates, variances, strict=True))
+    present = float(np.logaddexp.reduce(log)) - math.log(SHARES)
+    inclusion = 1.0 / (1.0 + math.exp(min(absent - present, 700.0)))
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    return Pooled(inclusion, of_cells(q, weight), _limit(lots, weight, tau, q, inclusion))
+
+
+def _normal(t: FloatArray, variance: FloatArray) -> FloatArray:
+    """Log density of a normal variable about zero."""
+    return -0.5 * (t**2 / variance + np.log(2.0 * math.pi * variance))
+
+
+def _means() -> tuple[FloatArray, FloatArray]:
+    """Points of a standard normal variable, and their weights."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    return nodes, weights / weights.sum()
+
+
+def _lot(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) -> FloatArray:
+    """Log likelihood (tau, mu, q) of the units of a lot, times the prior of tau and mu."""
+    nodes, weights = _means()
+    mean = tau[:, None] * nodes
+    there = _normal(t - mean[..., None], tau[:, None, None] ** 2 + variance)
+    more = np.expm1(np.clip(there - _normal(t, variance), -700.0, 700.0))[..., None]
+    units = sum(np.log1p(q * more[:, :, k : k + CHUNK]).sum(axis=2) for k in range(0, len(t), CHUNK))
+    return units + float(_normal(t, variance).sum()) + np.log(weights)[:, None] - math.log(len(tau))
+
+
+def _limit(
+    lots: Sequence[FloatArray], weight: FloatArray, tau: FloatArray, q: FloatArray, inclusion: float
+) -> float:
+    """Halve the interval of the size until so much of the probability is below it."""
+    from scipy.special import ndtr
+
+    nodes, _ = _means()
+    mean = tau[:, None] * nodes
+    cells = [np.exp(one - np.logaddexp.reduce(one, axis=(0, 1))) for one in lots]
+    having = np.mean([(one * (weight * q)).sum(axis=2) for one in cells], axis=0) * inclusion
+
+    def below(size: float) -> float:
+        inside = ndtr((size - mean) / tau[:, None]) - ndtr((-size - mean) / tau[:, None])
+        return float((having * inside).sum()) + 1.0 - float(having.sum())
+
+    low, high = 0.0, float(tau[-1]) * (float(nodes[-1]) + 5.0)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if below(middle) >= SURE else (middle, high)
+    return high
+
+
+def over_lots(counts: Sequence[int], units: int | Sequence[int]) -> Share:
+    """Share of the units of a class by how many of them it is in each lot, with a 90 % interval.
+
+    `units` are those of each lot, a number for all or for each.
+
+    Lots differ: a lot's own share is beta-distributed about the class's, with any correlation between the
+    units of a lot equally likely. One lot alone says nothing of others: its interval is its own (Wilson's).
+
+    Examples
+    --------
+    >>> alike, apart = over_lots([8, 8, 8], 16), over_lots([0, 8, 16], 16)
+    >>> alike.value == apart.value, apart.low < alike.low
+    (True, True)
+    """
+    from scipy.special import betaln
+
+    n = np.broadcast_to(units, len(counts))
+    if len(counts) == 1:
+        return frequency(counts[0], int(n[0]))
+    if not n.any():
+        return frequency(0, 0)
+    k, n = np.array(counts)[:, None, None], n[:, None, None]
+    share = ((np.arange(FINE) + 0.5) / FINE)[:, None]
+    correlation = (np.arange(SHARES) + 0.5) / SHARES
+    a, b = share * (1.0 / correlation - 1.0), (1.0 - share) * (1.0 / correlation - 1.0)
+    log = (betaln(a + k, b + n - k) - betaln(a, b)).sum(axis=0)
+    weight = np.exp(log - log.max()).sum(axis=1)
+    return replace(of_cells(share[:, 0], weight), value=float(k.sum() / n.sum()))

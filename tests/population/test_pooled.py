@@ -1,0 +1,79 @@
+"""Many units together, against their own generative model drawn at random."""
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import binomtest, norm
+
+from imubayes.population.pooled import over_lots, pooled
+
+SIZES = (0.3, 10.0)
+
+
+def _drawn(rng, lots=2, units=10):
+    """Presence, share, coefficients and estimates of a class and of one unit more, of its first lot."""
+    there = rng.random() < 0.5
+    share = rng.random() * there
+    theta = []
+    for _ in range(lots):
+        tau = np.exp(rng.uniform(*np.log(SIZES)))
+        own = rng.normal(tau * rng.standard_normal(), tau, units + 1)
+        theta.append(np.where(rng.random(units + 1) < share, own, 0.0))
+    variance = [np.exp(rng.normal(0.0, 0.7, units)) for _ in range(lots)]
+    estimate = [rng.normal(one[:-1], np.sqrt(v)) for one, v in zip(theta, variance, strict=True)]
+    return there, share, theta, estimate, variance
+
+
+@pytest.fixture(scope="module")
+def many():
+    rng = np.random.default_rng(4)
+    drawn = [_drawn(rng) for _ in range(400)]
+    return drawn, [pooled(estimate, variance, SIZES) for *_, estimate, variance in drawn]
+
+
+def test_probability_that_units_have_a_term_is_how_often_they_do(many):
+    drawn, found = many
+    there = np.array([one[0] for one in drawn], dtype=float)
+    said = np.array([one.inclusion for one in found])
+    assert abs((there - said).sum()) < 3.0 * np.sqrt((said * (1.0 - said)).sum())
+    for low, high in ((0.0, 0.4), (0.4, 0.8), (0.8, 0.99), (0.99, 1.0)):
+        few = (said >= low) & (said <= high)
+        assert binomtest(int(there[few].sum()), int(few.sum()), float(said[few].mean())).pvalue > 0.005
+    assert (said > 0.95).mean() > 0.2
+
+
+def test_intervals_of_the_share_and_limits_of_a_further_unit_hold_what_they_say(many):
+    drawn, found = many
+    held = [
+        one.share.low <= true[1] <= one.share.high for true, one in zip(drawn, found, strict=True) if true[0]
+    ]
+    assert binomtest(sum(held), len(held), 0.9).pvalue > 0.005
+    below = [
+        np.mean([abs(lot[-1]) < one.limit for lot in true[2]]) for true, one in zip(drawn, found, strict=True)
+    ]
+    assert abs(np.mean(below) - 0.95) < 3.0 * np.std(below) / np.sqrt(len(below))
+
+
+def test_inclusion_is_that_of_a_plain_average_over_draws_of_the_prior():
+    rng = np.random.default_rng(8)
+    estimate, variance = np.array([2.0, -0.4, 1.1, 3.0]), np.array([1.0, 0.5, 2.0, 1.5])
+    share = rng.random(200_000)[:, None]
+    tau = np.exp(rng.uniform(*np.log(SIZES), len(share)))[:, None]
+    mean = tau * rng.standard_normal(tau.shape)
+    apart = norm.pdf(estimate, 0.0, np.sqrt(variance))
+    units = (1.0 - share) * apart + share * norm.pdf(estimate, mean, np.sqrt(tau**2 + variance))
+    log = np.log(units).sum(axis=1)
+    odds = np.exp(logsumexp(log) - np.log(len(log)) - np.log(apart).sum())
+    assert pooled([estimate], [variance], SIZES).inclusion == pytest.approx(odds / (1.0 + odds), abs=0.01)
+
+
+def test_share_of_a_class_is_as_unsure_as_its_lots_differ():
+    """Lots drawn by a beta distribution: the 90 % interval of their class's share holds it."""
+    rng, held = np.random.default_rng(3), []
+    for _ in range(300):
+        share, correlation = rng.random(2)
+        more = 1.0 / correlation - 1.0
+        lots = rng.beta(share * more, (1.0 - share) * more, 3)
+        found = over_lots(rng.binomial(8, lots).tolist(), 8)
+        held.append(found.low <= share <= found.high)
+    assert binomtest(sum(held), len(held), 0.9).pvalue > 0.005
