@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -98,8 +99,7 @@ class Case:
     distrusted: tuple[Distrusted, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class Told(NamedTuple):
     """What a run, or a part of it, says: its summary, rows, channels (n,) that moved, and components."""
 
     run: RunSummary
@@ -160,8 +160,7 @@ def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
     return {f"{quantity}_{axis}": values[:, k] for k, axis in enumerate("ijk")}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Apart:
+class Apart(NamedTuple):
     """A component by itself, over the w columns that its own runs or its own terms move.
 
     Attributes

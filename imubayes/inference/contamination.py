@@ -14,7 +14,7 @@ Before the noise is known a fit with least absolute deviations, which outliers d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +37,7 @@ BURN_IN = 100
 """Sweeps that are dropped."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+class Evidence(NamedTuple):
     """All that m dwell means say of their offsets.
 
     Attributes
@@ -55,8 +54,7 @@ class Evidence:
     certain: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Offsets:
+class Offsets(NamedTuple):
     """What each of m dwells' offset would be.
 
     Attributes

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -135,8 +136,7 @@ HALVINGS = 10
 """Halvings of the interval of ln s: to a hundredth of a prior sd."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Spectrum:
+class Spectrum(NamedTuple):
     """Frequencies of a run: (q,) Hz, how many Fourier frequencies each stands for, length averaged, s."""
 
     f: FloatArray

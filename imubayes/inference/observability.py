@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,8 +164,7 @@ def carried(seen: Observability, carriers: Mapping[str, str]) -> Observability:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Combination:
+class _Combination(NamedTuple):
     """A direction v (p,) in units of the prior, which terms take part, and whether it cancels to rounding."""
 
     v: FloatArray
@@ -238,7 +238,7 @@ def _felt(
         part = c.part if terms[c.part].all() else c.part & (hidden | ~terms)
         kinds = {bench[k] for k in np.flatnonzero(part)}
         if np.sum(part) > 1 and ("" in kinds or (len(kinds) > 1 and not terms[c.part].any())):
-            yield replace(c, part=part)
+            yield c._replace(part=part)
 
 
 def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +79,7 @@ class Distrusted:
     sd: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Trusted:
+class Trusted(NamedTuple):
     """Runs without the dwells that are distrusted.
 
     Attributes
@@ -220,7 +220,7 @@ def _leaving_out(
             " outliers must be the exception; look at units, axes and references, or leave robust out"
         )
     found = robust_rows([runs[k] for k in rest], [rows[k] for k in rest], prior_sd, noise_of, rng=rng)
-    return replace(found, notes=(*(_LOST.format(name) for name in names), *found.notes))
+    return found._replace(notes=(*(_LOST.format(name) for name in names), *found.notes))
 
 
 def _named(dwells: Sequence[Dwells], offsets: Offsets, bad: Mask) -> tuple[Distrusted, ...]:

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,7 @@ LANES = 8
 """Columns are padded to a multiple of so many: a processor works on that many at a time."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Processes:
+class Processes(NamedTuple):
     """First-order processes that stand for bias instability.
 
     Attributes

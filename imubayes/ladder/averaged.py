@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,7 @@ STEPS = (1.0, 0.05, 0.3)
 """Steps of the second differences: of ln N in its white sd, of ln B, and of ln K, which moves far."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Weighted:
+class Weighted(NamedTuple):
     """Draws of the noise.
 
     Attributes

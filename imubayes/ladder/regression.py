@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +69,7 @@ ALIKE = 1e-7
 """A column of which less is left beside the others of its model, relative to its norm, depends on them."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Basis:
+class Basis(NamedTuple):
     """What a decision is about, besides the models.
 
     Attributes

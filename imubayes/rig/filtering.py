@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,8 +256,7 @@ LEVEL = 5
 """Blocks that a level is taken from."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Blocks:
+class _Blocks(NamedTuple):
     """Start and end (m,) of blocks of rows at constant inputs, s, mean and variance, and their stretch."""
 
     start: FloatArray

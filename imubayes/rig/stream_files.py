@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,8 +210,7 @@ def _slice(node: Any, start: int, stop: int) -> NDArray[np.generic]:
     return values.reshape(-1) if values.ndim == 2 and node.shape[1] == 1 else values
 
 
-@dataclass(frozen=True, slots=True)
-class _Form:
+class _Form(NamedTuple):
     """How a format tells its rows, and gives them."""
 
     rows: Callable[[Path], int]

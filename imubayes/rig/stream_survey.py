@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,8 +90,7 @@ def _without(reader: Reader, found: _Survey) -> _Survey:
     return again
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
+class _Seen(NamedTuple):
     """What a part was like: median step, gaps, the longest step and when, in s."""
 
     t: float

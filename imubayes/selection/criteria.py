@@ -147,7 +147,7 @@ def criteria(
     allowed = _admissible(space, candidates, needs)
     field = _Field(c, space, allowed)
     found = [
-        field.best(name, _Scores(values), samples=math.nan if name == "aic" else size)
+        field.best(name, (values, None, ""), samples=math.nan if name == "aic" else size)
         for name, values in _information_of(c, scale, factor, space, size).items()
     ]
     return (*found, *_predictive(field, pieces, scale)) if pieces else tuple(found)
@@ -227,16 +227,17 @@ class _Field:
 
     def best(self, name: str, scores: _Scores, *, samples: float = math.nan, note: str = "") -> Criterion:
         """Criterion from the scores of all models."""
-        top = self.first(scores.deviance, 2)
-        least, *next_one = scores.deviance[top].tolist()
+        deviance, scored, told = scores
+        top = self.first(deviance, 2)
+        least, *next_one = deviance[top].tolist()
         if not math.isfinite(least):
             note, least, weight = UNDEFINED, math.inf, np.full(len(self.space), math.nan)
         else:
-            weight = np.exp(-0.5 * (np.where(self.allowed, scores.deviance, np.inf) - least))
+            weight = np.exp(-0.5 * (np.where(self.allowed, deviance, np.inf) - least))
         sums, total = self.space.sums(weight)
         names, every = self.candidates.names, isinstance(self.space, Every)
         inside = self.space.members(top[:1])[0].tolist()
-        compared = int(self.allowed.sum()) if scores.scored is None else scores.scored
+        compared = int(self.allowed.sum()) if scored is None else scored
         compared = compared if math.isfinite(least) else 0
         listing = (
             ""
@@ -250,20 +251,15 @@ class _Field:
             lead=next_one[0] - least if next_one and math.isfinite(least) else math.nan,
             inclusion=dict(zip(names, np.minimum(sums / total, 1.0).tolist(), strict=True)),
             compared=compared,
-            exact=every and scores.scored is None,
+            exact=every and scored is None,
             samples=samples,
             pareto_k=math.nan,
-            note="; ".join(filter(None, (listing, scores.note, note))),
+            note="; ".join(filter(None, (listing, told, note))),
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Scores:
-    """Deviance (m,) of every model; `scored` of them are exact where not all are, which `note` then says."""
-
-    deviance: FloatArray
-    scored: int | None = None
-    note: str = ""
+_Scores = tuple[FloatArray, int | None, str]
+"""Deviance (m,) of every model; how many of them are exact where not all are, which a note then says."""
 
 
 def _prepared(factor: Factor, sd: FloatArray, names: tuple[str, ...]) -> Candidates:
@@ -333,11 +329,11 @@ def _predictive(field: _Field, pieces: Sequence[Pieces], scale: float) -> tuple[
     """WAIC, leave-one-dwell-out, leave-one-run-out."""
     dwells, runs = by_dwell(pieces, field.candidates, scale), by_run(pieces, field.candidates, scale)
     near = _left_out(field, dwells)
-    which = field.first(near.deviance, SCORED)
+    which = field.first(near[0], SCORED)
     scores = np.array([waic(dwells, inside) for inside in field.space.members(which)])
     alone = "the only run is predicted from the prior: this is the evidence" if len(pieces) == 1 else ""
     return (
-        field.best("waic", _completed(field, near.deviance, which, scores, "leave-one-out")),
+        field.best("waic", _completed(field, near[0], which, scores, "leave-one-out")),
         field.best("loo", near),
         field.best("leave_one_run_out", _left_out(field, runs), note=alone),
     )
@@ -351,7 +347,7 @@ def _left_out(field: _Field, held: Held) -> _Scores:
     """
     parts = len(held.parts)
     if len(field.space) * parts <= (WALKED if isinstance(field.space, Every) else LISTED):
-        return _Scores(leave_out(held, field.space))
+        return leave_out(held, field.space), None, ""
     rss, _ = fits(held.whole, held.candidates, field.space)
     guess = rss / held.scale**2 + 2.0 * field.space.sizes()
     which = field.first(guess, max(int(LISTED / parts), 1))
@@ -366,9 +362,9 @@ def _completed(field: _Field, guess: FloatArray, which: IntArray, scores: FloatA
     if len(which) == field.allowed.sum():
         deviance = np.full(len(guess), np.inf)
         deviance[which] = scores
-        return _Scores(deviance)
+        return deviance, None, ""
     if not np.isfinite(scores).all() or not np.isfinite(guess[which]).all():
-        return _Scores(np.full(len(guess), np.inf))
+        return np.full(len(guess), np.inf), None, ""
     gap, weight = scores - guess[which], np.exp(-0.5 * (scores - scores.min()))
     move = float(np.average(gap, weights=weight))
     spread = math.sqrt(np.average((gap - move) ** 2, weights=weight))
@@ -378,4 +374,4 @@ def _completed(field: _Field, guess: FloatArray, which: IntArray, scores: FloatA
         f"computed for the {len(which):,} subsets that {other} likes best; the others are taken at its score,"
         f" which is right to {spread:.2g} there"
     )
-    return _Scores(deviance, len(which), note)
+    return deviance, len(which), note

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,8 +124,7 @@ class Selection:
         return "\n".join(rows)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Widths:
+class _Widths(NamedTuple):
     """Enumerations at every prior width, and what they say given that some terms are in the model."""
 
     models: tuple[Models, ...]

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -336,8 +335,7 @@ MIXED = 1.05
 """Split R-hat at which the walk ends."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Walked:
+class Walked(NamedTuple):
     """What the chains found.
 
     Attributes

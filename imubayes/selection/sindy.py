@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,8 +121,7 @@ def sparse_regressions(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Walk:
+class _Walk(NamedTuple):
     """A path with its choice (see `Sparse`): supports are (m, p)."""
 
     optimizer: str
@@ -191,8 +191,7 @@ CUT = 0.9
 (2010) recommend (0.6 to 0.9), since strong terms reach 1."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Dwelled:
+class Dwelled(NamedTuple):
     """Whitened rows of all dwells, as few as hold all that the dwells say.
 
     Attributes

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -108,8 +109,7 @@ def of_columns(chains: Chains, columns: Sequence[str], carriers: Sequence[str]) 
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NoiseDraw:
+class NoiseDraw(NamedTuple):
     """The linear Gaussian problem at one draw of the noise's posterior.
 
     Attributes
@@ -187,8 +187,7 @@ def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
     return NoiseDraw(replace(found, R=found.R / scale, log_det=log_det, rest=0.0), 0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pointwise:
+class Pointwise(NamedTuple):
     """Dwells of all runs.
 
     Attributes

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +61,7 @@ class Density:
         return len(self.parameters)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Conditional:
+class Conditional(NamedTuple):
     """The normal posterior of phi given m noises: Cholesky factors, and what does not depend on phi.
 
     Attributes

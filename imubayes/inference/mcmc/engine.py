@@ -45,23 +45,6 @@ class Target:
     readable: Callable[[FloatArray], FloatArray]
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """Ensembles, walkers of each, and dimensions."""
-
-    ensembles: int
-    walkers: int
-    d: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Kept:
-    """What a checkpoint holds: an emcee backend for each ensemble, and the seconds that they took."""
-
-    backends: tuple[Any, ...]
-    seconds: float
-
-
 def sampler_of(target: Target, walkers: int, backend: Any = None) -> Any:
     """Emcee's sampler of a target, with the chain that it has so far, if any."""
     import emcee
@@ -123,8 +106,14 @@ def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) 
         ) from None
 
 
-def load(file: Path, shape: Shape, fingerprint: str) -> Kept:
-    """Read the chains of a checkpoint.
+def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tuple[Any, ...], float]:
+    """Read the chains of a checkpoint: a backend for each ensemble, and the seconds that they took.
+
+    Parameters
+    ----------
+    file : of the chains.
+    shape : ensembles, walkers of each, and dimensions.
+    fingerprint : of the problem.
 
     Raises
     ------
@@ -139,7 +128,7 @@ def load(file: Path, shape: Shape, fingerprint: str) -> Kept:
         with h5py.File(file) as stream:
             seconds, found = float(str(stream.attrs["seconds"])), stream.attrs["fingerprint"]
             kept = {
-                Shape(len(stream), int(group.attrs["nwalkers"]), int(group.attrs["ndim"]))
+                (len(stream), int(group.attrs["nwalkers"]), int(group.attrs["ndim"]))
                 for group in stream.values()
             }
     except (OSError, KeyError) as problem:
@@ -150,8 +139,8 @@ def load(file: Path, shape: Shape, fingerprint: str) -> Kept:
         raise InputError(
             f"{file}: was made by another study, seed or method: run without --resume to start anew"
         )
-    names = [f"ensemble_{k}" for k in range(shape.ensembles)]
-    return Kept(tuple(_read(HDFBackend(str(file), name=n, read_only=True)) for n in names), seconds)
+    names = [f"ensemble_{k}" for k in range(shape[0])]
+    return tuple(_read(HDFBackend(str(file), name=n, read_only=True)) for n in names), seconds
 
 
 def _write(into: Any, backend: Any) -> None:

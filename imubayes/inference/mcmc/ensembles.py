@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.mcmc.chains import Diagnostics
 from imubayes.inference.mcmc.engine import (
     LONG,
-    Shape,
     Target,
     effective_size,
     load,
@@ -78,8 +77,7 @@ class Limits:
     fingerprint: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class History:
+class History(NamedTuple):
     """Chains as they were drawn, without their start.
 
     Attributes
@@ -107,17 +105,19 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
     InputError : if the checkpoint is of another problem, or cannot be read or written.
     """
     walkers = limits.walkers or walkers_for(len(target.names))
-    shape = Shape(limits.ensembles, walkers, len(target.names))
-    kept = load(limits.checkpoint, shape, limits.fingerprint) if limits.resume and limits.checkpoint else None
-    samplers = [sampler_of(target, walkers, kept and kept.backends[k]) for k in range(limits.ensembles)]
+    shape = limits.ensembles, walkers, len(target.names)
+    kept, before = [None] * limits.ensembles, 0.0
+    if limits.resume and limits.checkpoint:
+        kept, before = load(limits.checkpoint, shape, limits.fingerprint)
+    samplers = [sampler_of(target, walkers, backend) for backend in kept]
     seeds = np.random.SeedSequence(limits.seed).spawn(limits.ensembles)
-    before, started, due = kept.seconds if kept else 0.0, time.perf_counter(), 0.0
+    started, due = time.perf_counter(), 0.0
     while True:
         elapsed = time.perf_counter() - started
         done = judged(target, samplers, before + elapsed, limits)
         told = done.found
         if why := _hopeless(told, samplers[0].iteration, elapsed, limits):
-            done = replace(done, found=replace(told, text=f"{told.text}; {why}"))
+            done = done._replace(found=replace(told, text=f"{told.text}; {why}"))
         ended = told.converged or bool(why) or (elapsed > limits.time_limit and told.steps > 1)
         if limits.checkpoint and samplers[0].iteration and (ended or elapsed > due):
             save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)

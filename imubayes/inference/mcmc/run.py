@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -60,8 +60,7 @@ NOISE_DRAWS = 16
 """Draws of the noise at which every submodel is weighed again."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sampled:
+class Sampled(NamedTuple):
     """Chains of a component, and the linear Gaussian problem at some of their noises."""
 
     chains: Chains
@@ -137,7 +136,7 @@ def _sampled(
     noises, error = _noise_draws(density, history, summary, rows)
     if error > TRUSTED:
         text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
-        history = replace(history, found=replace(history.found, converged=False, text=text))
+        history = history._replace(found=replace(history.found, converged=False, text=text))
     chains = _chains((density, summary, rows), history, method, error, rng)
     sampled = Sampled(chains, noises)
     if not history.found.converged:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,8 +51,7 @@ RESOLVED = ("needed", "not needed", "undecided")
 """Verdicts on terms that the test tells."""
 
 
-@dataclass(frozen=True, slots=True)
-class SceneChange:
+class SceneChange(NamedTuple):
     """What a scene requires by one rung and not by the best, and the largest change of a budget's share."""
 
     scene: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -140,8 +141,7 @@ Exposed = Mapping[str, Mapping[str, Exposure]]
 """What each scene makes of a component's terms: by component, by scene."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rate:
+class Rate(NamedTuple):
     """How often something happened, out of how many, with the 90 % interval of its share."""
 
     events: int
