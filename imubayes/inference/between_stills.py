@@ -14,11 +14,14 @@ directions by, so that their uncertainty counts. Divided by the duration of the 
 and the row's noise is that of the gyroscopes averaged over the turn. The angle about u stays unseen; turns
 about different axes see all three.
 
+Of gyroscopes alone the stills are positions in which up is known, but for tilts.
+
 At rest a gyroscope puts out bias and g-sensitivity (the Earth's rate, 15 deg/h at most, counts as bias).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,8 +29,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
-from imubayes.inference.linear import Linear
-from imubayes.inference.stills import Stills, means_of, samples_in, still_rows
+from imubayes.inference.linear import Extra, Linear
+from imubayes.inference.stills import Stills, find_stills, means_of, samples_in, still_rows
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import GAP, Run
 from imubayes.rig.motion import cross_matrix, onward
@@ -49,8 +52,9 @@ class Directions:
     run, stills : of the IMU.
     f : (k, 3) compensated specific force, m/s^2.
     force : (n, 3) the same of every sample, moving or not.
-    change : (k, 3, p) derivative of the unit vector along f by the accelerometers' coefficients.
-    triad : of the accelerometers, where it is linearised.
+    change : (k, 3, p) derivative of the unit vector along f by coefficients of the accelerometers, or errors
+        of positions that are known.
+    names, theta : (p,) of these, and where it is linearised, SI.
     """
 
     run: Run
@@ -58,7 +62,8 @@ class Directions:
     f: FloatArray
     force: FloatArray
     change: FloatArray
-    triad: Triad
+    names: tuple[str, ...]
+    theta: FloatArray
 
     @property
     def up(self) -> FloatArray:
@@ -72,7 +77,32 @@ def directions(triad: Triad, run: Run, stills: Stills) -> Directions:
     length = np.linalg.norm(f, axis=1)[:, None]
     u = f / length
     across = (np.eye(3) - u[:, :, None] * u[:, None, :]) / length[:, :, None]
-    return Directions(run, stills, f, triad.compensate(run.force), -across @ _response(triad, f), triad)
+    change = -across @ _response(triad, f)
+    return Directions(run, stills, f, triad.compensate(run.force), change, triad.names, triad.theta)
+
+
+def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
+    """Directions in positions that are known, with the errors of the bench among which their tilts are.
+
+    Between them gravity is where the gyroscopes carry it; what the hand accelerates by is not known.
+    """
+    stills, order = find_stills(run), np.argsort([section.start for section in run.sections])
+    u = np.array([run.sections[n].direction for n in order])
+    change = np.zeros((len(u), 3, len(extras)))
+    for column, extra in enumerate(extras):
+        head, _, place = extra.name.partition(".")
+        for k, n in enumerate(order.tolist()):
+            if place == f"{run.name}.{n}":
+                change[k, :, column] = -np.cross(np.eye(3)["ijk".index(head[-1])], u[k])
+    force = np.zeros((len(run.t), 3))
+    rest = means_of(run, run.rate, stills).mean(axis=0)
+    for a, b in pairwise(stills):
+        turn = slice(a[1] - 1, b[0] + 1)
+        force[turn] = np.einsum("nba,b->na", onward(run.t[turn], run.rate[turn] - rest), u[stills.index(b)])
+    for (a, b), direction in zip(stills, u, strict=True):
+        force[a:b] = direction
+    names, theta = tuple(extra.name for extra in extras), np.zeros(len(extras))
+    return Directions(run, stills, run.gravity * u, run.gravity * force, change, names, theta)
 
 
 def _response(triad: Triad, own: FloatArray, other: FloatArray | None = None) -> FloatArray:
@@ -142,7 +172,7 @@ def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise
     return Linear(
         name=f"{run.name} ({TURNS})",
         procedure=run.procedure,
-        names=(*seen.triad.names, *gyroscopes.names),
+        names=(*seen.names, *gyroscopes.names),
         t=np.repeat(middle, 2),
         duration=np.repeat(counting, 2),
         interval=float(np.median(counting)),
@@ -232,7 +262,7 @@ def _turned(
     of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, up.C, _response(gyroscopes, up.w, up.f))
     of_directions = up.across @ (up.C[0] @ seen.change[still] - seen.change[still + 1])
     X = np.hstack((of_directions, of_gyroscopes))
-    y = up.missed + X @ np.concatenate((seen.triad.theta, gyroscopes.theta))
+    y = up.missed + X @ np.concatenate((seen.theta, gyroscopes.theta))
     duration = up.t[-1] - up.t[0]
     return X / duration, y / duration, axes
 

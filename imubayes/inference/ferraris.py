@@ -6,6 +6,9 @@ in a turn by an angle A about u the mean rate is ``A u / T``, whatever the hand 
 rate, which the hand does matter for, are averaged over the course that the gyroscope itself recorded, scaled
 to the angle.
 
+Gyroscopes alone may have positions without such turns: what they say between two of them carries up from one
+to the next (`between_stills`).
+
 A position is as good as the table and the faces of the case: with a rotation rho of the case, of its own in
 each section, the inputs are ``v - rho x v``. The columns of rho are common to all six components, and hide
 what is a rotation in all positions alike: misalignments are then known no better than the faces.
@@ -21,6 +24,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Asked, Case, Told, along, case_of
+from imubayes.inference.free_tumble import solve_positions
 from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, widened
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import noise_by_rule, run_summary
@@ -70,8 +74,10 @@ def solve_ferraris(
     ------
     UnobservableError : if a run has no position at rest, or there is no turn for gyroscopes.
     """
-    _check(runs)
+    turned = _check(runs)
     extras = (*_tilts(runs, fixture), *extras)
+    if asked[0].library.kind == "gyroscope" and not turned:
+        return solve_positions(runs, asked[0], extras=extras)
     sd = np.concatenate((*(one.prior.sd for one in asked), [extra.sd for extra in extras]))
     triads = [triad_of(one.library, referenced=True) for one in asked]
     names = (*(name for triad in triads for name in triad.names), *(extra.name for extra in extras))
@@ -111,15 +117,17 @@ def _told(run: Run, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Ex
     return Told(summary, taken, _inputs(run, rows), (triad.components[k],))
 
 
-def _check(runs: Sequence[Run]) -> None:
+def _check(runs: Sequence[Run]) -> bool:
+    """Whether a section is a turn; refuse runs that do not tell what is asked."""
     for run in runs:
         if all(section.angle for section in run.sections):
             raise UnobservableError(f"run '{run.name}' has no position at rest: add sections without a turn")
     turned = any(section.angle for run in runs for section in run.sections)
-    if runs[0].rate.size and not turned:
+    if runs[0].rate.size and runs[0].force.size and not turned:
         raise UnobservableError("no section is a turn: gyroscopes need one about each axis, by a known angle")
     if turned and not runs[0].rate.size:
         raise UnobservableError("a section is a turn, which tells accelerometers nothing: leave it out")
+    return turned
 
 
 def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:

@@ -34,6 +34,7 @@ from imubayes.errors import UnobservableError
 from imubayes.inference.between_stills import (
     Directions,
     directions,
+    known_directions,
     rest_rows,
     turn_rates,
     turn_rows,
@@ -288,35 +289,66 @@ def solve_imu_tumble(
     """
     free = free or solve_free_tumble(runs, accelerometer, extras=extras)
     seen = [directions(free.triads[0], run, find_stills(run)) for run in runs]
-    gyroscopes = triad_of(gyroscope.library, referenced=True)
+    gyroscopes, extras = triad_of(gyroscope.library, referenced=True), free.summary.extras
     names = (*free.triads[0].names, *gyroscopes.names, *(extra.name for extra in extras))
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
-    # within a still nothing but the noise changes: averages tell of the coefficients what all samples do
-    resting = [
-        (
-            one,
-            name,
-            averaged(part),
-            noise_by_rule(blocks_of(part), gyroscope.rule(one.run.name), gyroscope.sensor),
-        )
-        for one in seen
-        for name, part in zip(gyroscopes.components, rest_rows(one, gyroscopes), strict=True)
-    ]
-    known = [free.summary.factor, *(whitened_factor(part, found.noise)[0] for *_, part, found in resting)]
-    usual = _usual([found.noise for *_, found in resting])
-    noises = [(run.noise, usual) for run in free.summary.runs]
-    whole = reduce(add, (widened_factor(f, names) for f in known))
-    turned = _turns(seen, noises, (whole, sd), gyroscopes, gyroscope)
-    first = len(free.triads[0].theta)
-    gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
-    told = (
-        *(_of_force(k, free, one, names) for k, one in enumerate(seen)),
-        *(_at_rest(one, name, widened(part, names), found) for one, name, part, found in resting),
-        *map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen)),
-    )
+    beside = Summary(widened_factor(free.summary.factor, names), free.summary.runs)
+    gyroscopes, carried = _carried(seen, beside, gyroscopes, gyroscope, sd)
+    told = (*(_of_force(k, free, one, names) for k, one in enumerate(seen)), *carried)
     triads = (free.triads[0], gyroscopes)
     facts = {name: replace(free.summary.facts, kind=t.kind) for t in triads for name in t.components}
     return case_of(told, triads, facts, extras, sd=sd)
+
+
+def solve_positions(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
+    """Characterise gyroscopes alone that were turned by hand between positions in which up is known.
+
+    Parameters
+    ----------
+    runs : of the gyroscopes, with sections at rest.
+    asked : of them.
+    extras : errors of the positions that are allowed for, one for each section.
+
+    Raises
+    ------
+    UnobservableError : if a run has fewer than 6 turns between positions.
+    ConvergenceError : if the linearisation does not settle; it carries the coefficients so far.
+    """
+    seen, triad = [known_directions(run, extras) for run in runs], triad_of(asked.library, referenced=True)
+    sd = np.concatenate((asked.prior.sd, [extra.sd for extra in extras]))
+    width = len(sd) + 1
+    nothing = Factor((*triad.names, *(extra.name for extra in extras)), np.zeros((width, width)), 0)
+    triad, told = _carried(seen, Summary(nothing), triad, asked, sd)
+    facts = Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
+    return case_of(told, [triad], dict.fromkeys(triad.components, facts), extras, sd=sd)
+
+
+def _carried(
+    seen: Sequence[Directions], beside: Summary, gyroscopes: Triad, asked: Asked, sd: FloatArray
+) -> tuple[Triad, tuple[Told, ...]]:
+    """Gyroscopes at rest and in the turns between stills whose directions are known, and what they say.
+
+    `beside` is what the accelerometers say of all columns, with a run for each of `seen`, or none.
+    """
+    names = beside.factor.names
+    # within a still nothing but the noise changes: averages tell of the coefficients what all samples do
+    resting = [
+        (one, name, averaged(part), noise_by_rule(blocks_of(part), asked.rule(one.run.name), asked.sensor))
+        for one in seen
+        for name, part in zip(gyroscopes.components, rest_rows(one, gyroscopes), strict=True)
+    ]
+    factors = (whitened_factor(part, found.noise)[0] for *_, part, found in resting)
+    usual = _usual([found.noise for *_, found in resting])
+    exact = [Noise(0.0, 0.0, 0.0)] * len(seen)
+    noises = [(noise, usual) for noise in [run.noise for run in beside.runs] or exact]
+    whole = reduce(add, (widened_factor(f, names) for f in factors), beside.factor)
+    turned = _turns(seen, noises, (whole, sd), gyroscopes, asked)
+    first = names.index(gyroscopes.names[0])
+    gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
+    return gyroscopes, (
+        *(_at_rest(one, name, widened(part, names), found) for one, name, part, found in resting),
+        *map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen)),
+    )
 
 
 def _turns(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior_root
-from imubayes.inference.between_stills import TURNS, closures, directions, lasting
+from imubayes.inference.between_stills import TURNS, closures, directions, known_directions, lasting
 from imubayes.inference.case import Case
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import Stills, find_stills, lengths_of, means_of, shifts_of, times_of
@@ -204,6 +204,8 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
         times = [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
         return [judge.spread(f"{run.name} ({name})", times) for name in names]
 
+    if not (run.force.size or turned):
+        return _between_positions(run, triads, judge)
     what, found = [], []
     if run.force.size:
         what, found = ["gravity"], [_along(spreads(ACCELEROMETERS, still), still)]
@@ -213,6 +215,17 @@ def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge)
         what += ["rest", "turn"]
         found += [_side_by_side(spreads(GYROSCOPES, still)), (fitted, fresh)]
     return _collected(run.name, what, [_held(run, still, turned, those) for those in triads], found)
+
+
+def _between_positions(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
+    """Rest in positions that are known, and up from one to the next."""
+    seen = known_directions(run, judge.case.summary.extras)
+    times = times_of(run, seen.stills)
+    at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
+    turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(seen))
+    rate = means_of(run, run.rate, seen.stills)
+    values = [[those[0].compensate(rate, seen.f), closures(seen, those[0])] for those in triads]
+    return _collected(run.name, ("rest", "closure"), values, [_side_by_side(at_rest), turned])
 
 
 def _held(run: Run, still: Sequence[Section], turned: Sequence[Section], triads: Triads) -> list[FloatArray]:

@@ -236,7 +236,7 @@ class RunTable:
         " known. `free-tumble`: held in many positions by hand, only gravity is known; an accelerometer"
         " triad or an IMU, and no other procedure in the same sensor; of gyroscopes alone, turned in many"
         " positions at known rates. `ferraris`: known positions and turns"
-        " of an IMU or of its gyroscopes alone, or known positions of an accelerometer triad",
+        " of an IMU or of its gyroscopes alone, or known positions of a triad",
         "centrifuge",
     )
     file: Text | None = key(
