@@ -20,11 +20,15 @@ from imubayes.inference.importance import Student, log_integral
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell, noises_at
 from imubayes.inference.mcmc.density import (
+    TAIL,
     Density,
     condition,
     conditioner,
     density_of,
     draw_conditional,
+    fit_noise,
+    independent,
+    independent_noise,
     log_joint,
     log_marginal,
     theta_of,
@@ -36,7 +40,6 @@ from imubayes.inference.mcmc.ensembles import (
     Progress,
     run_ensembles,
 )
-from imubayes.inference.mcmc.moves import TAIL, fit_noise, independent, independent_noise
 from imubayes.inference.summary import Summary
 
 Method = Literal["collapsed", "full"]

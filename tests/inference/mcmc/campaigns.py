@@ -9,8 +9,7 @@ import numpy as np
 
 import imubayes as ib
 from imubayes.inference.linear import Linear, linear_of
-from imubayes.inference.mcmc.density import Density, density_of, log_marginal
-from imubayes.inference.mcmc.moves import fit_noise
+from imubayes.inference.mcmc.density import Density, density_of, fit_noise, log_marginal
 from imubayes.inference.summary import Summary
 from imubayes.sensors.catalogue import draw_unit
 

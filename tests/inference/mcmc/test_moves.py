@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imubayes.inference.mcmc import moves
-from imubayes.inference.mcmc.moves import SAMPLE, fit_noise
+from imubayes.inference.mcmc import density as of_chains
+from imubayes.inference.mcmc.density import SAMPLE, fit_noise
 
 
 @pytest.mark.parametrize("dimensions", [3, 18])
@@ -19,7 +19,7 @@ def test_fit_ends_with_the_moments_as_soon_as_more_rounds_gain_nothing(monkeypat
         rounds.append(len(x))
         return -0.5 * np.sum(np.linalg.solve(factor, x.T) ** 2, axis=0)
 
-    monkeypatch.setattr(moves, "log_marginal", normal)
+    monkeypatch.setattr(of_chains, "log_marginal", normal)
     density = SimpleNamespace(width=np.ones(dimensions), parameters=())
     start = np.full(dimensions, 0.3)
     fit = fit_noise(density, start, np.full(dimensions, 0.5), np.random.default_rng(1))
