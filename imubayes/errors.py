@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
 
@@ -75,17 +75,22 @@ class ConvergenceError(ImubayesError):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A key of a file, by its dotted path (``sensor[0].run[1].file``)."""
+    """A key of a file, by its dotted path (``sensor[0].run[1].file``).
+
+    `called` are paths that the file has under another name, where one table is read as another.
+    """
 
     file: str
     key: str = ""
+    called: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def at(self, *keys: str | int) -> Place:
         """Go to a key of the table here, or to an entry of the list here, and so on."""
         path = self.key
         for key in keys:
             path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
-        return Place(self.file, path)
+            path = self.called.get(path, path)
+        return Place(self.file, path, self.called)
 
     def error(self, text: str) -> StudyError:
         """Give the error that says `text` of this place."""

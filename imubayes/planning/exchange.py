@@ -30,6 +30,7 @@ from imubayes.planning.menu import (
     Signal,
     Step,
     Steps,
+    added,
     duration,
     pauses,
     root,
@@ -313,30 +314,13 @@ def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: 
         where = np.flatnonzero([step.menu == k for step in new])
         few = [step for step in new if step.menu == k]
         part = [step for step in steps if step.menu == k]
-        made = [_added(one, problem.menus[k], part, few) for one in problem.menus[k].signals]
+        made = [added(one, problem.menus[k], part, few) for one in problem.menus[k].signals]
         seen = np.concatenate([rows for rows, _ in made], axis=1) @ S
         noise = np.concatenate([variance for _, variance in made], axis=1)
         K = seen @ np.swapaxes(seen, 1, 2)
         K += noise[:, :, None] * np.eye(noise.shape[1])
         promised[where] = problem.aim.size(G @ G.T - _within(K, seen @ G.T))
     return promised
-
-
-def _added(
-    signal: Signal, menu: Menu, part: Sequence[Step], new: Sequence[Step]
-) -> tuple[FloatArray, FloatArray]:
-    """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
-    before = part[-1:] if signal.ends is not None else []
-    settings = np.array([[*(one.setting for one in before), step.setting] for step in new])
-    rows = signal.X[signal.places(settings)]
-    alone = {dwell: _alone(menu, signal, dwell) for dwell in {step.dwell for step in new}}
-    variance = np.array([alone[step.dwell] for step in new])
-    return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
-
-
-def _alone(menu: Menu, signal: Signal, dwell: float) -> float:
-    """Variance of a dwell's mean, or of a turn's, given that of a dwell before it."""
-    return float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
 
 
 def _within(K: FloatArray, moved: FloatArray) -> FloatArray:
@@ -360,7 +344,8 @@ def _promised(
         rows = np.argsort(~changed, axis=1, kind="stable")[:, :width]
         d = signal.X[np.take_along_axis(will, rows, axis=1)] - signal.X[was[rows]]
         U.append(np.concatenate(((P @ signal.X[was])[rows], d), axis=1) @ S)
-        K.append(_turned_over(P[rows[:, :, None], rows[:, None, :]]))
+        unit = np.broadcast_to(np.eye(width), (len(new), width, width))
+        K.append(np.block([[-P[rows[:, :, None], rows[:, None, :]], unit], [unit, np.zeros_like(unit)]]))
     table, G = np.concatenate(U, axis=1), problem.aim.G @ S
     whole, done = table @ np.swapaxes(table, 1, 2), 0
     for J in K:
@@ -373,12 +358,6 @@ def _inverse(menu: Menu, signal: Signal, part: Sequence[Step]) -> FloatArray:
     """Inverse covariance P (n, n) of a signal's rows in a run."""
     W = whitening(menu, signal, part)
     return W.T @ W
-
-
-def _turned_over(P: FloatArray) -> FloatArray:
-    """Inverse (k, 2 w, 2 w) of J, from the inverse covariances (k, w, w) of the rows that change."""
-    unit = np.broadcast_to(np.eye(P.shape[1]), P.shape)
-    return np.block([[-P, unit], [unit, np.zeros_like(P)]])
 
 
 def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:

@@ -263,6 +263,23 @@ def _root(noise: Noise, interval: float, rows: Rows) -> FloatArray:
     return whiten(noise, rows, np.eye(len(t)), mattering(noise, Rows(ends, np.full(2, interval))))[0]
 
 
+def added(
+    signal: Signal, menu: Menu, part: Sequence[Step], new: Sequence[Step]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
+    before = part[-1:] if signal.ends is not None else []
+    settings = np.array([[*(one.setting for one in before), step.setting] for step in new])
+    rows = signal.X[signal.places(settings)]
+    alone = {dwell: _alone(menu, signal, dwell) for dwell in {step.dwell for step in new}}
+    variance = np.array([alone[step.dwell] for step in new])
+    return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
+
+
+def _alone(menu: Menu, signal: Signal, dwell: float) -> float:
+    """Variance of a dwell's mean, or of a turn's, given that of a dwell before it."""
+    return float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
+
+
 def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:
     """Root S (c, c) of the posterior covariance ``S S'`` after the steps, in units of the prior."""
     rows = [whitened(problem.menus[k], part) for k, part in runs_of(steps)]

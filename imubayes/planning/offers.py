@@ -28,7 +28,7 @@ from imubayes.campaign.preparation import (
 )
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.errors import StudyError
+from imubayes.errors import Place, StudyError
 from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
@@ -150,10 +150,11 @@ class Bench:
 def bench_columns(study: PlanStudy) -> Bench:
     """Columns of everything that could be done, and what is known already."""
     given = [dict(offer.spec.simulate or {}) for offer in study.offers]
-    plans = tuple(
-        replace(menu_of(PROFILES[str(one.pop("profile"))], one), name=offer.spec.name)
-        for offer, one in zip(study.offers, given, strict=True)
-    )
+    plans = list[Plan]()
+    for k, (offer, one) in enumerate(zip(study.offers, given, strict=True)):
+        with Place(str(study.path)).at("plan", "run", k, "candidates").blamed():
+            menu = menu_of(PROFILES[str(one.pop("profile"))], one)
+        plans.append(replace(menu, name=offer.spec.name))
     done, ready = _done(study)
     made = _in_hand if study.offers[0].spec.procedure == FREE_TUMBLE else _on_bench
     signals, sd, extras = made(study, plans)
@@ -171,7 +172,7 @@ def bench_columns(study: PlanStudy) -> Bench:
     if ready:
         f = ready.summary.factor
         known = _spread(f.R[:-1, :-1], f.names, names) * sd
-    return Bench(names, sd, p, known, menus, plans, done)
+    return Bench(names, sd, p, known, menus, tuple(plans), done)
 
 
 Told = tuple[Signal, tuple[str, ...]]

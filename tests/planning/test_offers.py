@@ -191,7 +191,11 @@ def test_plan_in_the_hand_is_told_by_attitudes_and_needs_what_a_hand_can_tell(tm
     ("old", "new", "match"),
     [
         ('["3 s"]', '["3 s", "1 s"]', r"plan\.run\[0\]\.dwell: .* expected 2 s or more, came 1 s"),
-        ("attitudes = 18", "attitudes = 7", "expected 6, 18, 26"),
+        ('"2 s"', '"0 s"', r"plan\.run\[0\]\.settle: is the time of a turn"),
+        ('"100 Hz"', '"2 Hz"', r"plan\.run\[0\]\.rate: is too slow to tell stills"),
+        ('"imu"', '"gyroscope"', r"plan\.run\[0\]\.procedure: is planned with accelerometers"),
+        ("attitudes = 18", "attitudes = 7", r"plan\.run\[0\]\.candidates: .* expected 6, 18, 26"),
+        ("attitudes = 18", "attitude = 18", r"plan\.run\[0\]\.candidates\.attitude: .* 'attitudes'"),
         ("units = 2", 'needed = ["b9"]', r"plan\.needed\[0\]: 'b9' is not a term"),
         ("units = 2", 'aim = "scene"', r"plan\.aim: a plan for several components"),
         ("free-tumble", "oscillation", "'oscillation' cannot be planned"),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from imubayes.campaign.preparation import libraries_of
 from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.inference.stills import SHORTEST, WINDOW
+from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
 from imubayes.planning.menu import Handling
 from imubayes.planning.offers import Offer, PlanStudy, named
 from imubayes.rig.recordings import CASES, FREE_TUMBLE
@@ -95,17 +96,21 @@ def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
         )
     offers = tuple(shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run))
     raw = _with_offers(tables, offers, here)
-    spec = sensor_spec(raw, path.parent, place.at("sensor", 0), catalogue=own)
+    done, called = len(raw["run"]) - len(offers), dict[str, str]()
+    for k in range(len(offers)):
+        called[f"sensor[0].run[{done + k}]"] = f"plan.run[{k}]"
+        called[f"plan.run[{k}].simulate"] = f"plan.run[{k}].candidates"
+    spec = sensor_spec(raw, path.parent, replace(place, called=called).at("sensor", 0), catalogue=own)
     _check(spec, table, offers, place)
-    done, of = _parted(spec, len(spec.runs) - len(offers))
+    before, offered = _parted(spec, done)
     return PlanStudy(
         title=header.title or path.stem,
         seed=header.seed,
-        spec=done,
-        offered=of,
+        spec=before,
+        offered=offered,
         offers=tuple(
             Offer(run, offer.dwell, offer.rate, _handling(offer, imu=spec.gyroscope is not None))
-            for run, offer in zip(of.runs, offers, strict=True)
+            for run, offer in zip(offered.runs, offers, strict=True)
         ),
         time=table.time,
         aim=table.aim,
@@ -137,6 +142,7 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
     """Table of the sensor with what is offered as further runs: they are checked alike."""
     if not offers:
         raise here.at("run").error("there is none: expected at least one [[plan.run]] table")
+    raw = tables.sensor[0]
     for k, offer in enumerate(offers):
         place = here.at("run", k)
         if offer.procedure not in PLANNED:
@@ -146,19 +152,34 @@ def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place)
             )
         if not offer.dwell:
             raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
-        if offer.procedure == FREE_TUMBLE and min(offer.dwell) < WINDOW + SHORTEST:
-            raise place.at("dwell").error(
-                f"a still of {SHORTEST:g} s is told from motion by a window of {WINDOW:g} s beside it:"
-                f" expected {WINDOW + SHORTEST:g} s or more, came {min(offer.dwell):g} s"
-            )
+        if offer.procedure == FREE_TUMBLE:
+            _check_hand(offer, raw, place)
         for name in ("dwell", "rate", "settle", "ramp", "steps"):
             if name in offer.candidates:
                 raise place.at("candidates", name).error("is for a run, not its candidates: leave it out")
-    raw = tables.sensor[0]
     runs = [
         {"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates} for offer in offers
     ]
     return {**raw, "run": [*raw.get("run", []), *runs]}
+
+
+def _check_hand(offer: OfferTable, sensor: Mapping[str, Any], place: Place) -> None:
+    """Refuse what is no test in the hand, or has no stills that are found."""
+    if sensor.get("kind") == "gyroscope":
+        raise place.at("procedure").error(
+            'is planned with accelerometers: expected kind = "accelerometer" or "imu", or another procedure'
+        )
+    if min(offer.dwell) < WINDOW + SHORTEST:
+        raise place.at("dwell").error(
+            f"a still of {SHORTEST:g} s is told from motion by a window of {WINDOW:g} s beside it:"
+            f" expected {WINDOW + SHORTEST:g} s or more, came {min(offer.dwell):g} s"
+        )
+    if not offer.settle > 0.0:
+        raise place.at("settle").error('is the time of a turn: expected more than 0 s, such as "2 s"')
+    if offer.rate * WINDOW < FEWEST_IN_WINDOW:
+        raise place.at("rate").error(
+            f"is too slow to tell stills from turns: expected {FEWEST_IN_WINDOW / WINDOW:g} Hz or more"
+        )
 
 
 def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], place: Place) -> None:

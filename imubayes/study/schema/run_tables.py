@@ -51,6 +51,10 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
     """Check one run of a sensor, with paths relative to the study's folder."""
     run = shaped(RunTable, raw, place)
     turntable = run.procedure == FREE_TUMBLE and kind == "gyroscope" and not imu
+    if turntable and run.simulate is not None:
+        raise place.at("procedure").error(
+            'is simulated with accelerometers: expected kind = "accelerometer" or "imu", or another procedure'
+        )
     _check_imu(run, place, imu=imu, turntable=turntable)
     if (run.file is None) == (run.simulate is None):
         raise place.error(
