@@ -122,7 +122,7 @@ def could_change(term: PopulationTerm) -> bool:
     # of the units that tell, what most of them say
     told, needed = [term.units - lot.open for lot in term.lots], [lot.needed for lot in term.lots]
     most = needed if answer == NEEDED else [n - k for n, k in zip(told, needed, strict=True)]
-    return term.hidden.high >= HALF or over_lots(most, told).low < HALF
+    return term.hidden.high >= HALF or over_lots(tuple(most), tuple(told)).low < HALF
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -130,7 +131,8 @@ def _limit(
     return high
 
 
-def over_lots(counts: Sequence[int], units: int | Sequence[int]) -> Share:
+@cache
+def over_lots(counts: tuple[int, ...], units: int | tuple[int, ...]) -> Share:
     """Share of the units of a class by how many of them it is in each lot, with a 90 % interval.
 
     `units` are those of each lot, a number for all or for each.
@@ -140,7 +142,7 @@ def over_lots(counts: Sequence[int], units: int | Sequence[int]) -> Share:
 
     Examples
     --------
-    >>> alike, apart = over_lots([8, 8, 8], 16), over_lots([0, 8, 16], 16)
+    >>> alike, apart = over_lots((8, 8, 8), 16), over_lots((0, 8, 16), 16)
     >>> alike.value == apart.value, apart.low < alike.low
     (True, True)
     """

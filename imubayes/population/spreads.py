@@ -111,11 +111,11 @@ class PopulationTerm:
 
     @property
     def needed(self) -> Share:  # noqa: D102 - above
-        return over_lots([lot.needed for lot in self.lots], self.units)
+        return over_lots(tuple(lot.needed for lot in self.lots), self.units)
 
     @property
     def hidden(self) -> Share:  # noqa: D102 - above
-        return over_lots([lot.open for lot in self.lots], self.units)
+        return over_lots(tuple(lot.open for lot in self.lots), self.units)
 
     @property
     def open(self) -> float:  # noqa: D102 - above

@@ -74,6 +74,6 @@ def test_share_of_a_class_is_as_unsure_as_its_lots_differ():
         share, correlation = rng.random(2)
         more = 1.0 / correlation - 1.0
         lots = rng.beta(share * more, (1.0 - share) * more, 3)
-        found = over_lots(rng.binomial(8, lots).tolist(), 8)
+        found = over_lots(tuple(rng.binomial(8, lots).tolist()), 8)
         held.append(found.low <= share <= found.high)
     assert binomtest(sum(held), len(held), 0.9).pvalue > 0.005
