@@ -10,21 +10,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from celerite2 import driver
-from numba.core import config
 
 from imubayes.inference.linear import Rows
-from imubayes.inference.prior import ScalePrior
-from imubayes.inference.summary import Summary, summarize
+from imubayes.inference.summary import summarize
 from imubayes.inference.whiten import mattering, states_of
 from imubayes.rig.inputs import Inputs, Run
-from imubayes.selection.enumerate import enumerate_models
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import columns, library
 
 pytestmark = pytest.mark.benchmark
 
-CANDIDATES = 20
-NANOSECONDS_A_MODEL = 60.0
 ROWS = 1_000_000
 TIMES_CELERITE = 3.0
 LIB = library("accelerometer", powers=3, asymmetry=0, set="extended")
@@ -47,35 +42,6 @@ def _shortest(call: Callable[[], object], times: int = 3) -> float:
         call()
         seconds.append(time.perf_counter() - start)
     return min(seconds)
-
-
-def _noise_alone(p: int) -> Summary:
-    """White noise on p random columns: no model stands out, so that none is cheap."""
-    rng = np.random.default_rng(2)
-    return Summary.from_arrays(rng.normal(size=(500, p)), rng.normal(size=500), [f"x{j}" for j in range(p)])
-
-
-@pytest.fixture
-def threads(monkeypatch):
-    """Fix the threads of the enumeration, and compile it."""
-
-    def at_most(number: int) -> None:
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", number)
-        enumerate_models(_noise_alone(12), ScalePrior(1.0))
-
-    return at_most
-
-
-def test_a_model_of_2_to_the_20_takes_at_most_60_nanoseconds_on_one_thread(benchmark, measured, threads):
-    threads(1)
-    s = _noise_alone(CANDIDATES)
-    found = benchmark.pedantic(
-        enumerate_models, args=(s, ScalePrior(1.0)), kwargs={"scale": 1.0}, rounds=5, warmup_rounds=1
-    )
-    assert found.n_models == 2**CANDIDATES
-    nanoseconds = benchmark.stats.stats.min * 1e9 / 2**CANDIDATES
-    measured("nanoseconds a model, with moments and the best", round(nanoseconds, 1))
-    assert nanoseconds <= NANOSECONDS_A_MODEL
 
 
 def _peer(run: Run) -> Callable[[], None]:

@@ -65,13 +65,6 @@ def test_rows_are_those_of_the_component_s_own_runs(problem):
         np.testing.assert_array_equal(rows.columns(3, 9), case.rows[k].columns(3, 9)[:, where])
 
 
-def test_a_component_of_all_runs_has_nothing_elsewhere(problem):
-    case, sd = problem
-    every = range(len(case.rows))
-    own = apart(case.summary, sd, case.rows, every, ["ax.b0"])
-    assert own.known is None and own.summary.names == case.summary.names
-
-
 def test_what_an_elimination_rounds_is_no_row(problem):
     """Nine rows of a large column that the component does not have say two things of its own three."""
     case, _ = problem

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from imubayes.rig.motion import onward, rotation, rotation_vectors
+from imubayes.rig.motion import onward, rotation
 
 T = np.linspace(0.0, 2.0, 201)
 
@@ -37,13 +37,3 @@ def test_direction_follows_its_differential_equation_to_the_fourth_order():
     # rates between two samples are taken as linear: what they curve shifts the steps by the second order
     assert fine < coarse / 3.5
     assert fine < 2.0 * 0.02**2
-
-
-def test_turns_compose():
-    whole = onward(T, tumbling(T))
-    steps = rotation(-rotation_vectors(T, tumbling(T)))
-    one_by_one = np.eye(3)
-    for k in range(len(steps) - 1, 49, -1):
-        one_by_one = one_by_one @ steps[k]
-    np.testing.assert_allclose(whole[50], one_by_one, rtol=0.0, atol=1e-13)
-    np.testing.assert_array_equal(whole[-1], np.eye(3))

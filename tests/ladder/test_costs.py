@@ -36,16 +36,6 @@ def test_chosen_rung_is_the_best_that_fits(budget):
     assert all(later > budget for later in seconds[chosen + 1 :])
 
 
-def test_rows_that_are_read_again_cost_as_often_as_they_are_read():
-    """5.2 million rows on 15 terms: one pass for a single noise, thirty where it is averaged over."""
-    long = Size(rows=5_200_000, columns=15, candidates=12, runs=1, streamed=5_200_000)
-    once, often = (foreseen(name, long, REFERENCE) for name in ("plug-in", "averaged"))
-    assert once < 5.0
-    assert often > 20.0 * once
-    assert within(5.0, long, REFERENCE) == "plug-in"
-    assert within(1e9, long, REFERENCE) == "full"
-
-
 def test_machine_is_measured_once(monkeypatch):
     first = calibrate()
     monkeypatch.setattr("imubayes.ladder.costs.measured_speeds", lambda: pytest.fail("was kept"))

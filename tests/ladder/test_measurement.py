@@ -8,28 +8,15 @@ from trades import SHORT, problem, told
 
 from imubayes.algebra.factor import posterior
 from imubayes.ladder.costs import STATUS
-from imubayes.ladder.problem import change, ground_of
+from imubayes.ladder.problem import ground_of
 from imubayes.ladder.rungs import stand
-from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
+from imubayes.ladder.trade.measurement import best_of, measured_of, monte_carlo
 
 
 @pytest.fixture(scope="module")
 def answers():
     ground = ground_of(problem(), np.random.default_rng(2), lambda message: None, SHORT)
     return {name: stand(name, ground) for name in ("means", "sparse", "plug-in", "averaged", "collapsed")}
-
-
-def test_what_is_kept_of_an_answer_is_what_it_says(answers):
-    for rung, answer in answers.items():
-        told = measured_of(answer, 100.0, np.random.default_rng(1))
-        assert told.rung == rung
-        assert told.verdicts == tuple(term.verdict for term in answer.selection.terms)
-        # draws of the posterior have its mean: four standard errors
-        error = 4.0 * told.draws.std(axis=0) / np.sqrt(len(told.draws))
-        sure = [name for name, p in zip(told.names, told.inclusion, strict=True) if p > 0.999]
-        for name in sure:
-            j = told.names.index(name)
-            assert abs(told.draws[:, j].mean() - told.mean[j]) < error[j] + 1e-12
 
 
 def _with(answer, **posterior):
@@ -54,16 +41,6 @@ def test_chains_that_fall_short_want_more_time(answers):
     short = measured_of(_with(answers["collapsed"], converged=False), asked, np.random.default_rng(1))
     assert short.wanting >= 10.0
     assert short.whole_seconds == pytest.approx(short.seconds + (short.wanting - 1.0) * short.chain_seconds)
-
-
-def test_the_largest_difference_is_what_the_ladder_calls_a_change(answers):
-    below, best = answers["sparse"], answers["plug-in"]
-    one, other = (measured_of(answer, 100.0, np.random.default_rng(1)) for answer in (below, best))
-    got = difference(one, replace(other, verdicts=("needed",) * len(other.names)), {}, {})
-    assert (got.largest, got.inclusion) == pytest.approx(change(below, best), rel=1e-12)
-    # of terms that the runs do not excite nothing counts
-    got = difference(one, replace(other, verdicts=("untested",) * len(other.names)), {}, {})
-    assert got.largest == got.inclusion == 0.0
 
 
 def test_chains_that_are_too_short_are_held_against_others_and_not_others_against_them():

@@ -80,13 +80,6 @@ def test_what_a_log_at_rest_hides_is_told_by_turning_the_sensor_over_where_that_
     assert not {"b1", "m_j", "m_k"} & set(both.partners("b0"))
 
 
-def test_a_force_that_is_constant_and_not_gravity_is_not_called_gravity():
-    seen, summary = observed("accelerometer", "mems_tactical", [ib.centrifuge([5.0], rate=1.0)])
-    assert summary.facts.force == pytest.approx(9.80665 * np.sqrt(26.0))
-    reasons = {group.reason for group in seen.groups if set(SPHERE) <= set(group.terms)}
-    assert reasons == {"|f| is the same in every row"}
-
-
 def test_rotation_in_one_direction_cannot_tell_a_power_from_its_asymmetry():
     seen, summary = observed(
         "gyroscope", "mems_tactical", [ib.rate_table(RATES[1:5], mounts=1, rate=1.0, latitude=None)]
@@ -98,15 +91,6 @@ def test_rotation_in_one_direction_cannot_tell_a_power_from_its_asymmetry():
         assert group.reason == "w_i never changes sign"
         assert group.remedy == "a run with the rotation reversed would separate them"
     assert {"m_j", "m_k", "c_ij", "c_jj"} <= untested(seen)
-
-
-def test_aligned_positions_see_no_cross_terms_and_one_level():
-    seen, _ = observed("accelerometer", "mems_tactical", [ib.tumble(angles=4, planes=3, rate=1.0)])
-    assert {"c_ij", "c_ik", "c_jk"} <= untested(seen)
-    assert set(seen.partners("b3")) == {"b1", "b0p", "b2p"}  # at f_i = 0, +-g all odd functions are one
-    assert set(seen.partners("b1p")) == {"b0", "b2", "c_jj", "c_kk"}
-    assert np.all(np.isnan(seen.vif[~seen.tested]))
-    assert np.all(seen.ratio[~seen.tested] == 1.0)
 
 
 def test_tumble_and_centrifuge_together_hide_nothing_exactly():

@@ -126,20 +126,6 @@ def test_unit_that_is_added_before_the_others_is_the_only_one_that_is_done(tmp_p
     assert result.answer.worst == fresh.answer.worst
 
 
-def test_study_that_is_begun_anew_and_interrupted_loses_nothing(tmp_path):
-    study, out = recorded(tmp_path), tmp_path / "out"
-    measure(study, out, here())
-    before = _times(out)
-
-    def stop(message: str) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        measure(study, out, here(), progress=stop)
-    assert _times(out) == before
-    assert measure(study, out, here(), resume=True).resumed == 5
-
-
 def test_recordings_in_the_folder_of_the_results_are_refused_before_any_is_touched(tmp_path):
     study = recorded(tmp_path)
     before = {file: file.read_bytes() for file in tmp_path.rglob("*.csv")}

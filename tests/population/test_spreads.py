@@ -154,19 +154,6 @@ def test_pulls_are_covariances_over_the_priors_sds():
         np.testing.assert_allclose(found[name], cov[[2, 0], k] / prior[k], rtol=1e-9)
 
 
-@pytest.mark.parametrize("factor", [1e6, 1e-7])
-def test_unit_of_the_numbers_changes_the_spreads_by_itself(factor):
-    one = drawn(np.random.default_rng(8), (0.1, 0.5, 0.2))
-    other = Likelihoods(factor * one.value, factor * one.noise, factor * one.alias)
-    a, b = spreads([one], SIZE), spreads([other], factor * SIZE)
-    for name in ("mean", "unit", "turn_on", "own", "common", "next_unit"):
-        x, y = getattr(a, name), getattr(b, name)
-        assert (y.value / factor, y.low / factor, y.high / factor) == pytest.approx(
-            (x.value, x.low, x.high), rel=1e-6
-        )
-    assert a.common_share.value == pytest.approx(b.common_share.value, rel=1e-6)
-
-
 def test_one_session_leaves_turn_on_in_the_spread_of_the_units():
     rng = np.random.default_rng(11)
     one = drawn(rng, (0.3, 0.4, 0.0), units=200, sessions=1)

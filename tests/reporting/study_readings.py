@@ -347,6 +347,7 @@ READINGS = readings(
         rf" (?:not )?white, p (?:= )?{P}(?:, (\d+) blocks? stands? out by up to ({NUM}) sd)?\)": _misfit,
         rf"(?:below p|p above) ({NUM})": lambda s, m: [s["residuals"][0]["level"]],
         r"Drawn below: the (?:run|\d+ runs) of (\d+) that fits? worst": lambda s, m: [len(s["residuals"])],
+        rf"importance sampling, largest k ({NUM})": lambda s, m: [s["criteria"]["loo"]["pareto_k"]],
         r"to leave (\d+) digits? of every coefficient, .*?, (\d+) of every sd and (\d+) of the inclusions":
             lambda s, m: [s["digits"][key] for key in ("coefficients", "sd", "inclusion")],
         rf"(?:Residual over noise|over time, rms) ({NUM}); (?:(\d+) blocks?|nothing)": _run_title,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from results_found import sampled_result, sensor_result, study_result
 
-from imubayes.reporting.posterior import LARGEST, SUFFIXES, variable_names, write_posterior, written_draws
+from imubayes.reporting.posterior import LARGEST, variable_names, write_posterior, written_draws
 
 
 @pytest.fixture
@@ -87,12 +87,6 @@ def test_components_of_any_shape_share_one_file_cut_to_the_smallest(tmp_path, ar
     assert {"A_full", "B_full", "C"} <= set(posterior.data_vars) and "C_full" not in posterior.data_vars
     # a thinned chain reaches from its first draw to its last
     np.testing.assert_array_equal(posterior["A_full"].values[:, -1], one.chains.theta[:3, -1])
-
-
-def test_no_name_of_a_component_is_a_variable_of_another() -> None:
-    study = study_result(*(sensor_result(name) for name in ("A", "A_full", "chain", "A_2", "A")))
-    derived = [name + suffix for name in variable_names(study) for suffix in SUFFIXES]
-    assert len(set(derived)) == len(derived) and not set(derived) & {"chain", "draw", "noise"}
 
 
 def test_file_of_many_components_keeps_fewer_draws_and_stays_small(tmp_path) -> None:

@@ -153,6 +153,9 @@ TRADE = (
                 lambda r, m: _held(r, r["recommended"]),
             rf"([\w-]+) \(({TIME})\): a coefficient is off by ({NUM}) posterior sd":
                 _of_rung("whole_seconds", "largest"),
+            rf"([\w-]+) \(({TIME})\): an inclusion is off by ({NUM})": _of_rung("whole_seconds", "inclusion"),
+            rf"([\w-]+) \(({TIME})\): its 90 % intervals hold only ({PERCENT}) of the truths":
+                lambda r, m: [None, _rung(r, m[1])["whole_seconds"], _held(r, m[1])[0]],
             rf"From [\w-]+ \(({TIME})\) to [\w-]+ \(({TIME})\) time grows by ({NUM}) decades"
             rf"(?: \(({NUM}) measured\))?; coefficients of the cheapest are off by ({NUM}) posterior sd at"
             rf" most, ({NUM}) rms": _decades,

@@ -117,26 +117,6 @@ def test_rank_of_tumbles_is_what_trigonometry_allows():
     assert ranks == [4, 9, 13, 14]
 
 
-def test_full_centrifuge_and_tumble_separate_every_term_but_angular_acceleration():
-    lib = library("accelerometer")
-    steady = centrifuge([1, 5, 20], **SHORT)
-    assert _rank(lib, steady, without=("s",)) == 17
-    assert _rank(lib, tumble(**SHORT), steady, without=("s",)) == 17
-
-
-def test_centrifuge_with_recorded_ramps_separates_all_terms_of_either_set():
-    plans = tumble(**SHORT), centrifuge([1, 5, 20], ramp=True)
-    assert _rank(library("accelerometer"), *plans) == 20
-    assert _rank(library("accelerometer", set="extended"), *plans) == 23
-
-
-def test_nine_mounts_of_a_rate_table_separate_the_gyroscope_terms():
-    plan = rate_table([-5.0, -2.0, -0.5, 0.0, 0.5, 2.0, 5.0], **SHORT)
-    assert _rank(library("gyroscope"), plan) == 17
-    # |f| = g in every row: the bias and the trace of S_f are one
-    assert _rank(library("gyroscope", set="extended"), plan) == 22
-
-
 def _steady(plan: Plan) -> np.ndarray:
     return ~_vectors(plan, "dw").any(axis=1)
 

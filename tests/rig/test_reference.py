@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imubayes.errors import DataError, UnobservableError
+from imubayes.errors import UnobservableError
 from imubayes.rig.bench import refuse_idle
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
@@ -120,14 +120,6 @@ def test_an_error_that_moves_no_run_is_refused_with_the_run_that_it_needs(kind, 
     with pytest.raises(UnobservableError, match=needs) as caught:
         refuse_idle(runs, ["gravity", kind])
     assert caught.value.terms == (kind,)
-
-
-@pytest.mark.parametrize("kind", ["gravity", "table_zero", "plane_zero", "fixture", "fixture_common"])
-def test_an_error_of_what_no_file_tells_is_refused(kind):
-    t = np.arange(9.0)
-    nothing = Plan("log", "tumble", Inputs(t, {"T": 290.0 + t}, 1.0))
-    with pytest.raises((UnobservableError, DataError), match=r"a force or a rate|do not turn in one plane"):
-        refuse_idle([nothing], [kind])
 
 
 def test_every_kind_of_error_shows_in_runs_that_tell_their_inputs():

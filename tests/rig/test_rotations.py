@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import InputError
-from imubayes.rig.bench import true_inputs
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.rotations import oscillation, rate_table
@@ -114,17 +113,6 @@ def test_a_table_whose_steps_come_in_another_order_is_turned_by_what_came_before
     north = Rotation.from_rotvec([-angle, 0.0, 0.0]).apply([0.0, 1.0, 0.0])
     expected = EARTH_RATE * (math.sin(0.6) * np.array([1.0, 0.0, 0.0]) + math.cos(0.6) * north)
     np.testing.assert_allclose(rest, np.tile(expected, (4, 1)), atol=1e-12)
-
-
-def test_rate_off_by_a_share_is_an_oscillation_of_that_much_more_amplitude():
-    options = {"dwell": 2.0, "radius": 0.05, "latitude": None, "mounts": 9}
-    said = oscillation([1.0, 4.0], amplitude=0.1, **options)
-    done = oscillation([1.0, 4.0], amplitude=0.1 * 1.002, **options)
-    true = true_inputs(said, {"rate_scale.oscillation": 0.002}).channels
-    assert true.keys() >= done.inputs.channels.keys()
-    for name, values in done.inputs.channels.items():
-        # where the table turns back, below a mrad/s, the axis is that of dw: exact all the same
-        np.testing.assert_allclose(true[name], values, atol=1e-11 * np.abs(values).max(), err_msg=name)
 
 
 @pytest.mark.parametrize(

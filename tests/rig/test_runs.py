@@ -17,7 +17,7 @@ from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import simulate, simulate_runs
 from imubayes.rig.thermal import temperature_rate
-from imubayes.rig.tumbles import static, tumble
+from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 
@@ -59,13 +59,6 @@ def test_written_run_reads_back_to_the_last_bit(kind, plan, tmp_path):
     assert not any("Earth's rate" in note for note in back.source.notes)
     # the median of differences of times of some 100 s
     assert back.inputs.interval == pytest.approx(run.inputs.interval, rel=1e-11)
-
-
-def test_a_run_of_one_mounting_is_written_and_read_without_a_column_of_mounts(tmp_path):
-    (run,) = simulate(sensor("mems_tactical", kind="accelerometer"), [static(9.0, 1.0)], seed=3)
-    write_run(run, tmp_path / "run.csv", kind="accelerometer")
-    assert "mount" not in (tmp_path / "run.csv").read_text(encoding="utf-8")
-    assert read_run(RunSpec("a", "static", tmp_path / "run.csv"), "accelerometer").inputs.mount is None
 
 
 def test_mounts_are_found_under_the_name_that_the_study_gives(tmp_path):

@@ -205,13 +205,6 @@ def test_a_damaged_line_of_a_text_is_named(damage, tmp_path):
     assert part == whole
 
 
-def test_an_output_that_never_changes_is_refused_as_in_memory(tmp_path):
-    table = recording()
-    table["output [m/s^2]"] = np.full(N, 2.0)
-    whole, part = messages(parquet(table, tmp_path))
-    assert part == whole
-
-
 def test_the_rate_of_a_recorded_temperature_is_that_of_the_whole_run(tmp_path):
     table = recording()
     t = table["t [s]"]
@@ -232,17 +225,6 @@ def test_another_process_reads_the_same_rows(tmp_path):
     for part, other in zip(run.stream.parts("reading"), sent.stream.parts("reading"), strict=True):
         np.testing.assert_array_equal(part.t, other.t)
         np.testing.assert_array_equal(part.output, other.output)
-
-
-@pytest.mark.parametrize("written", [parquet, text, hdf5])
-@pytest.mark.parametrize("streamed", [True, False])
-def test_run_that_is_beyond_the_range_everywhere_is_refused(written, tmp_path, monkeypatch, streamed):
-    table = recording()
-    table["output [m/s^2]"] = np.where(table["output [m/s^2]"] > 0.0, 0.01, -0.01)
-    if not streamed:
-        monkeypatch.setattr(streams, "STREAMED", 10**9)
-    with pytest.raises(DataError, match=r"only 2 values, within 0\.02 m/s\^2, while its input moves by"):
-        read_run(RunSpec("log", "other", written(table, tmp_path)), "accelerometer")
 
 
 @pytest.mark.parametrize("written", [parquet, text, hdf5])

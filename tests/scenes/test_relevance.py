@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import combinations
-from types import SimpleNamespace
 
 import navigator
 import numpy as np
@@ -15,7 +14,7 @@ from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, noise_growth, propagation
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.record import Scene, in_case, recorded
-from imubayes.scenes.relevance import QUADRANTS, exposure, known, relevance, weigh, weigh_case
+from imubayes.scenes.relevance import QUADRANTS, exposure, relevance, weigh, weigh_case
 from imubayes.scenes.smallest import Knowledge, Weighed, smallest_model
 from imubayes.scenes.trajectories import drawn, generated
 from imubayes.sensors.noise import Noise
@@ -110,18 +109,6 @@ def test_what_is_left_is_what_draws_leave_after_compensation_with_the_means(flow
     assert found.left_out_rms == pytest.approx(np.sqrt(np.mean(left_out)), rel=1e-6)
 
 
-def test_model_is_smallest_on_its_path_and_the_path_tells_the_error_of_each_size(flown) -> None:
-    found, _, _, budget, _ = flown
-    sizes = [count for count, _, error in found.path if error <= budget.limit]
-    assert len(found.model) == min(sizes) and 0 < len(found.model) < P
-    assert [count for count, _, _ in found.path] == list(range(P, -1, -1))
-    dropped = {name for count, name, _ in found.path[1:] if count >= len(found.model)}
-    assert dropped == set(LIB.names) - set(found.model)
-    by_count = {count: error for count, _, error in found.path}
-    assert found.left[1] <= by_count[len(found.model)] <= budget.limit
-    assert by_count[P] == pytest.approx(found.calibrated[1])
-
-
 def test_calibrated_error_is_the_propagated_covariance() -> None:
     """One row: J (theta - m) is normal with variance J Sigma J', so half of it lies within 0.6745 sd."""
     rng = np.random.default_rng(5)
@@ -152,17 +139,6 @@ def test_a_static_bench_needs_one_constant_where_three_terms_do_the_same() -> No
     theta = certain(coefficients(b0=0.01, b1=1e-3, b2=1e-4))
     found = relevance(bench, LIB, theta, Budget("output", 1e-3), axis="z")
     assert found.model == ("b0",) and found.left[1] < 1e-9 and found.uncompensated[0] > 0.02
-
-
-def test_inclusion_and_share_make_four_quadrants() -> None:
-    theta = coefficients(b0=0.01, b1=1e-9)
-    inclusion, limits = np.zeros(P), np.zeros(P)
-    inclusion[:2] = 1.0
-    limits[LIB.names.index("b2")], limits[LIB.names.index("b3")] = 1e-4, 1e-12
-    knowledge = Knowledge(theta[None, :], inclusion, limits)
-    found = relevance(desk(), LIB, knowledge, Budget("position", 10.0))
-    by_name = {term.name: term.quadrant for term in found.terms}
-    assert [by_name[name] for name in ("b0", "b1", "b2", "b3")] == list(QUADRANTS)
 
 
 def test_share_is_averaged_over_models() -> None:
@@ -215,12 +191,6 @@ def test_log_that_is_shorter_than_its_mission_is_said_to_hold_its_temperature() 
         assert ("temperature stays as it is there" in notes_of(log, Budget("attitude", 1.0))) is said
     ship = generated(scene_named("marine"), np.random.default_rng(1))
     assert "temperature stays" not in notes_of(ship, Budget("attitude", 1.0))
-
-
-def test_knowledge_is_taken_from_a_decision() -> None:
-    terms = [SimpleNamespace(inclusion=0.9, limit95=3.0), SimpleNamespace(inclusion=0.1, limit95=1.0)]
-    found = known(SimpleNamespace(terms=terms), np.zeros((4, 2)))
-    assert found.inclusion.tolist() == [0.9, 0.1] and found.limit95.tolist() == [3.0, 1.0]
 
 
 def test_knowledge_of_another_library_is_refused() -> None:

@@ -34,15 +34,6 @@ def test_mean_of_every_power_is_the_integral_over_the_normal_density(level) -> N
             assert value == pytest.approx(direct, rel=1e-8, abs=1e-8)
 
 
-def test_rectification_of_the_square_is_the_variance_and_products_of_axes_have_none() -> None:
-    lib = library("accelerometer", set="extended", temperature=0)
-    rms = 5.0
-    rectified = dict(zip(lib.names, (mean_columns(lib, still(), rms) - mean_columns(lib, still(), 0.0))[0]))  # noqa: B905
-    assert [rectified[name] for name in ("b2", "c_jj", "c_kk")] == pytest.approx([rms**2] * 3)
-    assert rectified["b3"] == pytest.approx(3.0 * LEVELS["f_i"] * rms**2)
-    assert all(abs(rectified[name]) < 1e-12 for name in ("b0", "b1", "m_j", "c_ij", "c_ik", "c_jk", "S_ij"))
-
-
 def burst(rms, band, seconds, rng):
     """Channels of a still case whose force vibrates, flat within the band and nothing outside."""
     n, step = round(4.0 * band[1] * seconds), 0.25 / band[1]

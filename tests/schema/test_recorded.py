@@ -106,13 +106,6 @@ def test_truth_is_what_the_runs_were_made_of(study, tmp_path):
     assert truth["G"] == simulate_sensor(study.sensors[1], study.seed, 1)[1]
 
 
-def test_sensors_of_a_study_are_independent_draws(study):
-    gyro = study.sensors[1]
-    first, second = (simulate_sensor(gyro, study.seed, k)[1] for k in (0, 1))
-    assert first.keys() == second.keys()
-    assert not set(first.values()) & set(second.values())
-
-
 _SCALARS = st.one_of(
     st.booleans(),
     st.integers(-(2**63), 2**63 - 1),

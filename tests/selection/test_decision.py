@@ -14,8 +14,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary, summarize
 from imubayes.selection.decision import WIDTHS, select
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.sensors.catalogue import typical_noise
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.noise import NoiseRule
 
 CLASSES = ("mems_industrial", "mems_tactical")
 SPHERE = ("b0", "b2", "c_jj", "c_kk")
@@ -217,34 +216,6 @@ def test_gyro_bias_at_one_g_is_needed_when_large_and_never_given_to_its_g_square
     assert needed(selection) == ({"b0", "b1", "g_j"} if size else {"b1", "g_j"})
     assert all(terms[name].verdict in ("inseparable", "not needed") for name in hidden[1:])
     assert abs(terms["b0"].mean - truth["b0"]) < 4.0 * terms["b0"].sd
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_white_noise_treatment_keeps_false_terms_that_the_estimated_noise_does_not(seed):
-    """Why noise is coloured from the first day: the same rows, whitened and not.
-
-    Drift of three times the class's typical B and K, well inside its range.
-    """
-    sd, options = typical("mems_industrial"), {"powers": 3, "asymmetry": 1}
-    truth = {"b0": 3.0 * sd["b0"], "b1": sd["b1"], "b2": sd["b2"], "m_j": sd["m_j"]}
-    usual = typical_noise(ib.sensor("mems_industrial", kind="accelerometer"))
-    drifting = Noise(usual.N, 3.0 * usual.B, 3.0 * usual.K)
-    white, coloured = (
-        chosen(
-            "mems_industrial",
-            ["tumble", "centrifuge"],
-            truth,
-            seed,
-            rule=rule,
-            noise=drifting,
-            options=options,
-        )
-        for rule in ("white", "estimate")
-    )
-    assert needed(coloured) == set(truth)
-    assert_within_four_sd(coloured, truth)
-    assert len(needed(white) - set(truth)) >= 2
-    assert max(abs(t.full_mean - truth.get(t.name, 0.0)) / t.full_sd for t in white.terms) > 6.0
 
 
 def test_plain_arrays_have_no_verdicts():

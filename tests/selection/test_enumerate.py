@@ -13,7 +13,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import null_space
 from scipy.special import logsumexp
 
-from imubayes.errors import TermError, UnobservableError
+from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import enumerate_models
@@ -245,20 +245,60 @@ def test_with_everything_forced_one_model_is_left_with_its_least_squares():
     np.testing.assert_allclose(found.sd, fit.sd * math.sqrt(fit.dof / (fit.dof - 2)), rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("sd", "options", "error", "message"),
-    [
-        (1.0, {"forced": ["x"]}, TermError, "term 'x' is not in the summary"),
-        ([1.0, 2.0], {"forced": ["x0"]}, TermError, "2 sds for 26 terms"),
-        (1.0, {"forced": ["x0"], "model_prior": 0.0}, TermError, "or a probability between"),
-        (1.0, {"forced": ["x0"], "model_prior": 1.5}, TermError, "or a probability between"),
-    ],
-)
-def test_what_cannot_be_enumerated_is_refused_before_any_work(sd, options, error, message):
+REFUSED = {
+    "'x0' is there twice, expected each term once": (TermError, [
+        {"always": ["x0", "x0"]}, {"forced": ["x0", "x0"]}, {"forced": ["x0"], "always": ["x0"]}
+    ]),
+    "expected the sd of the noise, positive and finite": (
+        InputError, [{"scale": scale} for scale in (0.0, -1.0, math.nan, math.inf)]
+    ),
+    "in the units of the response, whose norm": (InputError, [{"scale": scale} for scale in (1e-320, 1e200)]),
+    "scale_limit = .*: expected more than 1": (
+        InputError, [{"scale_limit": limit} for limit in (-1.0, 0.0, 0.5, 1.0, math.nan)]
+    ),
+    "x0 needs x1 needs x0: expected an end": (TermError, [{"needs": [("x0", "x1"), ("x1", "x0")]}]),
+    "x0 needs x0: expected an end": (TermError, [{"needs": [("x0", "x0")]}]),
+    "'x0' has two parents, expected one": (TermError, [{"needs": [("x0", "x1"), ("x0", "x2")]}]),
+    "term 'x' is not in the summary": (TermError, [{"forced": ["x"]}]),
+    "2 sds for 27 terms": (TermError, [{"sd": [1.0, 2.0]}]),
+    "or a probability between": (TermError, [{"model_prior": 0.0}, {"model_prior": 1.5}]),
+}  # fmt: skip
+"""What is said, and the options of which it is said."""
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_cannot_be_enumerated_is_refused_before_any_work(message):
     X = np.random.default_rng(0).normal(size=(60, 27))
     s = Summary.from_arrays(X, X[:, 0], [f"x{j}" for j in range(27)])
-    with pytest.raises(error, match=message):
-        enumerate_models(s, ScalePrior(sd), **options)
+    error, every = REFUSED[message]
+    for options in every:
+        with pytest.raises(error, match=message):
+            enumerate_models(s, ScalePrior(options.pop("sd", 1.0)), **options)
+
+
+def test_a_need_that_is_told_twice_counts_once():
+    s = Summary.from_arrays(*_problem()[:2], NAMES[:4])
+    once, twice = (enumerate_models(s, ScalePrior(1.0), needs=[("b", "a")] * times) for times in (1, 2))
+    assert once.log_evidence == twice.log_evidence
+
+
+@pytest.mark.parametrize("prior", PRIORS, ids=PRIOR_NAMES)
+@pytest.mark.parametrize("copy", [0.0, 1.0])
+def test_forced_columns_that_depend_on_each_other_are_refused(prior, copy):
+    X, y, _ = _problem()
+    X[:, 1] = copy * X[:, 0]
+    with pytest.raises(UnobservableError, match="expected independent columns, but b is zero or") as caught:
+        enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), prior, forced=["a", "b"])
+    assert caught.value.terms == ("b",)
+
+
+def test_forced_columns_that_explain_every_row_are_refused():
+    X, y, _ = _problem()
+    with pytest.raises(UnobservableError, match="2 rows for 2 forced columns leave nothing"):
+        enumerate_models(Summary.from_arrays(X[:2], y[:2], NAMES[:4]), ScalePrior(1.0), forced=["a", "b"])
+    whole = Summary.from_arrays(X, 0.0 * y, NAMES[:4])
+    with pytest.raises(UnobservableError, match="fit the response exactly"):
+        enumerate_models(whole, HyperG(3.0), forced=["a"], scale=1.0)
 
 
 @pytest.mark.parametrize("prior", PRIORS[1:], ids=PRIOR_NAMES[1:])

@@ -109,18 +109,6 @@ def test_bound_is_never_below_what_is_missing(kind, p, seed, log_tolerance, hier
     assert missing <= np.logaddexp(found.log_missing + 1e-9, np.logaddexp.reduce(found.log_joint) - 34.0)
 
 
-def test_bound_holds_where_the_search_is_stopped_at_once():
-    problem = _problem("correlated", 14, seed=3)
-    found = search(*problem, _beta_binomial(14), most=40, effort=1.0, rng=np.random.default_rng(1))
-    exact = _enumerated(problem, ())
-    total = np.logaddexp.reduce(exact)
-    exact[_masks(found.inside)] = -math.inf
-    assert not found.certified
-    assert len(found.log_joint) <= 40
-    assert np.logaddexp.reduce(exact) <= found.log_missing
-    assert np.exp(found.log_joint - total).sum() <= 1.0
-
-
 def test_circular_needs_and_too_many_candidates_are_refused():
     problem = _problem("random", 5, seed=1)
     with pytest.raises(TermError, match="circle"):

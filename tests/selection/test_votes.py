@@ -1,7 +1,6 @@
 """Methods beside the decision, and why they differ: cases that were made to have one cause."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,13 +82,6 @@ def test_every_method_has_its_row_and_every_tested_term_its_column():
     assert set(reasons(told)) == {(names[1], "aic"), (names[2], "bic"), (names[0], "stlsq")}
 
 
-def test_methods_of_one_mind_have_no_disagreement():
-    X, y = orthogonal([20.0, 0.0])
-    selection, widths = decided(X, y, 100.0)
-    kept = selection.models.candidates.names[:1]
-    assert votes(selection, [criterion("bic", kept, selection)], [], widths).disagreements == ()
-
-
 def test_a_method_that_says_nothing_of_a_term_has_no_vote_on_it():
     X, y = orthogonal([20.0, 0.0])
     X = np.column_stack((X, X[:, 0]))
@@ -137,15 +129,6 @@ def test_where_the_prior_width_decides_it_is_the_cause():
     assert cause == "prior width"
     usual = widths.inclusion[2:-2, 1]
     assert f"from {usual.min():.2f} to {usual.max():.2f}" in text
-
-
-def test_a_g_prior_differs_by_its_width_alone():
-    """Its width goes with the noise: beside one strong term it is far wider than a narrow physical prior."""
-    X, y = orthogonal([300.0, 2.2])
-    selection, widths = decided(X, y, [1000.0, 4.0])
-    name = selection.models.candidates.names[1]
-    assert selection.terms[1].inclusion > 0.5 > widths.g_prior[1]
-    assert reasons(votes(selection, [], [], widths))[name, "g-prior"][0] == "prior width"
 
 
 def test_a_penalty_that_draws_another_line_is_sample_size_with_both_lines():
@@ -206,19 +189,6 @@ def test_an_unresolved_term_that_a_method_keeps_is_told_with_what_the_data_leave
     assert "the data leave 96 % of the prior's sd" in text and "1.5 sd from zero" in text
 
 
-def test_what_all_others_say_is_said_of_all_of_them():
-    X, y = orthogonal([20.0, 8.0])
-    selection, widths = decided(X, y, 100.0)
-    kept, dropped = selection.models.candidates.names
-    others = [criterion("loo", (kept,), selection), criterion("waic", (kept,), selection)]
-    silent = replace(widths, g_prior=np.full(2, math.nan))
-    (told,) = votes(selection, others, [], silent).disagreements
-    assert told.methods == ("loo", "waic")
-    assert told.text.startswith(f"every other method drops {dropped}: ")
-    both = votes(selection, others, [], widths).disagreements  # the g-prior keeps it
-    assert both[0].text.startswith(f"loo and waic drop {dropped}: ")
-
-
 @pytest.mark.parametrize(
     ("name", "deviance"),
     [
@@ -234,8 +204,3 @@ def test_the_line_of_a_criterion_is_the_root_of_what_one_more_term_costs(name, d
     n, kept, p = 150.0, 5, 12
     c = Criterion(name, (), 0.0, 0.0, {}, 1, True, n, math.nan)
     assert line_of(c, kept, p) ** 2 == pytest.approx(deviance(n, kept + 2) - deviance(n, kept + 1), rel=1e-9)
-
-
-def test_a_predictive_score_has_no_line():
-    c = Criterion("loo", (), 0.0, 0.0, {}, 1, True, math.nan, math.nan)
-    assert math.isnan(line_of(c, 3, 5))

@@ -96,17 +96,6 @@ def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, s
     assert np.max(apart) < 3.0 * cheap["choice"]["next"]["change_sd"] + 0.3
 
 
-@pytest.mark.parametrize("rung", ["means", "sparse", "averaged"])
-def test_a_rung_that_is_asked_for_by_name_has_the_whole_report(command, study, rung):
-    result, report, shown = _run(command, study, "--method", rung)
-    (sensor,) = result["sensors"]
-    assert sensor["method"] == rung and sensor["choice"] is None
-    assert f"--method {rung}" in result["provenance"]["command"]
-    assert sensor["residuals"]
-    for text in (shown, " ".join(report.split())):
-        assert f"because the method {rung} was asked for" in text
-
-
 def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_all(command, tmp_path):
     path = tmp_path / "imu.toml"
     path.write_text(IMU)

@@ -88,13 +88,6 @@ def test_budget_of_one_kind_is_for_its_sensors_only_and_others_for_all():
     assert [name for name, _ in required([everyone], both)] == ["A", "G"]
 
 
-def test_noise_is_that_of_the_longest_run():
-    ((_, found),) = required([MISSION], [(SPEC, [_component()])])
-    assert "noise as in run 'long'" in found.notes
-    # white noise averaged over one second
-    assert found.noise[0] == pytest.approx(0.25, rel=1e-12)
-
-
 def test_term_that_the_test_cannot_tell_is_not_there_whatever_its_inclusion():
     for verdict, quadrant in (("needed", "there and matters"), ("untested", "not shown, could matter")):
         ((_, found),) = required([MISSION], [(SPEC, [_component(verdict=verdict)])])

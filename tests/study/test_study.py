@@ -153,19 +153,6 @@ def test_chains_and_averaged_components_are_one_posterior():
         assert theta[:, k].std() == pytest.approx(term.full_sd, rel=0.15), term.name
 
 
-def test_unfinished_chains_give_the_estimate_so_far_and_go_on_when_resumed(tmp_path):
-    stopped = small(method="full", ess=200.0, time_limit=1e-3, checkpoints=tmp_path)
-    first = method.run(stopped).sensors[0].chains
-    assert not first.diagnostics.converged
-    assert np.isfinite(first.theta).all()
-    again = small(method="full", ess=200.0, checkpoints=tmp_path, resume=True)
-    resumed = method.run(again).sensors[0].chains
-    assert resumed.diagnostics.converged
-    assert resumed.diagnostics.seconds > first.diagnostics.seconds
-    whole = method.run(small(method="full", ess=200.0)).sensors[0].chains
-    np.testing.assert_array_equal(resumed.theta, whole.theta)
-
-
 def test_distrusted_run_leaves_its_noise_and_its_bench_errors_behind(monkeypatch):
     """Every dwell of the centrifuge is spoilt; the tumble was to have its noise, and the arm its radius."""
     arm = {"profile": "centrifuge", "levels": [1.0, 5.0], "dwell": 10.0, "rate": 1.0}

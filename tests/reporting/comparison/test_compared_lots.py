@@ -13,10 +13,9 @@ from published_found import FILE, a_result, a_sensor, a_term
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE, Share
 from imubayes.reporting.comparison.differences import LEVEL, fisher
-from imubayes.reporting.comparison.lots import lots_compared, lots_record, unit_of_term
+from imubayes.reporting.comparison.lots import lots_compared, lots_record
 from imubayes.reporting.comparison.units import predictive_sd, units_compared
 from imubayes.reporting.lots_page import published_lots
-from imubayes.sensors.terms import library
 
 TERMS = 10
 
@@ -73,13 +72,6 @@ def test_what_cannot_be_compared_is_refused():
         _compared(*(replace(result, classes=some) for some in (result.classes[:1], result.classes[1:])))
     with pytest.raises(InputError, match="A gyroscopes, B accelerometers"):
         _compared(result, replace(result, study=replace(result.study, kind="accelerometer")))
-
-
-def test_every_term_that_a_library_can_have_is_printed_in_its_own_unit():
-    lib = library(
-        "gyroscope", powers=5, asymmetry=3, set="extended", temperature=2, temperature_of=("b0", "c_ij")
-    )
-    assert all(unit_of_term(term.name, "gyroscope")[0] == term.printed for term in lib.terms)
 
 
 def _interval(value, low, high):

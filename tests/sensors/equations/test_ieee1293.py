@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.sensors.equations.ieee1293 import STANDARD, Accelerometer, output, to_general
-from imubayes.sensors.terms import library
+from imubayes.sensors.equations.ieee1293 import Accelerometer, output, to_general
 
 
 def _at(p, **inputs):
@@ -61,9 +60,3 @@ def test_tumble_in_the_plane_of_input_and_pendulous_axis_has_the_published_harmo
     expected_cos = [2.0 * (1e-2 + 1.75e-3), 1.0 + 1.5e-3, 1.25e-3, 5e-4]
     np.testing.assert_allclose(spectrum.real[:4], expected_cos, rtol=1e-12)
     np.testing.assert_allclose(-spectrum.imag[1:4], [4e-3, 3.5e-4, 0.0], rtol=1e-11, atol=1e-15)
-
-
-def test_slide_terms_without_a_place_in_the_standard_are_the_documented_five():
-    lib = library("accelerometer", powers=4, asymmetry=3)
-    assert STANDARD.general_only(lib) == ("b3p", "S_ik", "S_jk", "s_i", "s_j")
-    assert STANDARD.standard_only == ("eps (noise)",)

@@ -5,7 +5,6 @@ import pytest
 
 from imubayes.sensors.equations import ieee952
 from imubayes.sensors.equations.ieee1431 import STANDARD, VibratoryGyro, from_general, indicated, to_general
-from imubayes.sensors.equations.mapping import place
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, library
 
 
@@ -26,12 +25,6 @@ def test_bias_by_temperature_holds_the_heated_gain_of_the_bias():
     theta = to_general(VibratoryGyro(eps_K=1.0, eps_T=0.5, D_F=4.0, D_T=3.0))
     assert (theta["b0*T"], theta["b0*T2"]) == (8.0, 1.5)
     assert from_general(theta).D_T == 3.0
-
-
-def test_terms_that_a_small_library_lacks_are_named():
-    lib = library("gyroscope", set="extended", temperature=1)
-    placed = place(to_general(VibratoryGyro(eps_T=1e-4, a_Y=1e-3, D_T=1e-6)), lib)
-    assert placed.absent == {"b0*T2": pytest.approx(1e-10), "m_j*T": pytest.approx(1e-7)}
 
 
 def test_terms_that_follow_from_the_others_are_not_counted_as_missing_in_the_standard():

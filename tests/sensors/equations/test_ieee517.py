@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from imubayes.sensors.equations.ieee517 import STANDARD, RateIntegratingGyro, drift, indicated, to_general
-from imubayes.sensors.terms import library
+from imubayes.sensors.equations.ieee517 import RateIntegratingGyro, drift, indicated, to_general
 
 
 def test_drift_is_the_quadratic_form_of_the_acceleration():
@@ -32,10 +31,3 @@ def test_trap_angle_about_the_spin_axis_has_the_minus_sign():
     rate = indicated(RateIntegratingGyro(a_S=1e-3), {"w_k": np.array([1.0])}, 1)[0]
     assert rate == pytest.approx(-1e-3, rel=1e-15)
     assert to_general(RateIntegratingGyro(a_S=1e-3))["m_k"] == -1e-3
-
-
-def test_slide_set_lacks_what_the_standard_adds_and_the_reverse():
-    slide = library("gyroscope", powers=2, asymmetry=0)
-    missing = {symbol.term for symbol in STANDARD.symbols} - set(slide.names)
-    assert missing == {"g_i", "g_j", "g_k", "S_ii", "S_jj", "S_kk", "s_k"}
-    assert STANDARD.general_only(slide) == ("b2", "b0p", "c_ik", "c_jj", "c_jk", "c_kk")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.sensors.equations.ieee952 import STANDARD, FiberOpticGyro, indicated, sensed, to_general
+from imubayes.sensors.equations.ieee952 import FiberOpticGyro, indicated, sensed, to_general
 from imubayes.sensors.equations.mapping import place
 from imubayes.sensors.terms import columns, library
 
@@ -63,14 +63,6 @@ def test_own_rate_expansion_is_exact_to_the_third_power():
     left = [_left(p, {"w_i": np.array([rate])}, 1) for rate in (0.4, 0.2, 0.1)]
     # the fifth power over the fourth is about eps_2 w / (2 eps_1) = 1e-2 at the largest rate
     np.testing.assert_allclose(np.array(left[:-1]) / left[1:], 16.0, rtol=0.01)
-
-
-def test_slide_terms_without_a_place_in_the_standard():
-    lib = library("gyroscope", powers=3, asymmetry=2)
-    crossed = ("c_ij", "c_ik", "c_jj", "c_jk", "c_kk", "S_ij", "S_ik", "S_jk")
-    assert STANDARD.general_only(lib) == ("b0p", "b2p", *crossed)
-    gradient = ("D_gradTdot,i", "D_gradTdot,j", "D_gradTdot,k")
-    assert STANDARD.standard_only == (*gradient, "D_RN", "D_RB", "D_RK", "D_RR", "D_Q")
 
 
 def test_temperature_gradient_enters_as_a_scalar_product():
