@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.linalg import inv, solve
 
-from imubayes.algebra.factor import add
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.whiten import effective_samples, marginal_variance, samples_of, whiten
 from imubayes.inference.whitened import whitened_factor
@@ -55,11 +54,3 @@ def test_marginal_variance_is_the_diagonal_of_the_covariance_that_whitens():
     # whitening the identity gives the inverse of the covariance's root
     lower = inv(whiten(NOISE, rows, np.eye(5))[0])
     assert marginal_variance(NOISE, rows) == pytest.approx(np.sum(lower**2, axis=1), rel=1e-10)
-
-
-def test_samples_of_two_like_runs_are_twice_those_of_one():
-    n = 200
-    rows = _rows(n, np.sin(np.arange(n) / 40.0))
-    f = whitened_factor(rows, NOISE)[0]
-    one = effective_samples(f, [rows], [NOISE])
-    assert effective_samples(add(f, f), [rows, rows], [NOISE, NOISE]) == pytest.approx(2.0 * one, rel=1e-12)

@@ -75,6 +75,14 @@ def test_scale_is_one_at_the_noise_floor_and_two_at_twice_the_noise():
     assert usual.fits and not double.fits
 
 
+def test_what_a_fit_took_is_taken_from_the_degrees_of_freedom():
+    noise, plan = Noise(6e-4, 0.0, 0.0), ib.tumble(angles=8, planes=3, dwell=1.0, rate=2.0)
+    runs = (ib.simulate(INDUSTRIAL, [plan], seed=k, truth=TRUTH, noise=noise)[0] for k in range(30))
+    squares = [checked(run, rule=NoiseRule("fixed", noise)).scale ** 2 for run in runs]
+    # 48 samples, of which the fit takes 14
+    assert np.mean(squares) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / (34 * 30)))
+
+
 @pytest.mark.parametrize("rule", [ESTIMATED, NoiseRule("fixed", COLOURED)], ids=["estimated", "known"])
 @pytest.mark.parametrize("missing", [{"b3": 2e-5}, {"b2p": 2e-4}, {"c_jk": 2e-4}], ids=str)
 def test_a_strong_term_that_the_library_lacks_is_told(missing, rule):

@@ -5,8 +5,8 @@ from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
 from imubayes.inference.mcmc.chains import at_noise, noises_at
-from imubayes.ladder.averaged import averaged, peak_of, plug_in, weighted
-from imubayes.ladder.problem import decided, prepared
+from imubayes.ladder.averaged import peak_of, weighted
+from imubayes.ladder.problem import prepared
 from imubayes.sensors.noise import Noise, NoiseRule
 
 
@@ -41,15 +41,6 @@ def test_evidence_and_noise_are_those_of_a_quadrature_over_the_noise():
     error = 1.0 / np.sqrt(drawn.count)
     assert abs(drawn.log_evidence - evidence) < 4.0 * error
     assert abs(drawn.weight @ np.log(drawn.noises[:, 0, 0]) - mean) < 4.0 * error * sd
-
-
-def test_known_noise_leaves_nothing_to_average():
-    g = ground(problem(dwell=4.0, rule=NoiseRule("fixed", Noise(6e-4, 2e-4, 1e-6))))
-    found, drawn = averaged(g), weighted(g)
-    assert len(found.noises) == len(drawn.draws) == 1
-    np.testing.assert_allclose(drawn.draws[0].factor.R, prepared(g).summary.factor.R, rtol=1e-9, atol=1e-9)
-    # only the scale of the residuals, which plug-in takes from them, is different
-    assert decided(g, found).model == decided(g, plug_in(g)).model
 
 
 def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():

@@ -63,14 +63,6 @@ def test_single_steps_find_the_best_model_and_weigh_those_around_it_as_all_subse
     np.testing.assert_allclose(apart, apart[0], atol=1e-8)
 
 
-def test_columns_that_least_squares_cannot_tell_apart_share_their_inclusion():
-    X, y = _rows(60, 3, 3)
-    found = by_bic(factor_of(np.column_stack((X, X[:, 0] * 7.0)), y, tuple("abcd")))
-    assert abs(found.inclusion[0] - found.inclusion[3]) < 1e-9
-    assert 0.4 < found.inclusion[0] <= 0.5 + 1e-9
-    assert not any({"a", "d"} <= set(model) for model, _ in found.best)
-
-
 def test_no_model_has_more_than_half_as_many_terms_as_dwells():
     X, y = _rows(8, 7, 4)
     found = by_bic(factor_of(X, y, tuple("abcdefg")))

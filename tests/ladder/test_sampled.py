@@ -1,7 +1,7 @@
 import numpy as np
 from ladders import ground, problem
 
-from imubayes.inference.mcmc.density import condition, density_of, log_joint, theta_of
+from imubayes.inference.mcmc.density import condition, density_of, log_joint
 from imubayes.inference.mcmc.engine import Target
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import prepared
@@ -28,23 +28,6 @@ def test_log_density_of_all_rows_is_that_of_the_factor_where_the_noise_is_known(
     known = condition(density, np.empty((1, 0)))
     expected = [float(log_joint(density, known, row[None])[0]) for row in phi]
     np.testing.assert_allclose(log_density(ready, density)(phi), expected, rtol=1e-10)
-
-
-def test_log_density_of_white_rows_is_a_sum_of_normal_densities():
-    ready, density = _given(Noise(6e-4, 0.0, 0.0))
-    phi = np.random.default_rng(3).standard_normal((2, density.p))
-    rows = ready.rows[0]
-    sd = 6e-4 / np.sqrt(rows.duration)
-    theta = theta_of(density, phi)
-
-    def normal(x, spread):
-        return float(np.sum(-0.5 * (x / spread) ** 2 - np.log(spread * np.sqrt(2.0 * np.pi))))
-
-    expected = [
-        normal(rows.y - rows.columns(0, len(rows)) @ t, sd) + normal(t, ready.prior.sd) for t in theta
-    ]
-    found = log_density(ready, density)(phi) - density.coordinates.log_volume
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
 def test_log_density_of_all_rows_is_interpolated_to_what_the_chains_say():

@@ -40,10 +40,3 @@ def test_names_that_are_not_in_the_study_are_refused(lots):
     spec = problem().spec
     with pytest.raises(InputError, match="no sensor of the study is called 'x'"):
         of_study(Study("s", 1, (spec,), Path("s.toml"), ""), ["x"])
-
-
-def test_a_study_gives_its_sensors():
-    spec = problem().spec
-    found = of_study(Study("s", 1, (spec, replace(spec, id="B")), Path("s.toml"), ""), ["B"])
-    assert [one.name for one in found.subjects] == ["B"]
-    assert found.subjects[0].problem.library == spec.library

@@ -12,11 +12,9 @@ from imubayes.errors import InputError
 from imubayes.planning.exchange import (
     _promised,
     _promised_without,
-    additions,
     best_plan,
     even_plan,
     following,
-    with_step,
 )
 from imubayes.planning.menu import (
     Aim,
@@ -192,16 +190,3 @@ def test_even_plan_without_a_second_left_is_refused():
     problem = _problem([_menu(np.eye(2), handling=Handling(30.0))], "worst", 60.0)
     with pytest.raises(InputError, match="raise the time, or offer fewer settings"):
         even_plan(problem, 0)
-
-
-def test_cost_of_an_addition_is_what_it_adds_to_the_time():
-    X = np.random.default_rng(6).normal(size=(6, 2))
-    menus = [
-        _menu(X, mount=[0, 0, 1, 1, 2, 2], dwells=(5.0, 20.0), handling=Handling(2.0, 10.0, 20.0))
-        for _ in "ab"
-    ]
-    problem = _problem(menus, "worst", 1e4)
-    steps = (Step(0, 0, 5.0), Step(0, 1, 20.0), Step(0, 4, 5.0))
-    for step, cost in additions(problem, steps, 1e4):
-        added = duration(problem, with_step(problem, steps, step)) - duration(problem, steps)
-        assert cost == pytest.approx(added, abs=1e-9)

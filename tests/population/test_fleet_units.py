@@ -40,16 +40,6 @@ OSCILLATING = replace(
 )
 
 
-def test_record_does_not_depend_on_the_part_that_the_unit_is_in():
-    study = fleet(6)
-    together = part_found(study, first_part(study))
-    apart = part_found(study, parts_of(replace(study, part=1), _lot(study))[2])
-    assert [one.name for one in together] == [unit.name for unit in study.units[:3]]
-    for name in ("mean", "sd", "full_mean", "full_sd", "inclusion", "truth", "R"):
-        assert np.array_equal(getattr(together[2], name), getattr(apart[0], name)), name
-    assert (together[2].verdicts, together[2].noise) == (apart[0].verdicts, apart[0].noise)
-
-
 def _lot(study):
     return draw_lot(study.sensor_class, study.spec.library, len(study.units), np.random.default_rng([5, 0]))
 

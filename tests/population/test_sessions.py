@@ -202,7 +202,7 @@ def test_parameter_that_the_data_hardly_touch_cannot_be_told():
 
 
 def test_one_study_in_a_hundred_finds_a_change_where_sessions_differ_by_their_errors_alone():
-    rng, studies, names = np.random.default_rng(4), 100, [f"c{k}" for k in range(60)]
+    rng, studies, names = np.random.default_rng(4), 100, [f"c{k}" for k in range(12)]
     alarms = 0
     for _ in range(studies):
         found = repeatability(
@@ -210,7 +210,7 @@ def test_one_study_in_a_hundred_finds_a_change_where_sessions_differ_by_their_er
             for session in ("1", "2")
             for name in names
         )
-        assert {one.level for one in found} == {0.01 / 60}
+        assert {one.level for one in found} == {0.01 / 12}
         alarms += any(one.exceeds for one in found)
     assert alarms <= stats.binom.isf(1e-4, studies, 0.01)
 

@@ -64,16 +64,6 @@ def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):
     assert pytest.approx(np.deg2rad(0.01)) == spec.gyroscope.runs[0].noise.value.N
 
 
-def test_two_files_on_one_clock_are_one_run(tmp_path):
-    force, rate = (
-        record(tmp_path / f"{n}.csv", [c]) for n, c in zip(("both", "rate"), CHANNELS, strict=True)
-    )
-    sections = 'gyroscope_file = "rate.csv"\nsections = [{ rows = [0, 40], up = "x" }]\n'
-    (run,) = read_runs(written(tmp_path, NO_SENSOR + FERRARIS + sections))
-    np.testing.assert_allclose(run.force, force, rtol=1e-12)
-    np.testing.assert_allclose(run.rate, np.deg2rad(rate), rtol=1e-12)
-
-
 def test_two_clocks_are_refused(tmp_path):
     record(tmp_path / "both.csv", CHANNELS[:1])
     record(tmp_path / "rate.csv", CHANNELS[1:], start=0.005)

@@ -84,12 +84,6 @@ def test_error_of_the_bench_is_taken_as_printed_and_by_default_where_there_is_on
         assert _sensor(tmp_path, text).reference == {name: kind.default}
 
 
-def test_free_tumble_may_allow_for_gravity_alone(tmp_path):
-    free = RUN.replace('procedure = "tumble"', 'procedure = "free-tumble"\ngravity = "1 g"')
-    text = 'reference = { gravity = "3 ug", fixture = false }\n'
-    assert _sensor(tmp_path, HEAD + text + free).reference == pytest.approx({"gravity": 3.0 * UG}, rel=ULPS)
-
-
 def test_sessions_of_one_unit_are_told_apart(tmp_path):
     heads = [
         HEAD.replace('"A"', f'"{id}"') + f'unit = "{id[0]}"\nsession = "{id[1]}"\nrobust = true\n'

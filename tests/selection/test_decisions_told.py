@@ -179,16 +179,6 @@ def test_a_misalignment_beyond_the_doubt_in_the_fixture_is_needed():
         assert found[name].sd == pytest.approx(2.0 * ARCSEC, rel=0.1)
 
 
-@pytest.mark.parametrize(("doubt", "verdict"), [(1e-3 * 9.80665, "inseparable"), (1e-6 * 9.80665, "needed")])
-def test_a_scale_factor_is_as_sure_as_local_gravity(doubt, verdict):
-    found = verdicts([TUMBLE], {"gravity": doubt}, b1=1.2e-3, b3=0.0)
-    assert found["b1"].verdict == verdict
-    assert found["m_j"].verdict == "needed"
-    if verdict == "inseparable":
-        assert found["b1"].confounded_with == ("gravity",)
-        assert found["b1"].reason.endswith("a survey of local gravity would separate them")
-
-
 def test_width_of_the_prior_is_that_of_the_terms_and_not_of_the_bench():
     """Gravity known to 1e-3 leaves b1 that much, however wide b1's own prior is."""
     sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", powers=1)

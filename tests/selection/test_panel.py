@@ -8,7 +8,6 @@ import pytest
 import imubayes as ib
 from imubayes.selection import panel as panels
 from imubayes.selection.decision import select
-from imubayes.selection.effects import PATHS
 from imubayes.selection.panel import coloured, panel_of
 from imubayes.sensors.noise import Noise, NoiseRule
 
@@ -105,18 +104,3 @@ def test_no_failure_of_an_opinion_takes_the_others_with_it(monkeypatch, campaign
     } - {"reduced model", "coloured noise"}
     kept = {c.name: c for c in told.criteria}
     assert all(kept[c.name].model == c.model for c in panel.criteria if c.name in kept)
-
-
-def test_optimizer_that_fails_is_left_out_with_its_own_words_and_the_others_say_the_same(
-    monkeypatch, campaign, panel
-):
-    """pysindy's SSR has nothing to drop where every coefficient is zero."""
-    ssr = PATHS["ssr"]
-    monkeypatch.setitem(PATHS, "ssr", lambda A, b, strength: ssr(A, 0.0 * b, strength))
-    told = panel_of(*campaign, rng=np.random.default_rng(1), resamples=5)
-    ((method, reason),) = ((one.method, one.reason) for one in told.unasked)
-    assert method == "ssr" and reason == "ValueError, attempt to get argmin of an empty sequence"
-    others = [one for one in panel.sindy if one.optimizer != "ssr"]
-    assert [(o.optimizer, o.model, o.inclusion) for o in told.sindy] == [
-        (o.optimizer, o.model, o.inclusion) for o in others
-    ]

@@ -86,7 +86,7 @@ def test_certified_search_is_enumeration_but_for_what_it_says_is_missing(kind, p
     np.testing.assert_allclose(found.frequency, sums / total, rtol=0.0, atol=1.1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.sampled_from(KINDS), st.integers(2, 11), st.integers(0, 2**32 - 1), st.floats(-9.0, 0.0), st.booleans()
 )

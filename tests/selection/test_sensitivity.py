@@ -134,14 +134,6 @@ def test_a_term_swings_where_a_threshold_lies_between_its_inclusions():
         assert 0 < sum(expected) < 5
 
 
-def test_a_child_is_never_likelier_than_its_parent_where_it_needs_it():
-    X, y, names = made(effect=0.3)
-    told = sensitivity(factor_of(X, y, names), np.ones(5), names, needs=[("b", "a")])
-    free = sensitivity(factor_of(X, y, names), np.ones(5), names)
-    assert np.all(told.inclusion[:, 1] <= told.inclusion[:, 0] + 1e-12) and told.g_prior[1] <= told.g_prior[0]
-    assert np.any(free.inclusion[:, 1] > free.inclusion[:, 0])
-
-
 def test_many_candidates_have_three_widths_at_one_noise_scale():
     X, y, names = made(n=4000, p=21, effect=0.05)
     f, sd = factor_of(X, y, names), np.full(21, 0.05)

@@ -9,7 +9,7 @@ import pytest
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor, terms_of
 from imubayes.sensors.noise import noise_prior
-from imubayes.sensors.terms import Library, Term, library
+from imubayes.sensors.terms import Term, library
 
 G = 9.80665
 DEG = math.pi / 180.0
@@ -122,12 +122,6 @@ def test_random_units_spread_like_their_prior():
 def test_class_that_is_not_known_is_refused_with_what_is(id, kind, message):
     with pytest.raises(TermError, match=message):
         sensor(id, kind=kind)
-
-
-def test_term_of_the_other_kind_has_no_prior():
-    lib: Library = library("gyroscope", set="extended")
-    with pytest.raises(TermError, match="no term 'g_i'"):
-        prior_sd(sensor("mems_tactical", kind="accelerometer"), lib.terms[lib.names.index("g_i")])
 
 
 @every_class

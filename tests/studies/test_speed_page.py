@@ -16,7 +16,6 @@ from studies.speed.contests import Ladder, SpeedStudy
 from studies.speed.growth import fitted
 from studies.speed.measure import Found, Place, Speed
 from studies.speed.page import speed_page, speed_record
-from studies.speed.words import speed_answer
 
 SIZES = (1_000, 10_000, 100_000)
 
@@ -56,14 +55,6 @@ def made_speed() -> Speed:
 @pytest.fixture(scope="module")
 def speed() -> Speed:
     return made_speed()
-
-
-def test_answer_names_the_models_a_second_and_the_peers(speed):
-    told = speed_answer(speed)
-    assert told[0].startswith(
-        "1,048,576 models (2^20) are weighed in 10.5 ms where the noise is known, 10 ns a"
-    )
-    assert told[1] == "Least squares of <rows>: 2 ms; right 20 ms (10 times ours); wrong: far off."
 
 
 def test_page_marks_the_wrong_answer_and_names_who_was_left_out(speed):

@@ -10,7 +10,7 @@ import pytest
 from exported_results import ENDS, coefficients, entry, library_for, write_draws, write_imu
 
 from imubayes.errors import DataError, InputError
-from imubayes.reporting.export.characterized import UNLIMITED, characterized, heading
+from imubayes.reporting.export.characterized import characterized, heading
 from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
 
@@ -73,11 +73,6 @@ def test_a_test_in_the_hand_is_valid_for_an_imu_that_lies_flat(tmp_path):
     flat = signals([[0.0, 0.0, 9.81]])
     assert min(found.within.f) == pytest.approx(1.1 * 9.80665)
     np.testing.assert_allclose(compensate(found.imu, forward(found.imu, flat), found.within).f, flat.f)
-
-
-def test_an_input_on_which_no_term_depends_is_not_limited(tmp_path):
-    within = characterized(write_imu(tmp_path), model="uav-hover").within
-    assert set(within.dw) == {UNLIMITED} and within.f == (ENDS["f"],) * 3
 
 
 def test_noise_is_of_the_static_runs_where_there_are_any(tmp_path):
