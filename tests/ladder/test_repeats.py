@@ -1,9 +1,11 @@
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 from trades import SHORT, problem, told
 
 from imubayes.inference.linear import linear_of
-from imubayes.ladder.trade.components import Subject
-from imubayes.ladder.trade.repeats import answered, drawn, simulated_again
+from imubayes.ladder.trade.components import NAMES, Subject
+from imubayes.ladder.trade.repeats import FEWEST, afforded, answered, drawn, simulated_again
 from imubayes.rig.bench import true_inputs
 
 SILENT = [(0.0, 0.0, 0.0)]
@@ -54,3 +56,21 @@ def test_rungs_of_a_repeat_answer_for_the_truth_that_was_drawn():
     assert np.all(np.abs(best.full_mean - theta) < 5.0 * best.full_sd)
     # the same seed gives the same repeat
     np.testing.assert_array_equal(again.answers[1].mean, best.mean)
+
+
+SECONDS = st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=len(NAMES)).map(
+    lambda each: dict(zip(NAMES, sorted(each), strict=False))
+)
+
+
+@given(SECONDS, st.integers(0, 100), st.floats(0.0, 1e4), st.integers(1, 8))
+def test_repeats_fit_into_the_time_and_better_rungs_have_no_more_of_them(seconds, repeats, left, processes):
+    found = afforded(seconds, repeats, left, processes)
+    taken = sum(count * seconds[rung] for rung, count in found.items())
+    assert taken <= left * processes * (1.0 + 1e-9)
+    assert list(found) == list(seconds)[: len(found)]
+    numbers = list(found.values())
+    assert all(min(FEWEST, repeats) <= count <= repeats for count in numbers)
+    assert (
+        len(found) == len(seconds) or not repeats or left * processes - taken < FEWEST * max(seconds.values())
+    )

@@ -170,3 +170,10 @@ def test_results_are_not_written_among_recordings_that_a_link_leads_to(tmp_path)
     (tmp_path / "link").symlink_to(tmp_path, target_is_directory=True)
     with pytest.raises(InputError, match=r"A1: is a unit of this study"):
         make_room(tmp_path / "link", study)
+
+
+def test_part_under_another_name_is_somebodys_copy_and_is_refused(found, tmp_path):
+    publish(tmp_path, {0: _keep(tmp_path, *found)})
+    part_file(tmp_path, 0).rename(tmp_path / UNITS / "backup.parquet")
+    with pytest.raises(InputError, match=r"backup\.parquet"):
+        make_room(tmp_path, found[0])

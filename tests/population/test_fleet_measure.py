@@ -164,3 +164,17 @@ def test_unit_that_ends_its_process_is_broken_and_its_neighbours_are_not(whole, 
     assert [(one.number, one.error) for one in result.answer.broken] == [(4, ENDED)]
     usual = _rows(whole[0])
     assert _rows(tmp_path).equals(usual.filter(np.array(usual.column("number")) != 4))
+
+
+def test_study_that_is_begun_anew_and_interrupted_loses_nothing(tmp_path):
+    study, out = recorded(tmp_path), tmp_path / "out"
+    measure(study, out, here())
+    before = _times(out)
+
+    def stop(message: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measure(study, out, here(), progress=stop)
+    assert _times(out) == before
+    assert measure(study, out, here(), resume=True).resumed == 5

@@ -247,3 +247,11 @@ def test_a_recorded_rate_table_says_that_the_earths_rate_across_its_axis_is_not_
     write_run(run, tmp_path / "run.csv", kind="gyroscope")
     back = read_run(RunSpec(run.name, run.procedure, tmp_path / "run.csv"), "gyroscope")
     assert sum("Earth's rate across" in note for note in back.source.notes) == told
+
+
+def test_a_recorded_rate_of_temperature_is_taken_as_it_is(tmp_path):
+    rows = _rows(4)
+    path = _csv(tmp_path, "t [s],output [g],T [degC],dT [degC/min]", rows)
+    run = read_run(RunSpec("a", "thermal", path), "accelerometer")
+    np.testing.assert_allclose(run.inputs.channels["dT"], rows[:, 3] / 60.0, rtol=1e-15)
+    assert not any("dT/dt" in note for note in run.source.notes)

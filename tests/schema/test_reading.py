@@ -259,3 +259,9 @@ def test_quiet_logs_are_asked_for_every_process_unless_the_study_says_otherwise(
     assert _read(tmp_path, HEAD + RUN).noise.identify == "static"
     asked = _read(tmp_path, '[noise]\nidentify = "all"\ncandidates = ["B", "K"]\n' + HEAD + RUN).noise
     assert (asked.identify, asked.candidates) == ("all", ("B", "K"))
+
+
+def test_static_log_that_the_others_lean_on_is_estimated(tmp_path):
+    log = RUN.replace('"tumble"', '"log"', 1)
+    sensor = _sensor(tmp_path, HEAD + 'noise = { run = "log" }\n' + RUN + log)
+    assert [run.noise.like for run in sensor.runs] == ["log", None]

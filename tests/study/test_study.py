@@ -17,7 +17,7 @@ from imubayes.reporting.words import answer
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.selection.verdicts import TermVerdict
-from imubayes.sensors.noise import NoiseRule
+from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method
 
 QUICKSTART = Path(__file__).parents[2] / "studies" / "quickstart.toml"
@@ -233,3 +233,22 @@ def test_clipped_centrifuge_gives_the_true_coefficients_of_what_is_left(tmp_path
     assert any("arm: output is saturated at" in text for text in answer(sensor))
     (checked,) = method.check(small(recorded))
     assert "samples are left out" in checked.notes[0]
+
+
+def test_a_sensor_s_result_does_not_depend_on_those_after_it():
+    first = method.run(small()).sensors[0]
+    beside = method.run(small(spec(), spec(id="B"))).sensors
+    assert first.selection.terms == beside[0].selection.terms
+    assert numbers(beside[0].selection.terms[0]) != numbers(beside[1].selection.terms[0])
+
+
+def test_noise_rules_are_obeyed_and_named():
+    given = Noise(6e-4, 4e-4, 1e-6)
+    origins = {}
+    for rule in (NoiseRule(), NoiseRule("white"), NoiseRule("fixed", given)):
+        runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),)
+        (run,) = method.run(small(spec(runs=runs))).sensors[0].runs
+        origins[run.noise_origin] = run.noise
+    assert set(origins) == {"REML", "white", "given"}
+    assert origins["given"] == given
+    assert origins["white"].B == origins["white"].K == 0.0 < origins["white"].N

@@ -153,3 +153,8 @@ def test_components_of_other_classes_are_named_and_none_at_all_is_refused():
         _beside(other, _lot())
     with pytest.raises(InputError, match="one class-level result, came 2"):
         _beside(_unit([0.0]), _lot(), _lot())
+
+
+def test_untested_terms_are_not_compared():
+    found = _beside(_unit([99.0] * 3, verdict="untested"), _lot())
+    assert found.tests == 0 and all(term.pull is None for term in found.groups[0].terms.values())

@@ -149,3 +149,8 @@ def test_scenes_are_matched_by_name_and_by_what_is_budgeted():
     turned = replace(found, budget=replace(found.budget, quantity="attitude"))
     scenes = _compared(_scenes(found, other), _scenes(turned, other, found)).groups[0].scenes
     assert [(one.name, one.quantity) for one in scenes] == [("quadrotor", "position"), ("marine", "position")]
+
+
+def test_untested_term_is_not_compared():
+    b0 = _pair(_part(), _part() | {"terms": (a_term("b0", 99.0, 0.1, "untested"),)}).terms["b0"]
+    assert b0.pull is None and b0.divided
