@@ -42,7 +42,6 @@ from imubayes.reporting.lots_figures import (
 )
 from imubayes.reporting.lots_sentences import (
     SIMULATED,
-    basic_sentences,
     check_sentences,
     class_sentences,
     lots_answer,
@@ -206,7 +205,7 @@ def _scenes(result: LotResult) -> Section:
 def _basic(result: LotResult) -> Section:
     rows = list(_by_scene(result, "basic", lambda scene: share(scene.basic_share)))
     table = Table("What the basic triad leaves", ("scene", *_names(result)), rows)
-    said = [Prose(TRIAD), Prose(basic_sentences(result), "list"), table]
+    said = [Prose(TRIAD), table]
     return Section("What the basic triad of 12 parameters costs", said, "basic", listed="The basic triad")
 
 

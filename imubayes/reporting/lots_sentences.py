@@ -195,12 +195,9 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
 
 
 def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
-    """Say what a class needs, what its tests cannot tell, and what its scenes require."""
+    """Say what a class needs, and what its tests cannot tell."""
     needed, idle, hidden = (terms_of(found, answer) for answer in (NEEDED, NOT_NEEDED, UNTOLD))
-    always = [term.name for term in found.terms if term.needed.value >= ASKED]
     said = [f"The class needs {listed(needed) if needed else 'no term'}, {len(needed)} of {count} terms."]
-    if always:
-        said.append(f"Needed in {percent(ASKED)} of the units or more: {listed(always)}.")
     if idle:
         said.append(f"Not needed: {listed(idle)}.")
     if hidden:
@@ -214,19 +211,13 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
         f"A single unit needs {amid(found.order)} (median, and 90{NARROW}% of the units): units differ in"
         " what they need, and in what their tests tell."
     )
-    return (*said, *(_required(found, scene) for scene in found.missions))
+    return tuple(said)
 
 
 def _harmless(found: ClassFound, names: Sequence[str]) -> list[str]:
     """Which of some terms count in no scene, even at the size below which all units together hold them."""
     every = [{term.name: term.most for term in scene.terms} for scene in found.missions]
     return [name for name in names if every and all(scene[name] < MATTERS for scene in every)]
-
-
-def _required(found: ClassFound, scene: MissionFound) -> str:
-    needed, would = (terms_in(found, scene, answer) for answer in (NEEDED, WOULD_MATTER))
-    where = f"In the scene {scene_name(scene.mission)} it needs {listed(needed) if needed else 'no term'}"
-    return f"{where}; by the catalogue {listed(would)} would matter." if would else f"{where}."
 
 
 def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ...]:
@@ -249,8 +240,6 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
     if scene.within < 1.0:
         text += "; of the others the calibration alone exceeds it, and the smallest model leaves out less"
     said.append(f"Noise comes to {of_budget(scene.noise_share)}; {text}.")
-    if not math.isnan(scene.basic_share):
-        said.append(f"The basic triad leaves {of_budget(scene.basic_share)}.")
     return tuple(said)
 
 
@@ -267,21 +256,6 @@ def basic_answer(result: LotResult) -> tuple[Said, ...]:
         f" {of_budget(where.basic_share)}."
     )
     return ((text, "basic"),)
-
-
-def basic_sentences(result: LotResult) -> tuple[str, ...]:
-    """Say class by class where the triad is not enough."""
-    said = []
-    for one in result.classes:
-        short = [
-            f"{scene_name(s.mission)} ({of_budget(s.basic_share)})"
-            for s in one.missions
-            if s.basic_share > 1.0
-        ]
-        name = class_name(one.sensor_class)
-        text = f"is not enough in {listed(short)}" if short else "is enough in every scene"
-        said.append(f"{capitalised(name)}: the triad {text}.")
-    return tuple(said)
 
 
 def check_sentences(result: LotResult) -> tuple[str, ...]:

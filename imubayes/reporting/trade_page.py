@@ -261,8 +261,8 @@ def terminal_trade(found: Traded) -> Group:
 
 
 def trade_answer(found: Traded) -> tuple[str, ...]:
-    """The recommendation with its reasons, the span of the ladder, and the place of the default."""
-    return (_recommendation(found), *_cheaper(found), _span(found), *_default(found), *_best(found))
+    """The recommendation with its reasons, and the place of the default."""
+    return (_recommendation(found), *_cheaper(found), *_default(found), *_best(found))
 
 
 def _recommendation(found: Traded) -> str:
@@ -301,17 +301,6 @@ def _cheaper(found: Traded) -> Iterator[str]:
 
 def _worst(found: Traded, place: RungTotals) -> str:
     return next(faults(place, found.score(place.rung), found.floor[0]), "")
-
-
-def _span(found: Traded) -> str:
-    first, last = found.places[0], found.places[-1]
-    decades, spent = (math.log10(s / first.seconds) for s in (last.whole_seconds, last.seconds))
-    measured = f" ({spent:.1f} measured)" if spent < decades else ""
-    return (
-        f"From {first.rung} ({seconds_of(first)}) to {last.rung} ({seconds_of(last)}) time grows by"
-        f" {decades:.1f} decades{measured}; coefficients of the cheapest are off by"
-        f" {first.largest:.2g} posterior sd at most, {first.rms:.2g} rms."
-    )
 
 
 def _default(found: Traded) -> Iterator[str]:
