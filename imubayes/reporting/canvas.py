@@ -29,7 +29,6 @@ __all__ = [
     "draw",
     "few_ticks",
     "log_scale",
-    "no_ticks",
     "plain_logs",
     "sticks",
     "time_unit",
@@ -218,12 +217,6 @@ def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
 def time_unit(duration: float) -> tuple[str, float]:
     """Unit in which a duration in s is shown, and how many s it has."""
     return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
-
-
-def no_ticks(axes: Axes) -> None:
-    """Remove the ticks of y where it has no scale to read."""
-    axes.yaxis.set_major_locator(NullLocator())
-    axes.yaxis.set_minor_locator(NullLocator())
 
 
 def _broken(first: FloatArray, second: FloatArray) -> FloatArray:

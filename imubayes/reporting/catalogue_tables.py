@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from imubayes.reporting.blocks import indented, printable
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS
+from imubayes.reporting.rounding import NOISE
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
 from imubayes.sensors.equations.standards import symbols
@@ -102,7 +102,7 @@ def _kind(entry: SensorClass) -> Kind:
 
 def _glance_table(kind: Kind, entries: Sequence[SensorClass]) -> Table:
     told = [(f"{heading}\n{unit}", unit) for heading, _, unit in _GLANCE[kind]]
-    told += [(f"{name}\n{unit}", unit) for name, unit in zip("NB", NOISE_UNITS[kind], strict=False)]
+    told += [(f"{name}\n{unit}", unit) for name in "NB" for unit in NOISE[kind][name][:1]]
     headings = [heading for heading, _ in told]
     table = _plain_table("class", "technology, grade, products", *headings, numbers=headings)
     keys = [key for _, key, _ in _GLANCE[kind]]
@@ -148,7 +148,8 @@ def _prior_table(entry: SensorClass) -> Table:
         table.add_row(
             term.name, spelt[term.name], _printed(sd, term.printed, term.unit), term.printed, origin
         )
-    for name, si, unit in zip("NBK", NOISE_SI[entry.kind], NOISE_UNITS[entry.kind], strict=True):
+    for name in "NBK":
+        unit, si = NOISE[entry.kind][name]
         low, typical, high = (_printed(value, unit, si) for value in entry.noise[name])
         table.add_row(name, "noise", typical, unit, f"typical of {low} to {high}")
     return table

@@ -41,7 +41,7 @@ from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, half_up, measured, per_unit, percent, pretty
+from imubayes.reporting.rounding import half_up, measured, noise_unit, per_unit, percent, pretty
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
     from imubayes.population.fleet import FleetResult, Pull
     from imubayes.population.records import Broken
-    from imubayes.sensors.terms import Kind, Library
+    from imubayes.sensors.terms import Library
 
 
 LINE = 17
@@ -95,8 +95,8 @@ def fleet_page(result: FleetResult) -> Page:
     ]
     counts = Table("Units with each verdict", ("term", *VERDICTS), rows, "tn", "Number of units.")
     noise = [
-        (name, _noise_range(one, study.spec.kind, k))
-        for k, (name, one) in enumerate(zip("NBK", found.noise, strict=True))
+        (name, _noise_range(one, *noise_unit(name, study.spec.kind)))
+        for name, one in zip("NBK", found.noise, strict=True)
     ]
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
     return Page(
@@ -295,17 +295,13 @@ def _sd(pull: Pull) -> str:
 def pull_value(pull: Pull, lib: Library) -> str:
     """Value of a unit's term that stands out, in the unit people use."""
     terms = {term.name: (term.printed, per_unit(term.printed, term.unit)) for term in lib.terms}
-    printed, size = terms.get(pull.term) or (NOISE_UNITS[lib.kind][0], _noise_size(lib.kind, 0))
+    printed, size = terms.get(pull.term) or noise_unit("N", lib.kind)
     return plain(pull.value / size, pretty(printed))
 
 
-def _noise_size(kind: Kind, k: int) -> float:
-    return per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
-
-
-def _noise_range(found: Share, kind: Kind, k: int) -> str:
-    value, low, high = (plain(x / _noise_size(kind, k)) for x in (found.value, found.low, found.high))
-    return f"{value} ({low} to {high}) {pretty(NOISE_UNITS[kind][k])}"
+def _noise_range(found: Share, unit: str, size: float) -> str:
+    value, low, high = (plain(x / size) for x in (found.value, found.low, found.high))
+    return f"{value} ({low} to {high}) {pretty(unit)}"
 
 
 def _broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:

@@ -25,15 +25,12 @@ from imubayes.reporting.blocks import (
 from imubayes.reporting.fit_figures import allan_panel
 from imubayes.reporting.result import Allan, Process, Processes, published
 from imubayes.reporting.rounding import (
-    NOISE_SI,
-    NOISE_UNITS,
-    OUTPUT_SI,
-    OUTPUT_UNIT,
+    NOISE,
     Measured,
     below,
     in_unit,
     measured,
-    per_unit,
+    noise_unit,
     pretty,
     signed,
 )
@@ -47,13 +44,6 @@ if TYPE_CHECKING:
     from imubayes.inference.summary import RunSummary
     from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
     from imubayes.sensors.terms import Kind
-
-_FURTHER = {
-    "accelerometer": {"Q": ("m/s", "m/s"), "R": ("ug/h", "m/s^2/s")},
-    "gyroscope": {"Q": ("arcsec", "rad"), "R": ("deg/h/h", "rad/s^2")},
-}
-"""Printed unit and SI unit of quantization and ramp."""
-
 
 HEAD = ("", "process", "inclusion", "size ± sd", "unit", "by the Allan fit", "found from", "verdict")
 
@@ -75,7 +65,7 @@ GLANCE = (
     " B bias instability, K random walk, Q quantization, R ramp, G Gauss-Markov process."
 )
 
-NOISE = (
+SIZES = (
     "N is two-sided: a data sheet's one-sided noise density is √2 N. Ranges hold 90 % of the prior,"
     " centred on the class's typical value; a data sheet's bias instability is often the lowest Allan"
     " deviation, 0.664 B. A process that the data do not show has the limit that it stays below with 95"
@@ -85,23 +75,17 @@ NOISE = (
 SYMBOLS = ("N", "B", "K", "Q", "R", "G")
 
 
-def process_units(kind: Kind) -> dict[str, tuple[str, str]]:
-    """Printed unit and SI unit of each size."""
-    usual = dict(zip("NBK", zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True), strict=True))
-    return usual | _FURTHER[kind] | {"G": (OUTPUT_UNIT[kind], OUTPUT_SI[kind]), "tau": ("s", "s")}
-
-
 def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
     """N, B and K of each run; a run whose processes are told has its sizes there."""
     weighed = {found.choice.run for found in sensor.processes}
     runs = [run for run in sensor.runs if run.name not in weighed]
     if runs:
         rows = [_noise_cells(run, sensor) for run in runs]
-        units = zip("NBK", map(pretty, NOISE_UNITS[sensor.kind]), strict=True)
-        head = [text for letter, unit in units for text in (f"{letter}, {unit}", "class")]
+        units = [(name, pretty(NOISE[sensor.kind][name][0])) for name in "NBK"]
+        head = [text for name, unit in units for text in (f"{name}, {unit}", "class")]
         yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
     if drawn:
-        yield Prose(NOISE, "note")
+        yield Prose(SIZES, "note")
     yield from process_blocks(sensor, key, drawn=drawn)
 
 
@@ -109,12 +93,10 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
     """N, B and K of a run, each with the class's range that holds 90 % where there is a class."""
     known = [""] * 3
     if run.noise_prior:
-        units = zip(NOISE_UNITS[sensor.kind], NOISE_SI[sensor.kind], strict=True)
+        sizes = [noise_unit(name, sensor.kind)[1] for name in "NBK"]
         known = [
-            " to ".join(
-                str(measured(median * math.exp(z * sd) / per_unit(*unit), 0.0)) for z in (-SIDE, SIDE)
-            )
-            for (median, sd), unit in zip(run.noise_prior, units, strict=True)
+            " to ".join(str(measured(median * math.exp(z * sd) / size, 0.0)) for z in (-SIDE, SIDE))
+            for (median, sd), size in zip(run.noise_prior, sizes, strict=True)
         ]
     cells = noise_cells(run, sensor.kind, sensor.chains)
     sizes = [f"{'below ' if limit else ''}{signed(cell)}" for cell, limit in cells]
@@ -208,13 +190,12 @@ _WORDS = {
 
 
 def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:
-    kind, units = sensor.kind, process_units(sensor.kind)
+    kind = sensor.kind
     for size in decided_sizes(found.choice, sensor):
         is_tau = size.name == "tau"
         if is_tau and not found.choice.noise.G > 0.0:
             continue
-        unit, si = units[size.name]
-        scale = per_unit(unit, si)
+        unit, scale = noise_unit(size.name, kind)
         shown = size.verdict == "needed" or is_tau
         limit, seen = (signed(below(x / scale, unit)) for x in (size.limit95, size.detection_limit))
         yield (
@@ -230,8 +211,7 @@ def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]
 
 
 def _size(size: ProcessSize, kind: Kind) -> Measured:
-    unit, si = process_units(kind)[size.name]
-    scale = per_unit(unit, si)
+    unit, scale = noise_unit(size.name, kind)
     return measured(size.mean / scale, size.sd / scale, unit)
 
 
@@ -249,7 +229,7 @@ def published_processes(sensor: SensorResult) -> dict[str, Processes]:
 
 
 def _published(found: NoiseFound, kind: Kind) -> Processes:
-    choice, fit, units = found.choice, found.fit, process_units(kind)
+    choice, fit, units = found.choice, found.fit, NOISE[kind]
     by_name = {
         size.name: published(Process, size, printed_unit=units[size.name][0], unit=units[size.name][1])
         for size in choice.sizes

@@ -26,7 +26,7 @@ import numpy as np
 
 import imubayes
 from imubayes.algebra.arrays import FloatArray
-from imubayes.reporting.rounding import NOISE_SI, OUTPUT_SI
+from imubayes.reporting.rounding import NOISE, OUTPUT_SI
 
 if TYPE_CHECKING:
     import xarray
@@ -147,7 +147,7 @@ def _variables(group: str, sensor: SensorResult, layout: Layout) -> Iterator[Var
         what = "coefficients under the full library, and what else moves the output"
         units = _units(zip(chains.names, chains.units, strict=True))
         yield "_full", (*DRAWN, "_column"), full[0], what, units
-        units = _units(zip("NBK", NOISE_SI[sensor.kind], strict=True))
+        units = _units((name, NOISE[sensor.kind][name][1]) for name in "NBK")
         yield "_noise", (*DRAWN, "_run", "noise"), full[1], "noise N, B, K by run", units
 
 
@@ -192,7 +192,7 @@ def _coordinates(name: str, sensor: SensorResult, dimensions: set[str]) -> dict[
             f"{name}_column_unit": (f"{name}_column", list(chains.units)),
             f"{name}_run": list(chains.runs),
             "noise": list("NBK"),
-            f"{name}_noise_unit": ("noise", list(NOISE_SI[sensor.kind])),
+            f"{name}_noise_unit": ("noise", [NOISE[sensor.kind][name][1] for name in "NBK"]),
             dwell: np.arange(len(chains.dwells)),
             f"{dwell}_run": (dwell, list(run)),
             f"{dwell}_start": (dwell, np.array(start, dtype=float), {"units": "s"}),

@@ -322,16 +322,33 @@ OUTPUT_UNIT: dict[Kind, str] = {"accelerometer": "ug", "gyroscope": "deg/h"}
 
 OUTPUT_SI: dict[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
-NOISE_UNITS: dict[Kind, tuple[str, str, str]] = {
-    "accelerometer": ("ug/sqrt(Hz)", "ug", "ug/sqrt(s)"),
-    "gyroscope": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
+NOISE: dict[Kind, dict[str, tuple[str, str]]] = {
+    "accelerometer": {
+        "N": ("ug/sqrt(Hz)", "m/s^2/sqrt(Hz)"),
+        "B": ("ug", "m/s^2"),
+        "K": ("ug/sqrt(s)", "m/s^2/sqrt(s)"),
+        "Q": ("m/s", "m/s"),
+        "R": ("ug/h", "m/s^2/s"),
+        "G": ("ug", "m/s^2"),
+        "tau": ("s", "s"),
+    },
+    "gyroscope": {
+        "N": ("deg/sqrt(h)", "rad/s/sqrt(Hz)"),
+        "B": ("deg/h", "rad/s"),
+        "K": ("deg/h/sqrt(h)", "rad/s/sqrt(s)"),
+        "Q": ("arcsec", "rad"),
+        "R": ("deg/h/h", "rad/s^2"),
+        "G": ("deg/h", "rad/s"),
+        "tau": ("s", "s"),
+    },
 }
-"""Data-sheet units of N, B, K."""
+"""Data-sheet unit and SI unit of the size of each noise process, and of the time constant of G."""
 
-NOISE_SI: dict[Kind, tuple[str, str, str]] = {
-    "accelerometer": ("m/s^2/sqrt(Hz)", "m/s^2", "m/s^2/sqrt(s)"),
-    "gyroscope": ("rad/s/sqrt(Hz)", "rad/s", "rad/s/sqrt(s)"),
-}
+
+def noise_unit(name: str, kind: Kind) -> tuple[str, float]:
+    """Unit in which the size of a noise process is printed, and its size in SI."""
+    printed, si = NOISE[kind][name]
+    return printed, per_unit(printed, si)
 
 
 def on_output(size: float, kind: Kind, sd: float = 0.0) -> Measured:

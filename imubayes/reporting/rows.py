@@ -13,11 +13,10 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import SIDE
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
-    NOISE_SI,
-    NOISE_UNITS,
     Measured,
     below,
     measured,
+    noise_unit,
     on_output,
     per_unit,
 )
@@ -174,14 +173,12 @@ def noise_cells(
 
     Each with whether it is an upper limit, for the data do not show the process.
     """
-    units = NOISE_UNITS[kind]
-    scales = [per_unit(unit, si) for unit, si in zip(units, NOISE_SI[kind], strict=True)]
-    draws = noise_draws(run, chains)
+    units, draws = [noise_unit(name, kind) for name in "NBK"], noise_draws(run, chains)
     if draws is not None:
-        parts = zip(draws.T, scales, units, strict=True)
-        return tuple(_sampled_cell(part / scale, unit) for part, scale, unit in parts)
-    values = zip((run.noise.N, run.noise.B, run.noise.K), scales, run.noise_sd, units, strict=True)
-    return tuple(_noise_cell(value / scale, sd, unit) for value, scale, sd, unit in values)
+        parts = zip(draws.T, units, strict=True)
+        return tuple(_sampled_cell(part / size, unit) for part, (unit, size) in parts)
+    values = zip((run.noise.N, run.noise.B, run.noise.K), run.noise_sd, units, strict=True)
+    return tuple(noise_cell(value / size, sd, unit) for value, sd, (unit, size) in values)
 
 
 def noise_origin(run: RunSummary, chains: Chains | None) -> str:
@@ -197,7 +194,7 @@ def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:
     return draws if np.any(draws != draws[0]) else None
 
 
-def _noise_cell(value: float, sd: float, unit: str) -> tuple[Measured, bool]:
+def noise_cell(value: float, sd: float, unit: str) -> tuple[Measured, bool]:
     """Print a log-normal estimate: with its sd, or as a limit where a factor of two is within one sd."""
     if sd > VAGUE:
         return below(value * math.exp(SIDE * sd), unit), True

@@ -34,8 +34,7 @@ from session_readings import is_of_class, wrong_population
 from study_phrases import NUM, SAID, SHARE, TERM, UNHELD, P
 
 from imubayes.reporting.method_views import spoken
-from imubayes.reporting.noise_views import process_units
-from imubayes.reporting.rounding import OUTPUT_SI, OUTPUT_UNIT, per_unit
+from imubayes.reporting.rounding import NOISE, OUTPUT_SI, OUTPUT_UNIT, per_unit
 
 Found = dict[str, Any]
 Match = re.Match[str]
@@ -255,7 +254,7 @@ def _dependence(sensor: Found, match: Match) -> Iterable[Meant]:
 
 def _process(sensor: Found, match: Match) -> Iterable[Meant]:
     """Size of a noise process: of the run that shows these."""
-    unit, si = process_units(sensor["kind"])[match[1]]
+    unit, si = NOISE[sensor["kind"]][match[1]]
     scale = per_unit(unit, si) * float(f"1e{match[4] or 0}")
     runs = [run["processes"][match[1]] for run in sensor["noise_processes"].values()]
     one = min(runs, key=lambda one: abs(one["mean"] / scale - float(match[2])))

@@ -8,7 +8,8 @@ import pytest
 from block_readings import panels, rows
 
 from imubayes.inference.allan import AllanFit, allan_curve
-from imubayes.reporting.noise_views import process_blocks, process_units, published_processes
+from imubayes.reporting.noise_views import process_blocks, published_processes
+from imubayes.reporting.rounding import NOISE
 from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
 from imubayes.sensors.noise import NoiseProcesses
 from imubayes.units import factor
@@ -72,5 +73,5 @@ def test_published_processes_are_in_si_and_name_both_units(gyro):
 
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
 def test_every_printed_unit_measures_what_its_si_unit_does(kind):
-    for printed, si in process_units(kind).values():
+    for printed, si in NOISE[kind].values():
         assert factor(printed, like="" if si == "rad" else si) > 0.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from results_found import sampled_result, sensor_result
 
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, per_unit
+from imubayes.reporting.rounding import noise_unit
 from imubayes.reporting.rows import noise_cells, noise_floor, noise_origin, range_texts, term_rows
 from imubayes.sensors.noise import Noise, allan_variance
 
@@ -26,7 +26,7 @@ def test_noise_is_printed_in_data_sheet_units(kind: str) -> None:
         "accelerometer": (1e-6 * G, 1e-6 * G, 1e-6 * G),
         "gyroscope": (60.0 * DEG_H, DEG_H, DEG_H / 60.0),
     }[kind]
-    scales = [per_unit(unit, si) for unit, si in zip(NOISE_UNITS[kind], NOISE_SI[kind], strict=True)]
+    scales = [noise_unit(name, kind)[1] for name in "NBK"]
     assert scales == pytest.approx(by_hand, rel=1e-12)
     one = replace(run, noise=Noise(*by_hand), noise_sd=(0.0, 0.0, 0.0))
     assert [cell.value for cell, _ in noise_cells(one, kind)] == ["1.0", "1.0", "1.0"]

@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any
 
 from imubayes.errors import InputError
-from imubayes.inference.intervals import SIDE
 from imubayes.reporting.blocks import Page, Prose, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.differences import (
     Comparison,
@@ -45,7 +44,8 @@ from imubayes.reporting.comparison.page import (
 )
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term, TermInScene
 from imubayes.reporting.result.file import Written
-from imubayes.reporting.rounding import NOISE_SI, NOISE_UNITS, below, duration, measured, per_unit, share
+from imubayes.reporting.rounding import duration, measured, noise_unit, per_unit, share
+from imubayes.reporting.rows import noise_cell
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
@@ -53,9 +53,6 @@ from imubayes.sensors.terms import Kind
 
 WHOLE = 2
 """Components of which a terminal gets every term; of more, only what differs."""
-
-VAGUE = 0.5
-"""sd of the logarithm from which noise is a limit rather than a value."""
 
 QUESTION = "The same terms, their values, noise, verdicts and scenes: what differs beyond uncertainty?"
 
@@ -298,17 +295,9 @@ def _noise_cells(value: Estimate | None, letter: str, kind: Kind) -> tuple[Text,
         return (typeset("no such run"),)
     size, log_sd = value
     unit, scale = noise_unit(letter, kind)
-    size /= scale
-    if log_sd > VAGUE:
-        return (typeset(f"below {below(size * math.exp(SIDE * log_sd), unit)}"),)
-    sd = size * log_sd if math.isfinite(log_sd) else 0.0
-    return (typeset(str(measured(size, sd, unit)) + ("" if sd else " (given)")),)
-
-
-def noise_unit(letter: str, kind: Kind) -> tuple[str, float]:
-    """Unit in which N, B or K is printed, and its size in SI."""
-    k = "NBK".index(letter)
-    return NOISE_UNITS[kind][k], per_unit(NOISE_UNITS[kind][k], NOISE_SI[kind][k])
+    known = log_sd if math.isfinite(log_sd) else 0.0
+    cell, limit = noise_cell(size / scale, known, unit)
+    return (typeset(f"{'below ' if limit else ''}{cell}{'' if cell.sd or limit else ' (given)'}"),)
 
 
 def _sentences(one: Group) -> Iterator[str]:

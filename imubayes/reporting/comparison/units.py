@@ -34,11 +34,11 @@ from imubayes.reporting.comparison.page import (
     difference,
     titled,
 )
-from imubayes.reporting.comparison.sensors import noise_of, noise_unit, term_value
+from imubayes.reporting.comparison.sensors import noise_of, term_value
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, LotsResult
-from imubayes.reporting.rounding import measured
+from imubayes.reporting.rounding import measured, noise_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 from imubayes.units import counted
