@@ -126,15 +126,13 @@ def drawn_until(
         for part in parts[len(points) :]:
             points.append(part.draw(BATCH, rng))
             told.append(np.array([target(x) for x in points[-1]], dtype=float))
-        found = _weighed(parts, np.concatenate(points), np.concatenate(told))
+        draws = np.concatenate(points)
+        each = np.array([part.log_density(draws) for part in parts])
+        log_proposal = np.logaddexp.reduce(each, axis=0) - math.log(len(parts))
+        found = Drawn(draws, np.concatenate(told), log_proposal)
         if found.effective >= enough or len(parts) >= MOST:
             return found
         parts.append(_added(found, hump, width))
-
-
-def _weighed(parts: Sequence[Student], draws: FloatArray, told: FloatArray) -> Drawn:
-    each = np.array([hump.log_density(draws) for hump in parts])
-    return Drawn(draws, told, np.logaddexp.reduce(each, axis=0) - math.log(len(parts)))
 
 
 def _added(found: Drawn, first: Student, width: FloatArray) -> Student:

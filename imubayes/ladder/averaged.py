@@ -70,7 +70,11 @@ def plug_in(ground: Ground) -> Posterior:
 def averaged(ground: Ground) -> Posterior:
     """Draw the noise about its peak; the full library over all weighted draws."""
     ready, drawn = prepared(ground), weighted(ground)
-    noises = tuple(drawn.draws[k] for k in _resampled(drawn.weight, ground.rngs["averaged"]))
+    which = np.zeros(1, dtype=int)
+    if len(drawn.weight) > 1:  # draws that stand for all of them, systematically
+        ticks = (np.arange(RESAMPLED) + ground.rngs["averaged"].random()) / RESAMPLED
+        which = np.minimum(np.searchsorted(np.cumsum(drawn.weight), ticks), len(drawn.weight) - 1)
+    noises = tuple(drawn.draws[k] for k in which.tolist())
     noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
     each = np.array([posterior(draw.factor, ready.prior.sd) for draw in drawn.draws])
     mean = drawn.weight @ each[:, 0]
@@ -175,14 +179,6 @@ def _root(information: FloatArray, width: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(information * np.outer(width, width))
     covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
     return np.asarray(np.linalg.cholesky(covariance * np.outer(width, width)), dtype=float)
-
-
-def _resampled(weight: FloatArray, rng: np.random.Generator) -> list[int]:
-    """Numbers of the draws that stand for all of them, systematically."""
-    if len(weight) == 1:
-        return [0]
-    ticks = (np.arange(RESAMPLED) + rng.random()) / RESAMPLED
-    return np.minimum(np.searchsorted(np.cumsum(weight), ticks), len(weight) - 1).tolist()
 
 
 def estimated_noise(ready: Prepared) -> FloatArray:

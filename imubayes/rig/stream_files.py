@@ -141,16 +141,11 @@ def _batches(path: Path, layout: Delimited, wanted: Wanted) -> Iterator[pa.Recor
     types = {
         name: pa.float64()
         for name in names
-        if wanted.columns and not (name.strip() in wanted.clock and not _is_fraction(schema, name))
+        if wanted.columns
+        and not (name.strip() in wanted.clock and not pa.types.is_floating(schema.field(name).type))
     }
     with opened(names, types) as reader:
         yield from reader
-
-
-def _is_fraction(schema: pa.Schema, name: str) -> bool:
-    import pyarrow as pa
-
-    return pa.types.is_floating(schema.field(name).type)
 
 
 def _strange(path: Path, shown: str, layout: Delimited, wanted: Wanted, first: int) -> DataError | None:

@@ -223,15 +223,11 @@ def parse_error(path: Path, shown: str, layout: Delimited, error: Exception) -> 
         fields = len(_names(line, " ") if width is None and layout.separator == " " else layout.fields(line))
         width = width or fields
         if fields != width:
-            return _ragged(shown, number, width, fields)
+            return DataError(
+                f"{shown}, line {number}: has {fields} fields where the first line has {width}: "
+                "complete the line or leave it out"
+            )
     return DataError(f"{shown}: is not a CSV file that can be read: {said(error)}")
-
-
-def _ragged(shown: str, number: int, expected: int, came: int) -> DataError:
-    return DataError(
-        f"{shown}, line {number}: has {came} fields where the first line has {expected}: "
-        "complete the line or leave it out"
-    )
 
 
 def said(error: Exception) -> str:

@@ -285,7 +285,16 @@ def _space(p: int, among: BoolArray | None) -> Space:
 def _information_of(
     c: Candidates, scale: float, factor: Factor, space: Space, size: float
 ) -> dict[str, FloatArray]:
-    return information(_rss(c, scale, space), _parameters(c, space), factor, size)
+    """Information criteria of every model: candidates flat, the other columns under their priors."""
+    a, p, k = len(c.always), len(c.names), space.sizes()
+    norms = np.linalg.norm(c.whole[:, :-1], axis=0)
+    rows = np.concatenate((scale / c.sd[:a], HOLD * norms[a:]))
+    rss, _ = fits(with_prior_rows(c.whole, rows), c, space)
+    least = (EXACT * float(np.linalg.norm(c.whole[:, -1]))) ** 2
+    # parameters are flat coefficients and the noise scale
+    K = (k + int(np.sum(np.isinf(c.sd[:a]))) + 1).astype(float)
+    log_alike = np.array([math.log(math.comb(p, i)) for i in range(p + 1)])[k]
+    return information(np.maximum(rss, least), (K, log_alike), factor, size)
 
 
 def _with_parents(inside: BoolArray, names: tuple[str, ...], needs: Needs) -> BoolArray:
@@ -307,22 +316,6 @@ def _admissible(space: Space, names: tuple[str, ...], needs: Needs) -> BoolArray
             f"none of the {len(space)} subsets listed is admissible ({pairs}): list some that are"
         )
     return allowed
-
-
-def _rss(c: Candidates, scale: float, space: Space) -> FloatArray:
-    """Residual sum of squares of every model: candidates flat, the other columns under their priors."""
-    norms = np.linalg.norm(c.whole[:, :-1], axis=0)
-    rows = np.concatenate((scale / c.sd[: len(c.always)], HOLD * norms[len(c.always) :]))
-    rss, _ = fits(with_prior_rows(c.whole, rows), c, space)
-    return np.maximum(rss, (EXACT * float(np.linalg.norm(c.whole[:, -1]))) ** 2)
-
-
-def _parameters(c: Candidates, space: Space) -> tuple[FloatArray, FloatArray]:
-    """Parameters of every model: flat coefficients and the noise scale; and log of how many have its size."""
-    p, k = len(c.names), space.sizes()
-    flat = int(np.sum(np.isinf(c.sd[: len(c.always)])))
-    log_alike = np.array([math.log(math.comb(p, i)) for i in range(p + 1)])
-    return (k + flat + 1).astype(float), log_alike[k]
 
 
 def _predictive(field: _Field, pieces: Sequence[Pieces], scale: float) -> tuple[Criterion, ...]:

@@ -345,6 +345,7 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
     span = min(alone), max(alone)
     told = TermNumbers(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
     (mean, sd), (whole, error) = moments_of(parts, column), told.full
+    prefix = f"{name.rpartition('.')[0]}."  # as its own component writes it, ax.b2 beside ax.b0 is b2
     evidence = Evidence(
         inclusion=told.inclusion,
         range=(min(together), max(together)),
@@ -353,7 +354,7 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
         ),
         ratio=float(seen.ratio[seen.names.index(name)]),
         pull=abs(mean) / sd if sd > 0.0 else 0.0,
-        partners=tuple(_local(n, name) for n in seen.partners(name)),
+        partners=tuple(n.removeprefix(prefix) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
         shown=abs(whole) / error if error > 0.0 else 0.0,
     )
@@ -366,12 +367,6 @@ def _prior_inclusion(models: Models) -> float:
     weight = np.exp(models.by_size - models.by_size.max())
     k = np.arange(len(weight))
     return float(np.sum(weight * (k + 1.0)) / np.sum(weight) / (len(weight) + 1.0))
-
-
-def _local(name: str, beside: str) -> str:
-    """Name of a term as its own component writes it: ``ax.b2`` beside ``ax.b0`` is ``b2``."""
-    component = beside.rpartition(".")[0]
-    return name.removeprefix(f"{component}.") if component else name
 
 
 @dataclass(frozen=True, slots=True)

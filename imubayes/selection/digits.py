@@ -65,8 +65,10 @@ def _trustworthy(models: Models, backing: FloatArray | float) -> Digits:
     missing = 1.0 if math.isnan(models.missing) else models.missing + models.error
     sampled, least = np.abs(parts.weight @ parts.inside - inclusion), np.maximum(inclusion, TINY)
     moved = math.expm1(min(2.0 * log_error, LARGEST))
+    inverse = invert_triangular(T[:-1, :-1])
+    size = np.maximum(np.abs(inverse @ T[:-1, -1]), scale * np.linalg.norm(inverse, axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = found.coefficients / _full_size(T, scale)
+        relative = found.coefficients / size
         mean = float(np.max(relative, initial=0.0)) + moved * _spread(parts)
     sd = float(np.max(found.sd, initial=0.0)) + moved
     share = float(np.max(inclusion * (1.0 - inclusion), initial=0.0))
@@ -111,9 +113,3 @@ def _spread(parts: Components) -> float:
     size = np.maximum(np.abs(mean), sd)
     known = np.isfinite(size) & (size > 0.0)
     return float(np.max(sd[known] / size[known], initial=0.0)) if known.all() else 1.0
-
-
-def _full_size(T: FloatArray, scale: float) -> FloatArray:
-    """Larger of size and sd (a + p,) of each coefficient under the full library."""
-    inverse = invert_triangular(T[:-1, :-1])
-    return np.maximum(np.abs(inverse @ T[:-1, -1]), scale * np.linalg.norm(inverse, axis=1))

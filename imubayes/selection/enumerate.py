@@ -137,7 +137,11 @@ def enumerate_models(
     if not isinstance(prior, ScalePrior):
         return _over_g(summary.names, c, prior, by_size, numbered)
     for sums in ways(c, by_size, numbered):
-        w = _over_scales(c, sums, scale_limit) if scale is None else _at_scale(c, sums, scale)
+        if scale is None:
+            w = _over_scales(c, sums, scale_limit)
+        else:
+            sums.add(scale)
+            w = Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
         if sums.trusted:
             break
     told = totals(w)
@@ -310,12 +314,6 @@ def _smallest(c: Candidates) -> float:
 def _spare(c: Candidates) -> float:
     """Degrees of freedom that the full library leaves, or half of all where it leaves few."""
     return max(c.dof - len(c.columns), c.dof / 2.0, 1.0)
-
-
-def _at_scale(c: Candidates, sums: Products | Logs, scale: float) -> Weighed:
-    """Weigh each model at one noise scale, which is known."""
-    sums.add(scale)
-    return Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
 
 
 def _first_scale(c: Candidates) -> tuple[float, float, float]:

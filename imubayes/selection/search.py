@@ -219,27 +219,20 @@ def _found(
 ) -> ModelsFound:
     """Inclusion by the listed models; what is missing is at most its error."""
     total = np.logaddexp.reduce(log_joint) if len(log_joint) else -math.inf
+    weight = np.exp(log_joint - total)
     share = (
         math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0)) if log_missing < math.inf else 1.0
     )
     return ModelsFound(
         inside,
         log_joint,
-        np.exp(log_joint - total),
+        weight,
         log_missing,
         share <= tolerance,
-        _inclusion(inside, log_joint),
+        weight @ inside if len(weight) else np.full(inside.shape[1], math.nan),
         np.full(inside.shape[1], share),
         visited,
     )
-
-
-def _inclusion(inside: BoolArray, log_joint: FloatArray) -> FloatArray:
-    """(p,) inclusion by the listed models; NaN if there are none."""
-    if not len(log_joint):
-        return np.full(inside.shape[1], math.nan)
-    weight = np.exp(log_joint - log_joint.max())
-    return np.array([weight[column].sum() for column in inside.T]) / weight.sum()
 
 
 def _next_step(passes: list[_Pass], effort: float) -> float | None:

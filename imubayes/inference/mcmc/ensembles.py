@@ -127,7 +127,8 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
             return done
         progress(_message(told, limits, elapsed))
         for sampler, seed in zip(samplers, seeds, strict=True):
-            advance(sampler, target, seed, _turn(sampler.iteration))
+            doubled = AT_ONCE * 2 ** (max(int(sampler.iteration) // AT_ONCE, 2).bit_length() - 2)
+            advance(sampler, target, seed, min(doubled, MOST_AT_ONCE))
 
 
 def advance(sampler: Any, target: Target, seed: np.random.SeedSequence, steps: int) -> None:
@@ -137,12 +138,6 @@ def advance(sampler: Any, target: Target, seed: np.random.SeedSequence, steps: i
         state = target.start(np.random.default_rng(seed), sampler.nwalkers)
         sampler.random_state = np.random.RandomState(seed.generate_state(4)).get_state()
     sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-
-
-def _turn(steps: int) -> int:
-    """Steps of the next turn after so many."""
-    doubled = AT_ONCE * 2 ** (max(int(steps) // AT_ONCE, 2).bit_length() - 2)
-    return min(doubled, MOST_AT_ONCE)
 
 
 def judged(
