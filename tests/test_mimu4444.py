@@ -86,13 +86,6 @@ def least_squares_of(session):
     return dict(zip(LINEAR, found.x.tolist(), strict=True))
 
 
-def test_twenty_long_stills_and_a_last_one_are_found(first_two):
-    for session in first_two:
-        lasting = [b - a for a, b in session.found.summary.runs[0].stills]
-        assert len(lasting) == 21
-        assert min(lasting[:20]) > 20.0
-
-
 def test_least_squares_on_the_means_of_the_stills_agrees_within_the_error_bars(first_two):
     for session in first_two:
         other = least_squares_of(session)

@@ -28,11 +28,7 @@ from imubayes.rig.reference import KINDS
 from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
-from imubayes.study.schema import (
-    read_study,
-    reading,
-    tables,
-)
+from imubayes.study.schema import read_study, reading, tables
 from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]

@@ -62,13 +62,6 @@ def test_full_rung_and_every_row_agree(climbed):
     assert np.max(apart) < draws
 
 
-def test_an_answer_does_not_depend_on_what_was_climbed_before(climbed):
-    _, answers = climbed
-    alone = stand("averaged", ground_of(problem(), np.random.default_rng(2), lambda message: None, SHORT))
-    np.testing.assert_array_equal(alone.mean, answers["averaged"].mean)
-    np.testing.assert_array_equal(alone.inclusion, answers["averaged"].inclusion)
-
-
 def test_free_tumbles_are_told_where_to_go():
     one = problem()
     run = one.runs[0]

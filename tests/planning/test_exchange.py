@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.planning.exchange import (
-    _promised,
-    _promised_without,
-    best_plan,
-    even_plan,
-    following,
-)
+from imubayes.planning.exchange import _promised, _promised_without, best_plan, even_plan, following
 from imubayes.planning.menu import (
     Aim,
     Handling,

@@ -61,14 +61,6 @@ def test_rate_table_at_one_g_hides_the_diagonal_of_g_squared_terms_in_the_bias(c
     assert "more than 1 g" in group.remedy
 
 
-@pytest.mark.parametrize("number", [24, 26])
-def test_squares_of_a_gyroscope_at_rest_are_hidden_by_the_length_of_the_earths_rate(number):
-    seen, _ = observed("gyroscope", "fog_navigation", [ib.positions(number, rate=0.1, latitude=0.6)])
-    groups = [group for group in seen.groups if group.exact and set(SPHERE) <= set(group.terms)]
-    assert [group.reason for group in groups] == ["|w| = the Earth's rate in every row"]
-    assert groups[0].remedy == "rate steps on a table in several mounts would separate them"
-
-
 def test_what_a_log_at_rest_hides_is_told_by_turning_the_sensor_over_where_that_does():
     log, turned = (ib.static(3600.0, 0.1, up=(x, x / 2.0, x / 5.0)) for x in (1.0, -1.0))
     options = {"powers": 1, "asymmetry": -1}
@@ -78,19 +70,6 @@ def test_what_a_log_at_rest_hides_is_told_by_turning_the_sensor_over_where_that_
     assert {group.reason for group in groups} == {"f and w are the same in every row"}
     both, _ = observed("accelerometer", "mems_tactical", [log, replace(turned, name="turned")], **options)
     assert not {"b1", "m_j", "m_k"} & set(both.partners("b0"))
-
-
-def test_rotation_in_one_direction_cannot_tell_a_power_from_its_asymmetry():
-    seen, summary = observed(
-        "gyroscope", "mems_tactical", [ib.rate_table(RATES[1:5], mounts=1, rate=1.0, latitude=None)]
-    )
-    pairs = {group.terms: group for group in seen.groups if group.exact}
-    assert summary.facts.one_sided
-    for n in range(3):
-        group = pairs[f"b{n}", f"b{n}p"]
-        assert group.reason == "w_i never changes sign"
-        assert group.remedy == "a run with the rotation reversed would separate them"
-    assert {"m_j", "m_k", "c_ij", "c_jj"} <= untested(seen)
 
 
 def test_tumble_and_centrifuge_together_hide_nothing_exactly():

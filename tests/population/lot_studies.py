@@ -15,9 +15,7 @@ from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.terms import library
 
 TUMBLE = RunSpec(
-    "tumble",
-    "tumble",
-    simulate={"profile": "tumble", "angles": 12, "planes": 3, "dwell": 20.0, "rate": 0.5},
+    "tumble", "tumble", simulate={"profile": "tumble", "angles": 12, "planes": 3, "dwell": 20.0, "rate": 0.5}
 )
 WHIRL = RunSpec(
     "centrifuge",

@@ -34,14 +34,7 @@ import studies
 from imubayes.inference.allan import AllanCurve
 from imubayes.planning.menu import Step
 from imubayes.population.needs import VERDICTS
-from imubayes.reporting import (
-    figures,
-    fit_figures,
-    fleet_page,
-    lots_figures,
-    plan_page,
-    trade_figures,
-)
+from imubayes.reporting import figures, fit_figures, fleet_page, lots_figures, plan_page, trade_figures
 from imubayes.reporting.canvas import Panel
 from imubayes.reporting.session_views import session_section
 from imubayes.sensors.terms import library

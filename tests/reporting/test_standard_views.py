@@ -46,18 +46,6 @@ def _values(result):
     return standards(result.study, result.sensors[0])
 
 
-@pytest.mark.parametrize(
-    ("kind", "class_id", "ids"),
-    [
-        ("accelerometer", "mems_tactical", ["ieee1293", "basic"]),
-        ("gyroscope", "fog_tactical", ["ieee952", "basic"]),
-        ("gyroscope", "rlg_tactical", ["ieee647", "basic"]),
-    ],
-)
-def test_technology_of_the_class_chooses_the_standard(kind, class_id, ids, study_of):
-    assert list(_values(study_of(kind, class_id))) == ids
-
-
 def test_value_of_a_symbol_is_its_term_over_the_gain_and_the_convention(study_of):
     result = study_of("accelerometer", "mems_tactical")
     mean = {term.name: term.full_mean for term in result.sensors[0].selection.terms}

@@ -55,12 +55,6 @@ def test_time_runs_forward_by_a_sample_or_more(plan):
     assert np.diff(plan.inputs.t).min() > plan.inputs.interval * (1.0 - 1e-9)
 
 
-def test_static_log_feels_one_g_upwards():
-    plan = static(100.0, 50.0, up=(0.0, 3.0, -4.0))
-    assert len(plan.inputs) == 5000
-    np.testing.assert_allclose(_vectors(plan, "f"), np.tile([0.0, 0.6 * G, -0.8 * G], (5000, 1)), rtol=1e-15)
-
-
 @pytest.mark.parametrize("angles", [4, 7, 12, 24, 36])
 def test_tumble_stays_on_the_sphere_of_gravity(angles):
     f = _vectors(tumble(angles=angles, gravity=9.7803, **SHORT), "f")

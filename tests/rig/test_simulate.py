@@ -97,12 +97,6 @@ def test_output_is_input_plus_library_times_coefficients():
         np.testing.assert_allclose(run.output, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
 
 
-def test_gyroscope_answers_to_its_own_input():
-    gyroscope = sensor("fog_navigation", kind="gyroscope")
-    (run,) = simulate(gyroscope, [static(1.0, 10.0)], seed=1, truth={"b0": 1e-3, "g_i": 1e-4}, noise=SILENT)
-    np.testing.assert_allclose(run.output, 1e-3 + 1e-4 * 9.80665, rtol=1e-14)
-
-
 def test_unit_without_truth_is_drawn_from_the_class_by_the_seed():
     first, again, other = (
         simulate(TACTICAL, [tumble(dwell=1.0)], seed=seed, noise=SILENT)[0].output for seed in (1, 1, 2)

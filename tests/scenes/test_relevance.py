@@ -132,15 +132,6 @@ def test_calibration_that_cannot_meet_the_budget_still_names_the_terms_to_model(
     assert set(found.model) <= {"b0", "c_kk"}
 
 
-def test_a_static_bench_needs_one_constant_where_three_terms_do_the_same() -> None:
-    """b0, b1 g and b2 g^2 of an upright case at rest: any one takes up the others; b0 is named."""
-    force = np.tile([0.0, 0.0, 9.80665], (50, 1))
-    bench = Scene("bench", recorded("bench", np.arange(50.0), force, 0.0 * force).inputs, 50.0)
-    theta = certain(coefficients(b0=0.01, b1=1e-3, b2=1e-4))
-    found = relevance(bench, LIB, theta, Budget("output", 1e-3), axis="z")
-    assert found.model == ("b0",) and found.left[1] < 1e-9 and found.uncompensated[0] > 0.02
-
-
 def test_share_is_averaged_over_models() -> None:
     """A term that is there in 30 % of the draws: the median share is zero, the upper end is its own."""
     draws = np.zeros((100, P))

@@ -106,13 +106,6 @@ def test_mission_without_a_duration_is_refused() -> None:
         Scene("desk", Inputs(np.zeros(1), {}, 1.0), 0.0)
 
 
-def test_log_whose_columns_differ_in_length_is_refused(tmp_path) -> None:
-    path = tmp_path / "flight.npz"
-    np.savez(path, **{"t [s]": np.arange(3.0), "f_i [g]": np.ones(2)})
-    with pytest.raises(DataError, match="has 2 rows where the time has 3"):
-        read_scene(path)
-
-
 DOCS = Path(__file__).parents[2] / "docs" / "study.md"
 LOGS = {
     "log_sensor_combined_0.csv": (

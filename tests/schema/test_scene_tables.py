@@ -59,17 +59,6 @@ def test_scene_of_the_catalogue_is_drawn_three_times_or_as_the_study_says_and_a_
         _scenes(tmp_path, text + "draws = 2\n")
 
 
-def test_one_scene_of_the_catalogue_stands_twice_by_names_with_the_same_motion(tmp_path):
-    turned = SCENE.replace("quadrotor", "heading").replace('position = "100 m"', 'attitude = "1 deg"')
-    plain, named = _scenes(tmp_path, SCENE + turned + 'scene = "quadrotor"\n')
-    assert (plain.name, named.name) == ("quadrotor", "heading")
-    assert (plain.budget.quantity, named.budget.quantity) == ("position", "attitude")
-    w = [one.scene.inputs.channels["w_i"] for one in (plain, named)]
-    assert np.array_equal(*w) and plain.scene.duration == named.scene.duration
-    (spinning,) = _scenes(tmp_path, turned + 'scene = "reentry_spin"\nduration = "30 s"\n')
-    assert not spinning.budget.schuler
-
-
 def test_log_is_read_through_its_columns_in_si(tmp_path):
     (tmp_path / "flight.csv").write_text(LOG)
     text = (

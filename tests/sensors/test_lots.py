@@ -7,7 +7,6 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from imubayes.errors import InputError
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.catalogue import classes, draw_unit, prior_root, prior_sd, sensor
 from imubayes.sensors.lots import NOISE_SPREAD, TRIMMED, draw_lot, magnitude
@@ -120,8 +119,3 @@ def test_noise_of_units_scatters_log_normally_about_the_lots():
         assert low <= middle <= high
         logs = np.log([getattr(noise, name) / middle for noise in lot.noise])
         assert _mean_is(logs, 0.0, spread) and _mean_is(logs**2, spread**2, math.sqrt(2.0) * spread**2)
-
-
-def test_a_lot_without_units_is_refused():
-    with pytest.raises(InputError, match="a lot of 0 units: expected 1 or more"):
-        draw_lot(TACTICAL, LIB, 0, np.random.default_rng(1))

@@ -123,15 +123,6 @@ def test_a_displayed_symbol_has_the_sign_and_the_scale_of_the_exact_mapping(know
         assert moved[row.term] / step == pytest.approx(said, abs=1e-9), row.of_term
 
 
-@pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
-def test_symbols_of_a_class_are_those_of_its_standard_and_no_other(entry):
-    lib = library(entry.kind, set="extended", temperature=1, technology=entry.technology)
-    own = standards_for(entry.kind, entry.technology)[0]
-    known = {} if own == "basic" else {r.term: r for r in standard(own, kind=entry.kind).symbols}
-    for name, shown in symbols(lib).items():
-        assert shown == (known[name].of_term if name in known else "-")
-
-
 @pytest.mark.parametrize(
     ("id", "scale", "unbalance"),
     [
