@@ -11,9 +11,10 @@ from test_whiten import dense
 import imubayes as ib
 from imubayes.inference.linear import Linear, block_edges, blocks_of, linear_of, with_columns
 from imubayes.inference.noise_model import NBK, Cost, estimate, nbk_model
+from imubayes.inference.summary import noise_by_rule
 from imubayes.inference.whiten import processes
 from imubayes.rig.simulate import synthesise
-from imubayes.sensors.noise import Noise, noise_prior
+from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 
 INDUSTRIAL = ib.sensor("mems_industrial", kind="accelerometer")
 LIBRARY = ib.library("accelerometer")
@@ -83,6 +84,12 @@ def test_gradient_is_that_of_the_dense_posterior(sd, axes, at):
     expected = np.array([(up - down) / 2e-4 for up, down in ends])
     # central differences: h^2/6 of the third derivative, and the rounding of the dense cost over h
     np.testing.assert_allclose(Cost(nbk_model(blocks, prior, sd), NBK)(x)[1], expected, rtol=1e-6, atol=1e-5)
+
+
+def test_white_noise_by_rule_is_the_white_part_of_the_estimate():
+    blocks = small_blocks(np.random.default_rng(1))
+    whole, white = (noise_by_rule(blocks, NoiseRule(rule), None).noise for rule in ("estimate", "white"))
+    assert whole.B > 0.0 < whole.K and white == Noise(whole.N, 0.0, 0.0)
 
 
 @PROPER
