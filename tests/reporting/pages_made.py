@@ -182,7 +182,8 @@ def _moved(found: LotResult) -> LotResult:
     none = replace(scene, terms=tuple(replace(term, required=0.0) for term in scene.terms))
     first = replace(first, missions=(none, *first.missions[1:]))
     mean = replace(first.terms[0].mean, value=1e3, low=0.9e3, high=1.1e3)
-    terms = (replace(first.terms[0], mean=mean), *first.terms[1:])
+    lots = tuple(replace(lot, mean=mean) for lot in first.terms[0].lots)
+    terms = (replace(first.terms[0], lots=lots), *first.terms[1:])
     return replace(found, classes=(replace(first, terms=terms), *found.classes[1:]))
 
 

@@ -24,7 +24,8 @@ def _changed(result, **first):
     """The first class with other figures of its first term, or of itself."""
     one = result.classes[0]
     if "order" not in first:
-        first = {"terms": (replace(one.terms[0], **first), *one.terms[1:])}
+        lots = tuple(replace(lot, **first) for lot in one.terms[0].lots)
+        first = {"terms": (replace(one.terms[0], lots=lots), *one.terms[1:])}
     return replace(result, classes=(replace(one, **first), *result.classes[1:]))
 
 
@@ -47,7 +48,7 @@ def test_mean_differs_over_its_sd_and_spread_by_its_logarithm():
 
 
 def test_shares_of_units_differ_by_their_counts():
-    a, b = (_changed(lot_result(), needed=Share(share, 0.0, 1.0)) for share in (1.0, 0.25))
+    a, b = (_changed(lot_result(), needed=count) for count in (100, 25))
     assert _first(a, b).pulls["needed"].size == fisher((4, 4), (1, 4))
 
 
