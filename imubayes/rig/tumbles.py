@@ -208,8 +208,8 @@ def free_tumble(
     Examples
     --------
     >>> run = free_tumble(attitudes=6, dwell=1.0, settle=1.0, rate=8.0).inputs
-    >>> run.t[-1], run.channels["f_i"][[0, 7, 16]].tolist()
-    (10.875, [9.80665, 9.80665, -9.80665])
+    >>> float(run.t[-1]), run.channels["f_i"][[0, 7, 16]].tolist()
+    (10.875, [9.80665, 9.80665, 0.0])
     """
     if attitudes not in ATTITUDES:
         raise InputError(f"{attitudes} attitudes are no set: expected {', '.join(map(str, ATTITUDES))}")
