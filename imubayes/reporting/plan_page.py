@@ -312,10 +312,11 @@ def _planned_step(found: Proposal, step: Step, start: float) -> PlannedStep:
 
 def terminal_plan(found: Proposal) -> Group:
     """Lines for a terminal: the answer, the terms, and the plan mount by mount."""
-    rows = []
+    rows, single = [], "" in found.study.libraries
     for k, name in enumerate(found.study.terms):
         ratios = [f"{outcome.sd[k] / found.prior_sd[k]:.3f}" for outcome in outcomes(found)]
-        rows.append((name, "needed" if name in found.needed else "", *ratios))
+        if single or name in found.needed:
+            rows.append((name, "needed" if name in found.needed else "", *ratios))
     steps, clock = [], 0.0
     for (offer, mount), dwells, time in mounts(found):
         steps.append((at_clock(clock), str(len(dwells)), f"{found.study.offers[offer].spec.name} {mount}"))
@@ -324,7 +325,7 @@ def terminal_plan(found: Proposal) -> Group:
         (
             Prose(plan_answer(found)),
             Table("", ("term", "", *plan_names(found)), rows, "ttn"),
-            Prose("predicted sd over prior sd"),
+            Prose(f"predicted sd over prior sd{'' if single else '; all terms are in the report'}"),
             Table("", ("start", "dwells", "run and mount"), steps, "nnw"),
         )
     )
