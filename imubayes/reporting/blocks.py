@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from markupsafe import Markup
 from rich.console import Group, RenderableType
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
     from imubayes.reporting.canvas import Panel
-    from imubayes.reporting.result import Provenance
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,13 +296,14 @@ def environment() -> Environment:
     return found
 
 
-def provenance(path: Path, text: str, command: str) -> Provenance:
-    """What it takes to repeat a study: its file and the text of it, the command and the versions."""
+def header(study: Any, command: str) -> dict[str, Any]:
+    """What every published result begins and ends with: its study, and what it takes to repeat that."""
+    file = {"study_file": str(study.path), "study_text": study.text, "command": command}
     return {
-        "study_file": str(path),
-        "study_text": text,
-        "command": command,
-        "versions": versions(),
+        "imubayes": imubayes.__version__,
+        "study": study.title,
+        "seed": study.seed,
+        "provenance": {**file, "versions": versions()},
     }
 
 

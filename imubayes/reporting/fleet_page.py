@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-import imubayes
 from imubayes.inference.intervals import SIDE
 from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
 from imubayes.reporting.blocks import (
@@ -20,7 +19,7 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     answer,
-    provenance,
+    header,
     repeat,
     swatch,
     terminal,
@@ -225,9 +224,7 @@ def fleet_json(result: FleetResult) -> str:
     document = published(
         Published,
         result,
-        imubayes=imubayes.__version__,
-        study=study.title,
-        seed=study.seed,
+        **header(study, f"imubayes run {study.path}"),
         answer=fleet_answer(result),
         fleet=published(
             Fleet,
@@ -238,7 +235,6 @@ def fleet_json(result: FleetResult) -> str:
             read=answer.units,
             terms=tuple(_fleet_terms(result)),
         ),
-        provenance=provenance(study.path, study.text, f"imubayes run {study.path}"),
     )
     return result_text(document)
 

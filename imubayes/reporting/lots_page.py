@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-import imubayes
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
@@ -28,9 +27,9 @@ from imubayes.reporting.blocks import (
     Row,
     Section,
     Table,
+    header,
     joined,
     link,
-    provenance,
     repeat,
     strong,
     swatch,
@@ -327,9 +326,7 @@ def published_lots(result: LotResult) -> LotsResult:
     """Publish what a class-level study found."""
     study = result.study
     return LotsResult(
-        imubayes=imubayes.__version__,
-        study=study.title,
-        seed=study.seed,
+        **header(study, f"imubayes run {study.path}"),
         answer=tuple(text for text, _ in lots_answer(result)),
         status=status(result),
         simulated=simulated(result),
@@ -341,7 +338,6 @@ def published_lots(result: LotResult) -> LotsResult:
             classes=tuple(map(_published_class, result.classes)),
             check=result.check,
         ),
-        provenance=provenance(study.path, study.text, f"imubayes run {study.path}"),
     )
 
 

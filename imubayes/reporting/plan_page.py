@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-import imubayes
 from imubayes.planning.menu import starts
 from imubayes.reporting.blocks import (
     Block,
@@ -20,7 +19,7 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     answer,
-    provenance,
+    header,
     repeat,
     terminal,
 )
@@ -260,12 +259,9 @@ def plan_json(found: Proposal) -> str:
     document = published(
         PlanResult,
         found,
-        imubayes=imubayes.__version__,
-        study=study.title,
-        seed=study.seed,
+        **header(study, f"imubayes plan {study.path}"),
         answer=plan_answer(found),
         plan=plan,
-        provenance=provenance(study.path, study.text, f"imubayes plan {study.path}"),
     )
     return result_text(document)
 

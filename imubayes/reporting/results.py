@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import imubayes
-from imubayes.reporting.blocks import provenance
+from imubayes.reporting.blocks import header
 from imubayes.reporting.case_views import published_cases
 from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
@@ -62,14 +61,12 @@ def published_result(result: StudyResult) -> SensorsResult:
     return published(
         SensorsResult,
         study,
-        imubayes=imubayes.__version__,
-        study=study.title,
+        **header(study, command(study)),
         sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
         scenes=tuple(published_scene(found, sensor) for sensor, found in result.scenes),
         sessions=tuple(published(Sessions, one, printed_unit=one.printed) for one in result.sessions),
         population=tuple(map(_population, result.classes)),
         cases=tuple(published_cases(result)),
-        provenance=provenance(study.path, study.text, command(study)),
     )
 
 

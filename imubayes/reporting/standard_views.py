@@ -10,7 +10,7 @@ import numpy as np
 from imubayes.algebra.factor import reorder
 from imubayes.errors import TermError
 from imubayes.reporting.blocks import Prose, Section, Table, Text, quiet, verdict
-from imubayes.reporting.result import AbsorbedTerms, Standard, Symbol
+from imubayes.reporting.result import AbsorbedTerms, Standard, Symbol, published
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
     OUTPUT_SI,
@@ -102,27 +102,24 @@ def _in_symbols(name: str, lib: Library, sensor: SensorResult) -> Standard:
     try:
         found = zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True)
         rows = [
-            Symbol(
-                symbol=one.symbol,
+            published(
+                Symbol,
+                one,
                 value=float(value),
                 sd=float(sd),
-                unit=one.unit,
                 printed_unit=one.printed,
-                term=one.term,
                 verdict=verdicts[one.term],
-                note=one.note,
             )
             for one, value, sd in found
         ]
     except TermError as error:
         trouble = str(error)
-    return Standard(
-        title=known.title,
+    return published(
+        Standard,
+        known,
         values=tuple(row for row in rows if row["verdict"] != "untested"),
         untested=tuple(row["symbol"] for row in rows if row["verdict"] == "untested"),
         absent=tuple(row.symbol for row in known.symbols if row.term and row.term not in lib.names),
-        exact=known.exact,
-        standard_only=known.standard_only,
         general_only=others,
         absorbed=absorbed if rows else None,
         trouble=trouble,
