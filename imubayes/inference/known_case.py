@@ -189,7 +189,7 @@ class _Problem:
     def linearised(self, taken: Taken) -> At:
         """Linearise the rows of all components, of which `taken` says which are taken."""
         places, first = [self.where(part) for part in self.parts], self.parts[0]
-        shared = self.runs and not self.extras and all(run.stream is None for run in self.runs)
+        shared = self.runs and not self.extras and not any(run.streamed for run in self.runs)
         whole = shared_rows(self.runs, {p.name: p.library for p in self.parts}) if shared else None
 
         def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:

@@ -65,7 +65,7 @@ def noise_rows(rows: Linear) -> NoiseRows:
     fine = stretch_of(rows)
     edges, levels = piece_edges(fine.t, fine.interval)
     means = averages(fine, edges)
-    if rows.stream is not None:
+    if rows.stream:
         beside = len(rows) - int(np.count_nonzero(_stretched(rows.stream)))
         levels = (*levels, (float(np.median(rows.duration)), beside))
         means = _around_stretch(rows, rows.stream, means)
@@ -82,7 +82,7 @@ def noise_blocks(rows: Linear) -> Linear:
     over the stretch at full rate, so that white noise is seen where it is larger than bias instability, and
     the blocks beside it.
     """
-    if rows.stream is None:
+    if not rows.stream:
         return blocks_of(rows)
     fine = stretch_of(rows)
     return _around_stretch(rows, rows.stream, averages(fine, _ladder(len(fine))))

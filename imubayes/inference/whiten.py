@@ -291,7 +291,7 @@ def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]
 
 def _single(part: Linear) -> Rows:
     """When single samples were taken: of a run that is read a part at a time, one for each average."""
-    return part.rows if part.stream is None else Rows(part.t, np.full(len(part), part.stream.interval))
+    return Rows(part.t, np.full(len(part), part.sampling)) if part.streamed else part.rows
 
 
 def samples_of(whitened: FloatArray, alone: FloatArray, n: int) -> float:

@@ -427,7 +427,7 @@ def noise_of(
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
         return NoiseFound(choice, curve, None)
     names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
-    if rows.stream is not None:
+    if rows.streamed:
         # averages over blocks are too long to show it
         names = tuple(name for name in names if name != "Q")
     if len(names) >= len(curve.tau):

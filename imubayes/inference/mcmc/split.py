@@ -115,7 +115,7 @@ def _powers(away: FloatArray) -> FloatArray:
 
 
 def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
-    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.stream is not None else BLOCKS)
+    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.streamed else BLOCKS)
     parts = mattering(run.noise, rows.rows)
     return Split(
         blocks=blocks,
@@ -145,7 +145,7 @@ def _rise(rows: Linear, blocks: Linear, parts: Processes) -> tuple[float, float]
     Of blocks of the mean number of rows, those of a single row (beside lost samples) left aside.
     """
     counts = np.diff(np.append(block_edges(rows.t, rows.interval), len(rows)))
-    counts = counts if rows.stream is None else rows.stream.counts
+    counts = rows.counts if rows.streamed else counts
     count = float(counts[counts > 1].mean())
     sample = float(rows.duration.sum()) / rows.samples
     gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)

@@ -55,7 +55,7 @@ class Subject:
     @property
     def repeatable(self) -> bool:
         """Whether its tests can be simulated again: runs that are read a part at a time are too long."""
-        return all(run.stream is None for run in self.problem.runs)
+        return not any(run.streamed for run in self.problem.runs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
