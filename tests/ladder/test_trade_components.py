@@ -31,7 +31,8 @@ def test_a_lot_gives_one_unit_of_each_class_and_further_units_as_repeats(lots):
 
 def test_the_bench_of_a_lot_is_allowed_for(lots):
     (one,) = of_lots(lots, ["fog_tactical"], repeats=2).subjects
-    assert one.problem.spec.reference == lots.reference
+    own = {spec.sensor_class.id: spec.reference for spec in lots.specs}
+    assert one.problem.spec.reference == own["fog_tactical"]
 
 
 def test_names_that_are_not_in_the_study_are_refused(lots):
