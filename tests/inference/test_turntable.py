@@ -12,7 +12,7 @@ from imubayes.algebra.factor import posterior
 from imubayes.errors import DataError, UnobservableError
 from imubayes.inference.case import Asked
 from imubayes.inference.conflicts import refuse_conflicts
-from imubayes.inference.free_tumble import solve_free_tumble
+from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
 from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
@@ -119,6 +119,23 @@ def test_lengths_are_recovered_with_the_earth_in_them():
 def test_noise_is_estimated_from_the_sections():
     case, *_ = solved(turned(2)[0], noise=None)
     assert pytest.approx(NOISE.N, rel=0.05) == case.summary.runs[0].noise.N
+
+
+def test_a_section_that_somebody_touched_is_left_out():
+    run, _ = turned(4)
+    spoilt = np.arange(len(run.t))[2100:2300]  # within the fifth section
+    output = run.output.copy()
+    output[spoilt] += 0.05
+    touched = replace(run, output=output)
+    asked = Asked(LIBRARY, ScalePrior(WIDE), None, {"table": NoiseRule("fixed", NOISE)})
+    rng = np.random.default_rng(1)
+    runs, distrusted, case = trusted_stills([touched], asked, extras=(EARTH,), rng=rng)
+    assert {d.run for d in distrusted} == {"table"}
+    assert min(d.start for d in distrusted) < run.t[2100] < run.t[2299] < max(d.stop for d in distrusted)
+    clean, pulled = (solved(one)[1] for one in (run, touched))
+    sd = solved(run)[2]
+    assert np.abs((case.theta - clean) / sd).max() < 1.5 < np.abs((pulled - clean) / sd).max()
+    assert sum(b - a for a, b in runs[0].stills) > 0.9 * len(run.t)
 
 
 def test_rates_in_another_unit_are_said():
