@@ -13,7 +13,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular
 from imubayes.rig.inputs import Facts
 from imubayes.rig.plans import EARTH_RATE
-from imubayes.rig.reference import HEADS, KINDS, kind_of
+from imubayes.rig.reference import EARTH, HEADS, KINDS, kind_of
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import STANDARD_GRAVITY
 
@@ -191,7 +191,20 @@ def _exact(
         v /= np.linalg.norm(v)
         share = np.abs(v) * effect
         if np.linalg.norm(A @ v) < UNSEEN:
-            yield _Combination(v, share >= TAKES_PART * share.max(), exact=True)
+            part = _complete(A, v, share >= TAKES_PART * share.max())
+            yield _Combination(v, part, exact=True)
+
+
+def _complete(A: FloatArray, v: FloatArray, part: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Terms of a direction that hide each other: they move along it alone by less than the noise.
+
+    Where they do change them, others whose effect is smaller take part too, the largest first.
+    """
+    for largest in np.argsort(-np.abs(v) * np.linalg.norm(A, axis=0), kind="stable").tolist():
+        if np.linalg.norm(A[:, part] @ v[part]) < UNSEEN:
+            break
+        part = part | (np.arange(len(v)) == largest)
+    return part
 
 
 def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...]) -> Iterator[_Combination]:
@@ -205,7 +218,7 @@ def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...
         effect = np.abs(v) * size
         part = (effect >= SHARE * effect.max()) & (effect >= VISIBLE * np.abs(v).max())
         if np.sum(part) >= 2:
-            yield _Combination(v, part, exact=False)
+            yield _Combination(v, _complete(A, v, part), exact=False)
 
 
 def _late(bench: tuple[str, ...], size: FloatArray) -> NDArray[np.intp]:
@@ -360,6 +373,7 @@ _BENCH = {
     "radius": "a tumble, or a survey of the arm,",
     "arm_stretch": "a survey of the arm under load",
     "rate_scale": "a count of whole turns against a clock",
+    EARTH: "as many turns in the other sense",
 }
 """What separates each kind of error of the test bench from the terms that it hides."""
 

@@ -15,6 +15,7 @@ from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
 from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra
+from imubayes.inference.observability import observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
@@ -104,6 +105,18 @@ def test_the_earth_adds_to_one_sense_and_takes_from_the_other():
     _, plain, narrow = solved(run, extras=(), noise=quiet)
     assert np.abs((mean[:9] - theta) / sd[:9]).max() < 4.0
     assert np.abs((plain - theta) / narrow).max() > 8.0
+
+
+def test_at_one_rate_in_one_sense_the_earth_is_a_scale_factor():
+    run, _ = turned(6, dwells=120)
+    one_way = replace(run, sections=tuple(s for s in run.sections if s.rate == RATES[0]))
+    case, *_ = solved(one_way)
+    summary, sd = case.summary, np.append(WIDE, EARTH.sd)
+    seen = observe(summary.factor, sd, case.components[0].facts, reach=summary.reach)
+    (group,) = (group for group in seen.groups if "earth_rate" in group.terms)
+    assert {"gx.b1", "gy.b1", "gz.b1"} <= set(group.terms)
+    assert "Earth's rate along the table's axis acts" in group.reason
+    assert group.remedy == "as many turns in the other sense would separate them"
 
 
 def test_lengths_are_recovered_with_the_earth_in_them():

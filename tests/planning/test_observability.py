@@ -206,3 +206,15 @@ def test_a_term_s_partner_is_the_rotation_that_moves_the_output_as_it_does():
         move = np.linalg.svd(ways)[2][-1]  # along the direction that they share nothing moves
         assert np.linalg.norm(ways @ move) < 1e-3 * np.linalg.norm(ways[:, 0] * move[0])
         assert 0.3 < abs(move[1] / move[0]) < 3.0
+
+
+@pytest.mark.parametrize("angles", [4, 6, 24])
+@pytest.mark.parametrize("class_id", ["mems_consumer", "quartz_flexure_servo"])
+def test_partners_move_together_without_a_trace(angles, class_id):
+    """Along the direction that they are said to share, prior-sized: by less than the noise over the test."""
+    plans = [ib.tumble(angles=angles, rate=1.0), ib.centrifuge([1, 5, 20], mounts=6, rate=1.0)]
+    seen, summary = observed("accelerometer", class_id, plans)
+    for group in seen.groups:
+        theta = np.zeros(len(seen.names))
+        theta[[seen.names.index(name) for name in group.terms]] = group.direction
+        assert np.linalg.norm(summary.factor.R[:-1, :-1] @ theta) < 1.0, group.terms
