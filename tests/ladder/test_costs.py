@@ -61,3 +61,13 @@ def test_cache_that_cannot_be_written_is_no_error(tmp_path):
     (tmp_path / "cache").write_text("a file where the folder would be")
     costs._keep({"small": 1.0})
     assert costs.kept_speeds() is None
+
+
+def test_rows_that_are_read_again_cost_as_often_as_they_are_read():
+    """5.2 million rows on 15 terms: one pass for a single noise, thirty where it is averaged over."""
+    long = Size(rows=5_200_000, columns=15, candidates=12, runs=1, streamed=5_200_000)
+    once, often = (foreseen(name, long, REFERENCE) for name in ("plug-in", "averaged"))
+    assert once < 5.0
+    assert often > 20.0 * once
+    assert within(5.0, long, REFERENCE) == "plug-in"
+    assert within(1e9, long, REFERENCE) == "full"

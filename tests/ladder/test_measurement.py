@@ -8,9 +8,9 @@ from trades import SHORT, problem, told
 
 from imubayes.algebra.factor import posterior
 from imubayes.ladder.costs import STATUS
-from imubayes.ladder.problem import ground_of
+from imubayes.ladder.problem import change, ground_of
 from imubayes.ladder.rungs import stand
-from imubayes.ladder.trade.measurement import best_of, measured_of, monte_carlo
+from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +63,39 @@ def test_the_peak_is_what_an_array_takes_though_it_is_freed():
     found, taken = map(float, done.stdout.split())
     assert found == 8e6
     assert 60e6 < taken < 80e6
+
+
+def test_what_is_kept_of_an_answer_is_what_it_says(answers):
+    for rung, answer in answers.items():
+        told = measured_of(answer, 100.0, np.random.default_rng(1))
+        assert told.rung == rung
+        assert told.verdicts == tuple(term.verdict for term in answer.selection.terms)
+        # draws of the posterior have its mean: four standard errors
+        error = 4.0 * told.draws.std(axis=0) / np.sqrt(len(told.draws))
+        sure = [name for name, p in zip(told.names, told.inclusion, strict=True) if p > 0.999]
+        for name in sure:
+            j = told.names.index(name)
+            assert abs(told.draws[:, j].mean() - told.mean[j]) < error[j] + 1e-12
+
+
+def test_rungs_without_draws_have_no_monte_carlo_error(answers):
+    assert not monte_carlo(answers["means"]).any()
+    assert not monte_carlo(answers["plug-in"]).any()
+
+
+def test_draws_that_are_taken_again_make_the_monte_carlo_error_no_smaller(answers):
+    answer = answers["averaged"]
+    first, second = list({id(noise): noise for noise in answer.posterior.noises}.values())[:2]
+    even = _with(answer, noises=(first, second) * 8)
+    few = _with(answer, noises=(first, second))
+    np.testing.assert_allclose(monte_carlo(even), monte_carlo(few), rtol=1e-12)
+
+
+def test_the_largest_difference_is_what_the_ladder_calls_a_change(answers):
+    below, best = answers["sparse"], answers["plug-in"]
+    one, other = (measured_of(answer, 100.0, np.random.default_rng(1)) for answer in (below, best))
+    got = difference(one, replace(other, verdicts=("needed",) * len(other.names)), {}, {})
+    assert (got.largest, got.inclusion) == pytest.approx(change(below, best), rel=1e-12)
+    # of terms that the runs do not excite nothing counts
+    got = difference(one, replace(other, verdicts=("untested",) * len(other.names)), {}, {})
+    assert got.largest == got.inclusion == 0.0
