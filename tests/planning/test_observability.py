@@ -174,16 +174,6 @@ def test_columns_that_differ_by_less_than_the_noise_are_told_as_such():
     assert not seen_of(30.0 * X, np.ones(2)).groups
 
 
-def test_facts_choose_the_words():
-    seen, summary = observed("accelerometer", "mems_tactical", [ib.tumble(angles=24, rate=1.0)])
-    sd = ib.prior(ib.sensor("mems_tactical", kind="accelerometer"), summary.library).sd
-    free = observe(summary.factor, sd, replace(summary.facts, reference_free=True)).groups[0]
-    assert free.terms == seen.groups[0].terms
-    assert free.reason == "only |f| = g is known of each still"
-    unknown = observe(summary.factor, sd, UNKNOWN).groups[0]
-    assert unknown.reason == "" and "changes by itself" in unknown.remedy
-
-
 def test_a_term_s_partner_is_the_rotation_that_moves_the_output_as_it_does():
     """Six positions of three faces: one about the input axis moves a misaligned sensor 200 times less."""
     sensor, library = ib.sensor("mems_consumer", kind="accelerometer"), ib.library("accelerometer", powers=1)

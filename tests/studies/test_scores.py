@@ -56,16 +56,6 @@ def test_rates_are_counts_over_counts(tried, told):
     assert own.cost.value == pytest.approx(wrong / len(tried), rel=1e-12)
 
 
-def test_perfect_method_costs_nothing_and_the_constant_ones_all_of_one_error(told):
-    perfect, every, nothing = (told.of(name) for name in ("perfect", "all", "none"))
-    assert perfect.cost.value == perfect.false_keeps.value == perfect.brier.value == 0.0
-    assert perfect.excess.value == pytest.approx(-told.of(DECISION).cost.value, rel=1e-12)
-    assert every.false_keeps.value == 1.0
-    assert every.cost.value == pytest.approx(told.zero / told.sensors, rel=1e-12)
-    assert nothing.false_drops[2].value == 1.0
-    assert nothing.cost.value == pytest.approx(told.true / told.sensors, rel=1e-12)
-
-
 def test_interval_of_a_cost_is_that_of_a_mean_over_sensors(tried, told):
     each = np.array([np.sum(t.keeps[0] != (t.truth != 0.0)) for t in tried], dtype=float)
     half = 1.96 * each.std() / np.sqrt(len(each))

@@ -252,3 +252,13 @@ def test_noise_rules_are_obeyed_and_named():
     assert set(origins) == {"REML", "white", "given"}
     assert origins["given"] == given
     assert origins["white"].B == origins["white"].K == 0.0 < origins["white"].N
+
+
+def test_sessions_of_a_unit_are_compared():
+    sensors = [spec(id=f"A{k}", unit="A", session=str(k)) for k in (1, 2, 3)]
+    sessions = method.run(small(*sensors)).sessions
+    by_name = {one.parameter: one for one in sessions}
+    assert by_name["b0"].sessions == ("1", "2", "3")
+    # one truth behind all three: nothing separates them but noise
+    assert not any(one.exceeds for one in sessions)
+    assert method.run(small()).sessions == ()

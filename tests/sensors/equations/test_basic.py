@@ -52,13 +52,6 @@ def test_projection_loses_less_than_leaving_the_terms_out():
     assert p.b == pytest.approx(K2 * (60.0**2 / 12.0 - 50.0**2), rel=1e-6)
 
 
-def test_a_misalignment_that_the_scene_does_not_excite_keeps_its_value():
-    channels = _scene(np.random.default_rng(3))
-    del channels["f_k"]
-    p, _ = project(LIB, _theta(m_k=5e-3, b2=1e-5), _factor(channels))
-    assert p.m_k == 5e-3
-
-
 def test_a_scene_of_one_constant_input_cannot_tell_bias_from_scale():
     with pytest.raises(UnobservableError) as caught:
         project(LIB, _theta(b2=1e-5), _factor({"f_i": np.full(ROWS, 9.8)}))
