@@ -71,7 +71,7 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     html = page_html(lots_page(result))
     for anchor in ("scene-helicopter", "scene-helicopter-position"):
         assert html.count(f'id="{anchor}"') == 1 and f'href="#{anchor}"' in html
-    assert "In the scene helicopter, position it needs" in html
+    assert "a model in the scene helicopter, position" in html
 
 
 @pytest.mark.parametrize(
