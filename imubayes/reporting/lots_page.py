@@ -94,10 +94,9 @@ if TYPE_CHECKING:
 
 
 NEEDED_KEY = Markup(
-    "Each bar is the lot of a class: {}units in which the term is needed, {}units whose test cannot tell"
-    " it or leaves it undecided, {}units in which it is not needed. ?: half of the units or more cannot"
-    " tell, so that of the class the tests cannot tell; else the class is what most of the others are."
-    " Each bar leads to its numbers."
+    "Each bar is the units of a class: {}those in which the term is needed, {}those whose test cannot tell"
+    " it or leaves it undecided, {}those in which it is not needed. ?: half of them or more cannot tell, and"
+    " all together do not show it, so that of the class the tests cannot tell. Each bar leads to its numbers."
 ).format(*map(swatch, ("#0072B2", "#E69F00", "#eceef1")))
 
 ORDER_NOTE = (
@@ -144,8 +143,8 @@ def lots_page(result: LotResult) -> Page:
     said = f"It took {duration(result.seconds)} with {study.processes} processes. Seed {study.seed}."
     return Page(
         study.title,
-        f"{study.units} simulated {study.kind}s of each of {len(result.classes)} classes, each through a test"
-        " campaign with coloured noise and an imperfect bench.",
+        f"{study.lots * study.units} simulated {study.kind}s of each of {len(result.classes)} classes, each"
+        " through a test campaign with coloured noise and an imperfect bench.",
         first=[
             Prose(joined(strong(answers[0][0]), link("numbers", answers[0][1])), "answer"),
             Prose(status(result)),
