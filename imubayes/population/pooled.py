@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -138,7 +138,7 @@ def over_lots(counts: tuple[int, ...], units: int | tuple[int, ...]) -> Share:
     `units` are those of each lot, a number for all or for each.
 
     Lots differ: a lot's own share is beta-distributed about the class's, with any correlation between the
-    units of a lot equally likely. One lot alone says nothing of others: its interval is its own (Wilson's).
+    units of a lot equally likely; open to the end that was met. One lot alone has its own interval.
 
     Examples
     --------
@@ -159,4 +159,5 @@ def over_lots(counts: tuple[int, ...], units: int | tuple[int, ...]) -> Share:
     a, b = share * (1.0 / correlation - 1.0), (1.0 - share) * (1.0 / correlation - 1.0)
     log = (betaln(a + k, b + n - k) - betaln(a, b)).sum(axis=0)
     weight = np.exp(log - log.max()).sum(axis=1)
-    return replace(of_cells(share[:, 0], weight), value=float(k.sum() / n.sum()))
+    found, value = of_cells(share[:, 0], weight), float(k.sum() / n.sum())
+    return Share(value, found.low if value else 0.0, found.high if value < 1.0 else 1.0)

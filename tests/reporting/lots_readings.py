@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+import numpy as np
 from report_reading import (
     Grid,
     Meant,
@@ -27,6 +28,7 @@ from report_reading import (
     sentences,
     tree,
 )
+from scipy.stats import betabinom
 
 from imubayes.reporting.lots_words import class_name, slug
 from imubayes.sensors.catalogue import sensor
@@ -34,7 +36,7 @@ from imubayes.sensors.terms import library
 
 TRIAD = {"b0", "b1", "m_j", "m_k"}
 
-LIST = r"[A-Za-z]\w*(?:(?:, | and )[A-Za-z]\w*)*"
+LIST = r"[A-Za-z][\w*]*(?:(?:, | and )[A-Za-z][\w*]*)*"
 NUM = r"[\d.,]*\d(?:e-?\d+)?"
 SHARE = rf"(?:below )?{NUM} (?:times|%)"
 
@@ -46,7 +48,8 @@ class Lots:
         lots = result["lots"]
         self.terms: list[str] = lots["terms"]
         self.units: int = lots["units"]
-        self.library = library(lots["kind"], powers=5, asymmetry=5, set="extended")
+        self.lots: int = lots.get("lots", 1)
+        self.library = library(lots["kind"], powers=5, asymmetry=5, set="extended", temperature=2)
         self.check = lots["check"]
         self.classes = {class_name(sensor(one["id"], kind=lots["kind"])): one for one in lots["classes"]}
         self.called = {one["id"]: name for name, one in self.classes.items()}
@@ -60,11 +63,33 @@ class Lots:
         }
         self.stages = {slug("scene", one["name"]): scene for (_, scene), one in self.scenes.items()}
 
-    def counts(self, name: str, term: str) -> tuple[int, int, int]:
-        """Units that need a term, do not, and leave it open."""
+    def counts(self, name: str, term: str) -> list[tuple[int, int, int]]:
+        """Units that need a term, do not, and leave it open, of each lot."""
         said = [unit["verdicts"][self.terms.index(term)] for unit in self.classes[name]["units"]]
-        needed, idle = said.count("needed"), said.count("not needed")
-        return needed, idle, len(said) - needed - idle
+        found = []
+        for first in range(0, len(said), self.units):
+            lot = said[first : first + self.units]
+            needed, idle = lot.count("needed"), lot.count("not needed")
+            found.append((needed, idle, len(lot) - needed - idle))
+        return found
+
+    @staticmethod
+    def ends(counts: Sequence[int], units: Sequence[int]) -> tuple[float, float]:
+        """90 % interval of a share of units: of one lot Jeffreys', of several that of a beta-binomial."""
+        if len(counts) == 1 or not sum(units):
+            return quantile(0.05, 0.95, counts[0] if sum(units) else 0, units[0])
+        share, correlation = np.meshgrid((np.arange(500) + 0.5) / 500, (np.arange(30) + 0.5) / 30)
+        spread = 1.0 / correlation - 1.0
+        chance = np.prod(
+            [
+                betabinom.pmf(k, n, share * spread, (1.0 - share) * spread)
+                for k, n in zip(counts, units, strict=True)
+            ],
+            axis=0,
+        ).sum(axis=0)
+        reached = np.cumsum(chance) - 0.5 * chance
+        low, high = np.interp([0.05, 0.95], reached / chance.sum(), share[0]).tolist()
+        return (low if any(counts) else 0.0), (high if sum(counts) < sum(units) else 1.0)
 
     def _answers(self, one: dict[str, Any]) -> dict[str, str]:
         found = {}
@@ -72,9 +97,10 @@ class Lots:
             said = [unit["verdicts"][k] for unit in one["units"]]
             needed, idle = said.count("needed"), said.count("not needed")
             hidden = len(said) - needed - idle
-            found[term] = (
-                "cannot tell" if 2 * hidden >= len(said) else "needed" if needed >= idle else "not needed"
-            )
+            pooled = one["terms"][k].get("pooled", {"inclusion": 0.0})
+            together = pooled["inclusion"] >= 0.95 and pooled["share"]["value"] >= 0.5
+            shown = "needed" if together else "cannot tell"
+            found[term] = shown if 2 * hidden >= len(said) else "needed" if needed >= idle else "not needed"
         return found
 
     def of(self, name: str, answer: str) -> list[str]:
@@ -106,11 +132,23 @@ class Lots:
         return sum(self._loose(name, term) for name in self.classes for term in self.terms)
 
     def _loose(self, name: str, term: str) -> bool:
-        needed, idle, hidden = self.counts(name, term)
-        low, high = quantile(0.05, 0.95, hidden, self.units)
+        needed, idle, hidden = zip(*self.counts(name, term), strict=True)
+        low, high = self.ends(hidden, [self.units] * self.lots)
         if self.answers[name][term] == "cannot tell":
             return bool(low < 0.5)
-        return bool(high >= 0.5 or quantile(0.05, 0.95, max(needed, idle), needed + idle)[0] < 0.5)
+        if 2 * sum(hidden) >= self.units * self.lots:
+            return bool(named(self.classes[name]["terms"], term)["pooled"]["share"]["low"] < 0.5)
+        most = needed if self.answers[name][term] == "needed" else idle
+        told = [k + n for k, n in zip(needed, idle, strict=True)]
+        return bool(high >= 0.5 or self.ends(most, told)[0] < 0.5)
+
+    def harmless(self, name: str) -> list[str]:
+        """Terms that a class cannot tell, and that take little of every scene at the limit of all units."""
+        most: dict[str, list[float]] = {}
+        for (owner, _), scene in self.scenes.items():
+            for one in scene["terms"] if owner == name else ():
+                most.setdefault(one["name"], []).append(one["most_of_budget"])
+        return [term for term in self.of(name, "cannot tell") if max(most[term]) < 0.1]
 
     def needing(self, scene: str) -> int:
         """Classes that need any term in a scene."""
@@ -199,7 +237,7 @@ def _in_scene(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
         one["share_range"][1]
         for name in without
         for one in lots.scenes[name, scene]["terms"]
-        if one["name"] in re.findall(r"\w+", match[2])
+        if one["name"] in re.findall(r"[\w*]+", match[2])
     )
     return [None, None, None, 95, max(most, 1e-3)]
 
@@ -209,9 +247,10 @@ def _range_of(one: dict[str, float]) -> list[float]:
 
 
 def _cell(lots: Lots, match: Match) -> Iterable[Meant]:
-    needed, _, hidden = lots.counts(match[2], match[1])
-    low, high = (100.0 * end for end in quantile(0.05, 0.95, needed, lots.units))
-    return [None, None, needed / lots.units, low, high, hidden / lots.units]
+    needed, _, hidden = zip(*lots.counts(match[2], match[1]), strict=True)
+    low, high = (100.0 * end for end in lots.ends(needed, [lots.units] * lots.lots))
+    every = lots.units * lots.lots
+    return [None, None, sum(needed) / every, low, high, sum(hidden) / every]
 
 
 def _needs_model(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
@@ -243,6 +282,9 @@ OF_CLASS = readings(
         ],
         rf"Of (\d+) the tests cannot tell: ({LIST})\.": lambda of, m: [
             len(found := of[0].of(of[1], "cannot tell")), found
+        ],
+        rf"Whatever they are, ({LIST}) takes? less than (10) % of every scene's budget": lambda of, m: [
+            of[0].harmless(of[1]), 10
         ],
         rf"A single unit needs ({NUM}) \(({NUM}) to ({NUM})\) \(median, and (90) % of the units\)":
             lambda of, m: [*_range_of(of[0].classes[of[1]]["order"]), 90],
@@ -277,6 +319,9 @@ OF_ALL = readings(
         r"one lot of (\d+) \w+ of each class\. With other units of these lots (\d+) of the (\d+) answers"
         r" could change \((\d+) % intervals\)":
             lambda r, m: [r.units, r.loose(), len(r.terms) * len(r.classes), 90],
+        r"Simulated: (\d+) lots of (\d+) \w+ of each class, with magnitudes drawn over the class's range\."
+        r" With other lots (\d+) of the (\d+) answers could change \((\d+) % intervals\)":
+            lambda r, m: [r.lots, r.units, r.loose(), len(r.terms) * len(r.classes), 90],
         rf"Every class needs ({LIST})\.":
             lambda r, m: [[t for t in r.terms if all(t in _needed(r, name) for name in r.classes)]],
         rf"(\d+) of (\d+) (classes need|scenes require) ({LIST})\.": _by_some,
@@ -295,9 +340,9 @@ OF_ALL = readings(
         r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?": _truth,
         r"^(\d+) of (\d+) terms are needed by every class$":
             lambda r, m: [len(set.intersection(*(set(_needed(r, n)) for n in r.classes))), len(r.terms)],
-        r"(?:that the tests cannot tell: |; )([\w ]+): ([\w ]+), cannot tell (\d+)":
+        r"(?:that the tests cannot tell: |; )([\w ]+): ([\w* ]+), cannot tell (\d+)":
             lambda r, m: [None, _needed(r, m[1].strip()), len(r.of(m[1].strip(), "cannot tell"))],
-        rf"^(\w+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
+        rf"^([\w*]+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
             _cell,
         r"^(\d+) of (\d+) class(?:es)? needs? a model in the scene (.+)$":
             lambda r, m: [r.needing(m[3]), len(r.classes), None],
@@ -318,7 +363,7 @@ READINGS = (
     ),
     Reading(r"needs a model in (\d+) of (\d+) scenes?$", _needs_model),
     Reading(
-        rf"^(\w+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"
+        rf"^([\w*]+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"
         rf" in the smallest model of ({NUM} %)$",
         _scene_cell,
     ),
@@ -333,6 +378,8 @@ READINGS = (
         r"(90) % of the units",
         r"in (95) % of the units or more",
         r"below (10?) %",
+        r"stays below with (95) %",
+        r"hierarchical posterior with (90) % intervals",
         r"^(0): without any term|\. (0): without any term",
     ),
 )
