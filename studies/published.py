@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from imubayes.inference.stills import find_stills
 from imubayes.inference.triad import Triad, calibration, triad_of
 from imubayes.reporting.rounding import measured
 from imubayes.rig.inputs import Run
+from imubayes.sensors.terms import Kind
 from imubayes.study.schema import read_runs, read_study
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +60,7 @@ class Found:
             for t in one["terms"]
         }
 
-    def triad(self, kind: str) -> Triad:
+    def triad(self, kind: Kind) -> Triad:
         """Components of a kind with the coefficients that were found."""
         known = kind == "gyroscope" or self.run.procedure == "ferraris"
         one = triad_of(self.spec.of(kind).library, referenced=known)
@@ -88,7 +90,7 @@ def imu_tk_rows() -> Iterator[tuple[str, ...]]:
     found = Found("imu_tk_xsens")
     force, rate = found.triad("accelerometer"), found.triad("gyroscope")
     nominal = [[nominal_columns(found.spec, name) for name in one.components] for one in (force, rate)]
-    tables = [calibration(one, scales) for one, scales in zip((force, rate), nominal, strict=True)]
+    tables: Any = [calibration(one, scales) for one, scales in zip((force, rate), nominal, strict=True)]
     for k, (one, unit) in enumerate(((force, "m/s^2/count"), (rate, "rad/s/count"))):
         for c, name in enumerate(one.components):
             sd = nominal[k][c][0] * found.terms[f"{name}.b1"][1]
