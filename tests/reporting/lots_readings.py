@@ -242,6 +242,18 @@ def _in_scene(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     return [None, None, None, 95, max(most, 1e-3)]
 
 
+def _unnamed(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
+    """How many terms, beside those that are named, exactly these classes need in a scene."""
+    told = [scene for scene in lots.stages.values() if match[1].startswith(f"In the scene {scene} ")]
+    scene = max(told, key=len) if told else lots.stages[anchor]
+    owners = {name.lower() for name in re.split(r", | and ", match[1].removeprefix(f"In the scene {scene} "))}
+    needing = {
+        term: {n.lower() for n in lots.classes if term in lots.inside(n, scene, "needed")}
+        for term in lots.terms
+    }
+    return [None, None, sum(each == owners for each in needing.values()) - len(match[2].split(", "))]
+
+
 def _range_of(one: dict[str, float]) -> list[float]:
     return [float(one[end]) for end in ("value", "low", "high")]
 
@@ -361,6 +373,7 @@ READINGS = (
         rf" less than ({SHARE}) (?:of )?the budget",
         _in_scene,
     ),
+    Reading(r"([^.;:]*?) needs? ([\w*, ]+) and (\d+) more", _unnamed),
     Reading(r"needs a model in (\d+) of (\d+) scenes?$", _needs_model),
     Reading(
         rf"^([\w*]+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"
