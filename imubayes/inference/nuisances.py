@@ -32,7 +32,7 @@ from imubayes.rig.inputs import Inputs, Part, Run, Stream
 from imubayes.rig.reference import OFFSET, TILT, Error, errors_of, for_sensor, kind_of
 from imubayes.rig.stream_survey import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
-from imubayes.sensors.terms import Kind, Library, columns
+from imubayes.sensors.terms import Kind, Library, columns, held_sign
 
 PACE = Pace("errors of the test bench", judged=range(2), settled=1e-3, rounds=3, downhill=True)
 """The rows of the first round may be off by the sensor's own errors, so that two judge the noise."""
@@ -327,8 +327,7 @@ class _Rows:
         said = {name: values[start:stop] for name, values in self.bench.run.inputs.channels.items()}
         X = columns(self.at.lib, seen, stop - start)
         for k, term in enumerate(self.at.lib.terms):
-            for name in (f.channel for f in term.factors if f.signed and f.channel in seen):
-                X[:, k] *= np.sign(said.get(name, 0.0)) * np.sign(seen[name])
+            X[:, k] *= held_sign(term, said, seen)
         return np.broadcast_to(channels.get(self.at.lib.own, 0.0), stop - start), X
 
     def _slopes(self, start: int, stop: int) -> FloatArray:

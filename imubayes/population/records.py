@@ -153,7 +153,8 @@ def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Genera
     sds = spec.reference
     errors = {error.name: float(rng.normal(0.0, sds[error.kind])) for error in errors_of(plans, sds)}
     moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans]
-    runs = simulate(lot.sensor_class, moved, seed=rng, truth=spec.truth, noise=lot.noise[number])
+    noise, said = lot.noise[number], [plan.inputs for plan in plans]
+    runs = simulate(lot.sensor_class, moved, seed=rng, truth=spec.truth, noise=noise, said=said)
     return tuple(
         replace(run, inputs=plan.inputs, output=run.output + errors.get(f"{OFFSET}.{run.name}", 0.0))
         for run, plan in zip(runs, plans, strict=True)

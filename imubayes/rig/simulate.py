@@ -27,7 +27,7 @@ from imubayes.rig.tumbles import free_tumble, positions, static, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise, flicker
-from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, library
+from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, held_sign, library
 
 _RATIO = 4.0
 """Ratio of neighbouring time constants: the Allan variance is flat to 0.1 %."""
@@ -57,6 +57,7 @@ def simulate(
     seed: int | np.random.Generator,
     truth: Mapping[str, float] | None = None,
     noise: Noise | None = None,
+    said: Sequence[Inputs] = (),
 ) -> tuple[Run, ...]:
     """Run the plans on a simulated sensor: ``output = input + X theta + noise``.
 
@@ -69,6 +70,7 @@ def simulate(
         that the slides do not reach (``b4``, ``S_ii``, ``b0*T2``). Without it a unit is drawn from the
         class over the slide library (draw it with `draw_unit` to keep it).
     noise : of every run; the class's typical N, B and K where absent.
+    said : what the rig says of each plan's inputs, where its errors moved these (see `held_sign`).
 
     Raises
     ------
@@ -90,9 +92,11 @@ def simulate(
         noise = Noise(**{name: typical for name, (_, typical, _) in sensor.noise.items()})
     lib = library_of(sensor.kind, truth)
     source = Source(notes=(f"simulated: {sensor.kind} of class {sensor.id}",))
+    plans = tuple(plans)
+    said = said or [plan.inputs for plan in plans]
     return tuple(
-        Run(name, plan.procedure, plan.inputs, _output(plan.inputs, lib, truth, noise, rng), source)
-        for name, plan in _numbered(plans)
+        Run(name, plan.procedure, plan.inputs, _output(plan.inputs, told, lib, truth, noise, rng), source)
+        for (name, plan), told in zip(_numbered(plans), said, strict=True)
     )
 
 
@@ -118,7 +122,7 @@ def simulate_on_bench(
     errors : of the bench, SI by name; none for a rig without.
     """
     moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans] if errors else plans
-    runs = simulate(sensor, moved, seed=seed, truth=truth)
+    runs = simulate(sensor, moved, seed=seed, truth=truth, said=[plan.inputs for plan in plans])
     if not errors:
         return runs
     return tuple(
@@ -228,7 +232,8 @@ def simulate_imu(
     truth = made.truth or _units(made, rng)
     errors = dict(_bench(plans, made.bench, rng))
     moved = [replace(plan, inputs=case_inputs(true_inputs(plan, errors))) for plan in plans]
-    said = [_component(name, moved, made, truth, errors, rng) for name in made.components]
+    nominal = [case_inputs(plan.inputs) for plan in plans]
+    said = [_component(name, moved, nominal, made, truth, errors, rng) for name in made.components]
     source = Source(notes=(_note(made),))
     outputs = [np.column_stack(one) for one in zip(*said, strict=True)]
     runs = (_run_of_case(plan, output, source) for plan, output in zip(plans, outputs, strict=True))
@@ -272,6 +277,7 @@ def offset_name(run: str, component: str) -> str:
 def _component(
     name: str,
     moved: list[Plan],
+    nominal: Sequence[Inputs],
     made: Made,
     truth: Mapping[str, float],
     errors: Mapping[str, float],
@@ -280,7 +286,8 @@ def _component(
     """What a component says in each run, when the case is moved so."""
     own = {key.partition(".")[2]: value for key, value in truth.items() if key.partition(".")[0] == name}
     plans = [replace(plan, inputs=own_inputs(plan.inputs, name)) for plan in moved]
-    runs: tuple[Run, ...] = simulate(made.classes[kind_of(name)], plans, seed=rng, truth=own)
+    told = [own_inputs(inputs, name) for inputs in nominal]
+    runs: tuple[Run, ...] = simulate(made.classes[kind_of(name)], plans, seed=rng, truth=own, said=told)
     return [run.output + errors.get(offset_name(run.name, name), 0.0) for run in runs]
 
 
@@ -371,12 +378,18 @@ def _every_term(kind: Kind) -> dict[str, Term]:
 
 
 def _output(
-    inputs: Inputs, lib: Library, truth: Mapping[str, float], noise: Noise, rng: np.random.Generator
+    inputs: Inputs,
+    said: Inputs,
+    lib: Library,
+    truth: Mapping[str, float],
+    noise: Noise,
+    rng: np.random.Generator,
 ) -> FloatArray:
     output = synthesise(noise, inputs.t, inputs.interval, rng)
     output += inputs.channels.get(lib.own, 0.0)
     for term in lib.terms:
-        output += truth[term.name] * column(term, inputs.channels)
+        held = held_sign(term, said.channels, inputs.channels)
+        output += truth[term.name] * column(term, inputs.channels) * held
     return output
 
 

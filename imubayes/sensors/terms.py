@@ -225,6 +225,18 @@ def column(term: Term, channels: Mapping[str, FloatArray]) -> FloatArray | float
     return reduce(operator.mul, powers) if term.factors else 1.0
 
 
+def held_sign(
+    term: Term, said: Mapping[str, FloatArray], seen: Mapping[str, FloatArray]
+) -> FloatArray | float:
+    """Factor that gives a term at inputs `seen` the signs of those that the rig says.
+
+    Where the rig says zero an error of the bench is far below the noise of a sample, which takes the
+    sensor to and fro over the jump of an asymmetry: on average it stays in the middle.
+    """
+    signed = [f.channel for f in term.factors if f.signed and f.channel in seen]
+    return math.prod((np.sign(said.get(name, 0.0)) * np.sign(seen[name]) for name in signed), start=1.0)
+
+
 def angles(gain: tuple[float, float, float]) -> tuple[float, float, float]:
     """Scale-factor error and misalignment angles of a fitted linear row.
 

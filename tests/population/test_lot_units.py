@@ -240,6 +240,16 @@ def test_errors_of_the_bench_move_the_output_and_not_what_the_rig_says():
     np.testing.assert_allclose(own.y, drawn[0] * up + drawn[1], atol=1e-9)
 
 
+def test_an_asymmetry_stays_on_its_jump_where_the_rig_says_that_the_axis_is_level():
+    """Mutation: by the sign of what an arcsecond leaves of the input, all of it would show."""
+    spec = replace(STUDY.specs[0], runs=(TUMBLE,), reference={"fixture": 1e-4}, truth={"b0p": 1.0})
+    lot = replace(LOT, noise=tuple(Noise(0.0, 0.0, 0.0) for _ in LOT.noise))
+    (run,) = simulate_unit(spec, lot, 0, np.random.default_rng(4))
+    own = run.inputs.channels["f_i"]
+    np.testing.assert_allclose(run.output - own, np.sign(own), atol=0.01)
+    assert np.any(own == 0.0) and np.abs(run.output[own == 0.0]).max() > 1e-5
+
+
 SCENES = read(Path(__file__).parents[2] / "studies" / "scenes.toml")[1]
 ARCSECOND = np.pi / 180.0 / 3600.0
 

@@ -25,6 +25,7 @@ from imubayes.scenes.relevance import Exposure, Relevance, weigh
 from imubayes.scenes.smallest import Knowledge
 from imubayes.selection.verdicts import TENTH, Costs
 from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import held_sign
 
 SIMULATED = Source(notes=("simulated: drawn from the posterior",))
 
@@ -120,7 +121,10 @@ def simulated_again(
     def again(run: Run, noise: Noise) -> Run:
         moved = true_inputs(run, errors) if errors else run.inputs
         output = synthesise(noise, moved.t, moved.interval, rng)
-        output += library_rows(replace(run, inputs=moved), lib) @ theta
+        X = library_rows(replace(run, inputs=moved), lib)
+        for k, term in enumerate(lib.terms):
+            X[:, k] *= held_sign(term, run.inputs.channels, moved.channels)
+        output += X @ theta
         output += moved.channels.get(lib.own, 0.0) + errors.get(f"{OFFSET}.{run.name}", 0.0)
         return replace(run, output=output, source=SIMULATED, stream=None)
 
