@@ -102,7 +102,7 @@ def test_without_errors_the_rows_are_those_of_the_library():
 def test_columns_of_a_part_are_those_of_the_whole_however_they_are_made(held, monkeypatch):
     _, lib, truth = campaign("accelerometer")
     runs = nominal(PLANS["accelerometer"])
-    kinds = {kind: SIZE[kind] for kind in KINDS if kind != "latency"}
+    kinds = {kind: size for kind, size in SIZE.items() if kind != "latency"}
     extras = extras_for(runs, kinds)
     nu = np.array([extra.sd for extra in extras]) * np.random.default_rng(6).normal(size=len(extras))
     theta = np.array([truth[name] for name in lib.names])
