@@ -106,7 +106,7 @@ def campaign_of(entry: SensorClass) -> Table:
     --------
     >>> from imubayes.sensors.catalogue import sensor
     >>> [run["name"] for run in campaign_of(sensor("fog_navigation", kind="gyroscope"))["run"]]
-    ['rate steps', 'tumble', 'centrifuge']
+    ['rate steps', 'tumble', 'centrifuge', 'chamber']
     """
     known = packaged_tables()["campaign"]
     if not entry.campaign:
