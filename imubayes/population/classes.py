@@ -15,14 +15,16 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import SensorResult, SensorSpec
-from imubayes.population.levels import Likelihoods, likelihoods
+from imubayes.population.levels import Likelihoods, likelihoods, of_units
 from imubayes.population.needs import Need, class_need, unit_answer
+from imubayes.population.pooled import Pooled, pooled
 from imubayes.population.sessions import SessionVerdict, arranged, in_session, joined, level_among
-from imubayes.population.spreads import FEWEST, Spreads, spreads
+from imubayes.population.spreads import FEWEST, Spreads, lot_sizes, spreads
 from imubayes.selection.decision import Selection
 from imubayes.selection.model_prior import log_model_prior
 from imubayes.selection.model_sets import Every, fold, sizes
 from imubayes.selection.models import Models
+from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.terms import Kind
 
 Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
@@ -101,8 +103,7 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
     for spec, result in alike:
         rows += in_session(spec, result)
         selections.setdefault(rows[-1].component, []).append(result.selection)
-    pooled = {component: pooled_inclusion(own) for component, own in selections.items()}
-    whole = pooled_inclusion([result.selection for _, result in alike])
+    sizes = _sizes(alike)
     units, sessions, names = (
         tuple(dict.fromkeys(each))
         for each in zip(*((r.unit, r.session, r.term.name) for r in rows), strict=True)
@@ -112,21 +113,40 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
         parts = [[row for row in rows if (row.term.name, row.component) == (name, one)] for one in selections]
         parts = [part for part in parts if part]
         if len(parts) > 1:
-            found.append(_term(parts, sessions, whole.get(name)))
-        found += [_term([part], sessions, pooled[part[0].component].get(name)) for part in parts]
+            found.append(_term(parts, sessions, sizes[name]))
+        found += [_term([part], sessions, sizes[name]) for part in parts]
     level = level_among([one.spreads.p_value for one in found])
     terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in found)
     return ClassInCommon(class_id, kind, units, sessions, tuple(selections), terms)
 
 
+def _sizes(alike: Sequence[tuple[SensorSpec, SensorResult]]) -> dict[str, tuple[float, float]]:
+    """Smallest and largest spread of a term that units of the class can have, by name, SI.
+
+    Where a study has a prior of its own, they are as much larger as that is.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for spec, result in alike:
+        own, told = spec.of(result.kind), {term.name: term.prior_sd for term in result.selection.terms}
+        if own.sensor_class is None or told.keys() <= found.keys():
+            continue
+        for term, *ends in zip(own.library.terms, *lot_sizes(own.sensor_class, own.library), strict=True):
+            if term.name in told:
+                wider = told[term.name] / prior_sd(own.sensor_class, term)[0]
+                low, high = (wider * float(end) for end in ends)
+                found[term.name] = low / math.sqrt(2.0), high
+    return found
+
+
 def _term(
-    parts: Sequence[Sequence[SessionVerdict]], sessions: Sequence[str], pooled: float | None
+    parts: Sequence[Sequence[SessionVerdict]], sessions: Sequence[str], sizes: tuple[float, float]
 ) -> TermInClass:
     """One term of one component, or of several together."""
     term, several = parts[0][0].term, len(parts) > 1
     component = "" if several else parts[0][0].component
     blocks = [_likelihoods(part, sessions) for part in parts]
     units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
+    scatter = spreads(blocks, term.prior_sd)
     answers = [unit_answer([row.term.verdict for row in part if row.unit == unit]) for unit, part in units]
     return TermInClass(
         name=joined(component, term.name),
@@ -135,13 +155,23 @@ def _term(
         term=term.name,
         component=component,
         size=term.prior_sd,
-        spreads=spreads(blocks, term.prior_sd),
+        spreads=scatter,
         units=tuple(f"{unit}.{part[0].component}" if several else unit for unit, part in units),
         sessions=tuple(sessions),
         value=np.concatenate([one.value for one in blocks]),
         error=np.concatenate([one.error for one in blocks]),
-        need=class_need(answers, pooled),
+        need=class_need(answers, _together(blocks, scatter, sizes)),
     )
+
+
+def _together(blocks: Sequence[Likelihoods], found: Spreads, sizes: tuple[float, float]) -> Pooled | None:
+    """What all units say of a term, each component a lot by itself; None where too few tell of it."""
+    if math.isnan(found.unit.value):
+        return None
+    own = found.turn_on if math.isnan(found.own.value) else found.own
+    told = [of_units(one, own, found.common) for one in blocks if one.told]
+    weights, estimates, variances = zip(*told, strict=True)
+    return pooled(estimates, variances, sizes, weights)
 
 
 def _likelihoods(rows: Sequence[SessionVerdict], sessions: Sequence[str]) -> Likelihoods:

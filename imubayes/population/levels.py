@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.intervals import Share
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
@@ -33,6 +34,14 @@ TOLD = 0.19
 
 NOISELESS = 1e-4
 """Smallest share of an error's variance that is left to the noise, against rounding."""
+
+THREE = (0.185, 0.63, 0.185)
+"""Weights of the 5, 50 and 95 % points of a distribution that stand for it (Keefer and Bodily, Management
+Science 29, 1983)."""
+
+REACH, APART = 3.5, 0.75
+"""Sds of each part of an error that all units share over which it is integrated, and least step in sds of the
+mean over units."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,6 +165,73 @@ def over_sessions(block: Block, common: FloatArray) -> tuple[FloatArray, FloatAr
     explained = (variance * of_data**2 / growth).sum(axis=-1) + b**2 / a
     log = (block.log_det - block.scatter)[..., None] + explained - np.log(a) - np.log(growth).sum(axis=-1)
     return 0.5 * log, b / a, 1.0 / a
+
+
+def of_units(one: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights (m,) of m versions of what its sessions say of each unit: estimates (m, n), variances (m, n).
+
+    Versions are of the sd of what a turn-on does to a unit by itself (`own`), and of what all units have in
+    common: of a session's effect (`common`), whose differences between sessions are taken off, the mean; of
+    other coefficients half of their variance, as units have their means in common (see `pooled`).
+    """
+    told = np.isfinite(one.value).any(axis=1)
+    kept = Likelihoods(one.value[told], one.noise[told], one.alias[told])
+    parts = [(share, *_shifted(kept, size, common)) for share, size in _three(own)]
+    weight = np.concatenate([share * each for share, each, _, _ in parts])
+    return weight, np.concatenate([part[2] for part in parts]), np.concatenate([part[3] for part in parts])
+
+
+def _three(found: Share) -> list[tuple[float, float]]:
+    """Weights and values of three points of a distribution; nothing where it is unknown."""
+    if math.isnan(found.value):
+        return [(1.0, 0.0)]
+    return list(zip(THREE, (found.low, found.value, found.high), strict=True))
+
+
+def _shifted(one: Likelihoods, own: float, common: Share) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights (m,), estimates and variances (m, n) at m values of the error that all units share."""
+    known, alias = np.isfinite(one.value), np.nan_to_num(one.alias)
+    weight = np.where(known, 1.0 / (one.noise**2 + own**2), 0.0)
+    n, each, total = len(weight), weight.sum(axis=1), weight.sum(axis=0)
+    smallest = NOISELESS / math.sqrt(float(weight.max()))
+
+    def solved(size: float) -> tuple[FloatArray, float]:
+        of_session = np.diag(total + 1.0 / max(size, smallest) ** 2)
+        cov = np.linalg.inv(np.block([[np.diag(each), weight], [weight.T, of_session]]))
+        alike = float(cov[:n, :n].sum() - np.trace(cov[:n, :n])) / max(n * (n - 1), 1)
+        return cov[:n], max(alike, 0.0)
+
+    cov, alike = solved(0.0 if math.isnan(common.value) else common.value)
+    weighed = weight * np.nan_to_num(one.value)
+    estimate = cov @ np.append(weighed.sum(axis=1), weighed.sum(axis=0))
+    booked = np.einsum("us,usk->uk", weight, alias) / each[:, None]
+    variance = np.diagonal(cov) - alike + 0.5 * (booked**2).sum(axis=1)
+    mean = 0.5 * float((booked.mean(axis=0) ** 2).sum())
+    shared = [(share, math.sqrt(solved(size)[1] + mean)) for share, size in _three(common)]
+    shift, share = _grid(shared, estimate, np.sqrt(variance))
+    return share, estimate - shift[:, None], np.tile(variance, (len(shift), 1))
+
+
+def _grid(
+    shared: Sequence[tuple[float, float]], estimate: FloatArray, sd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values of an error that is a mixture of normals about zero, and their weights.
+
+    They are dense over each of the normals, where it would bring a unit to zero, and where all of them.
+    """
+    share, size = np.array(shared).T
+    precision = sd**-2.0
+    fine = APART / math.sqrt(float(precision.sum()))
+    if size.max() < fine:
+        return np.zeros(1), np.ones(1)
+    near = estimate[:, None] + sd[:, None] * np.arange(-4.0, 5.0, 2.0)
+    middle = float(precision @ estimate / precision.sum()) + fine * np.arange(-6.0, 7.0, 2.0)
+    values = np.sort(np.concatenate([*np.outer(size, np.linspace(-REACH, REACH, 15)), *near, middle]))
+    values = values[np.abs(values) <= REACH * size.max()]
+    values = values[np.append(True, np.floor(values[1:] / fine) > np.floor(values[:-1] / fine))]
+    size = np.maximum(size, fine)
+    weight = np.gradient(values) * (np.exp(-0.5 * (values[:, None] / size) ** 2) @ (share / size))
+    return values, weight / weight.sum()
 
 
 def scatter_p(blocks: Sequence[Likelihoods]) -> float:

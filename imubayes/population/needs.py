@@ -7,8 +7,7 @@ more than their errors do (`pooled`).
 Of drawn units, and of a fleet, there is one verdict each, and half of the units decide (`of_class`). What an
 open term takes of a scene's budget is then what the catalogue says of its size; where that counts, it *would
 matter*. Recorded units have one in every session: a unit's answer is what its sessions say where they do not
-contradict each other, and the class's that of its units, beside the inclusion in one model for all of them
-(`class_need`).
+contradict each other, and the class's that of its units, beside what all show together (`class_need`).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from imubayes.inference.intervals import Share, frequency
-from imubayes.population.pooled import over_lots
+from imubayes.population.pooled import Pooled, over_lots
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection import verdicts
 from imubayes.units import counted
@@ -69,9 +68,13 @@ def of_class(term: PopulationTerm) -> str:
     Where half of the tests or more leave it open, all units together may still show that most have it.
     """
     if term.open >= HALF:
-        together = term.pooled.inclusion >= verdicts.NEEDED and term.pooled.share.value >= HALF
-        return NEEDED if together else UNTOLD
+        return NEEDED if most_have_it(term.pooled) else UNTOLD
     return NEEDED if term.needed.value + TIE >= HALF * (1.0 - term.open) else NOT_NEEDED
+
+
+def most_have_it(pooled: Pooled) -> bool:
+    """Whether all units together show that most of them have a term."""
+    return pooled.inclusion >= verdicts.NEEDED and pooled.share.value >= HALF
 
 
 def in_scene(term: PopulationTerm, found: MissionTerm) -> str:
@@ -136,14 +139,14 @@ class Need:
     answers : how many units gave each answer.
     share : of the units that answer, those that need the term; its interval reaches as far as those that do
         not answer may be either.
-    pooled : inclusion in one model for all units and sessions; None where it was not weighed.
+    pooled : what all units and sessions say together; None where too few tell of it.
     """
 
     verdict: str
     reason: str
     answers: Mapping[str, int]
     share: Share
-    pooled: float | None
+    pooled: Pooled | None
 
 
 def unit_answer(told: Sequence[str]) -> str:
@@ -164,12 +167,12 @@ def unit_answer(told: Sequence[str]) -> str:
     return Counter(told).most_common(1)[0][0]
 
 
-def class_need(answers: Sequence[str], pooled: float | None) -> Need:
+def class_need(answers: Sequence[str], pooled: Pooled | None) -> Need:
     """Put the answers of the units of a class together (`Need`).
 
     Examples
     --------
-    >>> need = class_need(["needed"] * 7 + ["inseparable"], 1.0)
+    >>> need = class_need(["needed"] * 7 + ["inseparable"], None)
     >>> need.verdict, need.share.value, round(need.share.low, 2), need.share.high
     ('needed', 1.0, 0.6, 1.0)
     """
@@ -182,20 +185,22 @@ def class_need(answers: Sequence[str], pooled: float | None) -> Need:
     return Need(verdict, reason, dict(counts.most_common()), share, pooled)
 
 
-def _decided(counts: Mapping[str, int], n: int, pooled: float | None) -> tuple[str, str]:
+def _decided(counts: Mapping[str, int], n: int, pooled: Pooled | None) -> tuple[str, str]:
     needed, not_needed = counts.get("needed", 0), counts.get("not needed", 0)
     silent = sum(counts.get(word, 0) for word in CANNOT_TELL)
     if silent > HALF * n:
+        if pooled and most_have_it(pooled):
+            return "needed", f"all units together show it: probability {pooled.inclusion:.3f}"
         most = max(sorted(CANNOT_TELL), key=lambda word: counts.get(word, 0))
         return (
             "cannot tell",
-            f"{most} in {counts[most]} of {counted(n, 'unit')}: more units of this test do not tell it",
+            f"{most} in {counts[most]} of {counted(n, 'unit')}, and all together do not show it",
         )
     said = f"{needed} of {counted(n, 'unit')} need{'s' if needed == 1 else ''} it, {not_needed} do not"
-    said += "" if pooled is None else f"; inclusion in one model for all {pooled:.3f}"
-    if needed > HALF * n and (pooled is None or pooled >= verdicts.NEEDED):
+    said += f"; the class has it with {pooled.inclusion:.3f}" if pooled else ""
+    if needed > HALF * n:
         return "needed", said
-    if not_needed > HALF * n and not needed and (pooled is None or pooled <= verdicts.LIKELY):
+    if not_needed > HALF * n and not needed and (pooled is None or pooled.inclusion <= verdicts.LIKELY):
         return "not needed", said
     if needed and not_needed:
         return "some need it", said

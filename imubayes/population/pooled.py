@@ -7,6 +7,10 @@ A share q of the units has the term. In lot l those that have it are ``theta_i ~
     p(t | q) = prod_l E_tau,mu prod_i [(1 - q) N(t_i; 0, v_i) + q N(t_i; mu, tau^2 + v_i)]
 
 That no unit has it (q = 0) and that some have (q uniform) are equally likely beforehand.
+
+Of recorded units a lot is one component (ax) of all of them. Their t and v depend on what sessions do to
+them, which these tell but roughly: the likelihood of a lot is then the mean over several versions of both
+(`levels.of_units`).
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import Share, frequency, of_cells
+from imubayes.selection.mixture import Components, limit
 
 SHARES = 30
 """Cells of the grid of the share of units."""
@@ -36,10 +41,8 @@ FINE = 500
 CHUNK = 100
 """Units that are taken at a time."""
 
-SURE = 0.95
-"""Probability with which the size of a further unit's coefficient is below its limit."""
-
-HALVINGS = 60
+NOTHING = 1e-18
+"""Sd, over the smallest tau, of a coefficient that is zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +62,19 @@ class Pooled:
 
 
 def pooled(
-    estimates: Sequence[FloatArray], variances: Sequence[FloatArray], sizes: tuple[float, float]
+    estimates: Sequence[FloatArray],
+    variances: Sequence[FloatArray],
+    sizes: tuple[float, float],
+    weights: Sequence[FloatArray] = (),
 ) -> Pooled:
     """Put the units of a class together.
 
     Parameters
     ----------
-    estimates, variances : of each lot those of its units (n,), without the prior, SI and squared.
+    estimates, variances : of each lot those of its units (n,), without the prior, SI and squared; or m
+        versions of both (m, n).
     sizes : (smallest, largest) spread that a lot of the class can have.
+    weights : of each lot those of its versions (m,), which sum to one; without them there is one.
 
     Examples
     --------
@@ -78,9 +86,10 @@ def pooled(
     edges = np.linspace(math.log(sizes[0]), math.log(sizes[1]), SIZES + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
     q = (np.arange(SHARES) + 0.5) / SHARES
-    lots = [_lot(t, v, tau, q) for t, v in zip(estimates, variances, strict=True)]
+    versions = weights or [np.ones(1)] * len(estimates)
+    found = [_lot(*each, tau, q) for each in zip(versions, estimates, variances, strict=True)]
+    lots, absent = [one for one, _ in found], sum(nothing for _, nothing in found)
     log = np.sum([np.logaddexp.reduce(one, axis=(0, 1)) for one in lots], axis=0)
-    absent = sum(float(np.sum(_normal(t, v))) for t, v in zip(estimates, variances, strict=True))
     present = float(np.logaddexp.reduce(log)) - math.log(SHARES)
     inclusion = 1.0 / (1.0 + math.exp(min(absent - present, 700.0)))
     weight = np.exp(log - log.max())
@@ -99,36 +108,40 @@ def _means() -> tuple[FloatArray, FloatArray]:
     return nodes, weights / weights.sum()
 
 
-def _lot(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) -> FloatArray:
-    """Log likelihood (tau, mu, q) of the units of a lot, times the prior of tau and mu."""
-    nodes, weights = _means()
+def _lot(
+    weight: FloatArray, t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray
+) -> tuple[FloatArray, float]:
+    """Log likelihood (tau, mu, q) of the units of a lot, times the prior of tau and mu; and of none."""
+    t, variance, log_weight = np.atleast_2d(t), np.atleast_2d(variance), np.log(weight)
+    there = [one + _units(x, v, tau, q) for one, x, v in zip(log_weight, t, variance, strict=True)]
+    _, of_mean = _means()
+    log = np.logaddexp.reduce(there, axis=0) + np.log(of_mean)[:, None] - math.log(len(tau))
+    return log, float(np.logaddexp.reduce(_normal(t, variance).sum(axis=1) + log_weight))
+
+
+def _units(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) -> FloatArray:
+    """Log likelihood (tau, mu, q) of the units of a lot."""
+    nodes, _ = _means()
     mean = tau[:, None] * nodes
     there = _normal(t - mean[..., None], tau[:, None, None] ** 2 + variance)
     more = np.expm1(np.clip(there - _normal(t, variance), -700.0, 700.0))[..., None]
-    units = sum(np.log1p(q * more[:, :, k : k + CHUNK]).sum(axis=2) for k in range(0, len(t), CHUNK))
-    return units + float(_normal(t, variance).sum()) + np.log(weights)[:, None] - math.log(len(tau))
+    units = np.full((len(tau), NODES, len(q)), float(_normal(t, variance).sum()))
+    for k in range(0, len(t), CHUNK):
+        units += np.log1p(q * more[:, :, k : k + CHUNK]).sum(axis=2)
+    return units
 
 
 def _limit(
     lots: Sequence[FloatArray], weight: FloatArray, tau: FloatArray, q: FloatArray, inclusion: float
 ) -> float:
-    """Halve the interval of the size until so much of the probability is below it."""
-    from scipy.special import ndtr
-
+    """Size that a further unit's coefficient stays below; it is zero in a unit that has none."""
     nodes, _ = _means()
-    mean = tau[:, None] * nodes
     cells = [np.exp(one - np.logaddexp.reduce(one, axis=(0, 1))) for one in lots]
     having = np.mean([(one * (weight * q)).sum(axis=2) for one in cells], axis=0) * inclusion
-
-    def below(size: float) -> float:
-        inside = ndtr((size - mean) / tau[:, None]) - ndtr((-size - mean) / tau[:, None])
-        return float((having * inside).sum()) + 1.0 - float(having.sum())
-
-    low, high = 0.0, float(tau[-1]) * (float(nodes[-1]) + 5.0)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if below(middle) >= SURE else (middle, high)
-    return high
+    mass = np.append(having, 1.0 - having.sum())
+    mean = np.append(tau[:, None] * nodes, 0.0)[:, None]
+    sd = np.append(np.repeat(tau, NODES), NOTHING * tau[0])[:, None]
+    return limit(Components(mass, sd > 0.0, mass, mean, sd), 0)
 
 
 @cache

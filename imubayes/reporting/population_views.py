@@ -121,12 +121,12 @@ def parts(terms: Iterable[TermInClass], first: TermInClass) -> tuple[TermInClass
 def _silent(found: ClassInCommon) -> Iterator[str]:
     reasons: dict[str, list[str]] = {}
     for term in whole(found):
-        if all(part.need.verdict == "cannot tell" for part in parts(found.terms, term)):
+        if all(part.need.verdict == "cannot tell" for part in (term, *parts(found.terms, term))):
             word = max(term.need.answers, key=lambda answer: term.need.answers[answer])
             reasons.setdefault(word, []).append(term.name)
     if reasons:
         told = "; ".join(f"{listed(names)} ({WHY.get(word, word)})" for word, names in reasons.items())
-        yield f"This test cannot tell of {told}: more units do not change that."
+        yield f"This test cannot tell of {told}, nor do all units together."
 
 
 WHY = {
@@ -197,12 +197,17 @@ def _off(term: TermInClass) -> str:
     )
 
 
+HEAD = ("term", "the class", "needed in", "together", "have it", "limit", "mean ± sd", "unit to unit")
+
 NOTE = (
     "Intervals hold 90 %. The spreads are sds, each apart from the others: from unit to unit, between"
     " sessions of a unit, and the error bar of one session, with what the test books to a term in place"
     " of another. A unit needs a term where its sessions say so and none says the opposite; the interval"
-    " of the share reaches as far as the units that cannot tell may be either. The class needs what more"
-    " than half of its units need, if one model for all of them has it with 0.95 or more."
+    " of the share reaches as far as the units that cannot tell may be either. Together: probability that"
+    " units of the class have the term, by all units and sessions at once, with what sessions do to each unit"
+    " and to all of them counted as errors; have it: share of the units that do, if any does; limit: the size"
+    " that a further unit's stays below with 95 %. The class needs what more than half of its units need;"
+    " where most of them cannot tell, what half of them or more have, if the class has it with 0.95 or more."
 )
 
 REPEATED = (
@@ -244,9 +249,9 @@ def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
     between = ("between sessions", "common") if repeated else ()
     return Table(
         f"Population of {class_title(found)}",
-        ("term", "the class", "needed in", "mean ± sd", "unit to unit", *between, "error bar", "unit"),
+        (*HEAD, *between, "error bar", "unit"),
         [_row(term, found, repeated=repeated) for term in terms],
-        "ttnnnnnnt" if repeated else "ttnnnnt",
+        "ttnnnnnnnnnt" if repeated else "ttnnnnnnnt",
         f"{NOTE}{REPEATED if repeated else ONCE}{more}",
     )
 
@@ -263,6 +268,10 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
         _signs(spread_text(term, "turn_on").removesuffix(f" {printed}")),
         percents(spreads.common_share) if changes(term) else "",
     )
+    told = ("",) * 3
+    if all_units := need.pooled:
+        limit = signed(below(all_units.limit / unit))
+        told = (f"{all_units.inclusion:.3f}", percents(all_units.share), limit)
     error = measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed)
     return (
         Markup("{}{}").format(term.name, quiet(", all") if together else ""),
@@ -270,6 +279,7 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
         if together and len(answers) > 1
         else verdict(need.verdict, reason=need.reason, like=LIKE.get(need.verdict, "")).page,
         joined(needing, share),
+        *told,
         signed(mean),
         _signs(spread_text(term, "unit").removesuffix(f" {printed}")),
         *(between if repeated else ()),

@@ -332,7 +332,7 @@ def _in_class(term: TermInClass) -> PopulationTerm:
         reason=need.reason,
         answers=need.answers,
         needed=_interval(need.share),
-        pooled_inclusion=need.pooled,
+        pooled=need.pooled,
     )
 
 

@@ -73,8 +73,10 @@ def test_tests_between_sessions_share_one_level_in_a_class(result):
 def test_class_needs_what_its_units_need_and_tells_what_the_test_cannot(result):
     found = terms(result.classes[0])
     assert (found["b0"].need.verdict, found["b1"].need.verdict) == ("needed", "needed")
-    assert found["b0"].need.pooled == pytest.approx(1.0, abs=1e-6)
+    # two sessions may be all that the bias is: only the rest is surely of the units
+    assert found["b0"].need.pooled.inclusion < 0.95 < found["b1"].need.pooled.inclusion
     assert found["S_ij"].need.verdict == "cannot tell" and not found["S_ij"].told
+    assert found["S_ij"].need.pooled is None
 
 
 def test_sensors_without_a_unit_are_units_of_their_own(sensors, result):

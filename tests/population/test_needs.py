@@ -121,14 +121,20 @@ def test_unit_answers_yes_or_no_only_where_its_sessions_do_not_contradict_each_o
         (["needed"] * 8, None, "needed"),
         (["needed"] * 7 + ["not needed"], 1.0, "needed"),
         (["needed"] * 2 + ["not needed"] * 6, 1.0, "some need it"),
-        (["needed"] * 6 + ["not needed"] * 2, 0.4, "some need it"),
+        (["needed"] * 6 + ["not needed"] * 2, 0.4, "needed"),
         (["not needed"] * 5 + ["undecided"] * 3, 0.2, "not needed"),
         (["not needed"] * 5 + ["undecided"] * 3, 0.9, "undecided"),
         (["undecided"] * 6 + ["needed"] * 2, 0.99, "undecided"),
+        (["unresolved"] * 8, 0.99, "needed"),
+        (["unresolved"] * 8, 0.9, "cannot tell"),
+        (["unresolved"] * 8, None, "cannot tell"),
     ],
 )
-def test_class_answers_as_most_of_its_units_and_their_common_model_do(answers, pooled, verdict):
-    assert class_need(answers, pooled).verdict == verdict
+def test_class_answers_as_most_of_its_units_do_and_all_of_them_together(answers, pooled, verdict):
+    together = None if pooled is None else Pooled(pooled, Share(0.8, 0.6, 0.9), 1.0)
+    assert class_need(answers, together).verdict == verdict
+    few = together and replace(together, share=NOTHING)
+    assert answers != ["unresolved"] * 8 or class_need(answers, few).verdict == "cannot tell"
 
 
 def test_share_is_of_those_that_answer_and_its_interval_reaches_over_those_that_do_not():

@@ -5,9 +5,11 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import binomtest, norm
 
+from imubayes.population.levels import Likelihoods, of_units
 from imubayes.population.pooled import over_lots, pooled
+from imubayes.population.spreads import spreads
 
-SIZES = (0.3, 10.0)
+SIZES, SCALE = (0.3, 10.0), 3.0
 
 
 def _drawn(rng, lots=2, units=10):
@@ -52,6 +54,43 @@ def test_intervals_of_the_share_and_limits_of_a_further_unit_hold_what_they_say(
         np.mean([abs(lot[-1]) < one.limit for lot in true[2]]) for true, one in zip(drawn, found, strict=True)
     ]
     assert abs(np.mean(below) - 0.95) < 3.0 * np.std(below) / np.sqrt(len(below))
+
+
+def _sessions(rng, *, coupled=2, units=8, sessions=3):
+    """Presence and share of a class, coefficient of one unit more, and what sessions of 8 units say."""
+    there = rng.random() < 0.5
+    share = rng.random() * there
+    tau = np.exp(rng.uniform(*np.log(SIZES)))
+    theta = rng.normal(tau * rng.standard_normal(), tau, units + 1) * (rng.random(units + 1) < share)
+    angle, turn_on = rng.uniform(0.0, 0.5 * np.pi), min(abs(SCALE * rng.standard_cauchy()), 20.0 * SCALE)
+    own, common = turn_on * np.cos(angle), turn_on * np.sin(angle)
+    alias = 0.5 * rng.normal(size=coupled) * np.ones((units, sessions, coupled))
+    others = (rng.standard_normal(coupled) + rng.standard_normal((units, coupled))) / np.sqrt(2.0)
+    noise = np.exp(rng.normal(0.0, 0.5, (units, sessions)))
+    value = theta[:-1, None] + common * rng.standard_normal(sessions) + (alias * others[:, None]).sum(axis=-1)
+    value += rng.normal(0.0, np.hypot(own, noise))
+    value[rng.random(value.shape) < 0.1] = np.nan
+    return there, share, theta[-1], Likelihoods(value, noise, alias)
+
+
+def test_recorded_units_have_a_term_as_often_as_their_sessions_together_say():
+    """Mutation: a turn-on of all units, or of one, that is left out of the errors is taken for a term."""
+    rng, rows = np.random.default_rng(12), []
+    for _ in range(240):
+        there, share, further, one = _sessions(rng)
+        found = spreads([one], SCALE)
+        weight, estimate, variance = of_units(one, found.own, found.common)
+        said = pooled([estimate], [variance], SIZES, [weight])
+        held = said.share.low <= share <= said.share.high
+        rows.append((there, said.inclusion, held, abs(further) < said.limit))
+    there, said, held, below = np.array(rows, dtype=float).T
+    assert abs((there - said).sum()) < 3.0 * np.sqrt((said * (1.0 - said)).sum())
+    for low, high in ((0.0, 0.4), (0.4, 0.8), (0.8, 1.0)):
+        few = (said >= low) & (said <= high)
+        assert binomtest(int(there[few].sum()), int(few.sum()), float(said[few].mean())).pvalue > 0.005
+    assert (said > 0.95).mean() > 0.1
+    assert binomtest(int(held[there > 0.0].sum()), int(there.sum()), 0.9).pvalue > 0.005
+    assert binomtest(int(below.sum()), len(below), 0.95).pvalue > 0.005
 
 
 def test_inclusion_is_that_of_a_plain_average_over_draws_of_the_prior():

@@ -72,7 +72,7 @@ def _answered(verdict: str, found: Found, match: re.Match[str]) -> Iterable[Mean
         parts = _of_term(found, first["term"])
         alike = len({part["verdict"] for part in parts}) == 1
         kept = [part["parameter"] for part in parts if part["verdict"] == verdict]
-        names += [first["parameter"]] if alike and kept else kept
+        names += ([first["parameter"]] if first["verdict"] == verdict else []) if alike else kept
     return [names]
 
 
@@ -92,7 +92,7 @@ def _silent(found: Found, match: re.Match[str]) -> Iterable[Meant]:
         [
             one["parameter"]
             for one in _first(found)
-            if {part["verdict"] for part in _of_term(found, one["term"])} == {"cannot tell"}
+            if {part["verdict"] for part in (one, *_of_term(found, one["term"]))} == {"cannot tell"}
             and max(one["answers"], key=one["answers"].__getitem__) == reason
         ]
     ]
@@ -107,7 +107,7 @@ def two_digits(value: float) -> float | int:
     return int(rounded) if rounded.is_integer() else rounded
 
 
-def _limit(high: float) -> float | int:
+def limit(high: float) -> float | int:
     """What a size stays below: its upper end, rounded up to two digits."""
     step = 10.0 ** (math.floor(math.log10(high)) - 1)
     return two_digits(math.ceil(high / step - 1e-9) * step)
@@ -120,7 +120,7 @@ def spread_said(one: Found, key: str, said: Sequence[str | None]) -> list[float 
     sizes = [spread[end] / unit for end in ("median", "q05", "q95")]
     if (said[0] is None) != there:
         return [None, math.nan]
-    return [None, *sizes] if there else [None, _limit(sizes[2])]
+    return [None, *sizes] if there else [None, limit(sizes[2])]
 
 
 def _size_of(key: str, found: Found, match: re.Match[str]) -> Iterable[Meant]:

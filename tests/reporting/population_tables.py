@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Any
 
-from population_readings import moves, percents, spread_said, told, two_digits
+from population_readings import limit, moves, percents, spread_said, told, two_digits
 from report_reading import NUMBER, Grid, Meant, agrees
 
 from imubayes.reporting.rounding import per_unit
@@ -63,15 +63,27 @@ def _class_cells(r: Found, grid: Grid) -> Iterator[Sequence[Cell]]:
                 sum(answers.values()),
                 *percents({"median": 0.0, **one["needed"]})[1:],
             ],
+            *_together(one, unit),
             [] if all_axes else [one["mean"][key] / unit for key in ("median", "sd")],
             *(
                 spread_said(one, key, re.findall("below ", said) or [None])[1:]
-                for key, said in (("unit_to_unit", row[4]), ("turn_on", row[5]))
+                for key, said in (("unit_to_unit", row[-5]), ("turn_on", row[-4]))
             ),
             percents(one["common_share"]) if moves(one) else [],
             [two_digits(math.hypot(*one["measurement"].values()) / unit)],
             _printed(one["printed_unit"]),
         ]
+
+
+def _together(one: Found, unit: float) -> Iterator[Sequence[Cell]]:
+    """Cells of what all units say together; results made before there was such a thing have none."""
+    if found := one.get("pooled"):
+        share = dict(
+            zip(("median", "q05", "q95"), (found["share"][k] for k in ("value", "low", "high")), strict=True)
+        )
+        yield [found["inclusion"]]
+        yield percents(share)
+        yield [limit(found["limit"] / unit)]
 
 
 def _session_cells(r: Found, grid: Grid) -> Iterator[Sequence[Cell]]:

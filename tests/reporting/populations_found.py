@@ -9,6 +9,7 @@ import numpy as np
 from imubayes.inference.intervals import Share
 from imubayes.population.classes import ClassInCommon, TermInClass
 from imubayes.population.needs import Need
+from imubayes.population.pooled import Pooled
 from imubayes.population.spreads import Spreads
 
 UG = 9.80665e-6
@@ -54,7 +55,13 @@ def term_found(
     value = value + size * rng.normal(size=(len(units), len(sessions)))
     if len(sessions) > 1:
         value[-1, -1] = np.nan
-    need = Need(verdict, "as made", {ANSWER[verdict]: len(units)}, Share(1.0, 0.8, 1.0), 1.0)
+    need = Need(
+        verdict,
+        "as made",
+        {ANSWER[verdict]: len(units)},
+        Share(1.0, 0.8, 1.0),
+        Pooled(1.0, Share(0.9, 0.7, 1.0), 330.0 * size),
+    )
     single = len(sessions) == 1
     return TermInClass(
         f"{component}.{name}" if component else name,

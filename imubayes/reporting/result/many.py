@@ -67,9 +67,10 @@ PopulationTerm = TypedDict("PopulationTerm", {
         "others (`alias`), alike in all sessions"
     )],
     "verdict": Annotated[str, says(
-        "`needed` where more than half of the units need it and the pooled inclusion is 0.95 or more, "
-        "`not needed` where more than half do not, none does and the pooled inclusion is one half or "
-        "less, `some need it`, `undecided`, or `cannot tell` where most units cannot"
+        "`needed` where more than half of the units need it; `not needed` where more than half do not, "
+        "none does and the class has it with one half or less (`pooled`); `some need it`; `undecided`; "
+        "where most units cannot tell, `needed` if the class has it with 0.95 or more and half of the "
+        "units or more do, else `cannot tell`"
     )],
     "reason": Annotated[str, says("in words")],
     "answers": Annotated[dict[str, Count], says(
@@ -78,8 +79,10 @@ PopulationTerm = TypedDict("PopulationTerm", {
     "needed": Annotated[NeededShare, says(
         "share of the units that answer, with an interval that reaches over those that do not"
     )],
-    "pooled_inclusion": Annotated[Number, says(
-        "inclusion in one model for all units and sessions, each with coefficients of its own"
+    "pooled": Annotated[PooledUnits | None, says(
+        "what all units say together, as of simulated lots: `inclusion`, the probability that units of the "
+        "class have the term; `share` of the units that have it, if any has; `limit`, the size, SI, that a "
+        "further unit's coefficient stays below with 95 %; null where too few units tell of it"
     )],
 })
 Population = TypedDict("Population", {
