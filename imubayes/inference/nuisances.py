@@ -32,7 +32,7 @@ from imubayes.rig.inputs import Inputs, Part, Run, Stream
 from imubayes.rig.reference import OFFSET, TILT, Error, errors_of, for_sensor, kind_of
 from imubayes.rig.stream_survey import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
-from imubayes.sensors.terms import Kind, Library, columns, held_sign
+from imubayes.sensors.terms import Kind, Library, columns
 
 PACE = Pace("errors of the test bench", judged=range(2), settled=1e-3, rounds=3, downhill=True)
 """The rows of the first round may be off by the sensor's own errors, so that two judge the noise."""
@@ -325,9 +325,7 @@ class _Rows:
         leant = _leant(sizes)
         seen = channels if leant is sizes else self.bench.channels(leant, start, stop)
         said = {name: values[start:stop] for name, values in self.bench.run.inputs.channels.items()}
-        X = columns(self.at.lib, seen, stop - start)
-        for k, term in enumerate(self.at.lib.terms):
-            X[:, k] *= held_sign(term, said, seen)
+        X = columns(self.at.lib, seen, stop - start, said=said)
         return np.broadcast_to(channels.get(self.at.lib.own, 0.0), stop - start), X
 
     def _slopes(self, start: int, stop: int) -> FloatArray:

@@ -13,7 +13,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular
 from imubayes.rig.inputs import Facts
 from imubayes.rig.plans import EARTH_RATE
-from imubayes.rig.reference import EARTH, HEADS, KINDS, kind_of
+from imubayes.rig.reference import EARTH, HEADS, KINDS, TILT, kind_of
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import STANDARD_GRAVITY
 
@@ -92,7 +92,8 @@ class Observability:
 
         Exact cancellations that share a term add up to others, so all their terms are confounded with each
         other, whichever basis of the null space `groups` happens to be. An error of the test bench that hides
-        two terms does not make them partners.
+        two terms does not make them partners, and the tilt that is allowed for beside a rotation in the
+        fixture is none.
         """
         together = {name}
         for _ in self.groups:
@@ -101,7 +102,8 @@ class Observability:
                 if group.exact and not shared.isdisjoint(group.terms):
                     together.update(group.terms)
         together.update(*(group.terms for group in self.groups if name in group.terms))
-        return tuple(other for other in self.names if other in together and other != name)
+        together -= {name, *(other for other in together if HEADS.get(_head(other)) == TILT.name)}
+        return tuple(other for other in self.names if other in together)
 
 
 def observe(

@@ -25,11 +25,9 @@ from imubayes.errors import ImubayesError
 from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.reference import OFFSET, errors_of
-from imubayes.rig.simulate import plan_run, simulate
+from imubayes.rig.simulate import drawn_errors, plan_run, simulate_on_bench
 from imubayes.selection.decision import loose_fit, posterior_draws, select
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
@@ -150,15 +148,9 @@ def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Genera
     rng : draws the bench's errors, then the noise.
     """
     plans = [plan_run(run) for run in spec.runs]
-    sds = spec.reference
-    errors = {error.name: float(rng.normal(0.0, sds[error.kind])) for error in errors_of(plans, sds)}
-    moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans]
-    noise, said = lot.noise[number], [plan.inputs for plan in plans]
-    runs = simulate(lot.sensor_class, moved, seed=rng, truth=spec.truth, noise=noise, said=said)
-    return tuple(
-        replace(run, inputs=plan.inputs, output=run.output + errors.get(f"{OFFSET}.{run.name}", 0.0))
-        for run, plan in zip(runs, plans, strict=True)
-    )
+    errors = drawn_errors(plans, spec.reference, rng)
+    noise = lot.noise[number]
+    return simulate_on_bench(lot.sensor_class, plans, errors, seed=rng, truth=spec.truth, noise=noise)
 
 
 def tested(

@@ -101,10 +101,10 @@ def simulate(
 
 
 def drawn_errors(
-    plans: Sequence[Plan], sds: Mapping[str, float], rng: np.random.Generator
+    plans: Sequence[Run | Plan], sds: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, float]:
     """One draw of the errors of a bench, SI, by name: normal, with the sd of each kind."""
-    return {error.name: rng.normal(0.0, sds[error.kind]) for error in errors_of(plans, sds)}
+    return {error.name: float(rng.normal(0.0, sds[error.kind])) for error in errors_of(plans, sds)}
 
 
 def simulate_on_bench(
@@ -114,6 +114,7 @@ def simulate_on_bench(
     *,
     seed: np.random.Generator,
     truth: Mapping[str, float],
+    noise: Noise | None = None,
 ) -> tuple[Run, ...]:
     """Run plans as `simulate` does on a rig with errors, of which the inputs of the runs say nothing.
 
@@ -122,7 +123,8 @@ def simulate_on_bench(
     errors : of the bench, SI by name; none for a rig without.
     """
     moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans] if errors else plans
-    runs = simulate(sensor, moved, seed=seed, truth=truth, said=[plan.inputs for plan in plans])
+    said = [plan.inputs for plan in plans]
+    runs = simulate(sensor, moved, seed=seed, truth=truth, noise=noise, said=said)
     if not errors:
         return runs
     return tuple(

@@ -108,13 +108,16 @@ def campaign_of(entry: SensorClass) -> Table:
     >>> [run["name"] for run in campaign_of(sensor("fog_navigation", kind="gyroscope"))["run"]]
     ['rate steps', 'tumble', 'centrifuge', 'chamber']
     """
-    known = packaged_tables()["campaign"]
+    known = _campaigns(entry.kind)
     if not entry.campaign:
-        fits = [name for name, table in known.items() if table["kind"] == entry.kind]
         raise StudyError(
-            f"class '{entry.id}' has no test campaign: state campaign in its table, one of {', '.join(fits)}"
+            f"class '{entry.id}' has no test campaign: state campaign in its table, one of {', '.join(known)}"
         )
     return known[entry.campaign]
+
+
+def _campaigns(kind: Kind) -> dict[str, Table]:
+    return {name: table for name, table in packaged_tables()["campaign"].items() if table["kind"] == kind}
 
 
 def figure_range(figure: Sequence[Any]) -> Range:
@@ -239,7 +242,7 @@ def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
 
 
 def _campaign(name: str, kind: Kind, where: str) -> str:
-    known = [key for key, table in packaged_tables()["campaign"].items() if table["kind"] == kind]
+    known = _campaigns(kind)
     if name and name not in known:
         raise StudyError(f"{where}: there is no campaign '{name}': {hint(name, known)}")
     return name

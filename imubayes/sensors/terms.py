@@ -174,7 +174,12 @@ def library(
 
 
 def columns(
-    lib: Library, channels: Mapping[str, FloatArray], n: int, out: FloatArray | None = None
+    lib: Library,
+    channels: Mapping[str, FloatArray],
+    n: int,
+    out: FloatArray | None = None,
+    *,
+    said: Mapping[str, FloatArray] | None = None,
 ) -> FloatArray:
     """Regressors of every term at known inputs.
 
@@ -184,6 +189,7 @@ def columns(
     channels : SI arrays of length `n` by channel name; an absent channel is zero (not excited).
     n : number of rows.
     out : array (n, p) to fill, for callers that own the memory.
+    said : what the rig says of the inputs, where its errors moved them (see `held_sign`).
 
     Returns
     -------
@@ -198,6 +204,8 @@ def columns(
     X = np.empty((n, len(lib.terms))) if out is None else out
     for j, term in enumerate(lib.terms):
         X[:, j] = column(term, channels)
+        if said is not None:
+            X[:, j] *= held_sign(term, said, channels)
     return tied(lib, X)
 
 

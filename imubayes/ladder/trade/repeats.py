@@ -10,7 +10,6 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.inference.intervals import SIDE, Share, frequency
-from imubayes.inference.linear import library_rows
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import RungName
 from imubayes.ladder.problem import Problem, ground_of
@@ -19,13 +18,13 @@ from imubayes.ladder.trade.components import Subject, unit_of
 from imubayes.ladder.trade.measurement import Measured, measured_of
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
-from imubayes.rig.reference import OFFSET, errors_of
-from imubayes.rig.simulate import synthesise
+from imubayes.rig.reference import OFFSET
+from imubayes.rig.simulate import drawn_errors, synthesise
 from imubayes.scenes.relevance import Exposure, Relevance, weigh
 from imubayes.scenes.smallest import Knowledge
 from imubayes.selection.verdicts import TENTH, Costs
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import held_sign
+from imubayes.sensors.terms import columns
 
 SIMULATED = Source(notes=("simulated: drawn from the posterior",))
 
@@ -115,16 +114,12 @@ def simulated_again(
     rng : draws the errors of the bench and the noise.
     """
     reference, lib = problem.spec.reference, problem.library
-    known = errors_of(problem.runs, reference) if reference else ()
-    errors = {error.name: float(rng.normal(0.0, reference[error.kind])) for error in known}
+    errors = drawn_errors(problem.runs, reference, rng)
 
     def again(run: Run, noise: Noise) -> Run:
         moved = true_inputs(run, errors) if errors else run.inputs
         output = synthesise(noise, moved.t, moved.interval, rng)
-        X = library_rows(replace(run, inputs=moved), lib)
-        for k, term in enumerate(lib.terms):
-            X[:, k] *= held_sign(term, run.inputs.channels, moved.channels)
-        output += X @ theta
+        output += columns(lib, moved.channels, len(moved), said=run.inputs.channels) @ theta
         output += moved.channels.get(lib.own, 0.0) + errors.get(f"{OFFSET}.{run.name}", 0.0)
         return replace(run, output=output, source=SIMULATED, stream=None)
 

@@ -90,7 +90,7 @@ class LotsTable(UnitsTable):
     )
     units: Annotated[int, Limits(ge=2)] = key("simulated of each lot", 10, 8)
     lots: Count = key("drawn of each class, each with magnitudes of its own within the class", 3, 1)
-    campaign: Annotated[str, Holds({"enum": ["same", "class"]})] = key(
+    campaign: Literal["same", "class"] = key(
         "`same`: all classes go through `[[lots.run]]`. `class`: each goes through the test that fits it, on"
         " a bench as its laboratories have (`imubayes catalogue CLASS` shows it), in place of `[[lots.run]]`"
         " and `[lots.reference]`",
@@ -166,8 +166,6 @@ def _lot_campaign(
     """Test campaign of a class: the study's, or the one that fits the class."""
     if table.campaign == "same":
         return _campaign(table, entry.id, folder, own, place)
-    if table.campaign != "class":
-        raise place.at("campaign").error(f"expected 'same' or 'class', came {table.campaign!r}")
     for name in ("run", "reference"):
         if getattr(table, name):
             raise place.at(name).error("comes with each class's campaign (campaign = 'class'): leave it out")
