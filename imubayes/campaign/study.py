@@ -241,6 +241,11 @@ class SensorResult:
     bias: Bias | None = None
     compensations: tuple[Compensation, ...] = ()
 
+    @property
+    def conditional(self) -> bool:
+        """Whether the data reject the model, so that verdicts hold only if what it lacks touches no term."""
+        return bool(self.misfit and self.misfit.found) or not all(check.fits for check in self.checks)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResult:

@@ -239,12 +239,16 @@ def _export(
     bias_at: Annotated[
         BiasAt, typer.Option(help="start, mean or end of the record: whose bias, where it walks.")
     ] = BiasAt.mean,
+    accept_misfit: Annotated[
+        bool, typer.Option("--accept-misfit", help="Export a model that the data reject.")
+    ] = False,
 ) -> None:
     """Write a compensation, a simulator's model or a filter's parameters."""
     from imubayes.reporting.export import exported
 
     folder = usable(out)
-    texts = exported(result, str(to), sensor=sensor, model=model, bias_at=str(bias_at))
+    asked = {"sensor": sensor, "model": model, "bias_at": str(bias_at), "accept_misfit": accept_misfit}
+    texts = exported(result, str(to), **asked)
     with complete(folder) as part:
         for name, text in texts.items():
             (part / name).write_text(text, encoding="utf-8")

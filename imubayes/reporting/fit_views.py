@@ -65,6 +65,12 @@ DWELLS = (
 )
 
 
+CONDITIONAL = (
+    "Every verdict is conditional: the data reject the model, and what it lacks may pass for a term. An"
+    " export needs --accept-misfit."
+)
+
+
 def fit_sentence(sensor: SensorResult) -> str:
     """Say whether the model explains the data, and name the runs that it does not."""
     if not sensor.checks:

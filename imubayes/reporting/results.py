@@ -134,16 +134,20 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
 
 def _terms(sensor: SensorResult) -> tuple[Term, ...]:
     moments, plug_in = column_moments(sensor), plug_in_inclusion(sensor.selection)
-    return tuple(
+    found = tuple(
         published(
             Term,
             term,
+            conditional=True,
             printed_unit=term.printed,
             plug_in_inclusion=plug_in.get(term.name),
             **dict(zip(("mcmc_mean", "mcmc_sd"), moments.get(term.name, (None, None)), strict=True)),
         )
         for term in sensor.selection.terms
     )
+    for term in () if sensor.conditional else found:
+        del term["conditional"]
+    return found
 
 
 def _observability(sensor: SensorResult) -> dict[str, tuple[Any, ...]]:

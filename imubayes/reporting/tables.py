@@ -20,7 +20,7 @@ from imubayes.reporting.chain_views import (
     method_sentence,
     unconverged_sentence,
 )
-from imubayes.reporting.fit_views import fit_sentence, temperature_sentence
+from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_views import class_sentences
@@ -136,6 +136,8 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     )
     yield from (indented(text) for text in told if text)
     yield indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
+    if sensor.conditional:
+        yield indented(CONDITIONAL, "bold red")
     yield Text()
 
 
@@ -158,7 +160,7 @@ def _term_table(sensor: SensorResult) -> Table:
     table.add_column("symbol")
     table.add_column("value +- sd", no_wrap=True)
     table.add_column("inclusion", justify="right")
-    table.add_column("verdict")
+    table.add_column("verdict, conditional" if sensor.conditional else "verdict")
     rows = term_rows(sensor)
     width = max((len(row.size.value) for row in rows if row.size and row.kind == "value"), default=0)
     for row in rows:

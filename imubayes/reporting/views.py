@@ -199,8 +199,7 @@ def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
 
 def is_doubtful(sensor: SensorResult) -> bool:
     """Whether a run does not fit, the library misses something, or chains have not converged."""
-    misses = sensor.misfit is not None and bool(sensor.misfit.found)
-    return misses or not all(check.fits for check in sensor.checks) or bool(unconverged_sentence(sensor))
+    return sensor.conditional or bool(unconverged_sentence(sensor))
 
 
 def _terms(one: Shown) -> Iterator[Block]:
@@ -218,7 +217,10 @@ def _terms(one: Shown) -> Iterator[Block]:
         f" {in_unit(noise_floor(sensor))}, the lowest Allan deviation that the noise allows."
     )
     note = f"{averaged if one.figures else 'Terms that no run excites are left out.'}{floor}"
-    yield Table(f"Terms of {sensor.id}", TERMS_HEAD, lines, "ttnntntnt", note)
+    head = [
+        f"{word}, conditional" if word == "verdict" and sensor.conditional else word for word in TERMS_HEAD
+    ]
+    yield Table(f"Terms of {sensor.id}", head, lines, "ttnntntnt", note)
     if sensor.calibration:
         yield _compensation(sensor)
     if one.figures:

@@ -14,7 +14,7 @@ from imubayes.reporting.chain_views import (
     method_sentence,
     unconverged_sentence,
 )
-from imubayes.reporting.fit_views import fit_sentence, missing_sentence, temperature_sentence
+from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.rows import label, own_groups, sentence
 from imubayes.rig.checks import faults
 from imubayes.selection.verdicts import STRAINED, listed
@@ -50,6 +50,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         strain_sentence(sensor),
         temperature_sentence(sensor),
         _opening(sensor),
+        CONDITIONAL if sensor.conditional else "",
         method_sentence(sensor),
         *_rest(sensor),
         *_cannot_tell(sensor),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from imubayes.errors import InputError
-from imubayes.reporting.export.characterized import BEST, Characterized, characterized
+from imubayes.reporting.export.characterized import Characterized, characterized
 from imubayes.reporting.export.parameters import filter_files, json_files, kalibr_files
 from imubayes.reporting.export.source_texts import c_files, matlab_files, python_files
 
@@ -23,21 +24,21 @@ FORMATS: Mapping[str, Callable[[Characterized], dict[str, str]]] = {
 """Texts by file name, of each format."""
 
 
-def exported(
-    path: Path | str, to: str, *, sensor: str = "", model: str = BEST, bias_at: str = "mean"
-) -> dict[str, str]:
+def exported(path: Path | str, to: str, **which: Any) -> dict[str, str]:
     """Texts by file name of a result in one format.
 
     Parameters
     ----------
     path : of the ``result.json``, or of its folder.
     to : one of `FORMATS`.
-    sensor, model, bias_at : which, see `imubayes.reporting.export.characterized.characterized`.
+    which : `sensor`, `model`, `bias_at`, `accept_misfit` of
+        `imubayes.reporting.export.characterized.characterized`.
 
     Raises
     ------
-    InputError : if the format, sensor or model is not known, or the format needs what the result lacks.
+    InputError : if the format, sensor or model is not known, the format needs what the result lacks, or the
+        data reject the model.
     """
     if to not in FORMATS:
         raise InputError(f"format '{to}' is not known: expected one of {', '.join(FORMATS)}")
-    return FORMATS[to](characterized(path, sensor=sensor, model=model, bias_at=bias_at))
+    return FORMATS[to](characterized(path, **which))

@@ -114,9 +114,20 @@ class Characterized:
         """Model of the six components."""
         return imu_of({name: part.component for name, part in self.parts.items()})
 
+    @property
+    def rejected(self) -> tuple[str, ...]:
+        """Ids of the components whose model the data reject."""
+        sensors = [part.sensor for part in self.parts.values()]
+        return tuple(one["id"] for one in sensors if any(term.get("conditional") for term in one["terms"]))
+
 
 def characterized(
-    path: Path | str, *, sensor: str = "", model: str = BEST, bias_at: str = "mean"
+    path: Path | str,
+    *,
+    sensor: str = "",
+    model: str = BEST,
+    bias_at: str = "mean",
+    accept_misfit: bool = False,
 ) -> Characterized:
     """Read an IMU, or one component, from a ``result.json``.
 
@@ -133,11 +144,12 @@ def characterized(
         no such entries: its ``best`` and ``needed`` have terms more probable than not, at averaged means. The
         name of a scene has what that requires.
     bias_at : ``start``, ``mean`` or ``end`` of the record: whose bias, where it walks with the noise.
+    accept_misfit : whether a model that the data reject will do.
 
     Raises
     ------
     DataError : if the file is no result of a study of sensors.
-    InputError : if the sensor or the model is not in it; names those that are.
+    InputError : if the sensor or the model is not in it, and names those that are; if the data reject it.
     """
     source = written(Path(path))
     result = read(source, SensorsResult, "coefficients of a sensor")
@@ -148,7 +160,13 @@ def characterized(
     left_out = {
         place: scene[one["id"]]["left_out_rms"] for place, one in groups[name].items() if one["id"] in scene
     }
-    return Characterized(name, model, parts, _range(parts, groups[name]), source, left_out, bias_at)
+    found = Characterized(name, model, parts, _range(parts, groups[name]), source, left_out, bias_at)
+    if found.rejected and not accept_misfit:
+        raise InputError(
+            f"{source.path}: {_rejected(found)} (the report says where it shows). Mend the test or the"
+            " library, or take it as it is with --accept-misfit"
+        )
+    return found
 
 
 def _groups(sensors: Sequence[Sensor]) -> dict[str, dict[str, Sensor]]:
@@ -368,7 +386,12 @@ def provenance(found: Characterized) -> dict[str, Any]:
         "left_out_rms": dict(found.left_out),
         "bias_at": found.bias_at if _walks(found) else None,
         "valid": validity(found),
+        "rejected": list(found.rejected),
     }
+
+
+def _rejected(found: Characterized) -> str:
+    return f"the data reject the model of {', '.join(found.rejected)}: what it lacks may pass for a term"
 
 
 def validity(found: Characterized) -> dict[str, Any]:
@@ -385,6 +408,8 @@ def _lines(found: Characterized) -> Iterator[str]:
     yield f"{found.name}: {_model_words(found)}"
     ids = ", ".join(f"{place} ({part.sensor['id']})" for place, part in found.parts.items())
     yield f"Components: {ids}."
+    if found.rejected:
+        yield f"Beware: {_rejected(found)}."
     if missing := [name for name in COMPONENTS if name not in found.parts]:
         yield f"Not in the result, and taken as ideal: {', '.join(missing)}."
     if _walks(found):

@@ -160,6 +160,10 @@ class Term(TypedDict):
     inclusion_range: Annotated[Numbers, says("its range over prior widths x 1/3, 1, 3")]
     limit95: Annotated[Number, says("the term's size, were it in the model, stays below this with 95 %")]
     verdict: Annotated[str, says("see [verdicts](#verdicts)")]
+    conditional: NotRequired[Annotated[bool, says(
+        "`true` where the data reject the model (a run that does not fit, or something that the library does "
+        "not contain): the verdict holds if what is missing touches no term; else left out"
+    )]]
     reason: Annotated[str, says("in words")]
     confounded_with: Annotated[Names, says("terms that the test sees only in combination with it")]
     group: Annotated[str, says("part of the model equation")]

@@ -96,7 +96,7 @@ def test_the_covariance_is_that_of_the_draws_beside_the_result(tmp_path):
 
 @pytest.mark.parametrize("study", ["quickstart", "xsens_tumble"])
 def test_committed_results_are_imus(study):
-    found = characterized(REPORTS / study)
+    found = characterized(REPORTS / study, accept_misfit=True)
     terms = {t for c in found.imu.components for t in c.library.names}
     assert {"b0", "b1", "m_j"} <= terms and "s_k" not in terms  # never excited
     assert found.source.sha256 in "".join(heading(found))
@@ -119,6 +119,18 @@ def test_several_sensors_need_a_name(tmp_path):
     with pytest.raises(InputError, match="2 sensors: name one of U-1, V-2"):
         characterized(path)
     assert tuple(characterized(path, sensor="V-2").parts) == ("gx",)
+
+
+def test_a_model_that_the_data_reject_is_exported_only_where_that_is_accepted(tmp_path):
+    def reject(document):
+        document["sensors"][1]["terms"][0]["conditional"] = True
+
+    path = edited(write_imu(tmp_path), reject)
+    with pytest.raises(InputError, match=r"reject the model of U-1.ay: .*--accept-misfit"):
+        characterized(path)
+    assert "U-1.ay" in " ".join(
+        line for line in heading(characterized(path, accept_misfit=True)) if "Beware" in line
+    )
 
 
 def test_a_result_of_another_kind_of_study_is_refused():

@@ -29,7 +29,7 @@ class Recording:
     def __init__(self, study: str, folder: Path) -> None:
         (self.run,) = read_runs(ROOT / "studies" / f"{study}.toml")
         path = ROOT / "reports" / study / "result.json"
-        found = characterized(path)
+        found = characterized(path, accept_misfit=True)
         self.function = getattr(built(found, folder), f"{identifier(found)}_compensate")
         (case,) = json.loads(path.read_text())["cases"]
         self.told = {one["what"]: one for one in case["recovered"]}
