@@ -44,6 +44,7 @@ RESULTS = {
     "lots": "Lots",
     "classes[]": "Class",
     "classes[].terms[]": "ClassTerm",
+    "methods[] of lots": "Agreement",
     "units[]": "Unit",
     "scenes[] of lots": "ClassInScene",
     "scenes[].terms[] of lots": "ClassTermInScene",

@@ -58,6 +58,7 @@ class LotStudy:
     basic : whether the report asks what the twelve-parameter triad would cost.
     asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
         triad is enough, or what some classes need and others do not.
+    methods : units of each lot, its first ones, about which the other methods are asked, too.
     """
 
     title: str
@@ -73,6 +74,7 @@ class LotStudy:
     text: str
     asks: Literal["classes", "scenes", "triad"] | Against = "classes"
     lots: int = 1
+    methods: int = 0
 
     @property
     def classes(self) -> tuple[SensorClass, ...]:
@@ -227,8 +229,9 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
     StudyError : if the options of a run make no run.
     ConvergenceError : if the errors of the bench do not settle.
     """
-    seed = (study.seed, class_index, 1, number)
-    return tested(number, study.specs[class_index], lot, number % study.units, seed, draws=DRAWS)
+    seed, place = (study.seed, class_index, 1, number), number % study.units
+    asked = {"draws": DRAWS, "methods": place < study.methods}
+    return tested(number, study.specs[class_index], lot, place, seed, **asked)
 
 
 def check(classes: Sequence[ClassFound]) -> Check:

@@ -19,7 +19,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, reorder, with_prior_rows
-from imubayes.campaign.preparation import prepare, runs_of
+from imubayes.campaign.preparation import Prepared, prepare, runs_of
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.inference.mcmc.chains import at_found_noise
@@ -28,7 +28,8 @@ from imubayes.inference.summary import Summary
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import drawn_errors, plan_run, simulate_on_bench
-from imubayes.selection.decision import loose_fit, posterior_draws, select
+from imubayes.selection.decision import Selection, loose_fit, posterior_draws, select
+from imubayes.selection.panel import Votes, panel_of
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
 
@@ -54,6 +55,7 @@ class Record:
         found; the errors of the bench are integrated out.
     truth : (p,) coefficients of a simulated unit; NaN for a recorded one.
     draws : (m, p) model-averaged posterior draws, for scenes; none where no scene asks.
+    votes : of the other methods beside the decision; None where they were not asked.
     """
 
     number: int
@@ -69,6 +71,7 @@ class Record:
     R: FloatArray
     truth: FloatArray
     draws: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    votes: Votes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,7 @@ def record_of(
     seed: Sequence[int],
     *,
     draws: int = 0,
+    methods: bool = False,
 ) -> Record:
     """Analyse one unit, whose name is that of its `spec`; the noise is held as it was found.
 
@@ -95,6 +99,7 @@ def record_of(
     ----------
     truth : (p,) coefficients of a simulated unit, SI; NaN of a recorded one.
     draws : of the posterior that are kept.
+    methods : whether the other methods are asked, too.
 
     Raises
     ------
@@ -120,7 +125,14 @@ def record_of(
         R=of_terms(ready.summary, ready.prior).R,
         truth=truth,
         draws=posterior_draws(selection, draws, rng) if draws else np.zeros((0, 0)),
+        votes=_votes(ready, selection, [*seed, 1]) if methods else None,
     )
+
+
+def _votes(ready: Prepared, selection: Selection, seed: Sequence[int]) -> Votes:
+    """Votes of the other methods; no campaign is resampled, as that changes frequencies and no vote."""
+    given = ready.summary, ready.prior, ready.rows, selection
+    return panel_of(*given, rng=np.random.default_rng(seed), resamples=0).votes
 
 
 def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
@@ -154,12 +166,19 @@ def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Genera
 
 
 def tested(
-    number: int, spec: SensorSpec, lot: Lot, place: int, seed: Sequence[int], *, draws: int = 0
+    number: int,
+    spec: SensorSpec,
+    lot: Lot,
+    place: int,
+    seed: Sequence[int],
+    *,
+    draws: int = 0,
+    methods: bool = False,
 ) -> Record:
     """Simulate the unit at a place in its lot, and analyse it (see `record_of`)."""
     spec = replace(spec, truth=lot.truth(place))
     runs = simulate_unit(spec, lot, place, np.random.default_rng([*seed, 0]))
-    return record_of(number, spec, runs, lot.theta[place], [*seed, 1], draws=draws)
+    return record_of(number, spec, runs, lot.theta[place], [*seed, 1], draws=draws, methods=methods)
 
 
 @dataclass(frozen=True, slots=True)

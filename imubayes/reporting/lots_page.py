@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from imubayes.population.agreement import DECISION, agreements
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
@@ -44,6 +45,7 @@ from imubayes.reporting.lots_sentences import (
     check_sentences,
     class_sentences,
     lots_answer,
+    methods_sentence,
     own_scene_sentences,
     scene_sentences,
 )
@@ -61,6 +63,7 @@ from imubayes.reporting.lots_words import (
     slug,
     status,
 )
+from imubayes.reporting.method_views import called
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
@@ -83,6 +86,7 @@ from imubayes.reporting.rounding import (
     share_range,
 )
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
+from imubayes.selection.verdicts import listed
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
@@ -130,6 +134,16 @@ POPULATION_NOTE = (
     " at once; limit: the size that a further unit's stays below with 95 %; class: what all of that says."
 )
 
+METHODS_NOTE = (
+    "The share of the decision's sure answers, a term of a unit each, that a method shares. Keeps more, keeps"
+    " fewer: terms that it keeps and the decision says are not needed, and the other way round, with the"
+    " number of units. By the truth, of all terms that the test excites: false, kept of those below one"
+    " posterior sd of the test; missed, left out of those above eight."
+)
+
+MOST_DISPUTED = 4
+"""Terms that a cell names."""
+
 SCENE_NOTE = (
     "Rms of the effect on the output, and share of the budget: median unit, and 5 to 95 % of the units;"
     " required: share of the units whose smallest model has the term, shown or not. Terms that no unit"
@@ -155,6 +169,7 @@ def lots_page(result: LotResult) -> Page:
             *([_scenes(result)] if study.missions else []),
             *([_basic(result)] if study.basic else []),
             _check(result),
+            *_methods(result),
             *(_class(result, k) for k in range(len(result.classes))),
             repeat(f"imubayes run {study.path}", study.text, said),
         ],
@@ -229,6 +244,37 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
         ("population mean", held(check.population_mean), percents(check.population_mean.share)),
         ("population spread", held(check.population_spread), percents(check.population_spread.share)),
     ]
+
+
+def _methods(result: LotResult) -> Iterator[Section]:
+    """What the other methods say of the units that they were asked about; nothing where they were not."""
+    names, classes = result.study.library.names, result.classes
+    every = agreements([unit for one in classes for unit in one.units], names)
+    if not every:
+        return
+    each = [{told.method: told for told in agreements(one.units, names)} for one in classes]
+    rows = [
+        (
+            "the decision" if one.method == DECISION else called(one.method),
+            *(percent(own[one.method].share.value) if one.method in own else "–" for own in each),
+            percent(one.share.value),
+            _most(one.keeps),
+            _most(one.drops),
+            *("{} of {}".format(*pair) for pair in (one.false, one.missed)),
+        )
+        for one in every
+    ]
+    head = ("method", *_names(result), "all", "keeps more", "keeps fewer", "false", "missed")
+    table = Table("Methods beside the decision", head, rows, f"t{'n' * (len(classes) + 1)}ttn", METHODS_NOTE)
+    said = Prose(methods_sentence(result.study, every))
+    yield Section("Do the methods agree?", [said, table], "methods")
+
+
+def _most(terms: Mapping[str, int]) -> str:
+    """Terms on which a method differs most often, with the number of units: ``b2 (3), c_ij and 2 more``."""
+    said = [f"{name} ({count})" for name, count in tuple(terms.items())[:MOST_DISPUTED]]
+    more = [f"{len(terms) - MOST_DISPUTED} more"] if len(terms) > MOST_DISPUTED else []
+    return listed((*said, *more)) if said else "–"
 
 
 def _class(result: LotResult, k: int) -> Section:
@@ -334,7 +380,8 @@ def published_lots(result: LotResult) -> LotsResult:
             Lots,
             study,
             terms=study.library.names,
-            classes=tuple(map(_published_class, result.classes)),
+            classes=tuple(_published_class(one, study.library.names) for one in result.classes),
+            methods=agreements([unit for one in result.classes for unit in one.units], study.library.names),
             check=result.check,
         ),
     )
@@ -367,7 +414,7 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
     )
 
 
-def _published_class(found: ClassFound) -> Class:
+def _published_class(found: ClassFound, names: tuple[str, ...]) -> Class:
     return published(
         Class,
         found,
@@ -375,6 +422,7 @@ def _published_class(found: ClassFound) -> Class:
         needed=terms_of(found, NEEDED),
         not_needed=terms_of(found, NOT_NEEDED),
         cannot_tell=terms_of(found, UNTOLD),
+        methods=agreements(found.units, names),
         terms=tuple(
             published(
                 ClassTerm,

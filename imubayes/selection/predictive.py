@@ -181,11 +181,12 @@ def waic(held: Held, inside: BoolArray) -> float:
     T, columns = submodel(held.whole, with_always(held.candidates, inside[None, :])[0])
     A = held.parts[:, :, columns] @ algebra.invert_triangular(T[:-1, :-1])
     r = (held.parts[:, :, -1] - A @ T[:-1, -1]) / held.scale
-    spread = np.eye(A.shape[1]) + A @ A.transpose(0, 2, 1)
+    outer = A @ A.transpose(0, 2, 1)
+    spread = np.eye(A.shape[1]) + outer
     explained = np.sum(r * np.linalg.solve(spread, r[:, :, None])[:, :, 0], axis=1)
     log_mean = -0.5 * (explained + np.linalg.slogdet(spread)[1] + held.offset)
-    inner = A.transpose(0, 2, 1) @ A
-    variance = np.sum(np.einsum("qmk,qm->qk", A, r) ** 2, axis=1) + 0.5 * np.sum(inner**2, axis=(1, 2))
+    # |A'r|^2 and |A'A|^2 from AA', which is as small as a part has rows
+    variance = np.sum(r * (outer @ r[:, :, None])[:, :, 0], axis=1) + 0.5 * np.sum(outer**2, axis=(1, 2))
     return float(-2.0 * np.sum(log_mean - variance))
 
 

@@ -16,6 +16,7 @@ from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated
+from imubayes.selection.panel import Votes
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Library, library
@@ -48,7 +49,7 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
     specs = tuple(SensorSpec(one.id, one.kind, one, lot_library(), (), {}) for one in entries)
     study = LotStudy(
         title=title, seed=3, kind="gyroscope", specs=specs, units=4, library=lot_library(), missions=missions,
-        basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n",
+        basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n", methods=1,
     )  # fmt: skip
     means, spreads = Coverage(27, 33, Share(0.82, 0.69, 0.91)), Coverage(30, 33, Share(0.91, 0.81, 0.97))
     check = Check(Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99), (84, 20), means, spreads)
@@ -112,4 +113,12 @@ def _unit(entry: SensorClass, lib: Library, number: int) -> Record:
     return Record(
         number, entry.id, truth, 0.01 * sd, truth, 0.01 * sd, np.full(len(sd), 0.9), ("needed",) * len(sd),
         (1e-5, 1e-6, 1e-7), 100, np.eye(len(sd) + 1), truth, np.tile(truth, (8, 1)),
+        _votes(lib.names) if number == 0 else None,
     )  # fmt: skip
+
+
+def _votes(names: tuple[str, ...]) -> Votes:
+    """Votes of which AIC has all terms, and STLSQ lacks one."""
+    keeps = np.ones((3, len(names)))
+    keeps[2, names.index("c_jk")] = 0.0
+    return Votes(names, ("evidence", "aic", "stlsq"), 0.9 * keeps, keeps, ())

@@ -122,3 +122,9 @@ def test_every_class_of_the_catalogue_has_a_test_within_its_range(tmp_path, kind
 def test_a_campaign_that_comes_with_the_class_and_one_of_the_study_s_own_exclude_each_other(tmp_path):
     with pytest.raises(StudyError, match=r"lots\.run: comes with each class's campaign"):
         _read(tmp_path, SMALL.replace("units = 3", 'units = 3\ncampaign = "class"'))
+
+
+def test_methods_are_asked_about_no_more_units_than_a_lot_has(tmp_path):
+    assert _read(tmp_path, SMALL.replace("units = 3", "units = 3\nmethods = 3")).methods == 3
+    with pytest.raises(StudyError, match=r"lots\.methods: expected at most the 3 units of a lot"):
+        _read(tmp_path, SMALL.replace("units = 3", "units = 3\nmethods = 4"))

@@ -16,6 +16,7 @@ from imubayes.ladder.problem import Problem, ground_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.components import Subject, unit_of
 from imubayes.ladder.trade.measurement import Measured, measured_of
+from imubayes.population.agreement import LARGE, SMALL
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.reference import OFFSET
@@ -129,12 +130,6 @@ def simulated_again(
 
 INTERVAL = 0.9
 """Share of the truths that an interval is meant to hold."""
-
-SMALL = 1.0
-"""Posterior sd below which a coefficient is too small for the test, so that 'needed' is a false alarm."""
-
-LARGE = 8.0
-"""Posterior sd above which no method should leave a term out."""
 
 Exposed = Mapping[str, Mapping[str, Exposure]]
 """What each scene makes of a component's terms: by component, by scene."""

@@ -227,6 +227,23 @@ class Unit(TypedDict):
     noise: Annotated[Noise, says("N, B, K")]
 
 
+class Agreement(TypedDict):
+    """A method beside the decision, over the terms of units."""
+
+    method: Annotated[str, says("as in `votes`; `evidence` is the decision itself")]
+    units: Annotated[Count, says("about which it was asked")]
+    of: Annotated[Count, says("terms of units on which it has an answer, and the decision is sure")]
+    share: Annotated[Interval, says("of these, those on which they agree")]
+    keeps: Annotated[dict[str, Count], says("units in which it keeps what is `not needed`, by term")]
+    drops: Annotated[dict[str, Count], says("units in which it drops what is `needed`, by term")]
+    false: Annotated[tuple[Count, Count], says(
+        "terms kept of which the truth is below one posterior sd, and how many such terms there are"
+    )]
+    missed: Annotated[tuple[Count, Count], says(
+        "terms left out of which the truth is above eight posterior sds, and how many such terms there are"
+    )]
+
+
 class Class(TypedDict):
     """A class of a lot study; `order` counts the needed terms of a unit."""
 
@@ -237,6 +254,7 @@ class Class(TypedDict):
     cannot_tell: Annotated[Names, says("terms that the tests of most units leave open")]
     terms: Annotated[tuple[ClassTerm, ...], says("of the library")]
     units: Annotated[tuple[Unit, ...], says("of the lots, one lot after the other")]
+    methods: NotRequired[Annotated[tuple[Agreement, ...], says("beside the decision, where they were asked")]]
 
 
 class Lots(TypedDict):
@@ -245,6 +263,7 @@ class Lots(TypedDict):
     kind: Annotated[Kind, says("accelerometer or gyroscope")]
     units: Annotated[Count, says("of each lot")]
     lots: NotRequired[Annotated[Count, says("of each class")]]
+    methods: NotRequired[Annotated[tuple[Agreement, ...], says("over the units of all classes")]]
     terms: Annotated[Names, says("of the library")]
     classes: Annotated[tuple[Class, ...], says("of the study")]
     check: Annotated[Check, says(

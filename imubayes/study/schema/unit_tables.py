@@ -97,6 +97,12 @@ class LotsTable(UnitsTable):
         "class",
         "same",
     )
+    methods: Annotated[int, Limits(ge=0)] = key(
+        "units of each lot about which the other methods are asked, too: criteria, sparse"
+        " regressions and predictive scores; up to `units`, and 0 for none",
+        1,
+        0,
+    )
     basic: bool = key(
         "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
     )
@@ -133,6 +139,10 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
     here = Place(str(path), "lots")
     table = shaped(LotsTable, tables.lots, here)
     entries = _classes(table, own, here.at("classes"))
+    if table.methods > table.units:
+        raise here.at("methods").error(
+            f"expected at most the {table.units} units of a lot (units), came {table.methods}"
+        )
     specs = [_lot_campaign(table, entry, path.parent, own, here) for entry in entries]
     for k, run in enumerate(specs[0].runs):
         if run.simulate is None:
@@ -157,6 +167,7 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
         path=path,
         text=text,
         asks=_asks(table, missions, here.at("asks")),
+        methods=table.methods,
     )
 
 

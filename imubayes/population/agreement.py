@@ -1,0 +1,109 @@
+"""Whether other methods share the decision, over the units that they were asked about, and the truth.
+
+They are held against it where it is sure, needed or not needed. By the truth, of all terms that the test
+excites, a term kept is *false* where the posterior sd of the test is larger than the true coefficient, and
+one left out is *missed* where that sd is far smaller; what is between may be either.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.inference.intervals import Share, frequency
+from imubayes.population.needs import NEEDED, NOT_NEEDED
+from imubayes.population.records import Record
+
+SMALL = 1.0
+"""Posterior sd below which a coefficient is too small for the test, so that 'needed' is a false alarm."""
+
+LARGE = 8.0
+"""Posterior sd above which no method should leave a term out."""
+
+DECISION = "evidence"
+"""Method that is the decision itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """One method over some units.
+
+    Attributes
+    ----------
+    method : its name; that of the decision is `DECISION`.
+    units : about which it was asked.
+    of : terms of units on which it has an answer, and the decision is sure.
+    share : of these, those on which they agree.
+    keeps, drops : how often it keeps what the decision drops, and drops what that keeps, by term.
+    false, missed : how many terms it keeps that are in truth below `SMALL` sd of the test, and leaves out
+        that are above `LARGE`; and how many such terms there are.
+    """
+
+    method: str
+    units: int
+    of: int
+    share: Share
+    keeps: Mapping[str, int]
+    drops: Mapping[str, int]
+    false: tuple[int, int]
+    missed: tuple[int, int]
+
+
+def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreement, ...]:
+    """Hold every method against the decision and the truth; none where no method was asked.
+
+    Parameters
+    ----------
+    units : of simulated lots; those without votes are left out.
+    names : (p,) of the library's terms.
+    """
+    asked = [unit for unit in units if unit.votes is not None]
+    methods = dict.fromkeys(method for unit in asked if unit.votes for method in unit.votes.methods)
+    size = np.array([np.abs(unit.truth) / unit.full_sd for unit in asked])
+    told = {method: _answers(asked, names, method) for method in methods}
+    verdicts = np.array([unit.verdicts for unit in asked]).reshape(-1, len(names))
+    decided = np.where(verdicts == NEEDED, 1.0, np.where(verdicts == NOT_NEEDED, 0.0, np.nan))
+    told[DECISION] = decided
+    size[verdicts == "untested"] = np.nan
+    return tuple(
+        _agreement(method, names, answers, decided, size)
+        for method, answers in told.items()
+        if not np.isnan(answers).all()
+    )
+
+
+def _answers(units: Sequence[Record], names: tuple[str, ...], method: str) -> FloatArray:
+    """Whether a method keeps each term of each unit (n, p): 1 or 0, NaN where it says nothing."""
+    found = np.full((len(units), len(names)), np.nan)
+    for row, votes in zip(found, (unit.votes for unit in units), strict=True):
+        if votes and method in votes.methods:
+            row[[names.index(term) for term in votes.terms]] = votes.keeps[votes.methods.index(method)]
+    return found
+
+
+def _agreement(
+    method: str, names: tuple[str, ...], answers: FloatArray, decided: FloatArray, size: FloatArray
+) -> Agreement:
+    both = ~np.isnan(answers) & ~np.isnan(decided)
+    kept, same = answers == 1.0, both & (answers == decided)
+    small, large = size < SMALL, size > LARGE
+    of, alike = int(both.sum()), int(same.sum())
+    return Agreement(
+        method=method,
+        units=len(answers),
+        of=of,
+        share=frequency(alike, of),
+        keeps=_by_term(both & ~same & kept, names),
+        drops=_by_term(both & ~same & ~kept, names),
+        false=(int((small & kept).sum()), int(small.sum())),
+        missed=(int((large & (answers == 0.0)).sum()), int(large.sum())),
+    )
+
+
+def _by_term(where: BoolArray, names: tuple[str, ...]) -> dict[str, int]:
+    counts = Counter(dict(zip(names, where.sum(axis=0).tolist(), strict=True)))
+    return {name: count for name, count in counts.most_common() if count}

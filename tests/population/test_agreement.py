@@ -1,0 +1,42 @@
+from dataclasses import replace
+
+import numpy as np
+from lot_studies import small
+
+from imubayes.population.agreement import DECISION, agreements
+from imubayes.population.lots import lot_of, unit_of
+from imubayes.population.records import Record
+from imubayes.selection.panel import Votes
+
+NAMES = ("b0", "b1", "b2", "b3")
+SURE = ("needed", "needed", "not needed", "undecided")
+
+
+def voted(keeps, truth, verdicts=SURE) -> Record:
+    """A unit of sds of 1, about which the decision and BIC have voted on b0, b1, b2 and b3."""
+    one, table = np.ones(4), np.array([[1.0, 1.0, 0.0, 1.0], keeps])
+    votes = Votes(NAMES, (DECISION, "bic"), table, table, ())
+    given = (np.zeros(4), one, np.zeros(4), one, one, verdicts, (1.0, 0.0, 0.0), 1, np.eye(5))
+    return Record(0, "any", *given, np.array(truth), votes=votes)
+
+
+def test_a_planted_disagreement_is_counted_by_term_direction_and_truth():
+    """BIC drops b1 twice, once of 20 sd; it keeps b2 once, of half a sd; b3 is left open."""
+    units = [voted([1, 0, 1, 1], [9, 20, 0.5, 5]), voted([1, 0, 0, 0], [9, 2, 0.5, 9])]
+    decision, bic = agreements([*units, replace(units[0], votes=None)], NAMES)
+    assert (decision.method, decision.share.value, decision.of) == (DECISION, 1.0, 6)
+    assert (bic.units, bic.of, bic.share.value) == (2, 6, 0.5)
+    assert (bic.drops, bic.keeps) == ({"b1": 2}, {"b2": 1})
+    assert (bic.false, bic.missed) == ((1, 2), (2, 4))
+    assert (decision.false, decision.missed) == ((0, 2), (0, 4))
+
+
+def test_the_first_units_of_each_lot_are_asked_and_their_records_stay_what_they_were():
+    study = small(methods=1)
+    lot = lot_of(study, 0)
+    asked, second = (unit_of(study, 0, number, lot) for number in range(2))
+    alone = unit_of(replace(study, methods=0), 0, 0, lot)
+    assert second.votes is None and alone.votes is None
+    assert np.array_equal(asked.draws, alone.draws) and asked.verdicts == alone.verdicts
+    methods = {one.method: one for one in agreements([asked, second], study.library.names)}
+    assert {"bic", "loo", "stlsq"} <= methods.keys() and methods["bic"].units == 1
