@@ -203,8 +203,8 @@ class SensorResult:
     drive : factor of the library's columns over the samples of the test; None where it was not asked.
     choice : which rung of the ladder was taken, and what the next would change; None where none was asked.
     processes : noise processes of the runs that were asked for them.
-    pooled : inclusion of each term in one model for all components of its kind in the case, by name; empty
-        for a single component.
+    pooled : of each term by name, probability that all components of its kind in the case have it, not none;
+        empty for a single component.
     recovered : known quantities of the case's runs before and after compensation, alike for all of its
         components; none where inputs are known.
     bias : at the start, on average and at the end of the record, where a random walk of the noise counts: b0

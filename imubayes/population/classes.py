@@ -1,8 +1,8 @@
-"""Recorded units of one class: what their sessions say together, and one model for all of them.
+"""Recorded units of one class, and components of one case: what they and their sessions say together.
 
-Components x, y, z of a triad, and units of a class, have coefficients of their own, but if they have the same
-model, its evidence is the product of theirs. Terms that not all of them have (accelerometers without a
-reference lack some misalignments) are averaged over, each component by itself.
+Units of a class may have a term or not. Components x, y, z of a triad have coefficients of their own, but all
+have the term or none. Of terms that not all of them have (accelerometers without a reference lack some
+misalignments) nothing is said.
 """
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import SensorResult, SensorSpec
-from imubayes.population.levels import Likelihoods, likelihoods, of_units
+from imubayes.population.levels import Likelihoods, likelihoods, of_units, without_prior
 from imubayes.population.needs import Need, class_need, unit_answer
-from imubayes.population.pooled import Pooled, pooled
+from imubayes.population.pooled import ALL, Pooled, pooled
 from imubayes.population.sessions import SessionVerdict, arranged, in_session, joined, level_among
 from imubayes.population.spreads import FEWEST, Spreads, lot_sizes, spreads
 from imubayes.selection.decision import Selection
-from imubayes.selection.model_prior import log_model_prior
-from imubayes.selection.model_sets import Every, fold, sizes
-from imubayes.selection.models import Models
+from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.terms import Kind
 
@@ -99,42 +97,40 @@ def in_common(results: Tested) -> Iterator[ClassInCommon]:
 
 
 def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, SensorResult]]) -> ClassInCommon:
-    rows, selections = list[SessionVerdict](), dict[str, list[Selection]]()
+    rows, sizes = list[SessionVerdict](), dict[str, tuple[float, float]]()
     for spec, result in alike:
         rows += in_session(spec, result)
-        selections.setdefault(rows[-1].component, []).append(result.selection)
-    sizes = _sizes(alike)
+        sizes |= _sizes(spec.of(kind), result.selection.terms)
+    components = tuple(dict.fromkeys(row.component for row in rows))
     units, sessions, names = (
         tuple(dict.fromkeys(each))
         for each in zip(*((r.unit, r.session, r.term.name) for r in rows), strict=True)
     )
     found: list[TermInClass] = []
     for name in names:
-        parts = [[row for row in rows if (row.term.name, row.component) == (name, one)] for one in selections]
+        parts = [[row for row in rows if (row.term.name, row.component) == (name, one)] for one in components]
         parts = [part for part in parts if part]
         if len(parts) > 1:
             found.append(_term(parts, sessions, sizes[name]))
         found += [_term([part], sessions, sizes[name]) for part in parts]
     level = level_among([one.spreads.p_value for one in found])
     terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in found)
-    return ClassInCommon(class_id, kind, units, sessions, tuple(selections), terms)
+    return ClassInCommon(class_id, kind, units, sessions, components, terms)
 
 
-def _sizes(alike: Sequence[tuple[SensorSpec, SensorResult]]) -> dict[str, tuple[float, float]]:
+def _sizes(spec: SensorSpec, terms: Sequence[TermVerdict]) -> dict[str, tuple[float, float]]:
     """Smallest and largest spread of a term that units of the class can have, by name, SI.
 
     Where a study has a prior of its own, they are as much larger as that is.
     """
+    told, entry = {term.name: term.prior_sd for term in terms}, spec.sensor_class
+    if entry is None:
+        return {}
     found: dict[str, tuple[float, float]] = {}
-    for spec, result in alike:
-        own, told = spec.of(result.kind), {term.name: term.prior_sd for term in result.selection.terms}
-        if own.sensor_class is None or told.keys() <= found.keys():
-            continue
-        for term, *ends in zip(own.library.terms, *lot_sizes(own.sensor_class, own.library), strict=True):
-            if term.name in told:
-                wider = told[term.name] / prior_sd(own.sensor_class, term)[0]
-                low, high = (wider * float(end) for end in ends)
-                found[term.name] = low / math.sqrt(2.0), high
+    for term, low, high in zip(spec.library.terms, *lot_sizes(entry, spec.library), strict=True):
+        if term.name in told:
+            wider = told[term.name] / prior_sd(entry, term)[0]
+            found[term.name] = wider * float(low) / math.sqrt(2.0), wider * float(high)
     return found
 
 
@@ -186,52 +182,27 @@ def _likelihoods(rows: Sequence[SessionVerdict], sessions: Sequence[str]) -> Lik
     return likelihoods(mean, sd, prior_sd, pull)
 
 
-def pooled_inclusion(selections: Sequence[Selection]) -> Mapping[str, float]:
-    """Inclusion of each term in a model that several components of one kind share, by name.
-
-    Of the terms that are weighed in all of them; empty where one of them has so many terms that its models
-    were searched for, and not all weighed.
-    """
-    weighed = [
-        (one.models, dict(zip(one.columns, (term.name for term in one.terms), strict=True)))
-        for one in selections
-    ]
-    if not all(isinstance(models.space, Every) for models, _ in weighed):
-        return {}
-    local = [[names[column] for column in models.candidates.names] for models, names in weighed]
-    shared = [name for name in local[0] if all(name in others for others in local)]
-    if not shared:
-        return {}
-    total = log_model_prior("beta-binomial", len(shared))[sizes(len(shared))]
-    for (models, _), names in zip(weighed, local, strict=True):
-        total += _log_evidence(models, names, shared)
-    sums, whole = fold(np.exp(total - total.max()), len(shared))
-    return dict(zip(shared, np.minimum(sums / whole, 1.0).tolist(), strict=True))
-
-
 def pooled_by_kind(
-    kinds: Sequence[Kind], selections: Sequence[Selection]
+    spec: SensorSpec, kinds: Sequence[Kind], selections: Sequence[Selection]
 ) -> Mapping[Kind, Mapping[str, float]]:
-    """`pooled_inclusion` of the components of each kind, of which `kinds` are those of the selections."""
-    return {
-        kind: pooled_inclusion([one for one, own in zip(selections, kinds, strict=True) if own == kind])
-        for kind in dict.fromkeys(kinds)
-    }
+    """Probability of each term that all components of a kind have it, where none would be the other case.
+
+    Of the terms that all of them have, by name; the components are those of one case, `kinds` says which.
+    """
+    found: dict[Kind, Mapping[str, float]] = {}
+    for kind in dict.fromkeys(kinds):
+        own = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
+        sizes, tables = _sizes(spec.of(kind), own[0]), [{term.name: term for term in terms} for terms in own]
+        shared = [name for name in sizes if all(name in table for table in tables)]
+        found[kind] = {name: _of_all([table[name] for table in tables], sizes[name]) for name in shared}
+    return found
 
 
-def _log_evidence(models: Models, names: Sequence[str], shared: Sequence[str]) -> FloatArray:
-    """Log evidence, up to a constant, of each set of the shared terms (2^q,), averaged over the others."""
-    p = len(names)
-    prior = np.exp(log_model_prior("beta-binomial", p))[sizes(p)]
-    kept = [names.index(name) for name in shared]
-    weight, weight_of_prior = _margin(models.weight, kept, p), _margin(prior, kept, p)
-    return np.log(np.maximum(weight, np.finfo(float).tiny)) - np.log(weight_of_prior)
-
-
-def _margin(weight: FloatArray, kept: Sequence[int], p: int) -> FloatArray:
-    """Sums (2^q,) of weights (2^p,) over the candidates not kept; bit k is then candidate kept[k]."""
-    # the last axis runs fastest: it is bit 0
-    axes = [p - 1 - bit for bit in kept]
-    summed = weight.reshape((2,) * p).sum(axis=tuple(axis for axis in range(p) if axis not in axes))
-    left = sorted(axes)
-    return summed.transpose([left.index(axis) for axis in reversed(axes)]).ravel()
+def _of_all(terms: Sequence[TermVerdict], sizes: tuple[float, float]) -> float:
+    posterior = np.array([(term.full_mean, term.full_sd, term.prior_sd) for term in terms])
+    value, error = without_prior(*posterior.T)
+    told = [k for k in range(len(terms)) if math.isfinite(value[k])]
+    if not told:
+        return 0.5
+    estimates, variances = ([x[[k]] for k in told] for x in (value, error**2))
+    return pooled(estimates, variances, sizes, shares=ALL).inclusion

@@ -26,8 +26,11 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import Share, frequency, of_cells
 from imubayes.selection.mixture import Components, limit
 
-SHARES = 30
-"""Cells of the grid of the share of units."""
+SHARES = tuple((k + 0.5) / 30 for k in range(30))
+"""Shares of the units that may have a term, each as likely."""
+
+ALL = (1.0,)
+"""Share of them where all have it or none, as components of one case."""
 
 SIZES = 30
 """Cells of the grid of ln tau."""
@@ -41,6 +44,12 @@ FINE = 500
 CHUNK = 100
 """Units that are taken at a time."""
 
+SURE = 0.95
+"""Probability with which the size of a further unit's coefficient is below its limit."""
+
+FAINTEST = -36.0
+"""Least log likelihood of a unit that has the term over one that has not: to rounding."""
+
 NOTHING = 1e-18
 """Sd, over the smallest tau, of a coefficient that is zero."""
 
@@ -53,7 +62,7 @@ class Pooled:
     ----------
     inclusion : probability that units of the class have the term.
     share : of the units that have it, if any has.
-    limit : size that a further unit's coefficient stays below with 95 %, SI.
+    limit : size that a further unit's coefficient stays below with 95 %, SI; zero where it then has none.
     """
 
     inclusion: float
@@ -66,6 +75,7 @@ def pooled(
     variances: Sequence[FloatArray],
     sizes: tuple[float, float],
     weights: Sequence[FloatArray] = (),
+    shares: Sequence[float] = SHARES,
 ) -> Pooled:
     """Put the units of a class together.
 
@@ -75,6 +85,7 @@ def pooled(
         versions of both (m, n).
     sizes : (smallest, largest) spread that a lot of the class can have.
     weights : of each lot those of its versions (m,), which sum to one; without them there is one.
+    shares : of the units that may have it.
 
     Examples
     --------
@@ -85,12 +96,12 @@ def pooled(
     """
     edges = np.linspace(math.log(sizes[0]), math.log(sizes[1]), SIZES + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
-    q = (np.arange(SHARES) + 0.5) / SHARES
+    q = np.array(shares)
     versions = weights or [np.ones(1)] * len(estimates)
     found = [_lot(*each, tau, q) for each in zip(versions, estimates, variances, strict=True)]
     lots, absent = [one for one, _ in found], sum(nothing for _, nothing in found)
     log = np.sum([np.logaddexp.reduce(one, axis=(0, 1)) for one in lots], axis=0)
-    present = float(np.logaddexp.reduce(log)) - math.log(SHARES)
+    present = float(np.logaddexp.reduce(log)) - math.log(len(q))
     inclusion = 1.0 / (1.0 + math.exp(min(absent - present, 700.0)))
     weight = np.exp(log - log.max())
     weight /= weight.sum()
@@ -124,7 +135,7 @@ def _units(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) 
     nodes, _ = _means()
     mean = tau[:, None] * nodes
     there = _normal(t - mean[..., None], tau[:, None, None] ** 2 + variance)
-    more = np.expm1(np.clip(there - _normal(t, variance), -700.0, 700.0))[..., None]
+    more = np.expm1(np.clip(there - _normal(t, variance), FAINTEST, 700.0))[..., None]
     units = np.full((len(tau), NODES, len(q)), float(_normal(t, variance).sum()))
     for k in range(0, len(t), CHUNK):
         units += np.log1p(q * more[:, :, k : k + CHUNK]).sum(axis=2)
@@ -138,10 +149,12 @@ def _limit(
     nodes, _ = _means()
     cells = [np.exp(one - np.logaddexp.reduce(one, axis=(0, 1))) for one in lots]
     having = np.mean([(one * (weight * q)).sum(axis=2) for one in cells], axis=0) * inclusion
+    if having.sum() <= 1.0 - SURE:
+        return 0.0
     mass = np.append(having, 1.0 - having.sum())
     mean = np.append(tau[:, None] * nodes, 0.0)[:, None]
     sd = np.append(np.repeat(tau, NODES), NOTHING * tau[0])[:, None]
-    return limit(Components(mass, sd > 0.0, mass, mean, sd), 0)
+    return limit(Components(mass, sd > 0.0, mass, mean, sd), 0, SURE)
 
 
 @cache
@@ -168,7 +181,7 @@ def over_lots(counts: tuple[int, ...], units: int | tuple[int, ...]) -> Share:
         return frequency(0, 0)
     k, n = np.array(counts)[:, None, None], n[:, None, None]
     share = ((np.arange(FINE) + 0.5) / FINE)[:, None]
-    correlation = (np.arange(SHARES) + 0.5) / SHARES
+    correlation = np.array(SHARES)
     a, b = share * (1.0 / correlation - 1.0), (1.0 - share) * (1.0 / correlation - 1.0)
     log = (betaln(a + k, b + n - k) - betaln(a, b)).sum(axis=0)
     weight = np.exp(log - log.max()).sum(axis=1)

@@ -106,9 +106,9 @@ ANGLES_NOTE = (
 )
 
 POOLED_NOTE = (
-    "Components of one kind with one model: its evidence is the product of theirs, each with coefficients"
-    f" of its own. Shapes are each component's own verdict: {LEGEND}. Terms that not all components have"
-    " are not asked."
+    "Components of one kind with one model: all have a term or none, each with a coefficient of its own, by"
+    f" their estimates under all terms. Shapes are each component's own verdict: {LEGEND}. Terms that not all"
+    " components have are not asked."
 )
 
 

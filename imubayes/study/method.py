@@ -302,7 +302,7 @@ def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:
         told, resting = _components(job, case, ready, found), rows_at_rest(ready.runs, case)
     selections = [one.selection for one in told]
     shared = of_case(spec, case, ready, selections, [one.bias is not None for one in told], _flown(told))
-    pooled = pooled_by_kind([one.library.kind for one in case.components], selections)
+    pooled = pooled_by_kind(spec, [one.library.kind for one in case.components], selections)
     seconds = (time.perf_counter() - start) / len(told)
     results, asking = [], _told_to(job)
     for one, said, fields in zip(case.components, told, shared, strict=True):

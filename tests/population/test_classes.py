@@ -2,22 +2,16 @@
 
 import math
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.algebra.factor import factor_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
-from imubayes.inference.prior import ScalePrior
-from imubayes.inference.summary import Summary
-from imubayes.population.classes import in_common, pooled_inclusion
+from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.rig.recordings import RunSpec
-from imubayes.selection.decision import select
 from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.sensors.terms import Library, library
 from imubayes.study import method
 
 TUMBLE = {"profile": "tumble", "angles": 6, "planes": 2, "dwell": 5.0, "rate": 1.0}
@@ -92,76 +86,19 @@ def test_three_units_or_units_without_a_class_have_no_population(sensors, result
     assert not tuple(in_common([(spec, [replace(one, class_id="")]) for spec, (one,) in every]))
 
 
-NAMES = ("b0", "b1", "b2", "m_j")
-EVERY = library("accelerometer", powers=2, asymmetry=-1)
-
-
-def component(names, truth, seed):
-    rng = np.random.default_rng(seed)
-    X = rng.normal(size=(60, len(names)))
-    y = X @ np.array([truth.get(name, 0.0) for name in names]) + rng.normal(size=60)
-    lib = Library("accelerometer", tuple(term for name in names for term in EVERY.terms if term.name == name))
-    reach = dict.fromkeys(names, 3.0)
-    summary = Summary(factor_of(X, y, names), library=lib, reach=reach)
-    return select(summary, ScalePrior(np.ones(len(names))))
-
-
-def by_set(selection):
-    """Weight of every model over the prior's, by the set of its terms."""
-    models = selection.models
-    members = models.space.members(np.arange(len(models.space)))
-    names, p = models.candidates.names, len(models.candidates.names)
-    found = {}
-    for inside, weight in zip(members, models.weight, strict=True):
-        terms = frozenset(name for name, there in zip(names, inside, strict=True) if there)
-        found[terms] = weight * (p + 1) * len(list(combinations(range(p), len(terms))))
-    return found
-
-
-def prior(size, p):
-    return 1.0 / ((p + 1) * len(list(combinations(range(p), size))))
-
-
-def test_pooled_inclusion_is_that_of_the_product_of_the_evidences():
-    parts = [component(NAMES, {"b0": 0.3, "b2": 0.2}, seed) for seed in (1, 2, 3)]
-    evidence = [by_set(part) for part in parts]
-    joint = {s: prior(len(s), 4) * np.prod([e[s] for e in evidence]) for s in evidence[0]}
-    total = sum(joint.values())
-    found = pooled_inclusion(parts)
-    for name in NAMES:
-        expected = sum(weight for terms, weight in joint.items() if name in terms) / total
-        assert found[name] == pytest.approx(expected, rel=1e-9)
-
-
-def test_terms_that_a_component_lacks_are_averaged_over_by_the_others():
-    first, second = component(NAMES, {"b1": 0.4}, 4), component(("b2", "b1"), {"b1": 0.3}, 5)
-    evidence, lacking = by_set(first), by_set(second)
-    shared = ("b1", "b2")
-    joint = {}
-    for terms in lacking:
-        alike = [s for s in evidence if s & set(shared) == terms]
-        weights = np.array([prior(len(s), 4) for s in alike])
-        mean = np.array([evidence[s] for s in alike]) @ weights / weights.sum()
-        joint[terms] = prior(len(terms), 2) * mean * lacking[terms]
-    found = pooled_inclusion([first, second])
-    assert set(found) == set(shared)
-    for name in shared:
-        expected = sum(w for terms, w in joint.items() if name in terms) / sum(joint.values())
-        assert found[name] == pytest.approx(expected, rel=1e-9)
-
-
-def test_weak_hints_of_three_components_add_up():
-    """A term two standard errors from zero in each is needed by the kind, though none alone shows it."""
-    rng = np.random.default_rng(6)
-    parts = []
-    for _ in range(3):
-        X, _ = np.linalg.qr(rng.normal(size=(200, 4)))
-        noise = rng.normal(size=200)
-        noise -= X @ (X.T @ noise)
-        y = X @ np.array([0.0, 0.0, 2.5, 0.0]) + noise / noise.std()
-        lib = Library("accelerometer", tuple(term for term in EVERY.terms if term.name in NAMES))
-        summary = Summary(factor_of(X, y, lib.names), library=lib, reach=dict.fromkeys(lib.names, 1.0))
-        parts.append(select(summary, ScalePrior(np.full(4, 3.0))))
-    name = parts[0].terms[2].name
-    alone = [next(t.inclusion for t in part.terms if t.name == name) for part in parts]
-    assert pooled_inclusion(parts)[name] > max(alone) + 0.1
+def test_weak_hints_of_three_components_add_up(sensors, result):
+    """A term 2.5 standard errors from zero in each is of all of them, though none alone shows it."""
+    selection = result.sensors[0].selection
+    terms = tuple(
+        replace(term, full_mean=2.5 * 0.3 * 0.954 * term.prior_sd, full_sd=0.287 * term.prior_sd)
+        if term.name == "b1"
+        else replace(term, full_sd=term.prior_sd)
+        for term in selection.terms
+    )
+    one = replace(selection, terms=terms)
+    few = replace(selection, terms=terms[:1])
+    spec = sensors[0]
+    alone = pooled_by_kind(spec, ["accelerometer"], [one])["accelerometer"]
+    three = pooled_by_kind(spec, ["accelerometer"] * 3, [one] * 3)["accelerometer"]
+    assert alone["b1"] < 0.95 < three["b1"] and three["b0"] == 0.5
+    assert set(pooled_by_kind(spec, ["accelerometer"] * 2, [one, few])["accelerometer"]) == {terms[0].name}

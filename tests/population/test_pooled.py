@@ -6,7 +6,7 @@ from scipy.special import logsumexp
 from scipy.stats import binomtest, norm
 
 from imubayes.population.levels import Likelihoods, of_units
-from imubayes.population.pooled import over_lots, pooled
+from imubayes.population.pooled import ALL, SHARES, over_lots, pooled
 from imubayes.population.spreads import spreads
 
 SIZES, SCALE = (0.3, 10.0), 3.0
@@ -51,7 +51,7 @@ def test_intervals_of_the_share_and_limits_of_a_further_unit_hold_what_they_say(
     ]
     assert binomtest(sum(held), len(held), 0.9).pvalue > 0.005
     below = [
-        np.mean([abs(lot[-1]) < one.limit for lot in true[2]]) for true, one in zip(drawn, found, strict=True)
+        np.mean([abs(lot[-1]) <= one.limit for lot in true[2]]) for true, one in zip(drawn, found, strict=True)
     ]
     assert abs(np.mean(below) - 0.95) < 3.0 * np.std(below) / np.sqrt(len(below))
 
@@ -82,7 +82,7 @@ def test_recorded_units_have_a_term_as_often_as_their_sessions_together_say():
         weight, estimate, variance = of_units(one, found.own, found.common)
         said = pooled([estimate], [variance], SIZES, [weight])
         held = said.share.low <= share <= said.share.high
-        rows.append((there, said.inclusion, held, abs(further) < said.limit))
+        rows.append((there, said.inclusion, held, abs(further) <= said.limit))
     there, said, held, below = np.array(rows, dtype=float).T
     assert abs((there - said).sum()) < 3.0 * np.sqrt((said * (1.0 - said)).sum())
     for low, high in ((0.0, 0.4), (0.4, 0.8), (0.8, 1.0)):
@@ -93,17 +93,19 @@ def test_recorded_units_have_a_term_as_often_as_their_sessions_together_say():
     assert binomtest(int(below.sum()), len(below), 0.95).pvalue > 0.005
 
 
-def test_inclusion_is_that_of_a_plain_average_over_draws_of_the_prior():
+@pytest.mark.parametrize("shares", [SHARES, ALL])
+def test_inclusion_is_that_of_a_plain_average_over_draws_of_the_prior(shares):
     rng = np.random.default_rng(8)
     estimate, variance = np.array([2.0, -0.4, 1.1, 3.0]), np.array([1.0, 0.5, 2.0, 1.5])
-    share = rng.random(200_000)[:, None]
+    share = np.maximum(rng.random(200_000), shares == ALL)[:, None]
     tau = np.exp(rng.uniform(*np.log(SIZES), len(share)))[:, None]
     mean = tau * rng.standard_normal(tau.shape)
     apart = norm.pdf(estimate, 0.0, np.sqrt(variance))
     units = (1.0 - share) * apart + share * norm.pdf(estimate, mean, np.sqrt(tau**2 + variance))
     log = np.log(units).sum(axis=1)
     odds = np.exp(logsumexp(log) - np.log(len(log)) - np.log(apart).sum())
-    assert pooled([estimate], [variance], SIZES).inclusion == pytest.approx(odds / (1.0 + odds), abs=0.01)
+    found = pooled([estimate], [variance], SIZES, shares=shares)
+    assert found.inclusion == pytest.approx(odds / (1.0 + odds), abs=0.01)
 
 
 def test_share_of_a_class_is_as_unsure_as_its_lots_differ():

@@ -330,8 +330,8 @@ Sensor = TypedDict("Sensor", {
         "rounding: no more than are right; null where they were not judged"
     )],
     "pooled_inclusion": Annotated[dict[str, Number], says(
-        "of components in one case: inclusion of each term in one model that all of their kind share; "
-        "empty for a single component"
+        "of components in one case: probability that all of their kind have a term, where none would be the "
+        "other case, from the estimates with all candidate terms; empty for a single component"
     )],
     "standards": Annotated[dict[str, Standard], says(
         "of each standard that speaks of the class's technology (`ieee1293`, `ieee952`, ..., and the "
