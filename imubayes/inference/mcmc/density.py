@@ -27,7 +27,7 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import places_of
-from imubayes.inference.mcmc.split import Coordinates, coordinates
+from imubayes.inference.mcmc.split import Coordinates, coordinates, packed_of
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import RunSummary, Summary
 
@@ -135,16 +135,19 @@ def condition(density: Density, x: FloatArray) -> Conditional:
     """
     c, m = density.coordinates, min(len(x), 1) if density.d == 0 else len(x)
     x = x[:m]
-    A = np.repeat(c.prior[None], m, axis=0)
+    packed = np.repeat(packed_of(c.prior)[None], m, axis=0)
     base = -0.5 * np.sum(((x - density.center) / density.width) ** 2, axis=1)
     base -= float(np.sum(np.log(density.width))) + 0.5 * density.d * math.log(2.0 * math.pi)
     base += c.log_volume - float(np.sum(np.log(density.sd))) - 0.5 * density.p * math.log(2.0 * math.pi)
     for run, places in zip(density.runs, density.places, strict=True):
         noise = np.zeros((m, 1)) if places is None else x[:, places]
         gram, log_det, inside = grams(run, noise)
-        A += gram
+        packed += gram
         base -= 0.5 * (log_det + run.n * math.log(2.0 * math.pi))
         base = np.where(inside, base, -np.inf)
+    A = np.zeros((m, *c.prior.shape))
+    rows, columns = np.tril_indices(A.shape[1])
+    A[:, rows, columns] = A[:, columns, rows] = packed
     A[~np.isfinite(base)] = np.eye(A.shape[1])
     L, sound = _cholesky(A)
     return Conditional(L, np.where(sound, base, -np.inf))

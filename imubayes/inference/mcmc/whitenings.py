@@ -61,6 +61,12 @@ ANYWHERE, LEVELS = 40, 23
 ALONG = 10
 """Probes of them along a line."""
 
+ROUNDED = 1e-6
+"""Size of a combination, at the run's own noise, from which it is kept; some ten times as many nats."""
+
+MANY = 600
+"""Polynomials from which it takes longer to find the combinations than they save."""
+
 PROBES = 24
 """Points at which the polynomials are held against whitenings."""
 
@@ -75,7 +81,9 @@ class Whitenings:
     low, high : (2,) ends of the ratios' logarithms.
     flat : (2,) whether a smaller ratio than `low` changes nothing.
     order : (2,) polynomials in each ratio.
-    table : (order[0] * order[1], e) coefficients of the Gram's lower triangle and the log determinant.
+    table : (r, e) of the Gram's lower triangle and the log determinant: coefficients of the polynomials, or
+        of the r combinations of them that matter.
+    basis : (order[0] * order[1], r) of these combinations; None where `table` has the polynomials singly.
     error : largest error of the log density that the probes found, nats.
     top : (3,) ln N, ln B, ln K at the maximum of the run's own posterior; (1,) ln N where that is all.
     misleads : whether the polynomials make a noise likely that is not, however many they are.
@@ -90,6 +98,7 @@ class Whitenings:
     error: float
     top: FloatArray
     misleads: bool = False
+    basis: FloatArray | None = None
 
 
 def fixed_whitening(run: RunSummary, c: Coordinates) -> Whitenings:
@@ -137,8 +146,19 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
         made = replace(bare, order=order, table=_chebyshev(split, bare.low, bare.high, order))
         misleads = _misleads(split, made, anywhere)
         if not misleads or order == (ORDERS[-1], ORDERS[-1]):
+            made = _compressed(made)
             return replace(made, error=_error(split, made, probes), misleads=misleads)
         first, second = _more(first), _more(second)
+
+
+def _compressed(w: Whitenings) -> Whitenings:
+    """Whitenings in the few combinations of polynomials that matter, at the level of the run's noise."""
+    if len(w.table) > MANY:
+        return w
+    scale = np.append(np.full(w.table.shape[1] - 1, math.exp(-2.0 * w.top[0])), 1.0)
+    U, s, V = np.linalg.svd(w.table * scale, full_matrices=False)
+    kept = s > ROUNDED
+    return replace(w, basis=U[:, kept] * s[kept], table=V[kept] / scale)
 
 
 def _more(count: int) -> int:
@@ -193,28 +213,24 @@ def grams(w: Whitenings, log_noise: FloatArray) -> tuple[FloatArray, FloatArray,
 
     Returns
     -------
-    (m, p + 1, p + 1), (m,), (m,) : the last is False outside the ratios that were computed.
+    (m, e), (m,), (m,) : packed lower triangles; the last is False outside the ratios that were computed.
     """
-    if w.table.shape[0] == 1:
+    if w.order == (1, 1):
         values, inside = np.repeat(w.table, len(log_noise), axis=0), np.ones(len(log_noise), dtype=bool)
     else:
         ratio = log_noise[:, 1:] - log_noise[:, :1]
         inside = np.asarray((ratio <= w.high) & ((ratio >= w.low) | w.flat)).all(axis=1)
         values = _evaluate(w, np.clip(ratio, w.low, w.high))
     scale = np.exp(-2.0 * log_noise[:, 0])
-    size = math.isqrt(2 * (values.shape[1] - 1))
-    full = np.zeros((len(values), size, size))
-    rows, columns = np.tril_indices(size)
-    full[:, rows, columns] = values[:, :-1] * scale[:, None]
-    full[:, columns, rows] = full[:, rows, columns]
-    return full, values[:, -1] + 2.0 * w.n * log_noise[:, 0], np.asarray(inside, dtype=bool)
+    log_det = values[:, -1] + 2.0 * w.n * log_noise[:, 0]
+    return values[:, :-1] * scale[:, None], log_det, np.asarray(inside, dtype=bool)
 
 
 def _evaluate(w: Whitenings, ratio: FloatArray) -> FloatArray:
     unit = 2.0 * (ratio - w.low) / (w.high - w.low) - 1.0
     first, second = (np.polynomial.chebyshev.chebvander(unit[:, k], w.order[k] - 1) for k in range(2))
     both = (first[:, :, None] * second[:, None, :]).reshape(len(ratio), -1)
-    return both @ w.table
+    return (both if w.basis is None else both @ w.basis) @ w.table
 
 
 def _chebyshev(split: Split, low: FloatArray, high: FloatArray, order: tuple[int, int]) -> FloatArray:
