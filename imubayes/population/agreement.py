@@ -63,7 +63,7 @@ def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreeme
     """
     asked = [unit for unit in units if unit.votes is not None]
     methods = dict.fromkeys(method for unit in asked if unit.votes for method in unit.votes.methods)
-    size = np.array([np.abs(unit.truth) / unit.full_sd for unit in asked])
+    size = np.array([np.abs(unit.truth) / unit.full_sd for unit in asked]).reshape(-1, len(names))
     told = {method: _answers(asked, names, method) for method in methods}
     verdicts = np.array([unit.verdicts for unit in asked]).reshape(-1, len(names))
     decided = np.where(verdicts == NEEDED, 1.0, np.where(verdicts == NOT_NEEDED, 0.0, np.nan))

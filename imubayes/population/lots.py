@@ -19,6 +19,7 @@ from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
 from imubayes.scenes.effects import SceneEffects
+from imubayes.scenes.navigator import flown_sizes
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.scenes.smallest import SURE, Knowledge, left_over
 from imubayes.sensors.equations.basic import TERMS
@@ -27,6 +28,9 @@ from imubayes.sensors.noise import Noise
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Name
+
+COUNTS = 0.1 * MATTERS
+"""Share of a budget from which a term is looked at."""
 
 DRAWS = 500
 """Posterior draws of a unit: quantiles over them scatter by less than units do."""
@@ -92,8 +96,11 @@ class MissionTerm:
     rms : median over units of its rms effect on the output, SI.
     share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
     required : share of the units whose smallest model for the scene has it, shown by the test or not.
-    true_share : median over units of the share of the budget of the simulated truth.
+    true_share : median over units of the share of the budget that the simulated truth takes, when the scene
+        is flown with it and without it (`scenes.navigator`).
     most : share of the budget at the size that a further unit stays below with 95 % (`pooled.Pooled`).
+    linear_share : of the same truth as `true_share`, by the linear propagation that the other shares are by.
+    held : units whose own 90 % interval of their share holds what the navigator makes of their truth.
     """
 
     name: str
@@ -102,6 +109,8 @@ class MissionTerm:
     required: float
     true_share: float
     most: float = math.nan
+    linear_share: float = math.nan
+    held: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +155,11 @@ class Check:
     precision, recall : of "required in this scene by this class", over all terms, classes and scenes.
     cells : how many of these the tests tell, and how many of them are truly required.
     population_mean, population_spread : what the 90 % intervals hold of the lots' means and spreads.
+    shares, unit_shares : of the cells of `COUNTS` or more that the tests tell, in how many the range over
+        units of a share of the budget holds the true one of the median unit; and how many units' own 90 %
+        intervals hold theirs.
+    off : part by which the linear propagation is off the navigator, in cells of `COUNTS` to all of the
+        budget: in the median cell, and at most. NaN where no cell is.
     untold : cells beside these, which the tests cannot tell.
     """
 
@@ -154,6 +168,9 @@ class Check:
     cells: tuple[int, int]
     population_mean: Coverage
     population_spread: Coverage
+    shares: Coverage
+    unit_shares: Coverage
+    off: tuple[float, float]
     untold: int = 0
 
 
@@ -243,15 +260,17 @@ def check(classes: Sequence[ClassFound]) -> Check:
     coverage of means and of spreads is that of the terms that the test excites: of the others the interval is
     the prior's.
     """
-    cells = [
-        (term.share.value >= MATTERS, term.true_share >= MATTERS)
+    every = [
+        (in_scene(known, term), term, len(one.units))
         for one in classes
         for scene in one.missions
         for known, term in zip(one.terms, scene.terms, strict=True)
-        if in_scene(known, term) not in (UNTOLD, WOULD_MATTER)
     ]
+    told = [(term, n) for answer, term, n in every if answer not in (UNTOLD, WOULD_MATTER)]
+    cells = [(term.share.value >= MATTERS, term.true_share >= MATTERS) for term, _ in told]
     both = sum(said and true for said, true in cells)
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
+    large = [(term, n) for term, n in told if max(term.share.value, term.true_share) >= COUNTS]
     tested = [
         lot
         for one in classes
@@ -265,14 +284,26 @@ def check(classes: Sequence[ClassFound]) -> Check:
         cells=(len(cells), true),
         population_mean=_coverage([(term.mean, term.true_mean) for term in tested]),
         population_spread=_coverage([(term.spread, term.true_spread) for term in tested]),
-        untold=sum(len(scene.terms) for one in classes for scene in one.missions) - len(cells),
+        shares=_coverage([(term.share, term.true_share) for term, _ in large]),
+        unit_shares=_held(sum(term.held for term, _ in large), sum(n for _, n in large)),
+        off=_off([term for _, term, _ in every]),
+        untold=len(every) - len(cells),
     )
+
+
+def _off(cells: Sequence[MissionTerm]) -> tuple[float, float]:
+    """Median and largest part by which the linear propagation is off the navigator, within the budget."""
+    off = [abs(c.linear_share / c.true_share - 1.0) for c in cells if COUNTS <= c.true_share <= 1.0]
+    return (float(np.median(off)), max(off)) if off else (math.nan, math.nan)
 
 
 def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:
     """Count the truths that lie within their intervals."""
-    held = sum(found.low <= truth <= found.high for found, truth in pairs)
-    return Coverage(held, len(pairs), frequency(held, len(pairs)))
+    return _held(sum(found.low <= truth <= found.high for found, truth in pairs), len(pairs))
+
+
+def _held(held: int, of: int) -> Coverage:
+    return Coverage(held, of, frequency(held, of))
 
 
 def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
@@ -326,11 +357,11 @@ def _mission(
 def _terms(
     units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure, limits: FloatArray
 ) -> tuple[MissionTerm, ...]:
-    rms, share, kept = (
-        np.array([[value(term) for term in one.terms] for one in weighed])
-        for value in (lambda t: t.rms, lambda t: t.share[1], lambda t: t.kept)
-    )
-    true = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
+    found = np.array([[(t.rms, t.kept, *t.share) for t in one.terms] for one in weighed])
+    rms, kept, low, share, high = np.moveaxis(found, -1, 0)
+    true = _flown(units, seen)
+    linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
+    held = ((low <= true) & (true <= high)).sum(axis=0)
     most = seen.budgeted.single(limits) / seen.budget.limit
     return tuple(
         MissionTerm(
@@ -340,9 +371,23 @@ def _terms(
             required=float(kept[:, j].mean()),
             true_share=float(np.median(true[:, j])),
             most=float(most[j]),
+            linear_share=float(np.median(linear[:, j])),
+            held=int(held[j]),
         )
         for j, name in enumerate(seen.lib.names)
     )
+
+
+def _flown(units: Sequence[Record], seen: Exposure) -> FloatArray:
+    """Share (n, p) of the budget that each unit's true coefficients take, each alone, by a full navigator.
+
+    The median unit is flown; where its error is so large that it is no longer in proportion to the
+    coefficient, those of the other units are taken to be so all the same.
+    """
+    truth = np.abs([unit.truth for unit in units])
+    median = np.median(truth, axis=0)
+    sizes = flown_sizes(seen.scene, seen.lib, seen.budget, median[None], seen.axis)[0] / seen.budget.limit
+    return truth * sizes / np.where(median > 0.0, median, 1.0)
 
 
 def basic_left(seen: Exposure, draws: FloatArray) -> float:

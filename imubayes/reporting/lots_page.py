@@ -243,6 +243,8 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
         ("recall", f"{true:,} required", percents(check.recall)),
         ("population mean", held(check.population_mean), percents(check.population_mean.share)),
         ("population spread", held(check.population_spread), percents(check.population_spread.share)),
+        ("share of a budget, over units", held(check.shares), percents(check.shares.share)),
+        ("share of a budget, each unit", held(check.unit_shares), percents(check.unit_shares.share)),
     ]
 
 
@@ -395,6 +397,7 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
             share_of_budget=term.share.value,
             share_range=(term.share.low, term.share.high),
             true_share_of_budget=term.true_share,
+            linear_share_of_budget=term.linear_share,
             most_of_budget=term.most,
             answer=in_scene(known, term),
         )

@@ -9,6 +9,7 @@ from itertools import compress
 from typing import TYPE_CHECKING
 
 from imubayes.population.agreement import DECISION
+from imubayes.population.lots import COUNTS
 from imubayes.population.needs import (
     HALF,
     NEEDED,
@@ -31,7 +32,7 @@ from imubayes.reporting.lots_words import (
     slug,
 )
 from imubayes.reporting.method_views import called
-from imubayes.reporting.rounding import NARROW, percent, percents
+from imubayes.reporting.rounding import NARROW, percent, percents, share
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
@@ -40,7 +41,7 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
     from imubayes.population.agreement import Agreement
-    from imubayes.population.lots import Coverage, LotResult, LotStudy, MissionFound
+    from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound
     from imubayes.population.needs import ClassFound
 
 MOST_TERMS = 8
@@ -269,14 +270,38 @@ def check_sentences(result: LotResult) -> tuple[str, ...]:
     low, high = COVERING
     calibrated = low <= check.population_spread.share.value <= high
     more = f" Of {check.untold:,} more cells the tests cannot tell." if check.untold else ""
+    flown = any(mission.budget.quantity != "output" for mission in result.study.missions)
     return (
-        f"Against the simulated truth, over {cells:,} cells of class, term and scene that the tests tell, of"
-        f" which {true:,} truly take {percent(MATTERS)} of the budget or more, precision is"
-        f" {_bounded(check.precision)} and recall {_bounded(check.recall)}.{more}",
+        f"Against the simulated truth{', flown by a full navigator' if flown else ''}, over {cells:,} cells"
+        f" of class, term and scene that the tests tell, of which {true:,} truly take {percent(MATTERS)} of"
+        f" the budget or more, precision is {_bounded(check.precision)} and recall"
+        f" {_bounded(check.recall)}.{more}",
         f"{'Both reach' if good else 'Not both reach'} the {ASKED:g} that was asked of them.",
         f"The 90{NARROW}% intervals hold the population spread in {_covered(check.population_spread)}; asked"
         f" were {100 * low:.0f} to {percent(high)}{'' if calibrated else ', which this is outside of'}."
         f" They hold the population mean in {_covered(check.population_mean)}.",
+        *_of_shares(check),
+    )
+
+
+def _of_shares(check: Check) -> tuple[str, ...]:
+    """Say how often shares of budgets hold the true ones, and how far apart the two ways to them are."""
+    if not check.shares.of:
+        return ()
+    said = (
+        f"Where a term takes {100.0 * COUNTS:g}{NARROW}% of the budget or more, the range of its share over"
+        f" the units holds the true one in {_covered(check.shares)}, and a unit's own 90{NARROW}% interval"
+        f" its own in {_covered(check.unit_shares)}."
+    )
+    median, most = check.off
+    if math.isnan(median):
+        return (said,)
+    close = check.unit_shares.share.value < COVERING[0]
+    return (
+        said,
+        f"The linear propagation, which all other shares are by, is {share(median)} off the full navigator in"
+        f" the median cell within the budget, and {share(most)} at most"
+        f"{': the intervals of units do not allow for that' if close else ''}.",
     )
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.population.lots import Against
+from imubayes.population.lots import COUNTS, Against
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
@@ -30,7 +30,6 @@ from imubayes.reporting.rounding import (
     share,
 )
 from imubayes.reporting.scene_words import budget_unit
-from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.equations.standards import symbols
@@ -133,7 +132,7 @@ def amid(found: Share) -> str:
 
 def counts(term: MissionTerm) -> bool:
     """Whether a table of a scene shows a term: it is required in some unit, or takes a hundredth."""
-    return term.required > 0.0 or max(term.share.high, term.true_share) >= 0.1 * MATTERS
+    return term.required > 0.0 or max(term.share.high, term.true_share) >= COUNTS
 
 
 def headline(result: LotResult) -> Said:

@@ -120,7 +120,7 @@ def _errors(scene: Scene, lib: Library, axis: str, passed: Propagation) -> Float
     J = np.empty((TIMES, 9, len(lib.terms)))
     J[..., ~heated] = passed.errors(axis, lambda _, rows: _mean_motion(scene, still, inputs, rows))
     if heated.any():
-        columns_of = _warming(scene, _some(lib, heated), inputs)
+        columns_of = mission_columns(scene, _some(lib, heated), inputs)
         J[..., heated] = passed.errors(axis, columns_of, repeated=False)
     return J
 
@@ -138,7 +138,7 @@ def _mean_motion(scene: Scene, lib: Library, inputs: Inputs, rows: slice) -> Flo
     return mean_columns(lib, inputs.kept(rows), scene.vibration if scene.slow else 0.0)
 
 
-def _warming(scene: Scene, lib: Library, inputs: Inputs) -> Callable[[int, slice], FloatArray]:
+def mission_columns(scene: Scene, lib: Library, inputs: Inputs) -> Callable[[int, slice], FloatArray]:
     """Columns (m, p) of terms with temperature in rows of each repetition of the record: products of two.
 
     The motion is the record's, the temperature that of the mission.

@@ -52,7 +52,9 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
         basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n", methods=1,
     )  # fmt: skip
     means, spreads = Coverage(27, 33, Share(0.82, 0.69, 0.91)), Coverage(30, 33, Share(0.91, 0.81, 0.97))
-    check = Check(Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99), (84, 20), means, spreads)
+    shares, own = Coverage(38, 40, Share(0.95, 0.86, 0.99)), Coverage(120, 160, Share(0.75, 0.69, 0.80))
+    found = Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99)
+    check = Check(*found, (84, 20), means, spreads, shares, own, (0.002, 0.06))
     return LotResult(study, tuple(_class(one, study) for one in entries), check, 90.0)
 
 
@@ -103,6 +105,8 @@ def _in_scene(name: str, size: float) -> MissionTerm:
         float(share > 0.1),
         1.1 * share,
         2.0 * share,
+        1.08 * share,
+        3,
     )
 
 

@@ -200,8 +200,12 @@ def _in_brackets(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
 
 
 def _covered(lots: Lots, match: Match) -> Iterable[Meant]:
-    one = lots.check[f"population_{match[1]}"]
-    return [None, one["held"], one["of"], *(100.0 * end for end in _range_of(one["share"]))]
+    return [None, *_coverage(lots, f"population_{match[1]}")]
+
+
+def _coverage(lots: Lots, what: str) -> list[float]:
+    one = lots.check[what]
+    return [one["held"], one["of"], *(100.0 * end for end in _range_of(one["share"]))]
 
 
 def _missed(lots: Lots, match: Match) -> Iterable[Meant]:
@@ -360,6 +364,12 @@ OF_ALL = readings(
             lambda r, m: [r.needing(m[3]), len(r.classes), None],
         rf"population (spread|mean) in ([\d,]+) of ([\d,]+) cases, ({NUM}) % \(({NUM}) to ({NUM})\)":
             _covered,
+        rf"Where a term takes (1) % .* (the true one) in ([\d,]+) of ([\d,]+) cases, ({NUM}) %"
+        rf" \(({NUM}) to ({NUM})\), and a unit's own (90) % interval its own in ([\d,]+) of ([\d,]+) cases,"
+        rf" ({NUM}) % \(({NUM}) to ({NUM})\)":
+            lambda r, m: [1, None, *_coverage(r, "shares"), 90, *_coverage(r, "unit_shares")],
+        rf"is ({SHARE}) off the full navigator in the median cell within the budget, and ({SHARE}) at most":
+            lambda r, m: list(r.check["off"]),
     }
 )  # fmt: skip
 

@@ -4,7 +4,7 @@ pyins (github nmayorov/pyins, MIT) is not on PyPI: clone it, and run with it, pa
 
     PYTHONPATH=PYINS python tests/scenes/make_pyins.py
 
-Each flight of `navigator.path` starts at 45 degrees north; its readings are `pyins.sim.generate_imu`'s, and
+Each flight of `flights.path` starts at 45 degrees north; its readings are `pyins.sim.generate_imu`'s, and
 are integrated by `pyins.strapdown.Integrator` with height held, with and without the error of one term of one
 sensor. The differences are attitude (rotation vector between the two, each in the local level of its own
 place, but for the convergence of the meridians), horizontal velocity and position; beside them those of
@@ -17,7 +17,7 @@ import json
 import sys
 from pathlib import Path
 
-import navigator
+import flights
 import numpy as np
 
 SOURCE = "github nmayorov/pyins, commit 8377edecff8ebbeaf6c39ec2035d51451de2310d"
@@ -67,7 +67,7 @@ def main() -> None:
     t = STEP * np.arange(round(SECONDS / STEP) + 1)
     rows, found = [round(at / STEP) for at in AT], []
     for path in ("straight", "circle", "turns", "spin", "boost"):
-        angles, velocity = navigator.path(path, t)
+        angles, velocity = flights.path(path, t)
         rph = np.degrees(angles[:, ::-1] * TURNED)
         trajectory, imu = sim.generate_imu(t, [45.0, 0.0, 0.0], rph, velocity * TURNED)
         gyro, accel = (imu[list(columns)].to_numpy() for columns in (GYRO, ACCEL))

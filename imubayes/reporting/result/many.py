@@ -160,7 +160,13 @@ class ClassTermInScene(TypedDict):
     required: Annotated[Number, says(
         "share of the units whose smallest model for the scene has it, shown by the test or not"
     )]
-    true_share_of_budget: Annotated[Number, says("of the simulated truth, median over units")]
+    true_share_of_budget: Annotated[Number, says(
+        "of the simulated truth, median over units, by a full navigator that flies the scene with the error"
+        " and without it"
+    )]
+    linear_share_of_budget: NotRequired[Annotated[Number, says(
+        "the same by the linear propagation that the other shares are by"
+    )]]
     answer: Annotated[str, says("`needed`, `not needed`, `would matter` or `cannot tell`")]
     most_of_budget: NotRequired[Annotated[Number, says("at the `limit` that all units together set")]]
 
@@ -270,7 +276,9 @@ class Lots(TypedDict):
         'of what is said against the simulated truth: `precision` and `recall` of "required in this '
         'scene by this class", how many `cells` the tests tell and how many of them are truly '
         "required, cells that are `untold`, and what the 90 % intervals hold of the lots' means and "
-        "spreads (`population_mean`, `population_spread`)"
+        "spreads (`population_mean`, `population_spread`), and true shares of budgets, by their range over "
+        "units (`shares`) and by each unit's own (`unit_shares`); `off`: part by which linear propagation is "
+        "off the full navigator, median and most"
     )]
 
 

@@ -1,15 +1,12 @@
-"""A full nonlinear strapdown navigator, and flights for it: shares no formula with the linear propagation.
-
-Attitude is a rotation matrix that is turned by each sensor increment and by the Earth; specific force is
-turned into the level frame by it and integrated; gravity points to the centre of a round Earth at the
-position that was computed. Many sensors fly at once, each with its own error.
-"""
+"""Flights for the full navigator, which shares no formula with the linear propagation."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from imubayes.scenes.navigator import fly
 
 G, R, EARTH = 9.80665, 6378137.0, 7.292115e-5
 
@@ -67,51 +64,18 @@ def flight(t, angles, velocity, *, level, follows=False):
     return Flight(t, attitude, velocity, np.einsum("nij,nj->ni", in_case, felt), rate, earth, G / R * level)
 
 
-def navigate(truth, d_force, d_rate, at):
-    """Attitude (k, m, 3, 3), velocity, position (k, m, 3) at rows `at` of m sensors with errors (n, m, 3)."""
-    m, h = d_force.shape[1], truth.t[1] - truth.t[0]
-    C = np.tile(truth.attitude[0], (m, 1, 1))
-    v, r, out = np.tile(truth.velocity[0], (m, 1)), np.zeros((m, 3)), []
-    back = turned(-truth.earth * h)
-    level, flat = truth.pull > 0.0, np.array([1.0, 1.0, 0.0])
+def errors(truth, d_force, d_rate, row=None):
+    """Errors of sensors (n, m, 3) that fly it, as `imubayes.scenes.navigator` says.
 
-    def pulled(C, f, v, r):
-        g = (-truth.pull * r * flat - [0.0, 0.0, G]) if level else 0.0
-        return np.einsum("mij,mj->mi", C, f) + g - 2.0 * np.cross(truth.earth, v)
-
-    for k in range(len(truth.t)):
-        if k in at:
-            out.append((C, v.copy(), r.copy()))
-        if k + 1 == len(truth.t):
-            break
-        f, w = (
-            truth.force[k : k + 2, None] + d_force[k : k + 2],
-            truth.rate[k : k + 2, None] + d_rate[k : k + 2],
-        )
-        ahead = back @ C @ turned(0.5 * h * (w[0] + w[1]))
-        a = pulled(C, f[0], v, r)
-        b = pulled(ahead, f[1], v + h * a, r + h * v)
-        r, v, C = r + h * v + h * h / 6.0 * (2.0 * a + b), v + 0.5 * h * (a + b), ahead
-        if level:  # height is aided
-            v[:, 2] = r[:, 2] = 0.0
-    return tuple(np.array(part) for part in zip(*out, strict=True))
-
-
-def errors(truth, d_force, d_rate, at):
-    """Errors of attitude against the local level, velocity and position (k, m, 3) of sensors with errors."""
-    none = np.zeros((len(truth.t), 1, 3))
-    C, v, r = navigate(
-        truth, np.concatenate((none, d_force), axis=1), np.concatenate((none, d_rate), axis=1), at
-    )
-    turn = C[:, 1:] @ np.swapaxes(C[:, :1], -1, -2)
-    psi = 0.5 * np.stack((turn[..., 2, 1] - turn[..., 1, 2], turn[..., 0, 2] - turn[..., 2, 0],
-                          turn[..., 1, 0] - turn[..., 0, 1]), axis=-1)  # fmt: skip
-    dv, dr = v[:, 1:] - v[:, :1], r[:, 1:] - r[:, :1]
-    if truth.pull:  # the level at a place that is off towards the north is turned about west, and so on
-        psi[..., 0] += dr[..., 1] / R
-        psi[..., 1] -= dr[..., 0] / R
-        dv, dr = dv[..., :2], dr[..., :2]
-    return psi, dv, dr
+    Returns (m, 3, 3) vectors of attitude, velocity and position at a row, and (m, 3) the largest until then.
+    """
+    stop = len(truth.t) if row is None else row + 1
+    both = np.concatenate((d_rate, d_force), axis=2)[:stop]
+    both = np.moveaxis(np.concatenate((np.zeros((stop, 1, 6)), both), axis=1), 0, 2)
+    steps = np.diff(truth.t[:stop], prepend=truth.t[0])
+    flown = [(steps, truth.attitude[:stop], truth.force[:stop], both)]
+    largest, last = fly(flown, range(6), both.shape[0], level=truth.pull > 0.0, velocity=truth.velocity[0])
+    return last[1:], largest[1:]
 
 
 def path(kind, t):
