@@ -357,7 +357,7 @@ def on_output(size: float, kind: Kind, sd: float = 0.0) -> Measured:
     return measured(size / unit, sd / unit, OUTPUT_UNIT[kind])
 
 
-CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "degC/min"}
+CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "degC/min", "gT": "K"}
 """Unit in which the range of an input channel is printed."""
 
 

@@ -49,7 +49,10 @@ IMU_CHANNELS = ("t", *COMPONENTS)
 CASES = (FREE_TUMBLE, FERRARIS)
 """Procedures of several components in one case whose inputs are known in part."""
 
-INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT")
+SECOND = "T_2"
+"""Column of a second thermometer, which is read as what it is above the first."""
+
+INPUTS = ("f_i", "f_j", "f_k", "w_i", "w_j", "w_k", "dw_i", "dw_j", "dw_k", "T", "dT", SECOND)
 
 KNOWN_IMU_CHANNELS = (*IMU_CHANNELS, *CASE_CHANNELS, MOUNT, DWELL)
 """Columns of a run of a whole IMU with known inputs, which are along the axes x, y, z of the case."""
@@ -155,15 +158,30 @@ def frozen(values: FloatArray) -> FloatArray:
     return values
 
 
-DERIVED = ("dT",)
+DERIVED = ("dT", "gT")
 """Channels that are computed from others when a run is read."""
+
+
+def with_gradient(channels: Mapping[str, FloatArray], shown: str) -> dict[str, FloatArray]:
+    """Channels with what a second thermometer reads above the first in the place of its own column.
+
+    Raises
+    ------
+    DataError : if there is a second thermometer and no first.
+    """
+    found = dict(channels)
+    if (second := found.pop(SECOND, None)) is None:
+        return found
+    if "T" not in found:
+        raise DataError(f"{shown}: has a second thermometer '{SECOND}' and no first: name its column T")
+    return {**found, "gT": frozen(second - found["T"])}
 
 
 def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     """Write a run as CSV, in SI with the units in the header, every number to its last bit.
 
     The file appears under its name when it is complete. The channel ``dT`` is left out: reading computes
-    it from ``T``.
+    it from ``T``; ``gT`` is there as a second thermometer.
 
     Parameters
     ----------
@@ -183,6 +201,8 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     if inputs.mount is not None:
         columns[MOUNT] = inputs.mount
     columns |= {name: values for name, values in inputs.channels.items() if name not in DERIVED}
+    if "gT" in inputs.channels:
+        columns[SECOND] = inputs.channels["T"] + inputs.channels["gT"]
     outputs = np.ascontiguousarray(run.output.T) if run.of_case else [run.output]
     columns |= zip(COMPONENTS[: len(outputs)] if run.of_case else ("output",), outputs, strict=True)
     units = {name: channel_unit(name, OUTPUT_UNIT[kind]) for name in columns}

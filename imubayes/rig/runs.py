@@ -41,6 +41,7 @@ from imubayes.rig.recordings import (
     existing,
     frozen,
     notes_of,
+    with_gradient,
 )
 from imubayes.rig.stream_survey import read_long_run
 from imubayes.rig.streams import Rows, RunFile, Tell, abreast, any_table, opened, silent
@@ -67,8 +68,9 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
     Returns
     -------
     the run. Where the file has a temperature and no ``dT``, that channel is the rate of the recorded
-    temperature (see `temperature_rate`). Input channels that the file does not have are absent (zero), and
-    the source's notes say so; without a column ``mount`` the whole run is one mounting.
+    temperature (see `temperature_rate`); of a second thermometer ``T_2`` it has ``gT``. Input channels that
+    the file does not have are absent (zero), and the source's notes say so; without a column ``mount`` the
+    whole run is one mounting.
 
     Raises
     ------
@@ -167,7 +169,8 @@ def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
 def _inputs(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[Inputs, tuple[str, ...]]:
     """Known inputs of a run, and what was derived for them."""
     lasting, notes = _lasting(spec, file, rows)
-    channels = {name: v for name, v in rows.values.items() if name not in {*file.outputs, *MEANS}}
+    known = {name: v for name, v in rows.values.items() if name not in {*file.outputs, *MEANS}}
+    channels = with_gradient(known, file.shown)
     if "T" in channels and "dT" not in channels:
         channels["dT"] = frozen(temperature_rate(rows.t, channels["T"]))
         notes = (*notes, "dT/dt is the smoothed derivative of the recorded temperature")

@@ -375,6 +375,7 @@ def _every_term(kind: Kind) -> dict[str, Term]:
         temperature=most,
         temperature_of=names,
         rate_of=names,
+        gradient_of=names,
     )
     return {term.name: term for term in every.terms}
 

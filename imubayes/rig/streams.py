@@ -21,7 +21,7 @@ from imubayes.rig.clocks import between_set_backs, spread, unwrapped
 from imubayes.rig.columns import Column, ColumnSpec, resolve
 from imubayes.rig.formats import Table, read_table
 from imubayes.rig.inputs import MOUNT, Part, Source, durations, sampling_interval, thinned
-from imubayes.rig.recordings import sha256_of
+from imubayes.rig.recordings import sha256_of, with_gradient
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.units import counted
 
@@ -368,7 +368,8 @@ class Reader:
         around = np.concatenate(([rows.before], rows.t, [after]))
         known = np.isfinite(around)
         lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
-        channels = {name: values for name, values in rows.values.items() if name not in self.file.outputs}
+        known = {name: values for name, values in rows.values.items() if name not in self.file.outputs}
+        channels = with_gradient(known, self.file.shown)
         output = self.file.output(rows.values)
         if self.rate is not None and "dT" not in channels:
             channels["dT"] = np.interp(rows.t, *self.rate)

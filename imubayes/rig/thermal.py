@@ -63,12 +63,16 @@ def thermal(
         Rate,
         Key("rate about the vertical in each position, which a gyroscope's `b1*T` needs", "60 deg/s"),
     ] = 0.0,
+    lag: Annotated[
+        Pause, Key("time constant with which a second thermometer follows the first; 0 for none", "5 min")
+    ] = 0.0,
 ) -> Plan:
     """Soak at one temperature after the other, with still positions at the end of each, and ramps between.
 
     Everything is recorded. The input axis is up during the first soak, and points down and up by turns
     during the ramps (and the soaks that they end in), so that what dT/dt does to the bias and to the scale
-    factor can be told apart; lead the temperatures up and down again to see hysteresis.
+    factor can be told apart; lead the temperatures up and down again to see hysteresis. A second
+    thermometer, as within a coil, lags: what it reads above the first is ``gT``.
 
     Raises
     ------
@@ -85,6 +89,8 @@ def thermal(
     """
     levels = np.asarray(temperatures, dtype=float)
     _check(levels, positions, (dwell, ramp, rate))
+    if not 0.0 <= lag < math.inf:
+        raise InputError(f"thermal run with a second thermometer {lag} s behind: expected zero or more")
     steps = np.diff(levels, prepend=levels[0])
     # each temperature is a ramp, a soak, and the positions
     lasting = np.column_stack(
@@ -101,8 +107,20 @@ def thermal(
     spin = np.where(phase < 2, 0.0, turning)
     vectors = {"f": STANDARD_GRAVITY * up, "w": spin[:, None] * up}
     channels = {f"{name}_{axis}": v[:, n] for name, v in vectors.items() for n, axis in enumerate("ijk")}
+    heat = {"T": T, "dT": climbing} | ({"gT": _behind(climbing, lag, rate)} if lag else {})
     excited = {name: np.ascontiguousarray(values) for name, values in channels.items() if values.any()}
-    return Plan("thermal", "thermal", Inputs(t, {**excited, "T": T, "dT": climbing}, 1.0 / rate))
+    return Plan("thermal", "thermal", Inputs(t, {**excited, **heat}, 1.0 / rate))
+
+
+def _behind(climbing: FloatArray, lag: float, rate: float) -> FloatArray:
+    """What a thermometer that follows with a time constant reads above the temperature, K.
+
+    ``d(gT)/dt = -gT / lag - dT/dt``, from zero on, with a rate dT/dt that holds over a sample.
+    """
+    from scipy.signal import lfilter
+
+    kept = math.exp(-1.0 / (rate * lag))
+    return np.asarray(lfilter([0.0, -lag * (1.0 - kept)], [1.0, -kept], climbing))
 
 
 def temperature_rate(t: FloatArray, T: FloatArray) -> FloatArray:

@@ -74,7 +74,7 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
 
     The sd is the class's typical size (a tenth of the highest where the typical one is zero), halved where
     the catalogue holds IEEE 1293's full difference. A lever arm drives the same regressors as the spin and
-    angular-acceleration terms, so the two add in squares. Four rules are assumptions (orders of magnitude),
+    angular-acceleration terms, so the two add in squares. Five rules are assumptions (orders of magnitude),
     and their texts say so:
 
     - a power beyond the catalogue's highest has a third of that one's effect at full scale;
@@ -82,7 +82,9 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     - each power of T - T0 beyond the first divides by half the temperature range, and a term without a
       temperature coefficient of its own varies by 1e-3 per kelvin;
     - a term by dT/dt that the catalogue does not give is its temperature coefficient times 60 s: the
-      sensing element lags behind its thermometer by about a minute, and reads ``T - 60 s dT/dt``.
+      sensing element lags behind its thermometer by about a minute, and reads ``T - 60 s dT/dt``;
+    - a term by the difference of two thermometers is its temperature coefficient: the sensing element is
+      as warm as the one or the other.
 
     Raises
     ------
@@ -100,6 +102,9 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     if heat == "dT":
         return _drift_sd(sensor_class, base)
     sd, origin = _isothermal_sd(sensor_class, base)
+    if heat == "gT":
+        size, origin = _heated_sd(sensor_class, base, 1, sd)
+        return size, f"assumed: {origin.removeprefix('assumed: ')}, by the gradient"
     return _heated_sd(sensor_class, base, int(heat[1:] or 1), sd) if heat else (sd, origin)
 
 

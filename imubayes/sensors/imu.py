@@ -50,6 +50,13 @@ class Component:
     library: Library
     theta: FloatArray
 
+    def __post_init__(self) -> None:
+        if strange := [name for name in self.library.names if name.endswith("*gT")]:
+            raise TermError(
+                f"term '{strange[0]}' needs a second thermometer, which the inputs of an IMU, and of exported"
+                " code, do not have: choose a model without it"
+            )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Imu:
@@ -216,7 +223,8 @@ def component_channels(name: str, inputs: Signals) -> dict[str, FloatArray]:
         "T": inputs.T,
         "dT": inputs.warming,
     }  # fmt: skip
-    return {channel: u[case_channel(name, channel)] for channel in CHANNELS}
+    places = {channel: case_channel(name, channel) for channel in CHANNELS}
+    return {channel: u[place] for channel, place in places.items() if place in u}
 
 
 def case_columns(inputs: Signals) -> FloatArray:

@@ -31,10 +31,11 @@ from imubayes.units import Key
 Kind = Literal["accelerometer", "gyroscope"]
 
 AXES = "ijk"
-CHANNELS = (*(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in AXES), "T", "dT")
-"""Input channels: specific force, rate, angular acceleration, temperature and its rate, in SI."""
+CHANNELS = (*(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in AXES), "T", "dT", "gT")
+"""Input channels: specific force, rate, angular acceleration, temperature, its rate, and what a second
+thermometer reads above the first, in SI."""
 
-CHANNEL_UNITS = {"f": "m/s^2", "w": "rad/s", "dw": "rad/s^2", "T": "K", "dT": "K/s"}
+CHANNEL_UNITS = {"f": "m/s^2", "w": "rad/s", "dw": "rad/s^2", "T": "K", "dT": "K/s", "gT": "K"}
 REFERENCE_TEMPERATURE = 298.15
 """T0 of the temperature expansion: 25 degC in kelvin."""
 
@@ -146,6 +147,14 @@ def library(
             ["b0", "b1"],
         ),
     ] = ("b0",),
+    gradient_of: Annotated[
+        tuple[str, ...],
+        Key(
+            "terms that may depend on what a second thermometer `T_2` reads above the first (`b0*gT`), where"
+            " `temperature` is 1 or more",
+            ["b0", "b1"],
+        ),
+    ] = (),
     technology: str = "",
 ) -> Library:
     """Candidate terms of an accelerometer or a gyroscope.
@@ -155,7 +164,8 @@ def library(
 
     Raises
     ------
-    TermError : if an order is out of range, or a name in `temperature_of` or `rate_of` is not a term.
+    TermError : if an order is out of range, or a name in `temperature_of`, `rate_of` or `gradient_of` is no
+        term.
 
     Examples
     --------
@@ -166,10 +176,12 @@ def library(
     terms = [*_polynomial(kind, powers, asymmetry), *_cross(kind), *_opposite(kind, set)]
     by_name = {term.name: term for term in terms}
     if temperature:
-        _check_expanded(by_name, {"temperature_of": temperature_of, "rate_of": rate_of})
+        asked = {"temperature_of": temperature_of, "rate_of": rate_of, "gradient_of": gradient_of}
+        _check_expanded(by_name, asked)
         orders = range(1, temperature + 1)
         terms += [_heated(by_name[name], q) for name in temperature_of for q in orders]
-        terms += [_drifting(by_name[name]) for name in rate_of]
+        terms += [_by(by_name[name], "dT", "(K/s)", "(degC/min)") for name in rate_of]
+        terms += [_by(by_name[name], "gT", "K", "degC") for name in gradient_of]
     return Library(kind, tuple(terms), technology)
 
 
@@ -382,10 +394,10 @@ def _heated(term: Term, q: int) -> Term:
     return Term(name, (*term.factors, Factor("T", q)), unit, printed, "temperature")
 
 
-def _drifting(term: Term) -> Term:
-    name, factors = f"{term.name}*dT", (*term.factors, Factor("dT", 1))
-    unit, printed = _per(term.unit, "(K/s)"), _per(term.printed, "(degC/min)")
-    return Term(name, factors, unit, printed, "temperature")
+def _by(term: Term, channel: str, si: str, printed: str) -> Term:
+    factors = (*term.factors, Factor(channel, 1))
+    units = _per(term.unit, si), _per(term.printed, printed)
+    return Term(f"{term.name}*{channel}", factors, *units, "temperature")
 
 
 def _per(unit: str, divisor: str) -> str:

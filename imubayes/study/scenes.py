@@ -102,11 +102,13 @@ def _unshown(term: TermRelevance) -> TermRelevance:
 
 
 def _idle(exposed: Exposure) -> Iterator[str]:
-    """Say which terms the scene does not drive, and whether that is for want of a temperature."""
+    """Say which terms the scene does not drive, and whether that is for want of a thermometer."""
     alone = exposed.output.single(np.ones(len(exposed.lib.terms)))
     idle = [name for name, size in zip(exposed.lib.names, alone, strict=True) if size == 0.0]
     if not idle:
         return
-    cold = any("*" in name for name in idle) and "T" not in exposed.scene.inputs.channels
-    why = "it has no temperature, and " if cold else ""
+    single = [name for name in idle if name.endswith("*gT")]
+    heated = sum("*" in name for name in idle) > len(single)
+    cold = heated and "T" not in exposed.scene.inputs.channels
+    why = "it has no temperature, and " if cold else "it has no second thermometer, and " if single else ""
     yield f"{why}nothing in it drives {listed(idle)}: counted as without effect"

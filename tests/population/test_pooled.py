@@ -51,7 +51,8 @@ def test_intervals_of_the_share_and_limits_of_a_further_unit_hold_what_they_say(
     ]
     assert binomtest(sum(held), len(held), 0.9).pvalue > 0.005
     below = [
-        np.mean([abs(lot[-1]) <= one.limit for lot in true[2]]) for true, one in zip(drawn, found, strict=True)
+        np.mean([abs(lot[-1]) <= one.limit for lot in true[2]])
+        for true, one in zip(drawn, found, strict=True)
     ]
     assert abs(np.mean(below) - 0.95) < 3.0 * np.std(below) / np.sqrt(len(below))
 

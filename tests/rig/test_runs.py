@@ -249,6 +249,20 @@ def test_a_recorded_rate_table_says_that_the_earths_rate_across_its_axis_is_not_
     assert sum("Earth's rate across" in note for note in back.source.notes) == told
 
 
+def test_a_second_thermometer_is_read_above_the_first_and_written_as_it_was(tmp_path):
+    rows = _rows(4)
+    path = _csv(tmp_path, "t [s],output [g],T [degC],T_2 [degC]", rows)
+    run = read_run(RunSpec("a", "thermal", path), "accelerometer")
+    np.testing.assert_allclose(run.inputs.channels["gT"], rows[:, 3] - rows[:, 2], atol=1e-12)
+    assert "T_2" not in run.inputs.channels
+    write_run(run, tmp_path / "again.csv", kind="accelerometer")
+    again = read_run(RunSpec("a", "thermal", tmp_path / "again.csv"), "accelerometer")
+    np.testing.assert_allclose(again.inputs.channels["gT"], run.inputs.channels["gT"], atol=1e-12)
+    alone = _csv(tmp_path, "t [s],output [g],T_2 [degC]", rows[:, [0, 1, 3]])
+    with pytest.raises(DataError, match="second thermometer 'T_2' and no first"):
+        read_run(RunSpec("a", "thermal", alone), "accelerometer")
+
+
 def test_a_recorded_rate_of_temperature_is_taken_as_it_is(tmp_path):
     rows = _rows(4)
     path = _csv(tmp_path, "t [s],output [g],T [degC],dT [degC/min]", rows)

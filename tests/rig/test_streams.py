@@ -209,8 +209,10 @@ def test_the_rate_of_a_recorded_temperature_is_that_of_the_whole_run(tmp_path):
     table = recording()
     t = table["t [s]"]
     table["T [K]"] = 300.0 + 10.0 * np.sin(2.0 * np.pi * t / 400.0)
+    table["T_2 [K]"] = table["T [K]"] + 0.5
     whole, run = both(parquet(table, tmp_path))
     rate = joined(run)[3]["dT"]
+    np.testing.assert_allclose(joined(run)[3]["gT"], 0.5, atol=1e-9)
     usual = np.sqrt(np.mean(whole.inputs.channels["dT"] ** 2))
     # both are parabolas through windows that a regressor's noise below 1/20 chose
     assert np.sqrt(np.mean((rate - whole.inputs.channels["dT"]) ** 2)) < 0.05 * usual

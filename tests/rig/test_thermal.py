@@ -53,6 +53,29 @@ def test_terms_by_temperature_and_its_rate_come_back_from_a_simulated_chamber():
     assert strong["b0*dT"] > 8.0 and strong["b1*dT"] > 8.0
 
 
+def test_second_thermometer_follows_with_its_time_constant_and_tells_what_the_gradient_does():
+    """Against its differential equation, solved by steps a hundred times as fine."""
+    fine, lag = 100, 400.0
+    plan = ib.thermal(UP_AND_DOWN, dwell=60.0, soak=1200.0, rate=0.5, lag=lag)
+    channels, second = plan.inputs.channels, UP_AND_DOWN[0]
+    expected = np.empty(len(plan.inputs.t))
+    for k, (T, rate) in enumerate(zip(channels["T"], channels["dT"], strict=True)):
+        expected[k] = second - T
+        for j in range(fine):
+            second += 2.0 / fine / lag * (T + rate * 2.0 * j / fine - second)
+    # a ramp that starts or ends between samples changes T by no more than its rate times one
+    np.testing.assert_allclose(channels["gT"], expected, atol=2.0 / 60.0)
+    assert np.max(np.abs(channels["gT"])) > 5.0
+    entry = ib.sensor("fog_tactical", kind="gyroscope")
+    lib = ib.library("gyroscope", powers=1, asymmetry=-1, temperature=1, gradient_of=("b0",))
+    truth = {"b0*T": 2e-8, "b0*gT": 2e-6}
+    runs = ib.simulate(entry, [plan], seed=3, truth=truth)
+    mean, sd = posterior(ib.summarize(runs, lib, sensor=entry).factor, 10.0 * class_sd(entry, lib))
+    pull = (mean - np.array([truth.get(name, 0.0) for name in lib.names])) / sd
+    known = [lib.names.index(name) for name in ("b0*T", "b0*dT", "b0*gT")]
+    assert np.max(np.abs(pull[known])) < 4.0 and mean[known[2]] > 8.0 * sd[known[2]]
+
+
 def recorded(noise, step, seed=1):
     """Record a chamber's trapezoid at 2 Hz: time, true temperature and rate, and what a thermometer read."""
     t = np.arange(0.0, 4200.0, 0.5)

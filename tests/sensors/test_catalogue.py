@@ -22,7 +22,7 @@ every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{e
 def _term(kind: str, name: str) -> Term:
     heated = ("b0", "b1", "m_j")
     options = {"powers": 6, "asymmetry": 5, "set": "extended", "temperature": 2}
-    lib = library(kind, **options, temperature_of=heated, rate_of=heated)
+    lib = library(kind, **options, temperature_of=heated, rate_of=heated, gradient_of=heated)
     return lib.terms[lib.names.index(name)]
 
 
@@ -34,7 +34,14 @@ def _sd(id: str, kind: str, name: str) -> float:
 def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
     names = library(entry.kind, powers=6, asymmetry=5, set="extended").names
     lib = library(
-        entry.kind, powers=6, asymmetry=5, set="extended", temperature=2, temperature_of=names, rate_of=names
+        entry.kind,
+        powers=6,
+        asymmetry=5,
+        set="extended",
+        temperature=2,
+        temperature_of=names,
+        rate_of=names,
+        gradient_of=names,
     )
     for term in lib.terms:
         sd, origin = prior_sd(entry, term)

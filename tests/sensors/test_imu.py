@@ -52,6 +52,12 @@ def motion(seed: int, n: int = 1000):
     return signals(f, w, dw=dw, T=T, warming=0.01 * rng.normal(size=n))
 
 
+def test_a_term_by_a_second_thermometer_is_refused_by_a_model_that_has_none():
+    lib = library("gyroscope", temperature=1, gradient_of=("b0",))
+    with pytest.raises(TermError, match=r"'b0\*gT' needs a second thermometer"):
+        Component(lib, np.zeros(len(lib.names)))
+
+
 def test_the_compiled_model_is_the_matrix_of_regressors_times_the_coefficients():
     imu, inputs = tactical(1), motion(2)
     outputs = forward(imu, inputs)

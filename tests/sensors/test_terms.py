@@ -21,7 +21,8 @@ def _inputs(seed: int) -> dict[str, np.ndarray]:
     """Random inputs of both signs, a tenth of them exactly zero, and a wandering temperature."""
     rng = np.random.default_rng(seed)
     channels = {name: rng.normal(0.0, 5.0, ROWS) * (rng.random(ROWS) > 0.1) for name in CHANNELS}
-    return {**channels, "T": rng.uniform(250.0, 350.0, ROWS), "dT": rng.normal(0.0, 0.1, ROWS)}
+    heat = {"T": rng.uniform(250.0, 350.0, ROWS), "dT": rng.normal(0.0, 0.1, ROWS)}
+    return {**channels, **heat, "gT": rng.normal(0.0, 3.0, ROWS)}
 
 
 def _matrix_form(kind: str, theta: dict[str, float], channels: dict[str, np.ndarray]) -> np.ndarray:
@@ -85,15 +86,16 @@ def test_temperature_terms_are_their_base_times_powers_of_the_deviation(kind):
     np.testing.assert_array_equal(X["b0*dT"], channels["dT"])
 
 
+@pytest.mark.parametrize(("asked", "by"), [("rate_of", "dT"), ("gradient_of", "gT")])
 @pytest.mark.parametrize("kind", KINDS)
-def test_rate_terms_are_their_base_times_the_rate_of_temperature(kind):
+def test_terms_by_rate_and_gradient_are_their_base_times_these(kind, asked, by):
     channels, bases = _inputs(seed=5), ("b0", "b1", "b1p", "m_k", "c_jk")
-    lib = library(kind, temperature=1, temperature_of=(), rate_of=bases)
-    assert [term.name for term in lib.terms if term.group == "temperature"] == [f"{b}*dT" for b in bases]
+    lib = library(kind, temperature=1, temperature_of=(), **{"rate_of": (), asked: bases})
+    assert [term.name for term in lib.terms if term.group == "temperature"] == [f"{b}*{by}" for b in bases]
     X = dict(zip(lib.names, columns(lib, channels, ROWS).T, strict=True))
     for base in bases:
         # products in another order of factors: one rounding each
-        np.testing.assert_allclose(X[f"{base}*dT"], X[base] * channels["dT"], rtol=1e-15, err_msg=base)
+        np.testing.assert_allclose(X[f"{base}*{by}"], X[base] * channels[by], rtol=1e-15, err_msg=base)
     assert not any("dT" in name for name in library(kind, temperature=2, rate_of=()).names)
     assert library(kind, rate_of=bases).names == library(kind).names
 

@@ -8,6 +8,7 @@ import pytest
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.rig.inputs import Inputs
+from imubayes.rig.simulate import library_of
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import Noise
@@ -75,6 +76,14 @@ def test_terms_that_the_scene_does_not_drive_are_named():
     idle = {name for name, rms in _rms(found).items() if rms == 0.0}
     assert said.startswith("it has no temperature") and {"b0*T", "s_i"} <= idle
     assert all(name in said for name in idle) and "c_jk" not in said
+
+
+def test_a_scene_without_a_second_thermometer_says_that_it_drives_no_term_by_it():
+    names = ("b0", "b0*gT")
+    spec = replace(SPEC, library=library_of("accelerometer", names))
+    ((_, found),) = required([MISSION], [(spec, [_component(names=names)])])
+    (said,) = [note for note in found.notes if "drives" in note]
+    assert said == ("it has no second thermometer, and nothing in it drives b0*gT: counted as without effect")
 
 
 def test_budget_of_one_kind_is_for_its_sensors_only_and_others_for_all():

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
-from imubayes.rig.recordings import FERRARIS, FREE_TUMBLE, RunSpec
+from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import EARTH, KINDS, OFFSET, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.simulate import library_of
@@ -85,6 +85,11 @@ def _of_kind(
     seen = SEEN_BY_HAND["accelerometer" if runs[0].turntable else kind]  # no force is known there
     usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
     lib = _candidates(kind, usual, *_half(table.library, kind, place.at("library"), imu=imu))
+    if (imu or runs[0].procedure in CASES) and (second := [n for n in lib.names if n.endswith("*gT")]):
+        raise place.at("library").error(
+            f"has {second[0]}, and a case of several components has no second thermometer:"
+            " leave out gradient_of"
+        )
     _check_runs(runs, sensor_class, place)
     if table.robust and runs[0].procedure == FERRARIS:
         raise place.at("robust").error(
