@@ -17,6 +17,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from imubayes.algebra.arrays import FloatArray
@@ -24,11 +25,13 @@ from imubayes.algebra.arrays import FloatArray
 __all__ = [
     "Axes",
     "Panel",
+    "Rectangle",
     "areas",
     "dots",
     "draw",
     "few_ticks",
     "log_scale",
+    "picture",
     "plain_logs",
     "sticks",
     "time_unit",
@@ -106,6 +109,7 @@ def draw(
     title: str,
     alt: str,
     key: str,
+    width: int = WIDTH,
     height: int = 180,
     left: int = 46,
     right: int = 10,
@@ -120,17 +124,34 @@ def draw(
     title : the finding, for the heading above the panel.
     alt : what the panel shows, for people who cannot see it. It may hold names from files: it is escaped.
     key : identifier of ASCII letters and digits, unique in the page; keeps the panels' inner ids apart.
-    height : px.
+    width, height : px.
     left, right, top, bottom : px around the axes, for tick labels and axis titles.
     """
-    across, up = WIDTH - left - right, height - top - bottom
+    box = (left / width, bottom / height, (width - left - right) / width, (height - top - bottom) / height)
+    svg = _painted(paint, (width, height), box, "svg", transparent=True).decode()
+    return Panel(title, _inline(svg, key, alt, (width, height)))
+
+
+def picture(paint: Callable[[Axes], None], size: tuple[int, int], form: str) -> bytes:
+    """Draw a file of its own, ``svg`` or ``png``, that is all axes, of so many px; of a PNG twice as many."""
+    return _painted(paint, size, (0.0, 0.0, 1.0, 1.0), form, dpi=144 if form == "png" else 72)
+
+
+def _painted(
+    paint: Callable[[Axes], None],
+    size: tuple[int, int],
+    box: tuple[float, float, float, float],
+    form: str,
+    **options: Any,
+) -> bytes:
+    """Bytes of a file with one pair of axes, the same whenever they are drawn."""
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
-        figure = Figure(figsize=(WIDTH / 72.0, height / 72.0), dpi=72)
-        box = (left / WIDTH, bottom / height, across / WIDTH, up / height)
+        figure = Figure(figsize=(size[0] / 72.0, size[1] / 72.0), dpi=72)
         paint(figure.add_axes(box, axes_class=_AnyAxes))
-        buffer, nothing = io.StringIO(), dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
-        return Panel(title, _inline(buffer.getvalue(), key, alt, (WIDTH, height)))
+        names = ("Date", "Creator", "Format", "Type") if form == "svg" else ("Software",)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=form, metadata=dict.fromkeys(names), **options)
+        return buffer.getvalue()
 
 
 class _AnyAxes(Axes):

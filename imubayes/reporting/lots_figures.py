@@ -1,46 +1,59 @@
-"""Figures of lots and fleets: matrices of terms by class, in themselves and in a scene, and verdicts.
+"""Figures of lots: a slide, tiles of classes by scene and by term; and matrices of terms by class in a scene.
 
-The matrices are drawn here and not by the plotting library: each of their cells is a link to its numbers.
+The matrices are drawn here and not by the plotting library: their headings are links to the numbers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
 from imubayes.population.needs import (
     NEEDED,
+    NOT_NEEDED,
     UNTOLD,
     WOULD_MATTER,
+    answers_in,
     in_scene,
     of_class,
     terms_in,
-    terms_of,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
+    INK,
     WARNING,
     WIDTH,
+    Axes,
     Panel,
+    Rectangle,
+    draw,
+    picture,
 )
-from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
-from imubayes.reporting.rounding import percent, percents
+from imubayes.reporting.lots_words import class_name, headline, of_budget, scene_name, slug
+from imubayes.reporting.rounding import percent
 from imubayes.scenes.relevance import MATTERS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.population.lots import LotResult, MissionFound, MissionTerm
     from imubayes.population.needs import ClassFound
-    from imubayes.population.spreads import PopulationTerm
+    from imubayes.reporting.lots_words import Said
 
-OPEN = "#E69F00"
-"""Colour of what a test cannot tell; a question mark goes with it."""
+SLIDE, HEADING, TILES, KEY = (1100, 619), 92, 204, 65
+"""px of a slide, 16 to 9; of its answer; from its top to the tiles; and of their key below them."""
 
-EMPTY = "#eceef1"
-"""Colour of the units that do not need a term."""
+ROOM, TALL = 350, 52
+"""px that all tiles, and one, may be high."""
+
+LETTERS = 124
+"""Letters of a line of its answer."""
+
+SHADES = ("#eceef1", "#cfe3f1", "#9ccbe6", "#3d92c4", ACCENT)
+"""From few terms to half of them or more: the darker the more, in grey print too."""
 
 LEAST = 0.01
 """Share of a budget below which a cell is a point."""
@@ -51,44 +64,131 @@ LABEL, LETTER = 46, 6.6
 ROW, NARROWEST, WIDEST = 19, 20, 40
 """px of a matrix's rows, and of its narrowest and widest columns."""
 
-Cell = tuple[str, str, str]
-"""SVG about the middle of a column by `ROW` px, what it shows in words, and the anchor of its numbers.
-
-The words are empty where the drawing says all there is."""
+Cell = tuple[str, str]
+"""SVG about the middle of a column by `ROW` px, and what it shows in words where that is worth it."""
 
 
-def needed_matrix(result: LotResult, key: str) -> Panel:
-    """Share of the units of each class in which each term is needed, or open."""
-    names, columns = result.study.library.names, [class_name(one.sensor_class) for one in result.classes]
-    wide = _column(len(columns))
-    cells = [[_needed_cell(one, one.terms[row], wide) for one in result.classes] for row in range(len(names))]
-    needed = [terms_of(one, NEEDED) for one in result.classes]
-    all_of = [name for name in names if all(name in own for own in needed)]
-    title = f"{len(all_of)} of {len(names)} terms are needed by every class"
-    alt = "Terms needed, and count of those that the tests cannot tell: " + "; ".join(
-        f"{column}: {' '.join(own) or 'none'}, cannot tell {len(terms_of(one, UNTOLD))}"
-        for column, own, one in zip(columns, needed, result.classes, strict=True)
+def slide(result: LotResult, key: str) -> Panel:
+    """Tiles of each class: how many terms each scene requires of it, and what it says of each term."""
+    told = [_over_scenes(one) for one in result.classes]
+    names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
+    count = sum(any(one[name][0] == NEEDED for one in told) for name in names)
+    said = "; ".join(
+        f"{class_name(one.sensor_class)}: {_alt(terms)}"
+        for one, terms in zip(result.classes, told, strict=True)
     )
-    return Panel(title, _matrix(key, names, columns, cells, alt))
+    width, high = SLIDE[0], min(TALL, ROOM / len(told))
+    height = math.ceil(TILES + high * len(told) + KEY - HEADING)
+    return draw(
+        lambda axes: _tiles(axes, result, ""),
+        title=f"{count} of {len(names)} terms are needed by some class{scene}",
+        alt=said,
+        key=key,
+        **{"width": width, "height": height, "left": 0, "right": 0, "top": 0, "bottom": 0},
+    )
 
 
-def _needed_cell(found: ClassFound, term: PopulationTerm, wide: int) -> Cell:
-    room, tall = wide - 4.0, ROW - 5.0
-    first = room * term.needed.value
-    second = min(room * term.open, room - first)
-    boxes = [(0.0, room, EMPTY), (0.0, first, ACCENT), (first, second, OPEN)]
-    drawing = "".join(
-        f'<rect x="{x - room / 2:.1f}" y="{-tall / 2:.1f}" width="{w:.1f}" height="{tall:.1f}" fill="{c}"/>'
-        for x, w, c in boxes
-        if w > 0.0
-    )
-    if of_class(term) == UNTOLD:
-        drawing += f'<text x="{first + second / 2 - room / 2:.1f}" y="4" text-anchor="middle">?</text>'
-    name = class_name(found.sensor_class)
-    title = (
-        f"{term.name}, {name}: needed in {percents(term.needed)} of the units, open in {percent(term.open)}"
-    )
-    return drawing, title, slug("class", found.sensor_class.id, term.name)
+def slide_files(result: LotResult) -> Iterator[tuple[str, bytes]]:
+    """Names and bytes of the same picture under its answer, for a slide."""
+    for form in ("svg", "png"):
+        yield f"slide.{form}", picture(lambda axes: _tiles(axes, result, headline(result)[0]), SLIDE, form)
+
+
+def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
+    """What a class says of each term over its scenes, and how many of these require it.
+
+    Without scenes what it says of itself.
+    """
+    if not found.missions:
+        return {term.name: (of_class(term), 0) for term in found.terms}
+    told = [dict(answers_in(found, scene)) for scene in found.missions]
+    said: dict[str, tuple[str, int]] = {}
+    for name in told[0]:
+        answers = [answer[name] for answer in told]
+        first = next(one for one in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if one in answers)
+        said[name] = first, answers.count(NEEDED)
+    return said
+
+
+def _alt(told: Mapping[str, tuple[str, int]]) -> str:
+    """Terms by what is said of them, in words."""
+    by: dict[str, list[str]] = {}
+    for name, (answer, _) in told.items():
+        by.setdefault(answer, []).append(name)
+    return ", ".join(f"{answer} {' '.join(names)}" for answer, names in by.items())
+
+
+def _tiles(axes: Axes, result: LotResult, heading: str) -> None:
+    """Draw rows of classes, with a column for each scene, then one for each term; px from the top left."""
+    width, high = SLIDE[0], min(TALL, ROOM / len(result.classes))
+    under = TILES + high * len(result.classes)
+    axes.set(xlim=(0, width), ylim=(SLIDE[1], 0) if heading else (under + KEY, HEADING))
+    axes.axis("off")
+    axes.text(16, 14, "\n".join(wrap(heading, LETTERS)), va="top", size=15, weight="bold", linespacing=1.3)
+    scenes, terms = [one.name for one in result.study.missions], result.study.library.names
+    left = 26 + max(7.6 * len(class_name(one.sensor_class)) for one in result.classes)
+    wide = min(64.0, 0.25 * width / max(len(scenes), 1))
+    first = left + wide * len(scenes) + (24 if scenes else 0)
+    narrow = min(34.0, (width - 14 - first) / len(terms))
+    if scenes:
+        axes.text(left, HEADING + 12, "by scene", va="top", size=12, color=GREY)
+    axes.text(first, HEADING + 12, "by term", va="top", size=12, color=GREY)
+    heads = [(left + wide * (k + 0.5), scene_name(name)) for k, name in enumerate(scenes)]
+    heads += [(first + narrow * (k + 0.5), name) for k, name in enumerate(terms)]
+    for x, name in heads:
+        axes.text(x, TILES - 6, name, rotation=90, ha="center", va="bottom", size=12)
+    for row, one in enumerate(result.classes):
+        y = TILES + high * row
+        axes.text(left - 10, y + high / 2, class_name(one.sensor_class), ha="right", va="center", size=13)
+        for k, scene in enumerate(one.missions):
+            _count_tile(axes, (left + wide * k, y, wide, high), one, scene)
+        for k, (answer, times) in enumerate(_over_scenes(one).values()):
+            _term_tile(axes, (first + narrow * k, y, narrow, high), answer, times, len(scenes))
+    _key(axes, left, under, len(scenes))
+
+
+Box = tuple[float, float, float, float]
+"""Left, top, width and height in px."""
+
+
+def _tile(axes: Axes, box: Box, text: str = "", *, ink: str = INK, size: float = 12, **style: Any) -> None:
+    x, y, w, h = box
+    axes.add_patch(Rectangle((x + 1, y + 1), w - 2, h - 2, **{"linewidth": 0.0, **style}))
+    axes.text(x + w / 2, y + h / 2, text, ha="center", va="center", size=size, color=ink)
+
+
+def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) -> None:
+    """Number of terms needed, the darker the more; and how many more would matter, which no test shows."""
+    count, more = (len(terms_in(found, scene, answer)) for answer in (NEEDED, WOULD_MATTER))
+    share = count / len(scene.terms)
+    colour = SHADES[min(math.ceil(share * 2.0 * (len(SHADES) - 1)), len(SHADES) - 1)]
+    ink = "white" if colour in SHADES[-2:] else INK
+    _tile(axes, box, f"{count} +{more}?" if more else f"{count}", ink=ink, size=14, facecolor=colour)
+
+
+def _term_tile(axes: Axes, box: Box, answer: str, times: int, scenes: int) -> None:
+    """Dark where every scene requires the term, paler with their number where some do."""
+    if answer == NEEDED and times == scenes:
+        _tile(axes, box, facecolor=ACCENT)
+    elif answer == NEEDED:
+        _tile(axes, box, f"{times}", facecolor=SHADES[2])
+    elif answer == WOULD_MATTER:
+        _tile(axes, box, facecolor="white", edgecolor=INK, hatch="////", linewidth=0.6)
+    elif answer == UNTOLD:
+        _tile(axes, box, "?", facecolor="white", edgecolor=GREY, linewidth=0.6)
+    else:
+        _tile(axes, box, facecolor=SHADES[0])
+
+
+def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
+    """What the tiles of a term mean."""
+    some = [(NEEDED, 1, "needed in so many scenes"), (WOULD_MATTER, 0, "cannot tell, but would matter")]
+    every = "needed in every scene" if scenes else "needed"
+    told = [(NEEDED, scenes, every), *(some if scenes else []), (UNTOLD, 0, "cannot tell")]
+    for k, (answer, times, words) in enumerate([*told, (NOT_NEEDED, 0, "not needed")]):
+        x, y = left + 300.0 * (k % 3), under + 12.0 + 24.0 * (k // 3)
+        _term_tile(axes, (x, y, 22, 20), answer, times, scenes)
+        axes.text(x + 28, y + 10, words, va="center", size=12)
 
 
 def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
@@ -117,7 +217,6 @@ def _share_matrix(
             (
                 _share_drawing(one.terms[j], in_scene(owner.terms[j], one.terms[j]), min(wide, ROW) - 4.0),
                 _share_title(one.terms[j], column, in_scene(owner.terms[j], one.terms[j])),
-                slug("class", owner.sensor_class.id, one.mission),
             )
             for one, column, owner in zip(found, columns, owners, strict=True)
         ]
@@ -129,7 +228,10 @@ def _share_matrix(
         f" {' '.join(terms_in(owner, one, WOULD_MATTER)) or 'none'}"
         for one, column, owner in zip(found, columns, owners, strict=True)
     )
-    return _matrix(key, names, columns, cells, alt)
+    anchors = [
+        slug("class", one.sensor_class.id, scene.mission) for one, scene in zip(owners, found, strict=True)
+    ]
+    return _matrix(key, names, list(zip(columns, anchors, strict=True)), cells, alt)
 
 
 def _share_title(term: MissionTerm, column: str, answer: str) -> str:
@@ -174,35 +276,24 @@ def _column(count: int) -> int:
 
 
 def _matrix(
-    key: str, rows: Sequence[str], columns: Sequence[str], cells: Sequence[Sequence[Cell]], alt: str
+    key: str, rows: Sequence[str], columns: Sequence[Said], cells: Sequence[Sequence[Cell]], alt: str
 ) -> str:
-    """SVG of a matrix; headings stand upright.
-
-    A heading is a link where all cells below it have one target, else each cell is.
-    """
-    wide, head = _column(len(columns)), 12 + LETTER * max(len(name) for name in columns)
+    """SVG of a matrix; headings stand upright, each with the anchor of its numbers."""
+    wide, head = _column(len(columns)), 12 + LETTER * max(len(name) for name, _ in columns)
     width, height = max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6)
     middle = [f"{LABEL + wide * (c + 0.5):.4g}" for c in range(len(columns))]
-    ends = [{row[c][2] for row in cells} for c in range(len(columns))]
     parts = [
-        _linked(
-            f'<text transform="translate({float(x) + 4.0:.1f} {head - 6.0:.1f}) rotate(-90)">'
-            f"{escape(name)}</text>",
-            *(end if len(end) == 1 else ()),
-        )
-        for x, name, end in zip(middle, columns, ends, strict=True)
+        f'<a href="#{anchor}"><text transform="translate({float(x) + 4.0:.1f} {head - 6.0:.1f}) rotate(-90)">'
+        f"{escape(name)}</text></a>"
+        for x, (name, anchor) in zip(middle, columns, strict=True)
     ]
     for r, (name, row) in enumerate(zip(rows, cells, strict=True)):
         y = head + ROW * (r + 0.5)
         parts.append(f'<text x="{LABEL - 6}" y="{y + 4:.1f}" text-anchor="end">{escape(name)}</text>')
         parts.append(f'<g transform="translate(0 {y:.1f})">')
-        parts.extend(
-            _linked(
-                f'<g transform="translate({x})">{_titled(*cell[:2])}</g>',
-                *(() if len(end) == 1 else (cell[2],)),
-            )
-            for x, cell, end in zip(middle, row, ends, strict=True)
-        )
+        parts += [
+            f'<g transform="translate({x})">{_titled(*cell)}</g>' for x, cell in zip(middle, row, strict=True)
+        ]
         parts.append("</g>")
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     return f'<svg id="{key}" {size} role="img" aria-label="{escape(alt)}">{"".join(parts)}</svg>'
@@ -210,7 +301,3 @@ def _matrix(
 
 def _titled(drawing: str, title: str) -> str:
     return f"<title>{escape(title)}</title>{drawing}" if title else drawing
-
-
-def _linked(drawing: str, anchor: str = "") -> str:
-    return f'<a href="#{anchor}">{drawing}</a>' if anchor else drawing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
@@ -35,11 +36,9 @@ from imubayes.reporting.blocks import (
     strong,
     swatch,
     terminal,
+    write_page,
 )
-from imubayes.reporting.lots_figures import (
-    needed_matrix,
-    scene_matrix,
-)
+from imubayes.reporting.lots_figures import scene_matrix, slide, slide_files
 from imubayes.reporting.lots_sentences import (
     SIMULATED,
     check_sentences,
@@ -97,11 +96,11 @@ if TYPE_CHECKING:
     from imubayes.reporting.lots_words import Said
 
 
-NEEDED_KEY = Markup(
-    "Each bar is the units of a class: {}those in which the term is needed, {}those whose test cannot tell"
-    " it or leaves it undecided, {}those in which it is not needed. ?: half of them or more cannot tell, and"
-    " all together do not show it, so that of the class the tests cannot tell. Each bar leads to its numbers."
-).format(*map(swatch, ("#0072B2", "#E69F00", "#eceef1")))
+SLIDE_KEY = (
+    "A row is a class. By scene: terms needed, and with +? those that would matter there by the catalogue, of"
+    " which its tests cannot tell. By term: over the scenes. The same picture is beside this report, as"
+    " slide.svg and slide.png."
+)
 
 ORDER_NOTE = (
     "Counted unit by unit: median unit, and 90 % of the units. Needed: terms that the unit's test shows"
@@ -161,6 +160,7 @@ def lots_page(result: LotResult) -> Page:
         " through a test campaign with coloured noise and an imperfect bench.",
         first=[
             Prose(joined(strong(answers[0][0]), link("numbers", answers[0][1])), "answer"),
+            Figure([slide(result, "slide")], SLIDE_KEY, "tiles of each class by scene and by term"),
             Prose(status(result)),
             Prose(simulated(result), "note"),
         ],
@@ -176,8 +176,16 @@ def lots_page(result: LotResult) -> Page:
     )
 
 
+def write_lots(result: LotResult, folder: Path) -> tuple[Path, ...]:
+    """Write ``report.html``, ``result.json`` and the picture for a slide into a folder."""
+    files = write_page(lots_page(result), lots_json(result), folder)
+    slides = {folder / name: picture for name, picture in slide_files(result)}
+    for path, picture in slides.items():
+        path.write_bytes(picture)
+    return (*files, *slides)
+
+
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
-    yield Figure([needed_matrix(result, "needed-matrix")], NEEDED_KEY)
     yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]

@@ -23,6 +23,7 @@ def voted(keeps, truth, verdicts=SURE) -> Record:
 def test_a_planted_disagreement_is_counted_by_term_direction_and_truth():
     """BIC drops b1 twice, once of 20 sd; it keeps b2 once, of half a sd; b3 is left open."""
     units = [voted([1, 0, 1, 1], [9, 20, 0.5, 5]), voted([1, 0, 0, 0], [9, 2, 0.5, 9])]
+    assert agreements([replace(units[0], votes=None)], NAMES) == ()
     decision, bic = agreements([*units, replace(units[0], votes=None)], NAMES)
     assert (decision.method, decision.share.value, decision.of) == (DECISION, 1.0, 6)
     assert (bic.units, bic.of, bic.share.value) == (2, 6, 0.5)

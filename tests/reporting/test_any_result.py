@@ -102,7 +102,7 @@ def _of_fit(sensor: Any) -> Iterator[Panel | None]:
 
 
 def _of_lots(result: Any) -> Iterator[Panel | None]:
-    yield lots_figures.needed_matrix(result, "a")
+    yield lots_figures.slide(result, "a")
     yield lots_figures.scene_matrix(result, 0, "b")
 
 

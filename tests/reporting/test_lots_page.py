@@ -1,30 +1,28 @@
-import re
+import struct
 
-import pytest
 from lots_found import lot_result
 
-from imubayes.reporting.lots_figures import ACCENT, EMPTY, OPEN, needed_matrix
+from imubayes.population.needs import NEEDED, UNTOLD, terms_in
+from imubayes.reporting.lots_figures import slide
+from imubayes.reporting.lots_page import write_lots
 
 
-@pytest.fixture(scope="module")
-def result():
-    return lot_result()
+def test_tiles_have_the_terms_needed_in_each_scene_and_what_the_tests_cannot_tell():
+    result = lot_result()
+    svg = slide(result, "a").svg
+    first = result.classes[0]
+    count = len(terms_in(first, first.missions[0], NEEDED))
+    assert count and f">{count} +1?<" in svg
+    open_ = [
+        set.intersection(*(set(terms_in(one, m, UNTOLD)) for m in one.missions)) for one in result.classes
+    ]
+    assert svg.count(">?<") == sum(map(len, open_)) + 1  # and its key
+    assert "cannot tell c_jk S_ij, needed g_i g_k, would matter S_kk; tactical MEMS" in svg
 
 
-def test_bar_of_a_lot_is_as_long_as_its_shares(result):
-    svg = needed_matrix(result, "a").svg
-    cells = re.findall(r"<title>(\S+), [^<]*</title>(.*?)</g>", svg)
-    widths = dict.fromkeys((EMPTY, ACCENT, OPEN), 0.0)
-    term = next(t for t in result.classes[0].terms if t.name == "b1")
-    drawing = next(drawn for name, drawn in cells if name == "b1")
-    widths |= {
-        fill: float(w) for w, fill in re.findall(r'width="([\d.]+)" height="[\d.]+" fill="(#\w+)"', drawing)
-    }
-    whole = widths[EMPTY]
-    assert widths[ACCENT] / whole == pytest.approx(term.needed.value, abs=0.1 / whole)
-    assert widths[OPEN] / whole == pytest.approx(term.open, abs=0.1 / whole)
-
-
-def test_question_mark_stands_where_the_test_cannot_tell_of_half_of_the_units(result):
-    marks = needed_matrix(result, "a").svg.count(">?</text>")
-    assert marks == sum(term.open >= 0.5 for one in result.classes for term in one.terms) > 0
+def test_slide_is_beside_the_report_16_to_9_with_its_answer(tmp_path):
+    files = {path.name: path.read_bytes() for path in write_lots(lot_result(), tmp_path)}
+    assert list(files) == ["report.html", "result.json", "slide.svg", "slide.png"]
+    assert struct.unpack(">II", files["slide.png"][16:24]) == (2200, 1238)
+    assert b"Consumer MEMS and tactical MEMS need b0" in files["slide.svg"]
+    assert len(files["slide.png"]) < 300_000
