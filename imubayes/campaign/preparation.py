@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
@@ -17,8 +18,10 @@ from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, 
 from imubayes.inference.known_case import blind_rows, solve_known_case
 from imubayes.inference.known_quantities import recover
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
+from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
+from imubayes.inference.reproducibility import FEWEST, Spread, spreads
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, with_stills
 from imubayes.inference.summary import Summary, rules_among, summarize
@@ -36,6 +39,9 @@ from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import factor
+
+SETTLED = 0.05
+"""Change of ln of an estimated sd that is none: its own uncertainty is larger."""
 
 
 def runs_of(
@@ -102,6 +108,7 @@ class Prepared:
     prior: ScalePrior
     source: str
     distrusted: tuple[Distrusted, ...] = ()
+    spreads: tuple[Spread, ...] = ()
 
 
 def prepare(
@@ -130,14 +137,25 @@ def _summarized(
 ) -> Prepared:
     """Factor of the runs, with the errors of the bench that the study allows for, or `kinds` of them."""
     rules = _rules(spec, runs)
-    wanted = spec.reference if kinds is None else kinds
-    if wanted:
-        tell("errors of the test bench")
-        summary, rows = solve(runs, spec.library, prior.sd, wanted, sensor=spec.sensor_class, rules=rules)
-    else:
+    wanted = dict(spec.reference if kinds is None else kinds)
+    if not wanted:
         rows = tuple(linear_of(run, spec.library) for run in runs)
         summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules, rows=rows)
-    return Prepared(tuple(runs), summary, rows, _with_extras(prior, summary.extras), "")
+        return Prepared(tuple(runs), summary, rows, prior, "")
+    tell("errors of the test bench")
+    typical = {kind: size for kind, size in wanted.items() if kind in spec.estimated}
+    while True:
+        summary, rows = solve(runs, spec.library, prior.sd, wanted, sensor=spec.sensor_class, rules=rules)
+        whole = _with_extras(prior, summary.extras)
+        for kind in (one for one in typical if sum(e.kind == one for e in summary.extras) < FEWEST):
+            raise StudyError(
+                f"sensor '{spec.id}': reference: {kind} is to be estimated from fewer than {FEWEST} mounts:"
+                " expected its size, a quantity"
+            )
+        told = spreads(at_found_noise(summary, whole).factor, whole.sd, summary.extras, typical)
+        before, wanted = wanted, {**wanted, **{one.kind: one.mean for one in told}}
+        if all(abs(math.log(wanted[kind] / before[kind])) < SETTLED for kind in typical):
+            return Prepared(tuple(runs), summary, rows, whole, "", spreads=told)
 
 
 def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:

@@ -15,6 +15,7 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.misfit import Misfit
 from imubayes.inference.observability import Observability
+from imubayes.inference.reproducibility import Spread
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import RunSummary
@@ -46,6 +47,7 @@ class SensorSpec:
     truth : coefficients by name, for simulated runs; empty draws them from the class.
     prior : prior sds by name that take the place of the class's.
     reference : sd of each error of the bench that is allowed for, by its kind (`imubayes.rig.reference`).
+    estimated : kinds of these whose sd the data are to tell; what `reference` says of them is then typical.
     unit, session : of a unit that was tested in several sessions; empty else.
     gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its
         accelerometers. Its truth is by component and term, ``ax.b0``.
@@ -67,6 +69,7 @@ class SensorSpec:
     gyroscope: SensorSpec | None = None
     bench_drawn: bool = False
     accept_prior_conflict: bool = False
+    estimated: frozenset[str] = frozenset()
 
     def of(self, kind: Kind) -> SensorSpec:
         """What is asked of the components of a kind."""
@@ -210,6 +213,7 @@ class SensorResult:
     bias : at the start, on average and at the end of the record, where a random walk of the noise counts: b0
         is then the average. None where it is one and the same.
     compensations : models that may be exported, the best predicting one first; none if nothing was left out.
+    spreads : sds of errors of the bench from mount to mount, or run to run, that the data tell.
     """
 
     id: str
@@ -240,6 +244,7 @@ class SensorResult:
     recovered: tuple[Recovered, ...] = ()
     bias: Bias | None = None
     compensations: tuple[Compensation, ...] = ()
+    spreads: tuple[Spread, ...] = ()
 
     @property
     def conditional(self) -> bool:

@@ -20,6 +20,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
+from imubayes.inference.reproducibility import over_spreads
 from imubayes.ladder import RungName, Size
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
@@ -273,6 +274,9 @@ def decided(ground: Ground, found: Posterior) -> Answer:
     """Decision on every component from every submodel, weighed over the noise's posterior."""
     ready, problem = prepared(ground), ground.problem
     asked, summary = asked_of(problem, found), ready.summary
+    if found.noises and ready.spreads:
+        rng = np.random.default_rng(ground.limits.seed)
+        asked["noises"] = over_spreads(found.noises, ready.spreads, summary.extras, rng)
     where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
     if problem.case is None:
         ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")

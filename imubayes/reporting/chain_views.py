@@ -16,6 +16,7 @@ from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, share, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
+from imubayes.rig.reference import KINDS
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted
@@ -278,6 +279,17 @@ def bench_sections(sensor: SensorResult) -> Iterator[Section]:
         rows = [_bench_row(entry, labels) for entry in shown]
         table = Table(f"Errors of the test bench of {sensor.id}", head, rows, "wnntw", f"{BENCH}{more}")
         yield Section("Errors of the test bench", [table])
+
+
+def reproducibility_sentence(sensor: SensorResult) -> str:
+    """Say how far mounts differ, as the data tell it; empty where they were not asked."""
+    told = []
+    for one in sensor.spreads:
+        kind = KINDS[one.kind]
+        unit = per_unit(kind.printed, kind.unit)
+        size = measured(one.mean / unit, one.sd / unit, kind.printed)
+        told.append(f"the {kind.text} differs between mounts by {size} (sd)")
+    return f"As the data tell it, {listed(told)}." if told else ""
 
 
 def own_errors(sensor: SensorResult) -> list[ExtraPosterior]:

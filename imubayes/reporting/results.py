@@ -109,6 +109,7 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         groups=selection.groups,
         mcmc=_chains(sensor),
         extras=tuple(map(_extra, sensor.extras)),
+        reproducibility=sensor.spreads,
         n_models=models.n_models,
         drawn_models=models.drawn,
         missing=models.missing,
@@ -129,6 +130,8 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         del found["bias"]
     if not sensor.compensations:
         del found["compensations"]
+    if not sensor.spreads:
+        del found["reproducibility"]
     return found
 
 

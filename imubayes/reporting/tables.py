@@ -18,6 +18,7 @@ from imubayes.reporting.chain_views import (
     distrust_sentence,
     export_sentence,
     method_sentence,
+    reproducibility_sentence,
     unconverged_sentence,
 )
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, temperature_sentence
@@ -121,6 +122,7 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
     told = (
         temperature_sentence(sensor).replace("µ", "u").replace("−", "-"),  # as the table beside it
         bias_sentence(sensor),
+        reproducibility_sentence(sensor),
         export_sentence(sensor),
         *sensor_groups(sensor, own_groups(sensor.selection), numbered=True),
         distrust_sentence(sensor),

@@ -12,6 +12,7 @@ from imubayes.reporting.chain_views import (
     distrust_sentence,
     export_sentence,
     method_sentence,
+    reproducibility_sentence,
     unconverged_sentence,
 )
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
@@ -55,6 +56,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         *_rest(sensor),
         *_cannot_tell(sensor),
         bias_sentence(sensor).replace("+-", "±"),
+        reproducibility_sentence(sensor).replace("+-", "±"),
         export_sentence(sensor),
         distrust_sentence(sensor),
         *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),

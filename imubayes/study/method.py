@@ -447,6 +447,7 @@ def _result(
         pulls=pulls(ready.summary.factor, ready.prior.sd, selection.carriers),
         bias=told.bias,
         compensations=told.compensations,
+        spreads=ready.spreads,
     )
 
 

@@ -63,6 +63,12 @@ Extra = TypedDict("Extra", {
     "text": Annotated[str, says("in words")],
     "printed_unit": Annotated[str, says("the unit that people use")],
 })
+Reproducibility = TypedDict("Reproducibility", {
+    "kind": Annotated[str, says("key of `[sensor.reference]`")],
+    "count": Annotated[Count, says("errors of this kind")],
+    "mean": Annotated[Number, says("of the posterior of their sd, SI")],
+    "sd": Annotated[Number, says("the same")],
+})
 Mcmc = TypedDict("Mcmc", {
     "sampler": Annotated[str, says("`exact` (the draws are independent), `collapsed` or `full`")],
     "draws": Annotated[Count, says("kept in `posterior.nc`")],
@@ -160,7 +166,7 @@ class Term(TypedDict):
     inclusion_range: Annotated[Numbers, says("its range over prior widths x 1/3, 1, 3")]
     limit95: Annotated[Number, says("the term's size, were it in the model, stays below this with 95 %")]
     verdict: Annotated[str, says("see [verdicts](#verdicts)")]
-    conditional: NotRequired[Annotated[bool, says(
+    conditional: NotRequired[Annotated[Flag, says(
         "`true` where the data reject the model (a run that does not fit, or something that the library does "
         "not contain): the verdict holds if what is missing touches no term; else left out"
     )]]
@@ -281,6 +287,10 @@ Sensor = TypedDict("Sensor", {
     )],
     "mcmc": Annotated[Mcmc, says("of the draws in `posterior.nc`")],
     "extras": Annotated[tuple[Extra, ...], says("errors of the test bench")],
+    "reproducibility": NotRequired[Annotated[tuple[Reproducibility, ...], says(
+        "of each `kind` of error of the bench whose sd from mount to mount was to be estimated: posterior "
+        "`mean` and `sd` of that sd, SI, and of how many errors (`count`); left out where none was"
+    )]],
     "distrusted": Annotated[tuple[DistrustedDwell, ...], says(
         "dwells that are left out because they are contaminated, or pull too hard for what is known of "
         "them: `run`, `start` and `stop` in s, `probability`, `offset` and its `sd`"

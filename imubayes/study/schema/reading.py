@@ -34,7 +34,7 @@ from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.plan_tables import plan_study
 from imubayes.study.schema.scene_tables import appendix, scenes_of
-from imubayes.study.schema.sensor_tables import headed, sensor_spec
+from imubayes.study.schema.sensor_tables import ESTIMATE, headed, sensor_spec
 from imubayes.study.schema.shapes import Holds, Place, arguments, hint, shaped, unique
 from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
 from imubayes.study.schema.unit_tables import fleet_study, lot_study
@@ -236,6 +236,7 @@ def _reference() -> type:
     for kind in KINDS.values():
         text = quantities("like the output" if kind.name == OFFSET else kind.unit)
         ways = [text, {"type": "boolean"}, *([tables.by_kind(text)] if kind.name == OFFSET else [])]
+        ways += [{"enum": [ESTIMATE]}] if kind.each == "mount" else []
         size = kind.default and f"{kind.default / factor(kind.printed, kind.unit):g} {kind.printed}"
         kinds[kind.name] = Annotated[Any, Holds(*ways)]
         meaning = f"{kind.text}, {_EACH[kind.each]}"

@@ -30,6 +30,9 @@ LEANS_ON = {FREE_TUMBLE: ("gravity",), FERRARIS: ("gravity", "fixture")}
 LEANS_ON_A_TABLE = ("rate_scale", EARTH)
 """The same of gyroscopes on a table whose rate is all that is known."""
 
+ESTIMATE = "estimate"
+"""In place of the sd of an error that comes anew with each mount: the data are to tell it."""
+
 SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
     "accelerometer": {"powers": 1, "asymmetry": -1},
     "gyroscope": {"powers": 1, "asymmetry": -1, "set": "extended"},
@@ -103,6 +106,7 @@ def _of_kind(
     truth = _truth(truth, kind, runs, place.at("truth"))
     if sensor_class is not None:
         lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
+    entries = _halves(table, kind, place.at("reference"))
     return SensorSpec(
         table.id,
         kind,
@@ -111,12 +115,13 @@ def _of_kind(
         runs,
         truth,
         prior,
-        _reference(_halves(table, kind, place.at("reference")), kind, runs, place.at("reference")),
+        _reference(entries, kind, runs, place.at("reference"), imu=imu),
         table.robust,
         table.unit or "",
         table.session or "",
         bench_drawn=_bench_drawn(table, runs, place.at("bench")),
         accept_prior_conflict=table.accept_prior_conflict,
+        estimated=frozenset(name for name, value in entries.items() if value == ESTIMATE),
     )
 
 
@@ -199,7 +204,9 @@ def _tied(lib: Library, prior: dict[str, float], truth: dict[str, float]) -> tup
     return replace(lib, ties=ties), {**both, **prior}
 
 
-def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
+def _reference(
+    raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place, *, imu: bool
+) -> dict[str, float]:
     allowed = LEANS_ON.get(runs[0].procedure)
     if runs[0].turntable:
         allowed, raw = LEANS_ON_A_TABLE, {EARTH: True, **raw}
@@ -211,6 +218,12 @@ def _reference(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: 
             raise place.at(name).error(
                 f"a {runs[0].procedure} run leans on nothing but {' and '.join(allowed)}: leave it out"
             )
+        if wanted.get(name) == ESTIMATE and (imu or allowed or KINDS[name].each != "mount"):
+            raise place.at(name).error(
+                f"{ESTIMATE!r} is for what differs from mount to mount of one component with known inputs"
+                f" ({', '.join(one for one in KINDS if KINDS[one].each == 'mount')}): expected a quantity"
+            )
+    wanted = {name: value == ESTIMATE or value for name, value in wanted.items()}
     return {
         name: _uncertainty(value, for_sensor(KINDS[name], kind), place.at(name))
         for name, value in wanted.items()

@@ -1,0 +1,116 @@
+"""How far mounts differ: against the marginal likelihood written out, and with mounts turned unseen."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import lognorm, multivariate_normal
+
+from imubayes.algebra.factor import factor_of
+from imubayes.errors import StudyError
+from imubayes.inference.linear import Extra
+from imubayes.inference.mcmc.chains import NoiseDraw
+from imubayes.inference.reproducibility import Spread, over_spreads, spreads
+from imubayes.ladder.averaged import averaged
+from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
+from imubayes.rig.simulate import plan_run, simulate_on_bench
+from imubayes.study.schema import read_study
+
+ARCSEC = math.pi / 648000.0
+STUDY = """
+[study]
+title = "mounts"
+[[sensor]]
+id = "A-1"
+class = "mems_tactical"
+kind = "accelerometer"
+library = {{ powers = 3, asymmetry = 1 }}
+{reference}
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = {{ angles = 24, planes = {planes}, dwell = "10 s" }}
+[[sensor.run]]
+name = "centrifuge"
+procedure = "centrifuge"
+simulate = {{ levels = ["5 g", "10 g", "20 g"], mounts = {mounts}, dwell = "10 s" }}
+"""
+TRUTH = {"b0": 0.03, "b1": 4e-4, "b2": 2e-5}
+
+
+def spec_of(folder, reference, planes=3, mounts=6):
+    path = folder / "study.toml"
+    path.write_text(STUDY.format(reference=reference, planes=planes, mounts=mounts))
+    (spec,) = read_study(path).sensors
+    return spec
+
+
+def test_posterior_of_the_sd_is_that_of_the_marginal_likelihood_written_out():
+    rng = np.random.default_rng(2)
+    mounts = np.repeat(np.arange(6), 5)
+    X, Z = np.ones((30, 1)), np.eye(6)[mounts]
+    y = 0.7 + Z @ rng.normal(0.0, 2.0, 6) + rng.standard_normal(30)
+    names = [f"fixture_j.{k}" for k in range(6)]
+    extras = [Extra(name, "fixture", 1.0, "rad", "arcsec", "") for name in names]
+    factor = factor_of(np.hstack((X, Z)), y, ("b0", *names))
+    (found,) = spreads(factor, np.array([3.0, *np.ones(6)]), extras, {"fixture": 1.5})
+    log = [
+        multivariate_normal.logpdf(y, cov=9.0 * X @ X.T + s**2 * Z @ Z.T + np.eye(30))
+        + math.log(s) + lognorm.logpdf(s, 1.0, scale=1.5)  # cells of ln s
+        for s in found.size
+    ]  # fmt: skip
+    weight = np.exp(np.array(log) - max(log))
+    np.testing.assert_allclose(found.weight, weight / weight.sum(), rtol=1e-6, atol=1e-12)
+    assert found.count == 6
+
+
+def test_draws_of_the_sd_scale_the_errors_and_nothing_else():
+    extras = [Extra("fixture_j.0", "fixture", 1.0, "rad", "arcsec", "")]
+    factor = factor_of(np.eye(3)[:, :2], np.ones(3), ("b0", "fixture_j.0"))
+    sure = Spread("fixture", 3, np.array([1.0, 3.0]), np.array([0.5, 0.5]))
+    draws = over_spreads([NoiseDraw(factor, 0.0)] * 8, [sure], extras, np.random.default_rng(1))
+    ratios = [draw.factor.R[1, 1] / factor.R[1, 1] for draw in draws]
+    assert sorted(np.round(ratios, 12)) == [0.5] * 4 + [1.5] * 4
+    assert all(draw.factor.R[0, 0] == factor.R[0, 0] for draw in draws)
+
+
+@pytest.mark.parametrize("turned", [0.0, 20.0])
+def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
+    spec = spec_of(tmp_path, 'reference = { fixture = "estimate" }')
+    rng = np.random.default_rng(int(turned))
+    plans = [plan_run(run) for run in spec.runs]
+    blind = spec_of(tmp_path, "")
+    assert blind.sensor_class is not None
+    mounts = [f"{run}.{m}" for run, count in (("tumble", 3), ("centrifuge", 6)) for m in range(count)]
+    errors = {f"fixture_{axis}.{m}": rng.normal(0.0, turned * ARCSEC) for m in mounts for axis in "ijk"}
+    runs = simulate_on_bench(blind.sensor_class, plans, errors if turned else {}, seed=rng, truth=TRUTH)
+
+    def false(one):
+        ground = ground_of(problem_of(one, runs), np.random.default_rng(1), lambda message: None, None)
+        needed = [t.name for t in decided(ground, averaged(ground)).selection.terms if t.verdict == "needed"]
+        return set(needed) - TRUTH.keys(), prepared(ground).spreads
+
+    wrong, (found,) = false(spec)
+    assert not wrong
+    assert abs(found.mean / ARCSEC - turned) < (2.0 * found.sd / ARCSEC if turned else 6.0)
+    if turned:
+        assert len(false(blind)[0]) > 0
+
+
+@pytest.mark.parametrize(
+    ("reference", "mounts", "told"),
+    [
+        (
+            'reference = { gravity = "estimate" }',
+            6,
+            "reference.gravity: 'estimate' is for what differs from mount to mount",
+        ),
+        ('reference = { plane_zero = "estimate" }', 1, "plane_zero is to be estimated from fewer than 3"),
+    ],
+)
+def test_what_has_no_replication_is_not_estimated(tmp_path, reference, mounts, told):
+    with pytest.raises(StudyError, match=told):
+        spec = spec_of(tmp_path, reference, planes=2, mounts=mounts)
+        runs = simulate_on_bench(spec.sensor_class, [plan_run(r) for r in spec.runs], {},
+                                 seed=np.random.default_rng(1), truth=TRUTH)  # fmt: skip
+        prepared(ground_of(problem_of(spec, runs), np.random.default_rng(1), lambda message: None, None))
