@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 REPORTS = {path.parent.name: path for path in sorted((ROOT / "reports").glob("*/result.json"))}
 
 COMMANDS = {
+    "plan_mems_vs_fog": ("plan", "studies/mems_vs_fog.toml"),
     "plan_tactical": ("plan", "studies/plan_tactical.toml"),
     "trade_quickstart": ("trade", "studies/quickstart.toml", "--limit", "7 min"),
     "trade_mems_vs_fog": (

@@ -163,22 +163,27 @@ def _trade(
 @app.command("plan")
 def _plan(
     study: StudyFile,
-    out: Results = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the results.", show_default="reports/<study>, of classes reports/<study>-plan"
+        ),
+    ] = None,
 ) -> None:
-    """Find the best test within a time, before it is run."""
-    from imubayes.planning.proposal import propose
-    from imubayes.reporting.blocks import write_page
-    from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
+    """Find the best test within a time, or the hours of classes."""
+    from imubayes.cli import kinds
+    from imubayes.population.lots import LotStudy
     from imubayes.study.schema import read_plan
-    from imubayes.study.schema.recorded import write_planned
 
-    folder = usable(out or Path("reports") / study.stem)
+    planned = read_plan(study)
+    beside = "-plan" if isinstance(planned, LotStudy) else ""  # 'run' writes there, too
+    folder = usable(out or Path("reports") / f"{study.stem}{beside}")
     with waiting() as told:
-        found = propose(read_plan(study), progress=told)
-    with complete(folder) as part:
-        files = (*write_page(plan_page(found), plan_json(found), part), write_planned(found, part))
-    show(terminal_plan(found))
-    written(folder, files)
+        if isinstance(planned, LotStudy):
+            done = kinds.plan_classes(planned, told)
+        else:
+            done = kinds.plan(planned, told)
+    _report(done, folder)
 
 
 @app.command("catalogue")

@@ -10,11 +10,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from imubayes.cli.console import Waiting, complete, fail
 from imubayes.errors import InputError
 from imubayes.ladder import CHAINED
+
+if TYPE_CHECKING:
+    from imubayes.planning.offers import PlanStudy
+    from imubayes.population.lots import LotStudy
 
 Written = tuple[Path, ...]
 Done = tuple[object, Callable[[Path], Written]]
@@ -103,6 +107,30 @@ def trade(
     subject = of_lots(study, only, repeats) if kind == "lots" else of_study(study, only)
     found = measure(with_options(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
     return terminal_trade(found), _page(found, trade_page, trade_json)
+
+
+def plan(study: PlanStudy, told: Waiting) -> Done:
+    """Plan the test of a sensor."""
+    from imubayes.planning.proposal import propose
+    from imubayes.reporting.blocks import write_page
+    from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
+    from imubayes.study.schema.recorded import write_planned
+
+    found = propose(study, progress=told)
+
+    def write(part: Path) -> Written:
+        return *write_page(plan_page(found), plan_json(found), part), write_planned(found, part)
+
+    return terminal_plan(found), partial(_together, write)
+
+
+def plan_classes(study: LotStudy, told: Waiting) -> Done:
+    """Find the hours that the tests of a study's classes take."""
+    from imubayes.planning.hours import hours
+    from imubayes.reporting.hours_page import hours_json, hours_page, terminal_hours
+
+    found = hours(study, progress=told)
+    return terminal_hours(found), _page(found, hours_page, hours_json)
 
 
 def _together(write: Callable[[Path], Written], folder: Path) -> Written:

@@ -189,22 +189,22 @@ def share_range(found: Share) -> str:
     return f"{share(found.value)} ({share(found.low)} to {share(found.high)})"
 
 
-def duration(seconds: float) -> str:
-    """Time in the unit that reads well; nothing where it is not known.
+def duration(seconds: float, digits: int = 3) -> str:
+    """Time in the unit that reads well, with so many digits at most; nothing where it is not known.
 
     Examples
     --------
     >>> duration(0.00123), duration(9.0), duration(75.0), duration(600.0), duration(7200.0)
     ('1.23 ms', '9 s', '75 s', '10 min', '2 h')
-    >>> duration(3.6e7), duration(float("nan"))
-    ('10,000 h', '')
+    >>> duration(3.6e7), duration(19275.0, 2), duration(float("nan"))
+    ('10,000 h', '5.4 h', '')
     """
     if math.isnan(seconds):
         return ""
     for limit, size, unit in _DURATIONS:
         if seconds < limit:
-            return f"{_short(seconds / size)} {unit}"
-    return f"{_short(seconds / 3600.0)} h"
+            return f"{_short(seconds / size, digits)} {unit}"
+    return f"{_short(seconds / 3600.0, digits)} h"
 
 
 _DURATIONS = (
@@ -217,8 +217,8 @@ _DURATIONS = (
 """Units of time, each up to which limit in s it is used, and its size in s; hours beyond."""
 
 
-def _short(value: float) -> str:
-    return f"{float(f'{value:.3g}'):,.15g}"
+def _short(value: float, digits: int) -> str:
+    return f"{float(f'{value:.{digits}g}'):,.15g}"
 
 
 def two_digits(value: float) -> str:

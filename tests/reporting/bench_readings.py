@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from report_reading import Meant, fixed, named, nearest, readings
+from report_reading import Meant, agrees, fixed, grids, named, nearest, readings, tree
 from tool_readings import NUM, PERCENT, wrong_numbers
 
+from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import per_unit
+from imubayes.sensors.catalogue import sensor
 
 Found = dict[str, Any]
 Match = re.Match[str]
@@ -128,6 +130,123 @@ PLAN = (
     ),
     *fixed(r"(?:and|it is) (1)(?: is as|, give)"),
 )  # fmt: skip
+
+
+# The hours of classes
+
+
+def wrong_hours(html: str, result: Found) -> list[str]:
+    """What a page of hours says that its result does not, in sentences, figures and tables."""
+    wrong = wrong_numbers(html, result, HOURS)
+    cells = {"hours": _hour_cells, "classes": _test_cells, "open": _limit_cells}
+    for grid in grids(tree(html)):
+        wanted = cells[grid.anchor](result["hours"]) if grid.anchor in cells else grid.rows
+        pairs = zip(grid.rows, wanted, strict=True)
+        wrong += [f"#{grid.anchor}: {row}: {meant}" for row, meant in pairs if not _row_right(row, meant)]
+    return wrong
+
+
+def _row_right(row: tuple[str, ...], meant: Sequence[Any]) -> bool:
+    return len(row) == len(meant) and all(
+        said == one if isinstance(one, str) else agrees(said, one)
+        for said, one in zip(row, meant, strict=True)
+    )
+
+
+def _class_named(hours: Found, name: str) -> Found:
+    return next(one for one in hours["classes"] if _name(hours, one) == name.lower())
+
+
+def _name(hours: Found, one: Found) -> str:
+    return class_name(sensor(one["id"], kind=hours["kind"])).lower()
+
+
+def _open_terms(one: Found) -> list[Found]:
+    terms = [term for term in one["terms"] if term["seconds"] is None]
+    return sorted(terms, key=lambda term: -(term["share_of_budget"] or 0.0))
+
+
+def _hour_cells(hours: Found) -> Iterable[Sequence[Any]]:
+    for terms in zip(*(one["terms"] for one in hours["classes"]), strict=True):
+        yield (terms[0]["name"], *map(_hour, terms))
+
+
+def _hour(term: Found) -> Any:
+    if term["seconds"] is not None:
+        return float(term["seconds"])
+    return "matters" if (term["share_of_budget"] or 0.0) >= 0.1 else "–"
+
+
+def _test_cells(hours: Found) -> Iterable[Sequence[Any]]:
+    for one in hours["classes"]:
+        told = [sum((t["seconds"] or math.inf) <= end for t in one["terms"]) for end in
+                (one["seconds"], hours["reach"])]  # fmt: skip
+        yield None, float(one["seconds"]), None, *told
+
+
+def _limit_cells(hours: Found) -> Iterable[Sequence[Any]]:
+    for one in hours["classes"]:
+        for term in _open_terms(one):
+            by = "catalogue" if term["most"] > 0.9 else "test"
+            effect = (term["share_of_budget"], term["scene"].replace("_", " "))
+            yield None, term["name"], None, *(effect if term["scene"] else ()), by
+
+
+def _told_by(result: Found, match: Match) -> Iterable[Meant]:
+    classes = result["hours"]["classes"]
+    once, reach = ([one[key] for one in classes] for key in ("told_once", "told"))
+    right = [
+        _class_named(result["hours"], match[k])["told_once"] == n for k, n in ((2, min(once)), (4, max(once)))
+    ]
+    terms = len(classes[0]["terms"])
+    return [min(once) if right[0] else -1, None, max(once) if right[1] else -1, None, terms, 10, min(reach),
+            max(reach)]  # fmt: skip
+
+
+def _open_in(result: Found, match: Match) -> Iterable[Meant]:
+    one = _class_named(result["hours"], match[2])
+    return [sum(_hour(term) == "matters" for term in one["terms"]), None]
+
+
+def _one_class(result: Found, match: Match) -> Iterable[Meant]:
+    one = _class_named(result["hours"], match[1])
+    return [None, one["told_once"], len(one["terms"]), float(one["seconds"]), one["told"], 10]
+
+
+def _both_counts(result: Found, match: Match) -> Iterable[Meant]:
+    one = _class_named(result["hours"], match[1])
+    return [None, one["told_once"], one["told"]]
+
+
+def _span(result: Found, match: Match) -> Iterable[Meant]:
+    told = [one["told"] for one in result["hours"]["classes"]]
+    return [10, min(told), max(told), len(result["hours"]["classes"][0]["terms"])]
+
+
+def _at_hours(result: Found, match: Match) -> Iterable[Meant]:
+    one = _class_named(result["hours"], match[1])
+    said = re.findall(rf", (\S+) ({NUM} \w+)", match[2])
+    return [
+        None,
+        None if all(agrees(at, named(one["terms"], name)["seconds"]) for name, at in said) else math.nan,
+    ]
+
+
+HOURS = (
+    *readings(
+        {
+            r"the test of a class tells (\d+) \(([\w ]+)\) to (\d+) \(([\w ]+)\) of its (\d+) terms; repeated"
+            r" with new mounts for (\d+) days, (\d+) to (\d+)": _told_by,
+            rf"^([\w ]+): (\d+) of (\d+) terms in ({NUM} \w+), (\d+) in (\d+) days": _one_class,
+            r"^(\d+) days tell (\d+) to (\d+) of (\d+) terms": _span,
+            r"(?:it: |; )([\w ]+) (\d+), (\d+)(?=;|$)": _both_counts,
+            rf"^([\w ]+)((?:, \S+ {NUM} (?:s|min|h)\b)+)": _at_hours,
+            r"(?:open|and|,) (\d+) terms? of ([\w ]+?)(?= and| could|,)": _open_in,
+            r"of (\d+)\.$": lambda r, m: [len(r["hours"]["classes"][0]["terms"])],
+        }
+    ),
+    *fixed(r"(10) days", r"(10 %) of", r"(95 %) after", r"(0.9) of the prior's"),
+)
 
 
 # A fleet

@@ -21,12 +21,14 @@ from test_case_views import recovered
 from trades_found import traded
 
 from imubayes.campaign.study import Mission, StudyResult
+from imubayes.planning.hours import hours
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
 from imubayes.reporting.blocks import page_html, terminal_page
 from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.document import report_html
 from imubayes.reporting.fleet_page import fleet_json, fleet_page, terminal_fleet
+from imubayes.reporting.hours_page import hours_json, hours_page, terminal_hours
 from imubayes.reporting.lots_page import lots_json, lots_page, terminal_lots
 from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
 from imubayes.reporting.result.file import json_text
@@ -146,6 +148,38 @@ def _plan(name: str) -> Made:
     return Made(page_html(plan_page(found)), plan_json(found), terminal_plan(found))
 
 
+HOURS = """
+[study]
+title = {name}
+seed = 3
+[lots]
+kind = "gyroscope"
+classes = ["mems_industrial", "fog_navigation"]
+[lots.library]
+powers = 2
+asymmetry = 1
+set = "extended"
+[lots.reference]
+rate_scale = true
+fixture = "5 arcsec"
+[[lots.run]]
+name = "rates"
+procedure = "rate-table"
+simulate = {{ rates = ["10 deg/s", "-10 deg/s", "90 deg/s"], mounts = 6, dwell = "20 min", rate = "0.01 Hz" }}
+[[scene]]
+name = "quadrotor"
+duration = "1 min"
+budget = {{ attitude = "0.01 deg" }}
+"""
+
+
+def _hours(name: str) -> Made:
+    with _in_a_folder():
+        Path("hours.toml").write_text(HOURS.format(name=json.dumps(name)), encoding="utf-8")
+        found = replace(hours(read_plan(Path("hours.toml"))), seconds=1.0)
+    return Made(page_html(hours_page(found)), hours_json(found), terminal_hours(found))
+
+
 def _compared(*texts: str) -> Made:
     """Results side by side, A and B by their file's name."""
     with _in_a_folder():
@@ -212,6 +246,7 @@ KINDS: dict[str, Callable[[str], Made]] = {
     "fleet": _fleet,
     "trade": _trade,
     "plan": _plan,
+    "hours": _hours,
     "compared_sensors": _compared_sensors,
     "compared_lots": _compared_lots,
     "compared_units": _compared_units,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import report_reading
-from bench_readings import wrong_fleet, wrong_plan
+from bench_readings import wrong_fleet, wrong_hours, wrong_plan
 from lots_readings import wrong_lots
 from population_tables import wrong_rows
 from report_reading import NUMBER, Block, Grid, grids, tree
@@ -25,6 +25,7 @@ READERS = {
     "extremes": wrong_extremes,
     "fleet": wrong_fleet,
     "mems_vs_fog": wrong_lots,
+    "plan_mems_vs_fog": wrong_hours,
     "plan_tactical": wrong_plan,
     "ranks": wrong_ranks,
     "scenes": wrong_lots,
@@ -57,6 +58,7 @@ CHANGED = (
     "decision_quality",
     "imu_tactical",
     "mimu4444",
+    "plan_mems_vs_fog",
     "plan_tactical",
     "xsens_tumble",
 )

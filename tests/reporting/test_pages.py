@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from bench_readings import wrong_fleet, wrong_plan
+from bench_readings import wrong_fleet, wrong_hours, wrong_plan
 from browser import BROWSER, WIDTHS, run, shown
 from lots_found import SIZES
 from page_reading import Page, numbers, printed, said, whole
@@ -128,7 +128,8 @@ def test_page_terminal_and_numbers_say_what_they_said(kind, golden):
 
 
 @pytest.mark.parametrize(
-    ("kind", "wrong"), [("fleet", wrong_fleet), ("plan", wrong_plan), ("trade", wrong_trade)]
+    ("kind", "wrong"),
+    [("fleet", wrong_fleet), ("hours", wrong_hours), ("plan", wrong_plan), ("trade", wrong_trade)],
 )
 def test_every_number_of_a_page_is_one_of_its_result(kind, wrong):
     assert wrong(made(kind).html, json.loads(made(kind).values)) == []

@@ -17,7 +17,7 @@ from imubayes.errors import DataError, Place, said
 from imubayes.reporting.result import plain
 from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.many import FleetResult, LotsResult
-from imubayes.reporting.result.plans import PlanResult, TradeResult
+from imubayes.reporting.result.plans import HoursResult, PlanResult, TradeResult
 
 RESULT = "result.json"
 """Name of the file in a folder of results."""
@@ -27,6 +27,7 @@ TAGS = {
     LotsResult: "lots",
     FleetResult: "fleet",
     PlanResult: "plan",
+    HoursResult: "hours",
     TradeResult: "rungs",
 }
 """Key that only the results of a kind have."""
@@ -41,6 +42,7 @@ Result = Annotated[
     | Annotated[LotsResult, Tag("lots")]
     | Annotated[FleetResult, Tag("fleet")]
     | Annotated[PlanResult, Tag("plan")]
+    | Annotated[HoursResult, Tag("hours")]
     | Annotated[TradeResult, Tag("rungs")],
     Discriminator(_tag),
 ]

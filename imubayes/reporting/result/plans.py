@@ -71,6 +71,41 @@ Plan = TypedDict("Plan", {
         "`even`, `same` (where several runs are offered) and `best`"
     )],
 })
+TermHours = TypedDict("TermHours", {
+    "name": Annotated[str, says("of the term")],
+    "unit": Annotated[str, says("SI")],
+    "prior_sd": Annotated[Number, says("by the class")],
+    "enough": Annotated[Number, says(
+        "posterior over prior sd at which half of the units of the class get a verdict"
+    )],
+    "seconds": Annotated[Number, says("of test after which it is told; null beyond reach")],
+    "run": Annotated[str, says("of the test in which that is; empty beyond reach")],
+    "once": Annotated[Number, says("posterior over prior sd after the test")],
+    "most": Annotated[Number, says("the same at the end of what is within reach")],
+    "limit": Annotated[Number, says(
+        "size that it is then known to stay below with 95 % where its estimate is zero"
+    )],
+    "share_of_budget": Annotated[Number, says(
+        "largest share of a scene's budget that the limit takes; null without scenes"
+    )],
+    "scene": Annotated[str, says("where that is")],
+})
+RunHours = TypedDict("RunHours", {"name": str, "seconds": Number})
+ClassHours = TypedDict("ClassHours", {
+    "id": Annotated[str, says("of the class")],
+    "seconds": Annotated[Number, says("of its test, gone through once")],
+    "runs": Annotated[tuple[RunHours, ...], says(
+        "of the test, in order: `name`, `seconds`"
+    )],
+    "told_once": Annotated[Count, says("terms that the test tells")],
+    "told": Annotated[Count, says("terms that are told within reach")],
+    "terms": Annotated[tuple[TermHours, ...], says("of the library")],
+})
+Hours = TypedDict("Hours", {
+    "kind": Annotated[Kind, says("accelerometer or gyroscope")],
+    "reach": Annotated[Number, says("the longest test that is looked at, s")],
+    "classes": Annotated[tuple[ClassHours, ...], says("of the study")],
+})
 Floor = TypedDict("Floor", {"largest": Number, "rms": Number})
 Rate = TypedDict("Rate", {"events": Count, "of": Count, "share": Interval})
 Rung = TypedDict("Rung", {
@@ -165,6 +200,18 @@ class PlanResult(TypedDict):
     seed: Annotated[Count, says("of the study")]
     answer: Annotated[Names, says("what the plan gains, in sentences")]
     plan: Annotated[Plan, says("what it will tell, and what to set")]
+    seconds: Annotated[Number, says("of computing")]
+    provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
+
+
+class HoursResult(TypedDict):
+    """Hours that classes take until their terms are told."""
+
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+    answer: Annotated[Names, says("what the tests tell, and what stays open, in sentences")]
+    hours: Annotated[Hours, says("of each term of each class")]
     seconds: Annotated[Number, says("of computing")]
     provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 

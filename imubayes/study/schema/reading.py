@@ -144,8 +144,11 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
     )
 
 
-def read_plan(path: Path) -> PlanStudy:
-    """Read and check a study with a plan to make; errors are those of `read_study`."""
+def read_plan(path: Path) -> PlanStudy | LotStudy:
+    """Read and check a study with a plan to make, or a class-level one; errors are those of `read_study`."""
+    text, tables = _tables(path)
+    if kind_of(tables, Place(str(path))) == "lots":
+        return lot_study(tables, path, text)
     return plan_study(*_of_sensors(path))
 
 

@@ -1,0 +1,369 @@
+"""The report on the hours that classes take: a curve for each class, and the limits of what stays open."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imubayes.planning.hours import REACH, ClassHours, HoursFound, TermHours
+from imubayes.reporting.blocks import (
+    Both,
+    Figure,
+    Page,
+    Prose,
+    Section,
+    Table,
+    answer,
+    header,
+    repeat,
+    terminal,
+    typeset,
+)
+from imubayes.reporting.canvas import ACCENT, GREY, INK, PALE, SERIES, WARNING, Axes, Panel, draw, log_scale
+from imubayes.reporting.lots_words import capitalised, class_name, scene_name
+from imubayes.reporting.result import published
+from imubayes.reporting.result.file import result_text
+from imubayes.reporting.result.plans import ClassHours as PublishedClass
+from imubayes.reporting.result.plans import Hours, HoursResult
+from imubayes.reporting.result.plans import TermHours as PublishedTerm
+from imubayes.reporting.rounding import below, duration, per_unit, share
+from imubayes.scenes.relevance import MATTERS
+from imubayes.selection.verdicts import UNRESOLVED, listed
+from imubayes.units import counted
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+ROW = 14
+"""px of a term's row in a class's figure."""
+
+FEW_NAMES = 4
+"""Terms that the answer names."""
+
+ABREAST = 73
+"""Letters of a terminal's line beside the names of the terms."""
+
+DAYS = f"{REACH / 86400.0:g} days"
+
+RULE = (
+    "A term is told from when on at least half of the units of the class would get a verdict, needed or"
+    " not needed: where fewer do, a class-level study says that it cannot tell. Units are drawn over the"
+    " magnitudes that the catalogue gives the class, which makes the hours uncertain by about a tenth, and by"
+    " more where drift leaves little to gain. What is known of a term is its posterior sd beside all other"
+    " terms, by the analysis that a unit has, under the typical noise of the class.",
+    "The test is gone through in its order, dwell by dwell, and then again from its start with the case"
+    " mounted anew. What is wrong with a mount averages down over the repetitions, what is wrong with a"
+    " machine or the whole bench does not; within a run flicker and random walk limit what a longer dwell"
+    " would tell. Hours are those of the runs, waiting and ramps included; mounting comes on top.",
+)
+
+LINES = (
+    f"The thin line is where the test has been gone through once; open circles are not told within {DAYS},"
+    " red where that could matter in a scene."
+)
+
+CURVES = "Terms that are told, by hours of test on a scale of decades"
+
+
+def hours_page(found: HoursFound) -> Page:
+    """Page of the hours."""
+    curves = [class_panel(one, f"c{k}") for k, one in enumerate(found.classes)]
+    return Page(
+        found.study.title,
+        f"How long each class is tested until each term is told, and what {DAYS} leave open.",
+        first=[answer(hours_answer(found))],
+        blocks=[
+            Section("The hours of every term", [*_hours(found)], "hours"),
+            Section(
+                "Class by class",
+                [Figure(curves, f"{CURVES}. {LINES}"), campaigns(found)],
+                "classes",
+            ),
+            Section(f"What {DAYS} leave open", [*_open(found)], "open"),
+            repeat(
+                f"imubayes plan {found.study.path}",
+                found.study.text,
+                f"It took {found.seconds:.0f} s. Seed {found.study.seed}.",
+            ),
+        ],
+    )
+
+
+def _hours(found: HoursFound) -> Iterator[Table | Prose | Figure]:
+    yield Figure([all_classes(found, "a0")], f"{CURVES}, a curve for each class.")
+    yield hours_table(found, found.classes)
+    yield Prose(RULE, "note")
+
+
+def hours_table(found: HoursFound, classes: Sequence[ClassHours]) -> Table:
+    """Hours of each term in some classes."""
+    rows = [
+        (name, *(_cell(one.terms[j]) for one in classes)) for j, name in enumerate(found.study.library.names)
+    ]
+    head = ("term", *(Both(class_name(one.sensor_class), _narrow(one)) for one in classes))
+    note = f"Time of test after which each term is told; a dash: not within {DAYS}" + (
+        f", and “matters” where the limit that this sets is {share(MATTERS)} of a scene's budget or more."
+        if found.study.missions
+        else "."
+    )
+    return Table("Hours after which each term is told", head, rows, "tf", Both(note, None))
+
+
+def _narrow(one: ClassHours) -> str:
+    """Name of a class whose long words are cut short."""
+    return class_name(one.sensor_class).replace("industrial", "industr.").replace("navigation", "navig.")
+
+
+def _cell(term: TermHours) -> str:
+    if math.isfinite(term.seconds):
+        return duration(term.seconds, 2)
+    return "matters" if matters(term) else "–"
+
+
+def matters(term: TermHours) -> bool:
+    """Whether what is open of a term could matter in a scene."""
+    return term.share >= MATTERS
+
+
+def campaigns(found: HoursFound) -> Table:
+    """How long the test of each class takes, and what it tells."""
+    rows = [
+        (
+            class_name(one.sensor_class),
+            duration(one.seconds, 2),
+            ", ".join(f"{name} {duration(seconds, 2)}" for name, seconds in one.runs),
+            str(one.told(one.seconds)),
+            str(one.told(REACH)),
+        )
+        for one in found.classes
+    ]
+    head = ("class", "test", "its runs", "told by it", f"in {DAYS}")
+    return Table("Tests", head, rows, "tnwn", f"Terms that are told, of {len(found.study.library.names)}.")
+
+
+def _open(found: HoursFound) -> Iterator[Table | Prose]:
+    rows = [
+        (class_name(one.sensor_class), term.name, _limit(found, term), *_effect(found, term), _known(term))
+        for one in found.classes
+        for term in left_open(one)
+    ]
+    if not rows:
+        yield Prose("Nothing.")
+        return
+    scenes = ("of a budget", "in scene") if found.study.missions else ()
+    yield Table(
+        "Limits of what stays open",
+        ("class", "term", "below", *scenes, "by"),
+        rows,
+        "ttntt" if scenes else "ttnt",
+        f"Size that a coefficient is known to stay below with 95 % after {DAYS} where its estimate is zero,"
+        " and the largest share of a scene's budget that this takes. Where the posterior sd is more than"
+        f" {UNRESOLVED:g} of the prior's, the limit is that of the catalogue.",
+    )
+
+
+def left_open(one: ClassHours) -> list[TermHours]:
+    """Terms of a class that no test within reach tells, those first that take most of a budget."""
+    terms = [term for term in one.terms if math.isinf(term.seconds)]
+    return sorted(terms, key=lambda term: -term.share) if not math.isnan(one.terms[0].share) else terms
+
+
+def _limit(found: HoursFound, term: TermHours) -> Both:
+    unit = found.study.library.terms[found.study.library.names.index(term.name)]
+    return typeset(str(below(term.limit / per_unit(unit.printed, unit.unit), unit.printed)))
+
+
+def _effect(found: HoursFound, term: TermHours) -> tuple[str, ...]:
+    return (share(term.share), scene_name(term.scene)) if found.study.missions else ()
+
+
+def _known(term: TermHours) -> str:
+    return "catalogue" if term.most > UNRESOLVED else "test"
+
+
+def hours_answer(found: HoursFound) -> tuple[str, ...]:
+    """Sentences that say what the tests tell, and whether it matters what they do not."""
+    terms, many = len(found.study.library.names), len(found.classes) > 1
+    once, reach = [one.told(one.seconds) for one in found.classes], [one.told(REACH) for one in found.classes]
+    if many:
+        least, most = (class_name(found.classes[k(range(len(once)), key=once.__getitem__)].sensor_class)
+                       for k in (min, max))  # fmt: skip
+        first = f"{min(once)} ({least}) to {max(once)} ({most}) of its {counted(terms, 'term')}"
+        then = f"{min(reach)} to {max(reach)}"
+    else:
+        first = f"{once[0]} of its {counted(terms, 'term')}"
+        then = str(reach[0])
+    whose = "a class" if many else f"the class {class_name(found.classes[0].sensor_class)}"
+    said = (
+        f"Gone through once, the test of {whose} tells {first}; repeated with new mounts for {DAYS}, {then}."
+    )
+    return (said, *_left(found))
+
+
+def _left(found: HoursFound) -> Iterator[str]:
+    """Sentence on what stays open."""
+    if not any(left_open(one) for one in found.classes):
+        return
+    if not found.study.missions:
+        yield "Of what then stays open the report has the limits; a [[scene]] would say which of them matter."
+        return
+    open_ = [(term.name, one) for one in found.classes for term in left_open(one) if matters(term)]
+    if not open_:
+        yield f"What then stays open takes less than {share(MATTERS)} of the budget of any scene."
+        return
+    yield (
+        f"Of what then stays open {_named(open_)} could still take {share(MATTERS)} of a scene's budget or"
+        " more; all else takes less in every scene."
+    )
+
+
+def _named(open_: Sequence[tuple[str, ClassHours]]) -> str:
+    """Terms with the classes that they are open in; where they are many, how many of each class."""
+    names = list(dict.fromkeys(name for name, _ in open_))
+    if len(names) <= FEW_NAMES:
+        where = {name: [class_name(one.sensor_class) for own, one in open_ if own == name] for name in names}
+        return listed([f"{name} ({', '.join(classes)})" for name, classes in where.items()])
+    counts = Counter(class_name(one.sensor_class) for _, one in open_)
+    return listed([f"{counted(n, 'term')} of {name}" for name, n in counts.items()])
+
+
+def class_sentence(found: HoursFound, one: ClassHours) -> Both:
+    """Limits of what stays open of a class, and whether they matter."""
+    most = f"{share(MATTERS)} of "
+    kinds = (
+        (True, f"could take {most}a scene's budget or more"),
+        (False, f"below {most}every scene's budget"),
+    )
+    parts = []
+    for there, words in kinds:
+        limits = [_size(found, term) for term in left_open(one) if matters(term) == there]
+        if limits:
+            parts.append(f"{', '.join(limits)}{f': {words}' if found.study.missions else ''}")
+    name = capitalised(class_name(one.sensor_class))
+    return typeset(f"{name}: {'; '.join(parts) or 'nothing is open'}.")
+
+
+def _size(found: HoursFound, term: TermHours) -> str:
+    """Limit of a term; whether the catalogue sets it."""
+    return f"|{term.name}| < {_limit(found, term).terminal}{' (catalogue)' * (term.most > UNRESOLVED)}"
+
+
+def all_classes(found: HoursFound, key: str) -> Panel:
+    """Number of terms that are told by hours, a curve for each class."""
+    names = [class_name(one.sensor_class) for one in found.classes]
+
+    def paint(axes: Axes) -> None:
+        for k, one in enumerate(found.classes):
+            x, y = _curve(one)
+            style = ("-", "--", ":", "-.")[k // len(SERIES) % 4]
+            axes.step(x, y, where="post", color=SERIES[k % len(SERIES)], linestyle=style, label=names[k])
+        axes.set(xlabel="hours of test", ylim=(0.0, len(found.study.library.names) + 1.0))
+        log_scale(axes, "x", 6)
+        axes.legend(frameon=False, labelcolor=INK, fontsize=11, loc="upper center", ncols=2, borderpad=0.0,
+                    bbox_to_anchor=(0.46, -0.22), columnspacing=1.0, handlelength=1.6)  # fmt: skip
+
+    told = [one.told(REACH) for one in found.classes]
+    title = f"{DAYS} tell {_span(told)} of {len(found.study.library.names)} terms"
+    alt = "Terms told by one test and by 10 days of it: " + "; ".join(
+        f"{name} {one.told(one.seconds)}, {one.told(REACH)}"
+        for name, one in zip(names, found.classes, strict=True)
+    )
+    below_axis = 44 + 18 * math.ceil(len(names) / 2)
+    return draw(paint, title=title, alt=alt, key=key, height=200 + below_axis, bottom=below_axis)
+
+
+def _span(counts: Sequence[int]) -> str:
+    return str(counts[0]) if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
+
+
+def _curve(one: ClassHours) -> tuple[list[float], list[int]]:
+    """Hours at which a further term is told, and how many are told then."""
+    times = sorted(term.seconds / 3600.0 for term in one.terms if math.isfinite(term.seconds))
+    return [*times, REACH / 3600.0], [*range(1, len(times) + 1), len(times)]
+
+
+def class_panel(one: ClassHours, key: str) -> Panel:
+    """Terms of a class in the order in which they are told, each at its hour."""
+    told = sorted((t for t in one.terms if math.isfinite(t.seconds)), key=lambda term: term.seconds)
+    terms = [*told, *left_open(one)]
+    x = np.array([min(term.seconds, REACH) / 3600.0 for term in terms])
+    y = np.arange(1, len(terms) + 1)
+
+    def paint(axes: Axes) -> None:
+        n = len(told)
+        axes.axvline(one.seconds / 3600.0, color=PALE, linewidth=0.8, zorder=0)
+        axes.step(x[:n], y[:n], where="post", color=ACCENT, linewidth=1.0)
+        axes.plot(x[:n], y[:n], "o", color=ACCENT, markersize=4, linestyle="none")
+        for far, colour in ((True, WARNING), (False, GREY)):
+            rows = [k for k in range(n, len(terms)) if matters(terms[k]) == far]
+            axes.plot(
+                x[rows], y[rows], "o", color=colour, markerfacecolor="none", markersize=4, linestyle="none"
+            )
+        axes.set(
+            xlabel="hours of test", xlim=(0.08 * x[0], 1.3 * REACH / 3600.0), ylim=(0.0, len(terms) + 1.0)
+        )
+        log_scale(axes, "x", 6)
+        for at, row, term in zip(x.tolist(), y.tolist(), terms, strict=True):
+            axes.annotate(term.name, (at, row), xytext=(-5, 0), textcoords="offset points", ha="right",
+                          va="center", color=INK)  # fmt: skip
+
+    name = capitalised(class_name(one.sensor_class))
+    once = f"{one.told(one.seconds)} of {len(terms)} terms in {duration(one.seconds, 2)}"
+    title = f"{name}: {once}, {len(told)} in {DAYS}"
+    alt = f"{name}, " + ", ".join(f"{term.name} {duration(term.seconds, 2)}" for term in told)
+    alt += "".join(f", {term.name} open" for term in terms[len(told) :])
+    return draw(paint, title=title, alt=alt, key=key, height=ROW * (len(terms) + 1) + 46)
+
+
+def terminal_hours(found: HoursFound) -> Group:
+    """Lines for a terminal: the answer, the hours, and the limits of what stays open."""
+    sentences = [class_sentence(found, one) for one in found.classes]
+    return terminal(
+        (
+            Prose(hours_answer(found)),
+            *(hours_table(found, part) for part in _abreast(found.classes)),
+            Prose(f'A dash, or "matters": not told within {DAYS}. What is open, and its limit then:'),
+            Prose(sentences),
+        )
+    )
+
+
+def _abreast(classes: Sequence[ClassHours]) -> Iterator[Sequence[ClassHours]]:
+    """Classes whose columns fit beside each other into a terminal."""
+    wide = [2 + max(map(len, _narrow(one).split())) for one in classes]
+    first = 0
+    for last in range(1, len(classes) + 1):
+        if last == len(classes) or sum(wide[first : last + 1]) > ABREAST:
+            yield classes[first:last]
+            first = last
+
+
+def hours_json(found: HoursFound) -> str:
+    """Text of ``result.json``: SI; what is not finite becomes null."""
+    classes = [
+        published(
+            PublishedClass,
+            one,
+            id=one.sensor_class.id,
+            runs=[{"name": name, "seconds": seconds} for name, seconds in one.runs],
+            told_once=one.told(one.seconds),
+            told=one.told(REACH),
+            terms=[
+                published(PublishedTerm, term, unit=unit.unit, share_of_budget=term.share)
+                for term, unit in zip(one.terms, found.study.library.terms, strict=True)
+            ],
+        )
+        for one in found.classes
+    ]
+    document = published(
+        HoursResult,
+        found,
+        **header(found.study, f"imubayes plan {found.study.path}"),
+        answer=hours_answer(found),
+        hours=published(Hours, found.study, reach=REACH, classes=classes),
+    )
+    return result_text(document)
