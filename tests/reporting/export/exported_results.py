@@ -29,7 +29,7 @@ def library_for(name: str) -> Library:
 
 def ranges(name: str) -> dict[str, list[float]]:
     found = {}
-    for channel in CHANNELS:
+    for channel in CHANNELS[:-1]:  # an IMU has no second thermometer
         quantity = channel.rpartition("_")[0] or channel
         end = ENDS[quantity]
         found[channel] = list(end) if isinstance(end, tuple) else [-end, end]
