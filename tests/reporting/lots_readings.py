@@ -51,6 +51,7 @@ class Lots:
         self.lots: int = lots.get("lots", 1)
         self.library = library(lots["kind"], powers=5, asymmetry=5, set="extended", temperature=2)
         self.check = lots["check"]
+        self.methods = {one["method"]: one for one in lots.get("methods", ())}
         self.classes = {class_name(sensor(one["id"], kind=lots["kind"])): one for one in lots["classes"]}
         self.called = {one["id"]: name for name, one in self.classes.items()}
         self.scenes = {
@@ -258,6 +259,39 @@ def _unnamed(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     return [None, None, sum(each == owners for each in needing.values()) - len(match[2].split(", "))]
 
 
+def _by_any(lots: Lots) -> set[str]:
+    """Terms that a class needs in a scene; of itself without scenes."""
+    if not lots.scenes:
+        return {term for name in lots.classes for term in _needed(lots, name)}
+    return {term for place in lots.scenes for term in lots.inside(*place, "needed")}
+
+
+def _tile(lots: Lots, said: tuple[int, int]) -> tuple[float, float]:
+    """Terms needed and that would matter, where a class in a scene has so many."""
+    pairs = [tuple(len(lots.inside(*place, a)) for a in ("needed", "would matter")) for place in lots.scenes]
+    return said if said in pairs else (math.nan, math.nan)
+
+
+def _others(lots: Lots) -> list[dict[str, Any]]:
+    return [one for name, one in lots.methods.items() if name != "evidence"]
+
+
+def _asked(lots: Lots, each: str | None) -> list[Meant]:
+    """Other methods, units that they were asked about, all units, and units of each lot."""
+    per_lot = sum(bool(one.get("methods")) for one in lots.classes.values()) * lots.lots
+    units = lots.methods["evidence"]["units"]
+    whole = len(lots.classes) * lots.lots * lots.units
+    return [len(_others(lots)), units, whole, None if each is None else units // per_lot]
+
+
+def _shared(lots: Lots) -> list[Meant]:
+    told = [one for one in _others(lots) if one["of"]]
+    shares = [one["share"]["value"] for one in told]
+    counts = [sum(one["keeps"].values()) + sum(one["drops"].values()) for one in told]
+    of = sum(one["of"] for one in told)
+    return [1.0 - sum(counts) / of, None, min(shares), None, max(shares)]
+
+
 def _range_of(one: dict[str, float]) -> list[float]:
     return [float(one[end]) for end in ("value", "low", "high")]
 
@@ -356,6 +390,14 @@ OF_ALL = readings(
         r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?": _truth,
         r"^(\d+) of (\d+) terms are needed by every class$":
             lambda r, m: [len(set.intersection(*(set(_needed(r, n)) for n in r.classes))), len(r.terms)],
+        r"^(\d+) of (\d+) terms are needed by some class(?: in some scene)?$":
+            lambda r, m: [len(_by_any(r)), len(r.terms)],
+        r"^(\d+) \+(\d+)\?$": lambda r, m: [*_tile(r, (int(m[1]), int(m[2])))],
+        r"^(\d+) other methods? were asked about (\d+) of the (\d+) units"
+        r" \(the first (?:(\d+) )?of each lot\)":
+            lambda r, m: _asked(r, m[4]),
+        rf"They share ({NUM} %) of the decision's sure .*: least ([\w-][\w -]*) with ({NUM} %), most"
+        rf" ([\w-][\w -]*) with ({NUM} %)": lambda r, m: _shared(r),
         r"(?:that the tests cannot tell: |; )([\w ]+): ([\w* ]+), cannot tell (\d+)":
             lambda r, m: [None, _needed(r, m[1].strip()), len(r.of(m[1].strip(), "cannot tell"))],
         rf"^([\w*]+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
@@ -418,6 +460,12 @@ def wrong_cells(grid: Grid, lots: Lots) -> Iterator[str]:
                 said_numbers = re.findall(NUM, said)
                 if not all(agrees(text, value) for text, value in zip(said_numbers, meant, strict=True)):
                     yield f"#order: {name}, {row[0]}: '{said}' is {meant} in the result"
+    elif grid.anchor == "methods":
+        for row, one in zip(grid.rows, lots.methods.values(), strict=True):
+            said = [re.search(NUM, text)[0] for text in (row[-5], *re.split(" of ", " of ".join(row[-2:])))]
+            meant = [100.0 * one["share"]["value"], *one["false"], *one["missed"]]
+            if not all(map(agrees, said, meant)):
+                yield f"#methods: {row[0]}: {said} is {meant} in the result"
     elif grid.head[-1] == "class" and grid.anchor in lots.anchors:
         place = lots.anchors[grid.anchor]
         for row in grid.rows:
@@ -441,8 +489,9 @@ def _wrong_shares(anchor: str, row: tuple[str, ...], scene: dict[str, Any]) -> I
         yield f"#{anchor}: {row[0]}: {said} is {meant} in the result"
 
 
-FIRST = 3
-"""Paragraphs of the first screen: the answer, how many there are of each, and what it was simulated from."""
+FIRST = (3, 5)
+"""Paragraphs of the first screen: the answer, how many there are of each, and what it was simulated from; two
+more with the picture."""
 
 
 def told_twice(result: dict[str, Any], lots: Lots) -> Iterator[str]:
@@ -468,7 +517,7 @@ def wrong_lots(html: str, result: dict[str, Any]) -> list[str]:
     """What a class-level report says that its result does not; how it was made is not looked at."""
     page, lots = tree(html), Lots(result)
     first = [block for block in sentences(page) if block.anchor == "first"]
-    missing = [] if len(first) == FIRST else [f"#first: {len(first)} paragraphs"]
+    missing = [] if len(first) in FIRST else [f"#first: {len(first)} paragraphs"]
     said = [block for block in (*sentences(page), *drawn(page)) if block.anchor != "repeat"]
     wrong = [one for grid in grids(page) for one in wrong_cells(grid, lots)]
     return [*missing, *told_twice(result, lots), *problems(said, READINGS, lots), *wrong]

@@ -26,6 +26,7 @@ seed = 4
 kind = "gyroscope"
 classes = ["mems_consumer", "mems_tactical", "fog_navigation"]
 units = 3
+methods = 1
 basic = true
 ASKS
 [lots.library]
