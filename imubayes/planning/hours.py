@@ -73,12 +73,14 @@ class Pass:
     runs : (q,) run that it belongs to.
     R : (q, c, c) triangular factors of all rows so far: of the errors that stay, then of the p terms.
     prior_sd : (p,) of the terms, SI.
+    carriers : (p,) term whose column carries each term's coefficient: another one where they are tied.
     """
 
     stop: FloatArray
     runs: tuple[str, ...]
     R: FloatArray
     prior_sd: FloatArray
+    carriers: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +213,8 @@ def campaign_pass(spec: SensorSpec) -> Pass:
             factors.append(R[own:, own:])
             names.append(part.name)
         begin = stop[-1]
-    return Pass(np.array(stop), tuple(names), np.array(factors), prior.sd[:p])
+    carriers = tuple(spec.library.names.index(name) for name in spec.library.carriers)
+    return Pass(np.array(stop), tuple(names), np.array(factors), prior.sd[list(carriers)], carriers)
 
 
 def posterior_ratios(campaign: Pass, passes: int, dwell: int = -1) -> FloatArray:
@@ -219,7 +222,8 @@ def posterior_ratios(campaign: Pass, passes: int, dwell: int = -1) -> FloatArray
     last, whole = campaign.R[dwell], campaign.R[-1]
     c = whole.shape[1]
     R = triangular((np.concatenate((math.sqrt(passes - 1) * whole, last, np.eye(c))),), c)
-    return np.linalg.norm(invert_triangular(R), axis=1)[c - len(campaign.prior_sd) :]
+    ratios = np.linalg.norm(invert_triangular(R), axis=1)[c - len(campaign.carriers) :]
+    return ratios[list(campaign.carriers)]
 
 
 def known(campaign: Pass) -> tuple[FloatArray, tuple[str, ...], FloatArray]:

@@ -272,5 +272,5 @@ _STRIPPED = (
 )
 _REFERENCE = re.compile(r"(?:href=\"#|url\(#)([\w.-]+)")
 _ID = re.compile(r' id="([\w.-]+)"')
-_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?![^<>]*</text>)")
 _EMPTY_GROUP = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>|[^<])*)</g>")

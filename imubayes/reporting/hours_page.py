@@ -24,7 +24,7 @@ from imubayes.reporting.blocks import (
     typeset,
 )
 from imubayes.reporting.canvas import ACCENT, GREY, INK, PALE, SERIES, WARNING, Axes, Panel, draw, log_scale
-from imubayes.reporting.lots_words import capitalised, class_name, scene_name
+from imubayes.reporting.lots_words import MOST_NAMES, capitalised, class_name, scene_name
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import ClassHours as PublishedClass
@@ -226,9 +226,13 @@ def _named(open_: Sequence[tuple[str, ClassHours]]) -> str:
     names = list(dict.fromkeys(name for name, _ in open_))
     if len(names) <= FEW_NAMES:
         where = {name: [class_name(one.sensor_class) for own, one in open_ if own == name] for name in names}
-        return listed([f"{name} ({', '.join(classes)})" for name, classes in where.items()])
+        return listed([f"{name} ({_few(classes)})" for name, classes in where.items()])
     counts = Counter(class_name(one.sensor_class) for _, one in open_)
     return listed([f"{counted(n, 'term')} of {name}" for name, n in counts.items()])
+
+
+def _few(classes: Sequence[str]) -> str:
+    return ", ".join(classes) if len(classes) <= MOST_NAMES else counted(len(classes), "class")
 
 
 def class_sentence(found: HoursFound, one: ClassHours) -> Both:

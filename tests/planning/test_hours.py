@@ -111,6 +111,21 @@ def test_part_of_a_campaign_tells_what_its_first_run_alone_does(study):
     np.testing.assert_allclose(posterior_ratios(whole, 1, last), posterior_ratios(first, 1), rtol=1e-9)
 
 
+def test_terms_of_one_lever_arm_are_told_together(tmp_path):
+    """The one has no column of its own: it is in that of the other."""
+    file = tmp_path / "lots.toml"
+    asked = LOTS.replace("gyroscope", "accelerometer").replace(
+        "asymmetry = 1", 'asymmetry = -1\nset = "extended"'
+    )
+    file.write_text(asked, encoding="utf-8")
+    study = read_plan(file)
+    assert dict(study.specs[0].library.tied) == {"S_kk": "S_jj", "s_j": "S_ik"}
+    terms = {term.name: term for term in hours(study).classes[0].terms}
+    for one, other in (("S_kk", "S_jj"), ("s_j", "S_ik")):
+        assert terms[one].once == terms[other].once < 0.9
+        assert terms[one].limit == terms[other].limit
+
+
 def test_what_is_known_grows_until_the_end_of_what_is_within_reach(study):
     campaign = campaign_pass(study.specs[0])
     times, runs, ratios = known(campaign)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from results_found import sensor_result
 
 from imubayes.reporting import figures, fit_figures, rows
-from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING
+from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, draw
 from studies.decision_quality import figures as quality_figures
 
 
@@ -46,3 +46,9 @@ def test_one_colour_has_one_meaning() -> None:
     assert len(kept) == 3
     assert kept.isdisjoint(SERIES) and kept.isdisjoint(fit_figures.COLOURS.values())
     assert len(quality_figures.LABELLED) < len(SERIES)
+
+
+def test_small_number_beside_an_axis_is_drawn_as_it_is() -> None:
+    """Coordinates are shortened to hundredths of a pixel, texts are not."""
+    panel = draw(lambda axes: axes.set_xticks([0.001, 0.125]), title="", alt="", key="a")
+    assert ">0.001</text>" in panel.svg and ">0.125</text>" in panel.svg
