@@ -109,6 +109,8 @@ def two_digits(value: float) -> float | int:
 
 def limit(high: float) -> float | int:
     """What a size stays below: its upper end, rounded up to two digits."""
+    if high == 0.0:
+        return 0
     step = 10.0 ** (math.floor(math.log10(high)) - 1)
     return two_digits(math.ceil(high / step - 1e-9) * step)
 

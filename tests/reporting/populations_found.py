@@ -55,13 +55,10 @@ def term_found(
     value = value + size * rng.normal(size=(len(units), len(sessions)))
     if len(sessions) > 1:
         value[-1, -1] = np.nan
-    need = Need(
-        verdict,
-        "as made",
-        {ANSWER[verdict]: len(units)},
-        Share(1.0, 0.8, 1.0),
-        Pooled(1.0, Share(0.9, 0.7, 1.0), 330.0 * size),
-    )
+    # a further unit has with 95 % none of what is not needed
+    has = Pooled(1.0, Share(0.9, 0.7, 1.0), 330.0 * size)
+    together = Pooled(0.11, Share(0.08, 0.02, 0.3), 0.0) if verdict == "not needed" else has
+    need = Need(verdict, "as made", {ANSWER[verdict]: len(units)}, Share(1.0, 0.8, 1.0), together)
     single = len(sessions) == 1
     return TermInClass(
         f"{component}.{name}" if component else name,
