@@ -242,6 +242,7 @@ def records_of(table: pa.Table) -> Iterator[Record]:
     starts = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
     for start, stop in zip(starts, [*starts[1:], len(numbers)], strict=True):
         rows = {name: values[start:stop] for name, values in columns.items()}
+        arrays: dict[str, Any] = {key: np.array(rows[key], dtype=np.float64) for key in SCALARS}
         yield Record(
             number=rows["number"][0],
             name=rows["unit"][0],
@@ -249,7 +250,7 @@ def records_of(table: pa.Table) -> Iterator[Record]:
             noise=(rows["N"][0], rows["B"][0], rows["K"][0]),
             samples=rows["samples"][0],
             R=_upper(rows["factor"], rows["rho"][0]),
-            **{key: np.array(rows[key], dtype=np.float64) for key in SCALARS},
+            **arrays,
         )
 
 

@@ -145,10 +145,11 @@ def condition(density: Density, x: FloatArray) -> Conditional:
         packed += gram
         base -= 0.5 * (log_det + run.n * math.log(2.0 * math.pi))
         base = np.where(inside, base, -np.inf)
-    A = np.zeros((m, *c.prior.shape))
-    rows, columns = np.tril_indices(A.shape[1])
+    p = len(c.prior)
+    A = np.zeros((m, p, p))
+    rows, columns = np.tril_indices(p)
     A[:, rows, columns] = A[:, columns, rows] = packed
-    A[~np.isfinite(base)] = np.eye(A.shape[1])
+    A[~np.isfinite(base)] = np.eye(p)
     L, sound = _cholesky(A)
     return Conditional(L, np.where(sound, base, -np.inf))
 
