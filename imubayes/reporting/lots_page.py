@@ -21,6 +21,7 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
+from imubayes.population.statements import judged
 from imubayes.reporting.blocks import (
     Block,
     Figure,
@@ -47,6 +48,7 @@ from imubayes.reporting.lots_sentences import (
     methods_sentence,
     own_scene_sentences,
     scene_sentences,
+    statements_sentence,
 )
 from imubayes.reporting.lots_words import (
     amid,
@@ -54,6 +56,7 @@ from imubayes.reporting.lots_words import (
     capitalised,
     class_name,
     counts,
+    found_of,
     headline,
     plain,
     population_cells,
@@ -143,6 +146,12 @@ METHODS_NOTE = (
 MOST_DISPUTED = 4
 """Terms that a cell names."""
 
+STATEMENTS_NOTE = (
+    "Confirmed: what is said to be there, if the classes need it whose tests tell; what is said not to be, if"
+    " a further unit's stays below 10 % of every scene's budget with 95 %; a size, if units of the class can"
+    " have it. Contradicted: if it is otherwise for one of the classes."
+)
+
 SCENE_NOTE = (
     "Rms of the effect on the output, and share of the budget: median unit, and 5 to 95 % of the units;"
     " required: share of the units whose smallest model has the term, shown or not. Terms that no unit"
@@ -169,6 +178,7 @@ def lots_page(result: LotResult) -> Page:
             *([_scenes(result)] if study.missions else []),
             *([_basic(result)] if study.basic else []),
             _check(result),
+            *_published_statements(result),
             *_methods(result),
             *(_class(result, k) for k in range(len(result.classes))),
             repeat(f"imubayes run {study.path}", study.text, said),
@@ -236,6 +246,18 @@ def _check(result: LotResult) -> Section:
     table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), rows)
     blocks = [Prose(said), table, Prose(SIMULATED)]
     return Section("Against the simulated truth", blocks, "check", listed="Against the truth")
+
+
+def _published_statements(result: LotResult) -> Iterator[Section]:
+    """Statements of the literature on the study's classes, each with what the study makes of it."""
+    told = judged(result.study.kind, result.classes)
+    if not told:
+        return
+    rows = [(one.text, one.source, *found_of(one, result.classes)) for one in told]
+    head = ("published statement", "source", "in this study", "verdict")
+    table = Table("Published statements", head, rows, "wwwt", STATEMENTS_NOTE)
+    said = [Prose(statements_sentence(told)), table]
+    yield Section("Against what is published", said, "published", listed="Against the literature")
 
 
 def _checked(result: LotResult) -> list[tuple[str, str, str]]:
@@ -393,6 +415,7 @@ def published_lots(result: LotResult) -> LotsResult:
             classes=tuple(_published_class(one, study.library.names) for one in result.classes),
             methods=agreements([unit for one in result.classes for unit in one.units], study.library.names),
             check=result.check,
+            statements=judged(study.kind, result.classes),
         ),
     )
 

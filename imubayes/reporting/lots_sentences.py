@@ -21,6 +21,7 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
+from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
 from imubayes.reporting.lots_words import (
     Said,
     amid,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from imubayes.population.agreement import Agreement
     from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound
     from imubayes.population.needs import ClassFound
+    from imubayes.population.statements import Judged
 
 MOST_TERMS = 8
 """Terms that a sentence names."""
@@ -302,6 +304,20 @@ def _of_shares(check: Check) -> tuple[str, ...]:
         f"The linear propagation, which all other shares are by, is {share(median)} off the full navigator in"
         f" the median cell within the budget, and {share(most)} at most"
         f"{': the intervals of units do not allow for that' if close else ''}.",
+    )
+
+
+def statements_sentence(told: Sequence[Judged]) -> str:
+    """Count the verdicts on published statements, and say for what they hold."""
+    each = [
+        f"{count} {'is' if count == 1 else 'are'} {verdict}"
+        for verdict in (CONFIRMED, CONTRADICTED, BEYOND)
+        if (count := sum(one.verdict == verdict for one in told))
+    ]
+    return (
+        f"Of {counted(len(told), 'published statement')} on these classes {listed(each)}. The units are drawn"
+        " from the catalogue, some of whose sizes stand on the same data sheets: all of it holds for sensors"
+        " of these sizes, by these tests and in these scenes."
     )
 
 

@@ -18,6 +18,7 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
+from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
 from imubayes.reporting.rounding import (
     NARROW,
     duration,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from imubayes.population.lots import LotResult, MissionTerm
     from imubayes.population.needs import ClassFound
     from imubayes.population.spreads import PopulationTerm
+    from imubayes.population.statements import Judged
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind, Library
 
@@ -133,6 +135,36 @@ def amid(found: Share) -> str:
 def counts(term: MissionTerm) -> bool:
     """Whether a table of a scene shows a term: it is required in some unit, or takes a hundredth."""
     return term.required > 0.0 or max(term.share.high, term.true_share) >= COUNTS
+
+
+def found_of(told: Judged, classes: Sequence[ClassFound]) -> tuple[str, str]:
+    """What a study finds of the classes that a published statement is about, and the verdict.
+
+    Where classes differ, the verdict names those for which it is as it is.
+    """
+    names = {one.sensor_class.id: class_name(one.sensor_class) for one in classes}
+    owners = {
+        word: [names[id] for id, verdict in told.classes.items() if verdict == word]
+        for word in (CONFIRMED, CONTRADICTED, BEYOND)
+    }
+    mixed = len(owners[told.verdict]) < len(told.classes)
+    verdict = f"{told.verdict} ({listed(owners[told.verdict])})" if mixed else told.verdict
+    if told.why:
+        return told.why, verdict
+    if told.claims == "needed":
+        words = zip(("needed", "not needed", "cannot tell"), owners.values(), strict=True)
+        return "; ".join(f"{word}: {listed(of)}" for word, of in words if of), verdict
+    if told.claims == "small":
+        said = [
+            f"{names[id]}: {of_budget(half)}, at most {share(most)}"
+            for id, (half, most) in told.sizes.items()
+        ]
+    else:
+        said = [
+            f"{names[id]}: {plain(low)} to {plain(high)} {pretty(told.unit)}"
+            for id, (low, high) in told.sizes.items()
+        ]
+    return "; ".join(said), verdict
 
 
 def headline(result: LotResult) -> Said:

@@ -52,6 +52,7 @@ class Lots:
         self.library = library(lots["kind"], powers=5, asymmetry=5, set="extended", temperature=2)
         self.check = lots["check"]
         self.methods = {one["method"]: one for one in lots.get("methods", ())}
+        self.statements = lots.get("statements", ())
         self.classes = {class_name(sensor(one["id"], kind=lots["kind"])): one for one in lots["classes"]}
         self.called = {one["id"]: name for name, one in self.classes.items()}
         self.scenes = {
@@ -207,6 +208,12 @@ def _covered(lots: Lots, match: Match) -> Iterable[Meant]:
 def _coverage(lots: Lots, what: str) -> list[float]:
     one = lots.check[what]
     return [one["held"], one["of"], *(100.0 * end for end in _range_of(one["share"]))]
+
+
+def _statements(lots: Lots, match: Match) -> list[float | None]:
+    told = [one["verdict"] for one in lots.statements]
+    counts = [told.count(verdict) for verdict in ("confirmed", "contradicted", "beyond the test")]
+    return [len(told), *(count or None for count in counts)]
 
 
 def _missed(lots: Lots, match: Match) -> Iterable[Meant]:
@@ -406,6 +413,8 @@ OF_ALL = readings(
             lambda r, m: [r.needing(m[3]), len(r.classes), None],
         rf"population (spread|mean) in ([\d,]+) of ([\d,]+) cases, ({NUM}) % \(({NUM}) to ({NUM})\)":
             _covered,
+        r"^Of (\d+) published statements on these classes (?:(\d+) (?:is|are) confirmed)?(?:, | and )?"
+        r"(?:(\d+) (?:is|are) contradicted)?(?:, | and )?(?:(\d+) (?:is|are) beyond the test)?": _statements,
         rf"Where a term takes (1) % .* (the true one) in ([\d,]+) of ([\d,]+) cases, ({NUM}) %"
         rf" \(({NUM}) to ({NUM})\), and a unit's own (90) % interval its own in ([\d,]+) of ([\d,]+) cases,"
         rf" ({NUM}) % \(({NUM}) to ({NUM})\)":
@@ -443,6 +452,7 @@ READINGS = (
         r"(90) % of the units",
         r"in (95) % of the units or more",
         r"below (10?) %",
+        r"stays below (10) % of every scene's budget with (95) %",
         r"stays below with (95) %",
         r"hierarchical posterior with (90) % intervals",
         r"^(0): without any term|\. (0): without any term",
@@ -466,6 +476,10 @@ def wrong_cells(grid: Grid, lots: Lots) -> Iterator[str]:
             meant = [100.0 * one["share"]["value"], *one["false"], *one["missed"]]
             if not all(map(agrees, said, meant)):
                 yield f"#methods: {row[0]}: {said} is {meant} in the result"
+    elif grid.head[-1] == "verdict":
+        for row, one in zip(grid.rows, lots.statements, strict=True):
+            if row[:2] != (one["text"], one["source"]) or not row[-1].startswith(one["verdict"]):
+                yield f"#{grid.anchor}: {row} is {one} in the result"
     elif grid.head[-1] == "class" and grid.anchor in lots.anchors:
         place = lots.anchors[grid.anchor]
         for row in grid.rows:

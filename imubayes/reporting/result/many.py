@@ -263,6 +263,22 @@ class Class(TypedDict):
     methods: NotRequired[Annotated[tuple[Agreement, ...], says("beside the decision, where they were asked")]]
 
 
+class Statement(TypedDict):
+    """A published statement on classes of sensors, and what the study makes of it."""
+
+    text: Annotated[str, says("in words of our own")]
+    source: Annotated[str, says("where it stands")]
+    claims: Annotated[str, says("`needed`, `small`, `size` or `open`")]
+    verdict: Annotated[str, says("`confirmed`, `contradicted` or `beyond the test`")]
+    classes: Annotated[dict[str, str], says("verdict by class")]
+    sizes: Annotated[dict[str, tuple[Number, Number]], says(
+        "by class: of `small` the largest share of a budget in the median unit, and that which further units "
+        "stay below with 95 %; of `size` lowest and highest, in `unit`"
+    )]
+    unit: Annotated[str, says("of the sizes")]
+    why: Annotated[str, says("why no study can tell; empty where one can")]
+
+
 class Lots(TypedDict):
     """Lots of simulated units of each class."""
 
@@ -280,6 +296,9 @@ class Lots(TypedDict):
         "units (`shares`) and by each unit's own (`unit_shares`); `off`: part by which linear propagation is "
         "off the full navigator, median and most"
     )]
+    statements: NotRequired[Annotated[tuple[Statement, ...], says(
+        "published on the study's classes, and whether it bears them out"
+    )]]
 
 
 class LotsResult(TypedDict):
