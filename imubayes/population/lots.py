@@ -19,7 +19,6 @@ from imubayes.population.processes import Progress, shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
 from imubayes.scenes.effects import SceneEffects
-from imubayes.scenes.navigator import flown_sizes
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.scenes.smallest import SURE, Knowledge, left_over
 from imubayes.sensors.equations.basic import TERMS
@@ -384,6 +383,8 @@ def _flown(units: Sequence[Record], seen: Exposure) -> FloatArray:
     The median unit is flown; where its error is so large that it is no longer in proportion to the
     coefficient, those of the other units are taken to be so all the same.
     """
+    from imubayes.scenes.navigator import flown_sizes
+
     truth = np.abs([unit.truth for unit in units])
     median = np.median(truth, axis=0)
     sizes = flown_sizes(seen.scene, seen.lib, seen.budget, median[None], seen.axis)[0] / seen.budget.limit
