@@ -94,7 +94,7 @@ def _agreement(
     of, alike = int(both.sum()), int(same.sum())
     return Agreement(
         method=method,
-        units=len(answers),
+        units=int((~np.isnan(answers)).any(axis=1).sum()),
         of=of,
         share=frequency(alike, of),
         keeps=_by_term(both & ~same & kept, names),

@@ -61,7 +61,8 @@ class LotStudy:
     basic : whether the report asks what the twelve-parameter triad would cost.
     asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
         triad is enough, or what some classes need and others do not.
-    methods : units of each lot, its first ones, about which the other methods are asked, too.
+    methods : units of each lot, its first ones, about which the other methods are asked, too; chains only
+        about the first of a class.
     """
 
     title: str
@@ -246,7 +247,7 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
     ConvergenceError : if the errors of the bench do not settle.
     """
     seed, place = (study.seed, class_index, 1, number), number % study.units
-    asked = {"draws": DRAWS, "methods": place < study.methods}
+    asked = {"draws": DRAWS, "methods": (place < study.methods) + (number == 0 < study.methods)}
     return tested(number, study.specs[class_index], lot, place, seed, **asked)
 
 

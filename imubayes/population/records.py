@@ -10,6 +10,7 @@ study's seed and its own number (recorded: its name) alone, and linear algebra i
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -21,20 +22,27 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, reorder, with_prior_rows
 from imubayes.campaign.preparation import Prepared, prepare, runs_of
 from imubayes.campaign.study import SensorSpec
-from imubayes.errors import ImubayesError
-from imubayes.inference.mcmc.chains import at_found_noise
+from imubayes.errors import ConvergenceError, ImubayesError
+from imubayes.inference.mcmc.chains import Chains, at_found_noise
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import drawn_errors, plan_run, simulate_on_bench
 from imubayes.selection.decision import Selection, loose_fit, posterior_draws, select
-from imubayes.selection.panel import Votes, panel_of
+from imubayes.selection.panel import Votes, panel_of, with_chains
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.sensor_class import SensorClass
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""
+
+
+STEPS = 200
+"""Steps of the 128 walkers or more of a unit's chains: so many that 95 % intervals are known to a few percent
+of an sd, in a minute."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +64,7 @@ class Record:
     truth : (p,) coefficients of a simulated unit; NaN for a recorded one.
     draws : (m, p) model-averaged posterior draws, for scenes; none where no scene asks.
     votes : of the other methods beside the decision; None where they were not asked.
+    rhat : largest split R-hat of the chains among them; NaN without chains.
     """
 
     number: int
@@ -72,6 +81,7 @@ class Record:
     truth: FloatArray
     draws: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     votes: Votes | None = None
+    rhat: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +101,7 @@ def record_of(
     seed: Sequence[int],
     *,
     draws: int = 0,
-    methods: bool = False,
+    methods: int = 0,
 ) -> Record:
     """Analyse one unit, whose name is that of its `spec`; the noise is held as it was found.
 
@@ -99,7 +109,7 @@ def record_of(
     ----------
     truth : (p,) coefficients of a simulated unit, SI; NaN of a recorded one.
     draws : of the posterior that are kept.
-    methods : whether the other methods are asked, too.
+    methods : whether the other methods are asked, too: 1 for those without chains, 2 for all.
 
     Raises
     ------
@@ -109,6 +119,7 @@ def record_of(
     ready = prepare(spec, runs, lambda message: None, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
     mean, cov = loose_fit(ready.summary, ready.prior)
+    asked, rhat = _votes(ready, selection, [*seed, 1], chains=methods > 1) if methods else (None, math.nan)
     p, found = len(selection.terms), ready.summary.runs
     N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in found], axis=0).tolist()
     return Record(
@@ -125,14 +136,35 @@ def record_of(
         R=of_terms(ready.summary, ready.prior).R,
         truth=truth,
         draws=posterior_draws(selection, draws, rng) if draws else np.zeros((0, 0)),
-        votes=_votes(ready, selection, [*seed, 1]) if methods else None,
+        votes=asked,
+        rhat=rhat,
     )
 
 
-def _votes(ready: Prepared, selection: Selection, seed: Sequence[int]) -> Votes:
-    """Votes of the other methods; no campaign is resampled, as that changes frequencies and no vote."""
+def _votes(
+    ready: Prepared, selection: Selection, seed: Sequence[int], *, chains: bool
+) -> tuple[Votes, float]:
+    """Votes of the other methods, and R-hat of the chains among them.
+
+    No campaign is resampled: that changes frequencies and no vote.
+    """
     given = ready.summary, ready.prior, ready.rows, selection
-    return panel_of(*given, rng=np.random.default_rng(seed), resamples=0).votes
+    found = panel_of(*given, rng=np.random.default_rng(seed), resamples=0).votes
+    sampled = _sampled(ready, seed) if chains else None
+    if sampled is None:
+        return found, math.nan
+    return with_chains(found, selection, sampled), float(np.max(sampled.diagnostics.rhat))
+
+
+def _sampled(ready: Prepared, seed: Sequence[int]) -> Chains | None:
+    """Chains over noise and coefficients, as they are after `STEPS`; None where they cannot be run."""
+    limits = Limits(seed=int(np.random.SeedSequence(seed).generate_state(1)[0]), steps=STEPS)
+    limits = replace(limits, time_limit=math.inf)
+    try:
+        return sample(ready.summary, ready.rows, ready.prior.sd, limits=limits).chains
+    except ConvergenceError as unfinished:
+        found = unfinished.estimate
+        return found.chains if isinstance(found, Sampled) else None
 
 
 def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
@@ -173,7 +205,7 @@ def tested(
     seed: Sequence[int],
     *,
     draws: int = 0,
-    methods: bool = False,
+    methods: int = 0,
 ) -> Record:
     """Simulate the unit at a place in its lot, and analyse it (see `record_of`)."""
     spec = replace(spec, truth=lot.truth(place))

@@ -21,6 +21,7 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
+from imubayes.population.records import STEPS
 from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
 from imubayes.reporting.lots_words import (
     Said,
@@ -331,8 +332,11 @@ def _bounded(found: Share) -> str:
     return f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
 
 
-def methods_sentence(study: LotStudy, methods: Sequence[Agreement]) -> str:
-    """Say about how many units other methods were asked, and how far they share the decision."""
+def methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequence[float]) -> str:
+    """Say about how many units other methods were asked, and how far they share the decision.
+
+    `rhats` are those of the units that chains were asked about.
+    """
     others = [one for one in methods if one.method != DECISION]
     whole = study.units * study.lots * len(study.specs)
     asked = f"{counted(len(others), 'other method')} were asked about {methods[0].units} of the {whole} units"
@@ -345,5 +349,16 @@ def methods_sentence(study: LotStudy, methods: Sequence[Agreement]) -> str:
     return (
         f"{asked} ({which}). They share {percent(same / of)} of the decision's sure answers on a term of a"
         f" unit: least {called(low.method)} with {percent(low.share.value)}, most {called(high.method)} with"
-        f" {percent(high.share.value)}. What the decision leaves open is not counted."
+        f" {percent(high.share.value)}. What the decision leaves open is not counted.{_of_chains(rhats)}"
+    )
+
+
+def _of_chains(rhats: Sequence[float]) -> str:
+    """Say how many units chains were asked about, and how well these mixed."""
+    if not rhats:
+        return ""
+    return (
+        f" Of these units chains, with the noise sampled, were asked about {len(rhats)}, the first of each"
+        f" class that they can be run for; their R-hat is {max(rhats):.3f} at most, after {STEPS} steps or"
+        " before."
     )

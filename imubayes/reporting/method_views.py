@@ -44,6 +44,7 @@ METHODS = {
     "sr3": "SR3",
     "ssr": "SSR",
     "frols": "FROLS",
+    "collapsed": "emcee",
 }
 """How a method is called in print."""
 

@@ -257,8 +257,12 @@ ORDER = (
     *("evidence", "g-prior"),
     *("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out"),
     *("stlsq", "sr3", "ssr", "frols"),
+    "collapsed",
 )
 """Methods in the order in which they are shown."""
+
+SIDES = (0.025, 0.975)
+"""Ends of the interval of a coefficient that chains keep where zero is outside of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,6 +342,21 @@ def votes(
             for k in tested
             for disagreement in _on(selection, ballots, case_of(selection, sensitivity, k), tuple(coloured))
         ),
+    )
+
+
+def with_chains(votes: Votes, selection: Selection, chains: Chains) -> Votes:
+    """Votes with those of chains, which keep what is not zero with 95 % under the full library."""
+    carrier = dict(zip((term.name for term in selection.terms), selection.carriers, strict=True))
+    theta = chains.theta.reshape(-1, len(chains.names))
+    own = theta[:, [chains.names.index(carrier[name]) for name in votes.terms]]
+    low, high = np.quantile(own, SIDES, axis=0)
+    above = np.mean(own > 0.0, axis=0)
+    return replace(
+        votes,
+        methods=(*votes.methods, "collapsed"),
+        strength=np.vstack((votes.strength, np.abs(2.0 * above - 1.0))),
+        keeps=np.vstack((votes.keeps, low * high > 0.0)),
     )
 
 

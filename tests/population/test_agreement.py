@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 from lot_studies import small
 
+from imubayes.inference.mcmc.engine import Target
+from imubayes.inference.mcmc.ensembles import Limits, run_ensembles
 from imubayes.population.agreement import DECISION, agreements
 from imubayes.population.lots import lot_of, unit_of
 from imubayes.population.records import Record
@@ -40,4 +42,23 @@ def test_the_first_units_of_each_lot_are_asked_and_their_records_stay_what_they_
     assert second.votes is None and alone.votes is None
     assert np.array_equal(asked.draws, alone.draws) and asked.verdicts == alone.verdicts
     methods = {one.method: one for one in agreements([asked, second], study.library.names)}
-    assert {"bic", "loo", "stlsq"} <= methods.keys() and methods["bic"].units == 1
+    assert {"bic", "loo", "stlsq", "collapsed"} <= methods.keys() and methods["bic"].units == 1
+    assert 0.99 < asked.rhat < 1.05 and np.isnan(second.rhat)
+    pulls = np.abs(asked.full_mean / asked.full_sd)
+    told = dict(zip(asked.votes.terms, asked.votes.keeps[-1], strict=True))
+    plain = {
+        name: pull > 1.96 for name, pull in zip(study.library.names, pulls, strict=True) if abs(pull - 2) > 1
+    }
+    assert len(plain) > 4 and all(told[name] == kept for name, kept in plain.items() if name in told)
+
+
+def test_chains_end_after_so_many_steps_whether_they_have_mixed_or_not():
+    target = Target(
+        ("x",), lambda x: -0.5 * x[:, 0] ** 2, (("differential", None, 1.0),), _start, lambda x: x
+    )
+    found = run_ensembles(target, Limits(seed=1, steps=100)).found
+    assert not found.converged and found.steps == 90  # a tenth is dropped
+
+
+def _start(rng, size):
+    return rng.standard_normal((size, 1))

@@ -30,6 +30,7 @@ from report_reading import (
 )
 from scipy.stats import betabinom
 
+from imubayes.population.records import STEPS
 from imubayes.reporting.lots_words import class_name, slug
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
@@ -403,6 +404,9 @@ OF_ALL = readings(
         r"^(\d+) other methods? were asked about (\d+) of the (\d+) units"
         r" \(the first (?:(\d+) )?of each lot\)":
             lambda r, m: _asked(r, m[4]),
+        r"were asked about (\d+), the first of each class .* R-hat is ([\d.]+) at most, after (\d+) steps":
+            lambda r, m: [r.methods["collapsed"]["units"], None, STEPS],
+        r"zero with (95) %": lambda r, m: [95],
         rf"They share ({NUM} %) of the decision's sure .*: least ([\w-][\w -]*) with ({NUM} %), most"
         rf" ([\w-][\w -]*) with ({NUM} %)": lambda r, m: _shared(r),
         r"(?:that the tests cannot tell: |; )([\w ]+): ([\w* ]+), cannot tell (\d+)":

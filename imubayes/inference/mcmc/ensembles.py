@@ -65,6 +65,7 @@ class Limits:
     checkpoint : file that holds the chains; None keeps them in memory.
     resume : go on from that file.
     fingerprint : of the problem: a file with another one is not resumed.
+    steps : of each walker after which the chains end as they are; 0 for as many as it takes.
     """
 
     ess: float = 1000.0
@@ -75,6 +76,7 @@ class Limits:
     checkpoint: Path | None = None
     resume: bool = False
     fingerprint: str = ""
+    steps: int = 0
 
 
 class History(NamedTuple):
@@ -118,7 +120,8 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
         told = done.found
         if why := _hopeless(told, samplers[0].iteration, elapsed, limits):
             done = done._replace(found=replace(told, text=f"{told.text}; {why}"))
-        ended = told.converged or bool(why) or (elapsed > limits.time_limit and told.steps > 1)
+        spent = elapsed > limits.time_limit or 0 < limits.steps <= samplers[0].iteration
+        ended = told.converged or bool(why) or (spent and told.steps > 1)
         if limits.checkpoint and samplers[0].iteration and (ended or elapsed > due):
             save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
             # writing takes a tenth of the time at most

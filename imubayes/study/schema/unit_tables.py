@@ -98,8 +98,9 @@ class LotsTable(UnitsTable):
         "same",
     )
     methods: Annotated[int, Limits(ge=0)] = key(
-        "units of each lot about which the other methods are asked, too: criteria, sparse"
-        " regressions and predictive scores; up to `units`, and 0 for none",
+        "units of each lot about which the other methods are asked, too, up to `units`, and 0 for none:"
+        " criteria, predictive scores and sparse regressions (some 10 s of compute a unit), and chains about"
+        " the first unit of each class (a minute or two)",
         1,
         0,
     )
