@@ -100,7 +100,8 @@ class MissionTerm:
         is flown with it and without it (`scenes.navigator`).
     most : share of the budget at the size that a further unit stays below with 95 % (`pooled.Pooled`).
     linear_share : of the same truth as `true_share`, by the linear propagation that the other shares are by.
-    held : units whose own 90 % interval of their share holds what the navigator makes of their truth.
+    held : units whose own 90 % interval of their share holds what the navigator makes of their truth, and
+        what the linear propagation does.
     """
 
     name: str
@@ -110,7 +111,7 @@ class MissionTerm:
     true_share: float
     most: float = math.nan
     linear_share: float = math.nan
-    held: int = 0
+    held: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +159,7 @@ class Check:
     shares, unit_shares : of the cells of `COUNTS` or more that the tests tell, in how many the range over
         units of a share of the budget holds the true one of the median unit; and how many units' own 90 %
         intervals hold theirs.
+    linear_shares : as `unit_shares`, with the truth by the linear propagation.
     off : part by which the linear propagation is off the navigator, in cells of `COUNTS` to all of the
         budget: in the median cell, and at most. NaN where no cell is.
     untold : cells beside these, which the tests cannot tell.
@@ -170,6 +172,7 @@ class Check:
     population_spread: Coverage
     shares: Coverage
     unit_shares: Coverage
+    linear_shares: Coverage
     off: tuple[float, float]
     untold: int = 0
 
@@ -271,6 +274,7 @@ def check(classes: Sequence[ClassFound]) -> Check:
     both = sum(said and true for said, true in cells)
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
     large = [(term, n) for term, n in told if max(term.share.value, term.true_share) >= COUNTS]
+    units = sum(n for _, n in large)
     tested = [
         lot
         for one in classes
@@ -285,7 +289,8 @@ def check(classes: Sequence[ClassFound]) -> Check:
         population_mean=_coverage([(term.mean, term.true_mean) for term in tested]),
         population_spread=_coverage([(term.spread, term.true_spread) for term in tested]),
         shares=_coverage([(term.share, term.true_share) for term, _ in large]),
-        unit_shares=_held(sum(term.held for term, _ in large), sum(n for _, n in large)),
+        unit_shares=_held(sum(term.held[0] for term, _ in large), units),
+        linear_shares=_held(sum(term.held[1] for term, _ in large), units),
         off=_off([term for _, term, _ in every]),
         untold=len(every) - len(cells),
     )
@@ -361,7 +366,7 @@ def _terms(
     rms, kept, low, share, high = np.moveaxis(found, -1, 0)
     true = _flown(units, seen)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
-    held = ((low <= true) & (true <= high)).sum(axis=0)
+    held = [((low <= one) & (one <= high)).sum(axis=0) for one in (true, linear)]
     most = seen.budgeted.single(limits) / seen.budget.limit
     return tuple(
         MissionTerm(
@@ -372,7 +377,7 @@ def _terms(
             true_share=float(np.median(true[:, j])),
             most=float(most[j]),
             linear_share=float(np.median(linear[:, j])),
-            held=int(held[j]),
+            held=(int(held[0][j]), int(held[1][j])),
         )
         for j, name in enumerate(seen.lib.names)
     )

@@ -294,17 +294,16 @@ def _of_shares(check: Check) -> tuple[str, ...]:
     said = (
         f"Where a term takes {100.0 * COUNTS:g}{NARROW}% of the budget or more, the range of its share over"
         f" the units holds the true one in {_covered(check.shares)}, and a unit's own 90{NARROW}% interval"
-        f" its own in {_covered(check.unit_shares)}."
+        f" its own in {_covered(check.unit_shares)}; by the linear propagation, which all other shares are"
+        f" by, the same truth in {_covered(check.linear_shares)}."
     )
     median, most = check.off
     if math.isnan(median):
         return (said,)
-    close = check.unit_shares.share.value < COVERING[0]
     return (
         said,
-        f"The linear propagation, which all other shares are by, is {share(median)} off the full navigator in"
-        f" the median cell within the budget, and {share(most)} at most"
-        f"{': the intervals of units do not allow for that' if close else ''}.",
+        "How far the linear propagation is off the full navigator in cells within the budget:"
+        f" {share(median)} in the median, {share(most)} at most.",
     )
 
 

@@ -56,6 +56,24 @@ def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
     assert told.recall.value == pytest.approx(2 / 3)
 
 
+def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_are_apart(found):
+    one = found[0].classes[0]
+    scene, term = one.missions[0], one.missions[0].terms[0]
+    share = replace(term.share, value=0.2, low=0.1, high=0.4)
+    # (true, linear, held): in and off by 10 %, outside and off by half, over the budget, too small to count
+    cells = [(0.2, 0.22, (2, 2)), (0.6, 0.3, (0, 1)), (2.0, 0.1, (0, 0)), (1e-3, 1.0, (1, 0))]
+    terms = [replace(term, share=share, true_share=t, linear_share=s, held=h) for t, s, h in cells]
+    terms[-1] = replace(terms[-1], share=replace(share, value=1e-3, low=0.0))
+    shown = tuple(said_by(known, needed=2, hidden=0) for known in one.terms[:4])
+    told = check([replace(one, terms=shown, missions=(replace(scene, terms=tuple(terms)),))])
+    assert [(c.held, c.of) for c in (told.shares, told.unit_shares, told.linear_shares)] == [
+        (1, 3),
+        (2, 6),
+        (3, 6),
+    ]
+    assert told.off == pytest.approx((0.3, 0.5))
+
+
 def said_by(term, *, needed, hidden):
     """A term of which so many of 2 units are said to need it, and to leave it open."""
     lots = tuple(replace(lot, needed=needed, open=hidden) for lot in term.lots)

@@ -421,9 +421,13 @@ OF_ALL = readings(
         r"(?:(\d+) (?:is|are) contradicted)?(?:, | and )?(?:(\d+) (?:is|are) beyond the test)?": _statements,
         rf"Where a term takes (1) % .* (the true one) in ([\d,]+) of ([\d,]+) cases, ({NUM}) %"
         rf" \(({NUM}) to ({NUM})\), and a unit's own (90) % interval its own in ([\d,]+) of ([\d,]+) cases,"
-        rf" ({NUM}) % \(({NUM}) to ({NUM})\)":
-            lambda r, m: [1, None, *_coverage(r, "shares"), 90, *_coverage(r, "unit_shares")],
-        rf"is ({SHARE}) off the full navigator in the median cell within the budget, and ({SHARE}) at most":
+        rf" ({NUM}) % \(({NUM}) to ({NUM})\); by the linear .* truth in ([\d,]+) of ([\d,]+) cases, ({NUM}) %"
+        rf" \(({NUM}) to ({NUM})\)":
+            lambda r, m: [
+                1, None, *_coverage(r, "shares"), 90, *_coverage(r, "unit_shares"),
+                *_coverage(r, "linear_shares"),
+            ],
+        rf"in cells within the budget: ({SHARE}) in the median, ({SHARE}) at most":
             lambda r, m: list(r.check["off"]),
     }
 )  # fmt: skip

@@ -179,7 +179,8 @@ Coverage = TypedDict("Coverage", {"held": Count, "of": Count, "share": Interval}
 Check = TypedDict("Check", {
     "precision": Interval, "recall": Interval, "cells": tuple[Count, Count], "population_mean": Coverage,
     "population_spread": Coverage, "untold": Count, "shares": NotRequired[Coverage],
-    "unit_shares": NotRequired[Coverage], "off": NotRequired[tuple[Number, Number]],
+    "unit_shares": NotRequired[Coverage], "linear_shares": NotRequired[Coverage],
+    "off": NotRequired[tuple[Number, Number]],
 })
 Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
 Broken = TypedDict("Broken", {"number": Count, "name": str, "error": str})

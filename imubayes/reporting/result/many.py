@@ -293,8 +293,8 @@ class Lots(TypedDict):
         'scene by this class", how many `cells` the tests tell and how many of them are truly '
         "required, cells that are `untold`, and what the 90 % intervals hold of the lots' means and "
         "spreads (`population_mean`, `population_spread`), and true shares of budgets, by their range over "
-        "units (`shares`) and by each unit's own (`unit_shares`); `off`: part by which linear propagation is "
-        "off the full navigator, median and most"
+        "units (`shares`) and by each unit's own (`unit_shares`; `linear_shares`: of truths by linear "
+        "propagation); `off`: part by which that is off the full navigator, median and most"
     )]
     statements: NotRequired[Annotated[tuple[Statement, ...], says(
         "published on the study's classes, and whether it bears them out"
