@@ -189,6 +189,10 @@ def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
         x, y = left + 300.0 * (k % 3), under + 12.0 + 24.0 * (k // 3)
         _term_tile(axes, (x, y, 22, 20), answer, times, scenes)
         axes.text(x + 28, y + 10, words, va="center", size=12)
+    if scenes:
+        x, y = left + 600.0, under + 36.0
+        _tile(axes, (x, y, 46, 20), "n +m?", facecolor=SHADES[2])
+        axes.text(x + 52, y + 10, "n terms needed, m more would matter", va="center", size=12)
 
 
 def scene_matrix(result: LotResult, k: int, key: str) -> Panel:

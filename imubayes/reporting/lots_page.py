@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from imubayes.population.agreement import DECISION, agreements
+from imubayes.population.agreement import agreements
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
@@ -46,7 +45,6 @@ from imubayes.reporting.lots_sentences import (
     check_sentences,
     class_sentences,
     lots_answer,
-    methods_sentence,
     own_scene_sentences,
     scene_sentences,
     statements_sentence,
@@ -66,7 +64,7 @@ from imubayes.reporting.lots_words import (
     slug,
     status,
 )
-from imubayes.reporting.method_views import called
+from imubayes.reporting.method_views import methods_beside
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import (
@@ -89,7 +87,6 @@ from imubayes.reporting.rounding import (
     share_range,
 )
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
-from imubayes.selection.verdicts import listed
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
@@ -137,17 +134,6 @@ POPULATION_NOTE = (
     " at once; limit: the size that a further unit's stays below with 95 %; class: what all of that says."
 )
 
-METHODS_NOTE = (
-    "The share of the decision's sure answers, a term of a unit each, that a method shares. Keeps more, keeps"
-    " fewer: terms that it keeps and the decision says are not needed, and the other way round, with the"
-    " number of units. By the truth, of all terms that the test excites: false, kept of those below one"
-    " posterior sd of the test; missed, left out of those above eight. emcee keeps what is not zero with 95 %"
-    " under the full library."
-)
-
-MOST_DISPUTED = 4
-"""Terms that a cell names."""
-
 STATEMENTS_NOTE = (
     "Confirmed: what is said to be there, if the classes need it whose tests tell; what is said not to be, if"
     " a further unit's stays below 10 % of every scene's budget with 95 %; a size, if units of the class can"
@@ -181,7 +167,7 @@ def lots_page(result: LotResult) -> Page:
             *([_basic(result)] if study.basic else []),
             _check(result),
             *_published_statements(result),
-            *_methods(result),
+            *methods_beside(result),
             *(_class(result, k) for k in range(len(result.classes))),
             repeat(f"imubayes run {study.path}", study.text, said),
         ],
@@ -278,38 +264,6 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
         ("share of a budget, over units", held(check.shares), percents(check.shares.share)),
         ("share of a budget, each unit", held(check.unit_shares), percents(check.unit_shares.share)),
     ]
-
-
-def _methods(result: LotResult) -> Iterator[Section]:
-    """What the other methods say of the units that they were asked about; nothing where they were not."""
-    names, classes = result.study.library.names, result.classes
-    every = agreements([unit for one in classes for unit in one.units], names)
-    if not every:
-        return
-    each = [{told.method: told for told in agreements(one.units, names)} for one in classes]
-    rows = [
-        (
-            "the decision" if one.method == DECISION else called(one.method),
-            *(percent(own[one.method].share.value) if one.method in own else "–" for own in each),
-            percent(one.share.value),
-            _most(one.keeps),
-            _most(one.drops),
-            *("{} of {}".format(*pair) for pair in (one.false, one.missed)),
-        )
-        for one in every
-    ]
-    head = ("method", *_names(result), "all", "keeps more", "keeps fewer", "false", "missed")
-    table = Table("Methods beside the decision", head, rows, f"t{'n' * (len(classes) + 1)}ttn", METHODS_NOTE)
-    rhats = [unit.rhat for one in classes for unit in one.units if not math.isnan(unit.rhat)]
-    said = Prose(methods_sentence(result.study, every, rhats))
-    yield Section("Do the methods agree?", [said, table], "methods")
-
-
-def _most(terms: Mapping[str, int]) -> str:
-    """Terms on which a method differs most often, with the number of units: ``b2 (3), c_ij and 2 more``."""
-    said = [f"{name} ({count})" for name, count in tuple(terms.items())[:MOST_DISPUTED]]
-    more = [f"{len(terms) - MOST_DISPUTED} more"] if len(terms) > MOST_DISPUTED else []
-    return listed((*said, *more)) if said else "–"
 
 
 def _class(result: LotResult, k: int) -> Section:

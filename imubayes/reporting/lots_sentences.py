@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from imubayes.population.agreement import DECISION
 from imubayes.population.lots import COUNTS
 from imubayes.population.needs import (
     HALF,
@@ -21,7 +20,6 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
-from imubayes.population.records import STEPS
 from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
 from imubayes.reporting.lots_words import (
     Said,
@@ -33,7 +31,6 @@ from imubayes.reporting.lots_words import (
     scene_name,
     slug,
 )
-from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import NARROW, percent, percents, share
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import listed
@@ -42,8 +39,7 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
-    from imubayes.population.agreement import Agreement
-    from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound
+    from imubayes.population.lots import Check, Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound
     from imubayes.population.statements import Judged
 
@@ -329,35 +325,3 @@ def _bounded(found: Share) -> str:
     if math.isnan(found.value):
         return "undefined"
     return f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
-
-
-def methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequence[float]) -> str:
-    """Say about how many units other methods were asked, and how far they share the decision.
-
-    `rhats` are those of the units that chains were asked about.
-    """
-    others = [one for one in methods if one.method != DECISION]
-    whole = study.units * study.lots * len(study.specs)
-    asked = f"{counted(len(others), 'other method')} were asked about {methods[0].units} of the {whole} units"
-    which = "the first of each lot" if study.methods == 1 else f"the first {study.methods} of each lot"
-    told = [one for one in others if one.of]
-    if not told:
-        return f"{asked} ({which}), and have no answer beside the decision's."
-    low, *_, high = sorted((told[0], *told), key=lambda one: one.share.value)
-    same, of = sum(round(one.share.value * one.of) for one in told), sum(one.of for one in told)
-    return (
-        f"{asked} ({which}). They share {percent(same / of)} of the decision's sure answers on a term of a"
-        f" unit: least {called(low.method)} with {percent(low.share.value)}, most {called(high.method)} with"
-        f" {percent(high.share.value)}. What the decision leaves open is not counted.{_of_chains(rhats)}"
-    )
-
-
-def _of_chains(rhats: Sequence[float]) -> str:
-    """Say how many units chains were asked about, and how well these mixed."""
-    if not rhats:
-        return ""
-    return (
-        f" Of these units chains, with the noise sampled, were asked about {len(rhats)}, the first of each"
-        f" class that they can be run for; their R-hat is {max(rhats):.3f} at most, after {STEPS} steps or"
-        " before."
-    )

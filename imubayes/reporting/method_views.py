@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imubayes.population.agreement import DECISION, agreements
+from imubayes.population.records import STEPS
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
-from imubayes.reporting.rounding import in_unit, minus, on_output
+from imubayes.reporting.lots_words import class_name
+from imubayes.reporting.rounding import in_unit, minus, on_output, percent
 from imubayes.reporting.rows import own_names, sentence
 from imubayes.reporting.words import models_text
 from imubayes.selection.verdicts import listed
@@ -18,6 +21,8 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
+    from imubayes.population.agreement import Agreement
+    from imubayes.population.lots import LotResult, LotStudy
     from imubayes.selection.compensations import Reduced
     from imubayes.selection.criteria import Criterion
     from imubayes.selection.decision import Selection
@@ -322,3 +327,86 @@ def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> tu
 
 def _number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "–"
+
+
+METHODS_NOTE = (
+    "The share of the decision's sure answers, a term of a unit each, that a method shares. Keeps more, keeps"
+    " fewer: terms that it keeps and the decision says are not needed, and the other way round, with the"
+    " number of units. By the truth, of all terms that the test excites: false, kept of those below one"
+    " posterior sd of the test; missed, left out of those above eight. emcee keeps what is not zero with 95 %"
+    " under the full library."
+)
+
+MOST_DISPUTED = 4
+"""Terms that a cell names."""
+
+
+def methods_beside(result: LotResult) -> Iterator[Section]:
+    """What the other methods say of the units that they were asked about; nothing where they were not."""
+    names, classes = result.study.library.names, result.classes
+    every = agreements([unit for one in classes for unit in one.units], names)
+    if not every:
+        return
+    each = [{told.method: told for told in agreements(one.units, names)} for one in classes]
+    rows = [
+        (
+            "the decision" if one.method == DECISION else called(one.method),
+            *(_agreed(own.get(one.method)) for own in each),
+            _agreed(one),
+            _most(one.keeps),
+            _most(one.drops),
+            *("{} of {}".format(*pair) for pair in (one.false, one.missed)),
+        )
+        for one in every
+    ]
+    names_of = (class_name(one.sensor_class) for one in classes)
+    head = ("method", *names_of, "all", "keeps more", "keeps fewer", "false", "missed")
+    table = Table("Methods beside the decision", head, rows, f"t{'n' * (len(classes) + 1)}ttn", METHODS_NOTE)
+    rhats = [unit.rhat for one in classes for unit in one.units if not math.isnan(unit.rhat)]
+    said = Prose(_methods_sentence(result.study, every, rhats))
+    yield Section("Do the methods agree?", [said, table], "methods")
+
+
+def _agreed(one: Agreement | None) -> str:
+    """Share of the decision's sure answers that a method shares; a dash where there are none."""
+    return percent(one.share.value) if one and one.of else "–"
+
+
+def _most(terms: Mapping[str, int]) -> str:
+    """Terms on which a method differs most often, with the number of units: ``b2 (3), c_ij and 2 more``."""
+    said = [f"{name} ({count})" for name, count in tuple(terms.items())[:MOST_DISPUTED]]
+    more = [f"{len(terms) - MOST_DISPUTED} more"] if len(terms) > MOST_DISPUTED else []
+    return listed((*said, *more)) if said else "–"
+
+
+def _methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequence[float]) -> str:
+    """Say about how many units other methods were asked, and how far they share the decision.
+
+    `rhats` are those of the units that chains were asked about.
+    """
+    others = [one for one in methods if one.method != DECISION]
+    whole = study.units * study.lots * len(study.specs)
+    most = max(one.units for one in methods)
+    asked = f"{counted(len(others), 'other method')} were asked about {most} of the {whole} units"
+    which = "the first of each lot" if study.methods == 1 else f"the first {study.methods} of each lot"
+    told = [one for one in others if one.of]
+    if not told:
+        return f"{asked} ({which}), and have no answer beside the decision's."
+    low, *_, high = sorted((told[0], *told), key=lambda one: one.share.value)
+    same, of = sum(round(one.share.value * one.of) for one in told), sum(one.of for one in told)
+    return (
+        f"{asked} ({which}). They share {percent(same / of)} of the decision's sure answers on a term of a"
+        f" unit: least {called(low.method)} with {percent(low.share.value)}, most {called(high.method)} with"
+        f" {percent(high.share.value)}. What the decision leaves open is not counted.{_of_chains(rhats)}"
+    )
+
+
+def _of_chains(rhats: Sequence[float]) -> str:
+    """Say how many units chains were asked about, and how well these mixed."""
+    if not rhats:
+        return ""
+    return (
+        f" Of these units chains, with the noise sampled, were asked about {len(rhats)}, the first of each"
+        f" class that they can be run for; their R-hat is {max(rhats):.3f} at most, after {STEPS} steps or"
+        " before."
+    )

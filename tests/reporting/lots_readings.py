@@ -287,7 +287,7 @@ def _others(lots: Lots) -> list[dict[str, Any]]:
 def _asked(lots: Lots, each: str | None) -> list[Meant]:
     """Other methods, units that they were asked about, all units, and units of each lot."""
     per_lot = sum(bool(one.get("methods")) for one in lots.classes.values()) * lots.lots
-    units = lots.methods["evidence"]["units"]
+    units = max(one["units"] for one in lots.methods.values())
     whole = len(lots.classes) * lots.lots * lots.units
     return [len(_others(lots)), units, whole, None if each is None else units // per_lot]
 
