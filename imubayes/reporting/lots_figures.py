@@ -20,6 +20,7 @@ from imubayes.population.needs import (
     in_scene,
     of_class,
     terms_in,
+    terms_of,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -72,9 +73,10 @@ def slide(result: LotResult, key: str) -> Panel:
     """Tiles of each class: how many terms each scene requires of it, and what it says of each term."""
     told = [_over_scenes(one) for one in result.classes]
     names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
-    count = sum(any(one[name][0] == NEEDED for one in told) for name in names)
+    least = 1 if scene else 0
+    count = sum(any(one[name][0] == NEEDED and one[name][1] >= least for one in told) for name in names)
     said = "; ".join(
-        f"{class_name(one.sensor_class)}: {_alt(terms)}"
+        f"{class_name(one.sensor_class)}: {_alt(terms, scenes=bool(scene))}"
         for one, terms in zip(result.classes, told, strict=True)
     )
     width, high = SLIDE[0], min(TALL, ROOM / len(told))
@@ -97,7 +99,7 @@ def slide_files(result: LotResult) -> Iterator[tuple[str, bytes]]:
 def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
     """What a class says of each term over its scenes, and how many of these require it.
 
-    Without scenes what it says of itself.
+    Without scenes what it says of itself; and of a term that no scene requires, whether its tests show it.
     """
     if not found.missions:
         return {term.name: (of_class(term), 0) for term in found.terms}
@@ -106,15 +108,16 @@ def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
     for name in told[0]:
         answers = [answer[name] for answer in told]
         first = next(one for one in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if one in answers)
-        said[name] = first, answers.count(NEEDED)
+        shown = first == NOT_NEEDED and name in terms_of(found, NEEDED)
+        said[name] = NEEDED if shown else first, answers.count(NEEDED)
     return said
 
 
-def _alt(told: Mapping[str, tuple[str, int]]) -> str:
+def _alt(told: Mapping[str, tuple[str, int]], *, scenes: bool) -> str:
     """Terms by what is said of them, in words."""
     by: dict[str, list[str]] = {}
-    for name, (answer, _) in told.items():
-        by.setdefault(answer, []).append(name)
+    for name, (answer, times) in told.items():
+        by.setdefault("shown" if scenes and answer == NEEDED and not times else answer, []).append(name)
     return ", ".join(f"{answer} {' '.join(names)}" for answer, names in by.items())
 
 
@@ -167,11 +170,11 @@ def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) ->
 
 
 def _term_tile(axes: Axes, box: Box, answer: str, times: int, scenes: int) -> None:
-    """Dark where every scene requires the term, paler with their number where some do."""
+    """Dark where every scene requires the term, paler with their number where some do or none does."""
     if answer == NEEDED and times == scenes:
         _tile(axes, box, facecolor=ACCENT)
     elif answer == NEEDED:
-        _tile(axes, box, f"{times}", facecolor=SHADES[2])
+        _tile(axes, box, f"{times}", facecolor=SHADES[2 if times else 1])
     elif answer == WOULD_MATTER:
         _tile(axes, box, facecolor="white", edgecolor=INK, hatch="////", linewidth=0.6)
     elif answer == UNTOLD:
@@ -182,17 +185,18 @@ def _term_tile(axes: Axes, box: Box, answer: str, times: int, scenes: int) -> No
 
 def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
     """What the tiles of a term mean."""
-    some = [(NEEDED, 1, "needed in so many scenes"), (WOULD_MATTER, 0, "cannot tell, but would matter")]
-    every = "needed in every scene" if scenes else "needed"
-    told = [(NEEDED, scenes, every), *(some if scenes else []), (UNTOLD, 0, "cannot tell")]
-    for k, (answer, times, words) in enumerate([*told, (NOT_NEEDED, 0, "not needed")]):
-        x, y = left + 300.0 * (k % 3), under + 12.0 + 24.0 * (k // 3)
+    told = [(NEEDED, scenes, "needed in every scene" if scenes else "needed")]
+    told += [(NEEDED, 1, "needed in so many scenes")] if scenes > 1 else []
+    told += [(NEEDED, 0, "shown, needed in no scene"), (NOT_NEEDED, 0, "not needed")] if scenes else []
+    told += [(WOULD_MATTER, 0, "cannot tell, would matter")] if scenes else [(NOT_NEEDED, 0, "not needed")]
+    for k, (answer, times, words) in enumerate([*told, (UNTOLD, 0, "cannot tell")]):
+        x, y = left + 225.0 * (k % 4), under + 12.0 + 24.0 * (k // 4)
         _term_tile(axes, (x, y, 22, 20), answer, times, scenes)
         axes.text(x + 28, y + 10, words, va="center", size=12)
     if scenes:
-        x, y = left + 600.0, under + 36.0
+        x, y = left + 225.0 * 3, under + 36.0
         _tile(axes, (x, y, 46, 20), "n +m?", facecolor=SHADES[2])
-        axes.text(x + 52, y + 10, "n terms needed, m more would matter", va="center", size=12)
+        axes.text(x + 52, y + 10, "n needed, m would matter", va="center", size=12)
 
 
 def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
