@@ -194,9 +194,10 @@ def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> Lo
     lots = _units(study, drawn, progress)
     progress("scenes")
     exposed = exposures(study.missions, study.library)
+    true = [flown(seen, [np.concatenate([lot.theta for lot in own]) for own in drawn]) for seen in exposed]
     classes = tuple(
-        _class_found(study, entry, own, truth, exposed)
-        for entry, own, truth in zip(study.classes, lots, drawn, strict=True)
+        _class_found(study, entry, lots[k], drawn[k], exposed, [one[k] for one in true])
+        for k, entry in enumerate(study.classes)
     )
     return LotResult(study, classes, check(classes), time.perf_counter() - start)
 
@@ -207,6 +208,7 @@ def _class_found(
     lots: Sequence[Sequence[Record]],
     drawn: Sequence[Lot],
     exposed: Sequence[Exposure],
+    true: Sequence[FloatArray],
 ) -> ClassFound:
     """What the units of a class say of it, over all of its lots."""
     units = tuple(unit for lot in lots for unit in lot)
@@ -217,7 +219,7 @@ def _class_found(
         units=units,
         terms=terms,
         order=over_units([unit.verdicts.count(NEEDED) for unit in units]),
-        missions=missions(units, study.missions, exposed, limits, basic=study.basic),
+        missions=missions(units, study.missions, exposed, true, limits, basic=study.basic),
     )
 
 
@@ -320,21 +322,27 @@ def missions(
     units: Sequence[Record],
     scenes: Sequence[Mission],
     exposed: Sequence[Exposure],
+    true: Sequence[FloatArray],
     limits: FloatArray,
     *,
     basic: bool,
 ) -> tuple[MissionFound, ...]:
     """Weigh the units of one class in every scene, with what each makes of the library's terms (`exposures`).
 
-    `limits` (p,) are the sizes that the units together set. What the triad of twelve parameters leaves is
-    worked out where `basic` asks for it.
+    `true` are the units' true shares (n, p) of each scene's budget (`flown`), and `limits` (p,) the sizes
+    that the units together set. What the triad of twelve parameters leaves is worked out where `basic` asks for it.
     """
-    pairs = zip(scenes, exposed, strict=True)
-    return tuple(_mission(units, mission, seen, limits, basic) for mission, seen in pairs)
+    cases = zip(scenes, exposed, true, strict=True)
+    return tuple(_mission(units, mission, seen, own, limits, basic) for mission, seen, own in cases)
 
 
 def _mission(
-    units: Sequence[Record], mission: Mission, seen: Exposure, limits: FloatArray, basic: bool
+    units: Sequence[Record],
+    mission: Mission,
+    seen: Exposure,
+    true: FloatArray,
+    limits: FloatArray,
+    basic: bool,
 ) -> MissionFound:
     weighed = [
         weigh(
@@ -350,7 +358,7 @@ def _mission(
     left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         mission=mission.name,
-        terms=_terms(units, weighed, seen, limits),
+        terms=_terms(units, weighed, seen, true, limits),
         order=over_units([len(one.model) for one in weighed]),
         tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
         within=float(np.mean([one.met for one in weighed])),
@@ -360,11 +368,14 @@ def _mission(
 
 
 def _terms(
-    units: Sequence[Record], weighed: Sequence[Relevance], seen: Exposure, limits: FloatArray
+    units: Sequence[Record],
+    weighed: Sequence[Relevance],
+    seen: Exposure,
+    true: FloatArray,
+    limits: FloatArray,
 ) -> tuple[MissionTerm, ...]:
     found = np.array([[(t.rms, t.kept, *t.share) for t in one.terms] for one in weighed])
     rms, kept, low, share, high = np.moveaxis(found, -1, 0)
-    true = _flown(units, seen)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
     held = [((low <= one) & (one <= high)).sum(axis=0) for one in (true, linear)]
     most = seen.budgeted.single(limits) / seen.budget.limit
@@ -383,18 +394,18 @@ def _terms(
     )
 
 
-def _flown(units: Sequence[Record], seen: Exposure) -> FloatArray:
-    """Share (n, p) of the budget that each unit's true coefficients take, each alone, by a full navigator.
+def flown(seen: Exposure, truths: Sequence[FloatArray]) -> list[FloatArray]:
+    """Share (n, p) of the budget that coefficients (n, p) of classes take, each alone, by a full navigator.
 
-    The median unit is flown; where its error is so large that it is no longer in proportion to the
-    coefficient, those of the other units are taken to be so all the same.
+    The median unit of each class is flown; where its error is so large that it is no longer in proportion to
+    the coefficient, those of the other units are taken to be so all the same.
     """
     from imubayes.scenes.navigator import flown_sizes
 
-    truth = np.abs([unit.truth for unit in units])
-    median = np.median(truth, axis=0)
-    sizes = flown_sizes(seen.scene, seen.lib, seen.budget, median[None], seen.axis)[0] / seen.budget.limit
-    return truth * sizes / np.where(median > 0.0, median, 1.0)
+    median = np.median(np.abs(truths), axis=1)
+    shares = flown_sizes(seen.scene, seen.lib, seen.budget, median, seen.axis) / seen.budget.limit
+    each = zip(truths, median, shares, strict=True)
+    return [np.abs(one) * share / np.where(size > 0.0, size, 1.0) for one, size, share in each]
 
 
 def basic_left(seen: Exposure, draws: FloatArray) -> float:

@@ -10,7 +10,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import Mission
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
-from imubayes.population.lots import basic_left, check, exposures, lot_of, measure, missions, unit_of
+from imubayes.population.lots import basic_left, check, exposures, flown, lot_of, measure, missions, unit_of
 from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
 from imubayes.scenes.propagation import Budget
@@ -39,7 +39,8 @@ def test_classes_are_what_their_units_say_one_by_one(found):
 def _scene(units, study, terms):
     exposed = exposures(study.missions, study.library)
     limits = np.array([term.pooled.limit for term in terms])
-    return missions(units, study.missions, exposed, limits, basic=study.basic)[0]
+    true = [flown(seen, [np.array([unit.truth for unit in units])])[0] for seen in exposed]
+    return missions(units, study.missions, exposed, true, limits, basic=study.basic)[0]
 
 
 def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
@@ -136,7 +137,9 @@ def unit(theta, number=0, scatter=0.0) -> Record:
 
 def weighed(units, study=STUDY):
     exposed = exposures(study.missions, study.library)
-    return missions(units, study.missions, exposed, np.ones(len(study.library.terms)), basic=study.basic)
+    true = [flown(seen, [np.array([unit.truth for unit in units])])[0] for seen in exposed]
+    limits = np.ones(len(study.library.terms))
+    return missions(units, study.missions, exposed, true, limits, basic=study.basic)
 
 
 def outputs(scene) -> np.ndarray:
