@@ -330,7 +330,8 @@ def missions(
     """Weigh the units of one class in every scene, with what each makes of the library's terms (`exposures`).
 
     `true` are the units' true shares (n, p) of each scene's budget (`flown`), and `limits` (p,) the sizes
-    that the units together set. What the triad of twelve parameters leaves is worked out where `basic` asks for it.
+    that the units together set. What the triad of twelve parameters leaves is worked out where `basic` asks
+    for it.
     """
     cases = zip(scenes, exposed, true, strict=True)
     return tuple(_mission(units, mission, seen, own, limits, basic) for mission, seen, own in cases)
