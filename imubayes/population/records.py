@@ -40,9 +40,8 @@ _ONE_AT_A_TIME = threading.Lock()
 """Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""
 
 
-STEPS = 200
-"""Steps of the 128 walkers or more of a unit's chains: so many that 95 % intervals are known to a few percent
-of an sd, in a minute."""
+STEPS = 120
+"""Steps of the 128 walkers or more of a unit's chains; reports state the R-hat that they reach."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -127,6 +127,9 @@ class Manner:
     legs: Legs | None = None
 
 
+SHORTEST = 3.0
+"""ln of the factor by which powers of the pulses are larger at most."""
+
 CALM = 0.05
 """Share of the swings of a turn that is left on a leg."""
 
@@ -309,27 +312,51 @@ def _force(
     clock: tuple[FloatArray, FloatArray],
     waves: _Waves,
 ) -> FloatArray:
-    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed)."""
+    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed).
+
+    What rests at 1 g neither climbs nor falls all the time: upwards it is g on average. Where the range
+    reaches farther from 1 g on one side, the swings to that side are shorter.
+    """
+    from scipy.optimize import brentq
+
     tau, passed = clock
-    load = _load(ranges, manner, waves.at(3, tau, manner.pace)[0], passed, motion.lively)
     main = 2 if manner.axis == "up" else "xyz".index(manner.axis)
-    force = load * (motion.up if manner.axis == "up" else np.eye(3)[main][:, None])
+    axis = motion.up if manner.axis == "up" else np.eye(3)[main][:, None]
     half = 0.5 * (ranges.load[1] - ranges.load[0])
-    for number, axis in enumerate(a for a in range(3) if a != main):
-        force[axis] += ACROSS * half * motion.lively * waves.at(4 + number, tau, manner.pace)[0]
-    return force
+    across = np.zeros((3, len(tau)))
+    for number, side in enumerate(a for a in range(3) if a != main):
+        across[side] = ACROSS * half * motion.lively * waves.at(4 + number, tau, manner.pace)[0]
+
+    def force(shorter: float) -> FloatArray:
+        wave = waves.at(3, tau, manner.pace)[0]
+        return across + axis * _load(ranges, manner, wave, passed, motion.lively, shorter)
+
+    def lift(shorter: float) -> float:
+        return float(np.mean(np.sum(force(shorter) * motion.up, axis=0))) - STANDARD_GRAVITY
+
+    balanced = manner.load == "swings" and manner.rest > 0.0
+    if not balanced or lift(-SHORTEST) * lift(SHORTEST) >= 0.0:
+        return force(0.0)
+    return force(brentq(lift, -SHORTEST, SHORTEST, xtol=1e-6))
 
 
 def _load(
-    ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray, lively: FloatArray
+    ranges: Ranges,
+    manner: Manner,
+    wave: FloatArray,
+    passed: FloatArray,
+    lively: FloatArray,
+    shorter: float,
 ) -> FloatArray:
+    """Load (n,); `shorter`: ln of a factor on the power of pulses above rest, or of those below if negative."""
     low, high = ranges.load
     if manner.load == "burns":
         return low + (high - low) * passed**2
     rest = min(max(manner.rest * STANDARD_GRAVITY, low), high)
     if manner.load == "drags":
         return rest + (low - rest) * np.sin(math.pi * passed) ** 2
-    pulses = (0.5 + 0.5 * wave) ** manner.sharp, (0.5 - 0.5 * wave) ** manner.sharp
+    powers = (manner.sharp * math.exp(max(one, 0.0)) for one in (shorter, -shorter))
+    pulses = [(0.5 + 0.5 * side) ** power for side, power in zip((wave, -wave), powers, strict=True)]
     return rest + lively * ((high - rest) * pulses[0] - (rest - low) * pulses[1])
 
 
