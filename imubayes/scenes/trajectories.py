@@ -348,7 +348,7 @@ def _load(
     lively: FloatArray,
     shorter: float,
 ) -> FloatArray:
-    """Load (n,); `shorter`: ln of a factor on the power of pulses above rest, or of those below if negative."""
+    """Load (n,); `shorter` is ln of a factor on the power of pulses above rest, -ln of one on those below."""
     low, high = ranges.load
     if manner.load == "burns":
         return low + (high - low) * passed**2

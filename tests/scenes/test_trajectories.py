@@ -73,10 +73,11 @@ def test_temperature_runs_on_over_the_whole_mission_within_its_range_and_its_rat
     assert np.abs(slope - 0.5 * (rate[1:] + rate[:-1])).max() <= ranges.warming * 4e-6 + 1e-12
 
 
-@pytest.mark.parametrize("ranges", [one for one in SCENES if MANNERS[one.id].rest], ids=lambda one: one.id)
+CARRIED = [one for one in SCENES if MANNERS[one.id].rest and MANNERS[one.id].load == "swings"]
+
+
+@pytest.mark.parametrize("ranges", CARRIED, ids=lambda one: one.id)
 def test_what_rests_at_1_g_neither_climbs_nor_falls_on_average(ranges) -> None:
-    if MANNERS[ranges.id].load != "swings":
-        pytest.skip("it is fired")
     scene = generated(ranges, np.random.default_rng(3))
     force = np.column_stack([scene.mean_motion.channels[f"f_{axis}"] for axis in "ijk"])
     up = np.mean(np.sum(scene.attitude[:, 2] * force, axis=1))
