@@ -32,11 +32,21 @@ from trades_found import traded
 import imubayes.reporting
 import studies
 from imubayes.inference.allan import AllanCurve
+from imubayes.planning.hours import ClassHours, TermHours
 from imubayes.planning.menu import Step
 from imubayes.population.needs import VERDICTS
-from imubayes.reporting import figures, fit_figures, fleet_page, lots_figures, plan_page, trade_figures
+from imubayes.reporting import (
+    figures,
+    fit_figures,
+    fleet_page,
+    hours_page,
+    lots_figures,
+    plan_page,
+    trade_figures,
+)
 from imubayes.reporting.canvas import Panel
 from imubayes.reporting.session_views import session_section
+from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
@@ -69,6 +79,21 @@ def _planned() -> SimpleNamespace:
         menus=(menu, menu), even=even, same=same, best=best,
         worst=lambda outcome: (lib[0], float(outcome.sd[0]) or 1.0),
     )  # fmt: skip
+
+
+def _hours() -> SimpleNamespace:
+    lib = library("gyroscope")
+    terms = tuple(
+        TermHours(name, 1.0, 0.3, 3600.0 * (k + 1), "tumble", 0.5, 0.2, 0.1, 0.05, "hover")
+        for k, name in enumerate(lib.names)
+    )
+    one = ClassHours(sensor("fog_tactical", kind="gyroscope"), 7200.0, (("tumble", 7200.0),), terms)
+    return SimpleNamespace(study=SimpleNamespace(library=lib), classes=(one, one))
+
+
+def _of_hours(found: Any) -> Panels:
+    each = (hours_page.class_panel(one, f"c{k}") for k, one in enumerate(found.classes))
+    return (hours_page.all_classes(found, "a"), *each)
 
 
 def _noise() -> SimpleNamespace:
@@ -150,6 +175,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "choice": (judged_result, _of_choice),
     "fit": (judged_result, _of_fit),
     "fleet": (fleet_result, _of_fleet),
+    "hours": (_hours, _of_hours),
     "lots": (lot_result, _of_lots),
     "noise": (_noise, lambda found: (fit_figures.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
