@@ -512,7 +512,7 @@ def _wrong_shares(anchor: str, row: tuple[str, ...], scene: dict[str, Any]) -> I
 
 
 FIRST = 5
-"""Paragraphs of the first screen: the answer, two with the picture, how many there are of each, and what it was
+"""Paragraphs of the first screen: the answer, two with the picture, how many there are of each, what it was
 simulated from."""
 
 
