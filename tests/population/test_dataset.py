@@ -44,7 +44,8 @@ def test_records_read_back_to_the_last_bit(found, tmp_path):
     for one, other in zip(back, found[1], strict=True):
         for field in fields(one):
             mine, theirs = getattr(one, field.name), getattr(other, field.name)
-            assert np.array_equal(mine, theirs) if isinstance(mine, np.ndarray) else mine == theirs, field
+            same = isinstance(mine, np.ndarray) and np.array_equal(mine, theirs)
+            assert same or mine == theirs or (field.name == "rhat" and np.isnan([mine, theirs]).all()), field
 
 
 def test_a_row_is_a_unit_and_a_term_and_their_factor_gives_the_posterior_again(found, tmp_path):

@@ -91,9 +91,10 @@ def test_number_that_is_changed_anywhere_is_found(monkeypatch):
     ("table", "column", "old", "new"),
     [
         ("class-1", 2, "24 of 24", "23 of 24"),
-        ("class-1", 3, "−25600", "−25400"),
-        ("class-1", 5, "below 74", "below 76"),
-        ("class-1", 7, "230", "240"),
+        ("class-1", 4, "97 %", "96 %"),
+        ("class-1", 6, "−25600", "−25400"),
+        ("class-1", 8, "below 74", "below 76"),
+        ("class-1", 10, "230", "240"),
         ("sessions", 6, "imu7.az", "imu6.az"),
         ("sessions", 8, "✗ no", "✓ yes"),
         ("cases", 5, "0.074", "0.076"),
