@@ -317,7 +317,7 @@ def _force(
     What rests at 1 g neither climbs nor falls all the time: upwards it is g on average. Where the range
     reaches farther from 1 g on one side, the swings to that side are shorter.
     """
-    from scipy.optimize import brentq
+    from scipy.optimize import root_scalar
 
     tau, passed = clock
     main = 2 if manner.axis == "up" else "xyz".index(manner.axis)
@@ -337,7 +337,7 @@ def _force(
     balanced = manner.load == "swings" and manner.rest > 0.0
     if not balanced or lift(-SHORTEST) * lift(SHORTEST) >= 0.0:
         return force(0.0)
-    return force(brentq(lift, -SHORTEST, SHORTEST, xtol=1e-6))
+    return force(root_scalar(lift, bracket=(-SHORTEST, SHORTEST), method="brentq", xtol=1e-6).root)
 
 
 def _load(
