@@ -43,6 +43,9 @@ from imubayes.units import factor
 SETTLED = 0.05
 """Change of ln of an estimated sd that is none: its own uncertainty is larger."""
 
+ROUNDS = 20
+"""Most rounds in which estimated sds must settle; they take two or three."""
+
 
 def runs_of(
     spec: SensorSpec, seed: int, index: int, tell: Callable[[str], None] = lambda message: None
@@ -144,7 +147,7 @@ def _summarized(
         return Prepared(tuple(runs), summary, rows, prior, "")
     tell("errors of the test bench")
     typical = {kind: size for kind, size in wanted.items() if kind in spec.estimated}
-    while True:
+    for _ in range(ROUNDS):
         summary, rows = solve(runs, spec.library, prior.sd, wanted, sensor=spec.sensor_class, rules=rules)
         whole = _with_extras(prior, summary.extras)
         for kind in (one for one in typical if sum(e.kind == one for e in summary.extras) < FEWEST):
@@ -156,6 +159,11 @@ def _summarized(
         before, wanted = wanted, {**wanted, **{one.kind: one.mean for one in told}}
         if all(abs(math.log(wanted[kind] / before[kind])) < SETTLED for kind in typical):
             return Prepared(tuple(runs), summary, rows, whole, "", spreads=told)
+    raise ConvergenceError(
+        f"sensor '{spec.id}': how far mounts differ ({', '.join(typical)}) did not settle in {ROUNDS} rounds:"
+        " state its size in reference, a quantity",
+        wanted,
+    )
 
 
 def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:

@@ -70,26 +70,16 @@ def spreads(
     extras : the q errors.
     typical : size of each kind that is estimated, SI.
     """
-    return tuple(
-        _spread(factor, sd, extras, kind, size * np.exp(np.linspace(-REACH, REACH, SIZES) * WIDTH), size)
-        for kind, size in typical.items()
-    )
+    return tuple(_spread(factor, sd, extras, kind, size) for kind, size in typical.items())
 
 
-def _spread(
-    factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str, sizes: FloatArray, typical: float
-) -> Spread:
-    log = np.array([log_marginal(factor, _with_sizes(sd, extras, {kind: size})) for size in sizes.tolist()])
-    log -= 0.5 * (np.log(sizes / typical) / WIDTH) ** 2
+def _spread(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str, typical: float) -> Spread:
+    z = np.linspace(-REACH, REACH, SIZES)
+    sizes, own = typical * np.exp(WIDTH * z), np.array([extra.kind == kind for extra in extras], dtype=bool)
+    there = np.append(np.zeros(len(sd) - len(extras), dtype=bool), own)
+    log = np.array([log_marginal(factor, np.where(there, size, sd)) for size in sizes.tolist()]) - 0.5 * z**2
     weight = np.exp(log - log.max())
-    return Spread(kind, sum(extra.kind == kind for extra in extras), sizes, weight / weight.sum())
-
-
-def _with_sizes(sd: FloatArray, extras: Sequence[Extra], sizes: Mapping[str, float]) -> FloatArray:
-    """Prior sds (p + q,) in which errors of some kinds have these."""
-    first = len(sd) - len(extras)
-    usual = zip(extras, sd[first:].tolist(), strict=True)
-    return np.concatenate((sd[:first], [sizes.get(extra.kind, own) for extra, own in usual]))
+    return Spread(kind, int(own.sum()), sizes, weight / weight.sum())
 
 
 def over_spreads(

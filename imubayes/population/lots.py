@@ -252,7 +252,7 @@ def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
     ConvergenceError : if the errors of the bench do not settle.
     """
     seed, place = (study.seed, class_index, 1, number), number % study.units
-    asked = {"draws": DRAWS, "methods": (place < study.methods) + (number == 0 < study.methods)}
+    asked = {"draws": DRAWS, "methods": place < study.methods, "chains": number == 0}
     return tested(number, study.specs[class_index], lot, place, seed, **asked)
 
 

@@ -15,6 +15,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,6 @@ from imubayes.sensors.sensor_class import SensorClass
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""
-
 
 STEPS = 120
 """Steps of the 128 walkers or more of a unit's chains; reports state the R-hat that they reach."""
@@ -100,7 +100,8 @@ def record_of(
     seed: Sequence[int],
     *,
     draws: int = 0,
-    methods: int = 0,
+    methods: bool = False,
+    chains: bool = False,
 ) -> Record:
     """Analyse one unit, whose name is that of its `spec`; the noise is held as it was found.
 
@@ -108,7 +109,7 @@ def record_of(
     ----------
     truth : (p,) coefficients of a simulated unit, SI; NaN of a recorded one.
     draws : of the posterior that are kept.
-    methods : whether the other methods are asked, too: 1 for those without chains, 2 for all.
+    methods, chains : whether the other methods are asked, too, and whether chains are one of them.
 
     Raises
     ------
@@ -118,7 +119,7 @@ def record_of(
     ready = prepare(spec, runs, lambda message: None, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
     mean, cov = loose_fit(ready.summary, ready.prior)
-    asked, rhat = _votes(ready, selection, [*seed, 1], chains=methods > 1) if methods else (None, math.nan)
+    asked, rhat = _votes(ready, selection, [*seed, 1], chains=chains) if methods else (None, math.nan)
     p, found = len(selection.terms), ready.summary.runs
     N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in found], axis=0).tolist()
     return Record(
@@ -157,8 +158,8 @@ def _votes(
 
 def _sampled(ready: Prepared, seed: Sequence[int]) -> Chains | None:
     """Chains over noise and coefficients, as they are after `STEPS`; None where they cannot be run."""
-    limits = Limits(seed=int(np.random.SeedSequence(seed).generate_state(1)[0]), steps=STEPS)
-    limits = replace(limits, time_limit=math.inf)
+    first = int(np.random.SeedSequence(seed).generate_state(1)[0])
+    limits = Limits(seed=first, steps=STEPS, time_limit=math.inf)
     try:
         return sample(ready.summary, ready.rows, ready.prior.sd, limits=limits).chains
     except ConvergenceError as unfinished:
@@ -202,14 +203,12 @@ def tested(
     lot: Lot,
     place: int,
     seed: Sequence[int],
-    *,
-    draws: int = 0,
-    methods: int = 0,
+    **asked: Any,
 ) -> Record:
-    """Simulate the unit at a place in its lot, and analyse it (see `record_of`)."""
+    """Simulate the unit at a place in its lot, and analyse it; `asked` are options of `record_of`."""
     spec = replace(spec, truth=lot.truth(place))
     runs = simulate_unit(spec, lot, place, np.random.default_rng([*seed, 0]))
-    return record_of(number, spec, runs, lot.theta[place], [*seed, 1], draws=draws, methods=methods)
+    return record_of(number, spec, runs, lot.theta[place], [*seed, 1], **asked)
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,7 +89,7 @@ def command(study: Study) -> str:
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     selection, models = sensor.selection, sensor.selection.models
     told = _of_panel(sensor.panel, own_names(selection)) if sensor.panel else NO_PANEL
-    found = published(
+    return published(
         Sensor,
         sensor,
         **told,
@@ -109,7 +109,7 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         groups=selection.groups,
         mcmc=_chains(sensor),
         extras=tuple(map(_extra, sensor.extras)),
-        reproducibility=sensor.spreads,
+        reproducibility=sensor.spreads or None,
         n_models=models.n_models,
         drawn_models=models.drawn,
         missing=models.missing,
@@ -124,33 +124,24 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         runs=tuple(map(_run, sensor.runs)),
         digits=selection.digits,
         pooled_inclusion=sensor.pooled,
+        compensations=sensor.compensations or None,
         standards=standards(study, sensor),
     )
-    if not sensor.bias:
-        del found["bias"]
-    if not sensor.compensations:
-        del found["compensations"]
-    if not sensor.spreads:
-        del found["reproducibility"]
-    return found
 
 
 def _terms(sensor: SensorResult) -> tuple[Term, ...]:
     moments, plug_in = column_moments(sensor), plug_in_inclusion(sensor.selection)
-    found = tuple(
+    return tuple(
         published(
             Term,
             term,
-            conditional=True,
+            conditional=sensor.conditional or None,
             printed_unit=term.printed,
             plug_in_inclusion=plug_in.get(term.name),
             **dict(zip(("mcmc_mean", "mcmc_sd"), moments.get(term.name, (None, None)), strict=True)),
         )
         for term in sensor.selection.terms
     )
-    for term in () if sensor.conditional else found:
-        del term["conditional"]
-    return found
 
 
 def _observability(sensor: SensorResult) -> dict[str, tuple[Any, ...]]:

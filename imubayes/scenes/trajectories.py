@@ -327,8 +327,9 @@ def _force(
     for number, side in enumerate(a for a in range(3) if a != main):
         across[side] = ACROSS * half * motion.lively * waves.at(4 + number, tau, manner.pace)[0]
 
+    wave = waves.at(3, tau, manner.pace)[0]
+
     def force(shorter: float) -> FloatArray:
-        wave = waves.at(3, tau, manner.pace)[0]
         return across + axis * _load(ranges, manner, wave, passed, motion.lively, shorter)
 
     def lift(shorter: float) -> float:

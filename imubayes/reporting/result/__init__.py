@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from types import SimpleNamespace, UnionType
+from types import NoneType, SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, NotRequired, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import BeforeValidator, Field, Strict
@@ -66,6 +66,7 @@ def published(kind: type[_Published], source: object, /, **other: Any) -> _Publi
     """Publish what a stage found: fields of the same name, and the others as they are given.
 
     What a field holds is published alike, one or several; a tuple has its values in the order of the fields.
+    A field that may be left out, and has no null, is left out where it is None.
 
     Parameters
     ----------
@@ -74,7 +75,21 @@ def published(kind: type[_Published], source: object, /, **other: Any) -> _Publi
     other : fields that have another name or form there.
     """
     given = {name: getattr(source, name) for name in _hints(kind).keys() - other.keys()} | other
-    return kind(**{name: _of_form(form, given[name]) for name, form in _hints(kind).items()})
+    absent = {name for name in _optional(kind) if given[name] is None}
+    return kind(
+        **{name: _of_form(form, given[name]) for name, form in _hints(kind).items() if name not in absent}
+    )
+
+
+@cache
+def _optional(kind: type) -> tuple[str, ...]:
+    """Fields that may be left out and have no null."""
+    full = get_type_hints(kind, include_extras=True)
+    return tuple(
+        name
+        for name, form in _hints(kind).items()
+        if get_origin(full[name]) is NotRequired and NoneType not in get_args(form)
+    )
 
 
 def _of_form(form: Any, value: Any) -> Any:
