@@ -99,7 +99,8 @@ class Table:
     head : headings; without any, each row is a name and its text.
     rows : cells, or a `Row` of them.
     columns : a letter each, "t" text on one line, "f" that may fold in a terminal, "w" words that wrap, "n"
-        numbers; the last one is that of all columns that follow.
+        numbers, "m" marks below a heading that stands upright; the last one is that of all columns that
+        follow. What is long may fold on a page that is narrow.
     note : how to read it.
     """
 
@@ -261,8 +262,18 @@ def repeat(
     return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat", brief=False)
 
 
-CLASSES = {"t": "once", "f": "once", "w": "wrap", "n": "n"}
+CLASSES = {"t": "once", "f": "once", "w": "wrap", "n": "n", "m": "m"}
 """Class of a cell by the letter of its column (`Table.columns`)."""
+
+MANY = 10
+"""Columns of a table whose cells are narrow."""
+
+
+def _style(text: Text, letter: str, columns: int) -> str:
+    """Classes of a cell: what is long, less so among many columns, may fold where the page is narrow."""
+    words = text.page if isinstance(text, Both) else text
+    plain = words.striptags() if isinstance(words, Markup) else words
+    return f"{CLASSES[letter]} fold" if len(plain) > (16 if columns < MANY else 8) else CLASSES[letter]
 
 
 def page_html(page: Page) -> str:
@@ -292,7 +303,8 @@ def environment() -> Environment:
     )
     found.tests["block"] = lambda block, kind: type(block).__name__ == kind
     found.filters["html"] = lambda text: text.page if isinstance(text, Both) else text
-    found.globals["classes"] = CLASSES
+    found.filters["style"] = _style
+    found.globals |= {"classes": CLASSES, "many": MANY}
     return found
 
 
@@ -375,7 +387,7 @@ def _grid(table: Table) -> Grid:
     for k in shown:
         letter = table.column(k)
         justify = "right" if letter == "n" else "left"
-        grid.add_column(_words(head[k]), justify=justify, no_wrap=letter in "tn")
+        grid.add_column(_words(head[k]), justify=justify, no_wrap=letter in "tnm")
     for row in table.lines:
         if row.brief:
             style = "bold" if row.strong else ""

@@ -278,7 +278,7 @@ def _pooled_section(
             told = (quiet("as the prior"), verdict(CANNOT, like="unresolved"))
         cells.append((term, *map(shape, verdicts), *told))
     label, head = f"Terms that the {kind}s of {name} need", ("term", *names, "in one model", "verdict")
-    table = Table(label, head, cells, "t" * (1 + len(names)) + "nt")
+    table = Table(label, head, cells, f"t{'m' * len(names)}nt")
     return Section(f"Does this kind need it: {kind}s", [Prose(pooled_sentence(kind, names, rows)), table])
 
 

@@ -53,6 +53,9 @@ ROOM, TALL = 350, 52
 LETTERS = 124
 """Letters of a line of its answer."""
 
+NARROW = 54
+"""px of a tile below which what would matter stands under what is needed."""
+
 SHADES = ("#eceef1", "#cfe3f1", "#9ccbe6", "#3d92c4", ACCENT)
 """From few terms to half of them or more: the darker the more, in grey print too."""
 
@@ -130,7 +133,8 @@ def _tiles(axes: Axes, result: LotResult, heading: str) -> None:
     axes.text(16, 14, "\n".join(wrap(heading, LETTERS)), va="top", size=15, weight="bold", linespacing=1.3)
     scenes, terms = [one.name for one in result.study.missions], result.study.library.names
     left = 26 + max(7.6 * len(class_name(one.sensor_class)) for one in result.classes)
-    wide = min(64.0, 0.25 * width / max(len(scenes), 1))
+    room = width - 14 - left - (24 if scenes else 0)
+    wide = min(64.0, (room - 20.0 * len(terms)) / max(len(scenes), 1))
     first = left + wide * len(scenes) + (24 if scenes else 0)
     narrow = min(34.0, (width - 14 - first) / len(terms))
     if scenes:
@@ -166,7 +170,9 @@ def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) ->
     share = count / len(scene.terms)
     colour = SHADES[min(math.ceil(share * 2.0 * (len(SHADES) - 1)), len(SHADES) - 1)]
     ink = "white" if colour in SHADES[-2:] else INK
-    _tile(axes, box, f"{count} +{more}?" if more else f"{count}", ink=ink, size=14, facecolor=colour)
+    narrow = box[2] < NARROW
+    told = f"{count}{chr(10) if narrow else ' '}+{more}?" if more else f"{count}"
+    _tile(axes, box, told, ink=ink, size=9 if narrow else 14, facecolor=colour)
 
 
 def _term_tile(axes: Axes, box: Box, answer: str, times: int, scenes: int) -> None:

@@ -279,7 +279,7 @@ def vote_table(votes: Votes, selection: Selection, own: Mapping[str, str]) -> Ta
         term = own.get(name, name)
         rows.append((term, *cells, verdict(verdicts.get(term, ""))))
     head = ("term", *map(called, votes.methods), "verdict")
-    return Table("Votes of the methods by term", head, rows, "t", VOTES)
+    return Table("Votes of the methods by term", head, rows, f"t{'m' * len(votes.methods)}t", VOTES)
 
 
 def _tables(

@@ -358,4 +358,4 @@ def overview(sensors: Sequence[SensorResult]) -> Table:
     rows = [(name, *(shape(column.get(name, "")) for column in verdicts)) for name in names]
     head = ("term", *(sensor.id for sensor in sensors))
     note = f"Verdict of each component on each term: {LEGEND}."
-    return Table("Verdicts by component", head, rows, "t", note)
+    return Table("Verdicts by component", head, rows, "tm", note)

@@ -9,8 +9,11 @@ import subprocess
 from html import escape, unescape
 from pathlib import Path
 
-WIDTHS = (1280, 390)
-"""px: a desk, and a telephone."""
+WIDTHS = (1280, 905, 645, 390, 360)
+"""px: a desk, a tablet, and telephones."""
+
+PAPER = {"A4": 688, "Letter": 710}
+"""px between the margins of a sheet."""
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PLAYWRIGHT = ("chromium*/chrome-linux*/chrome", "chromium*/chrome-linux*/headless_shell")
@@ -39,8 +42,17 @@ function told(page, width) {
         && boxes.some(box => box.right > width + 0.5 || box.left < -0.5)) wide.push(svg);
   }
   const scrolls = page.documentElement.scrollWidth - width;
-  return {scrolls, wide: wide.map(one => one.outerHTML.slice(0, 80)),
-          over, texts};
+  const tables = [...page.querySelectorAll('table')];
+  const name = table => table.closest('.scroll').getAttribute('aria-label');
+  const lost = tables.filter(one => one.getBoundingClientRect().width > one.parentElement.clientWidth + 1);
+  const spilt = tables.filter(one => [...one.querySelectorAll('th, td')].some(cell => {
+    const [box, text] = [cell.getBoundingClientRect(), page.createRange()];
+    text.selectNodeContents(cell);
+    return [...text.getClientRects()].some(
+      part => part.width && (part.right > box.right + 1.5 || part.left < box.left - 1.5));
+  }));
+  return {lost: lost.map(name), spilt: spilt.map(name), over, texts,
+          scrolls, wide: wide.map(one => one.outerHTML.slice(0, 80))};
 }
 addEventListener('load', () => {
   const found = {};
@@ -53,7 +65,8 @@ addEventListener('load', () => {
 });
 </script>
 """
-"""What is seen of a page in each frame: how far it scrolls sideways, what sticks out, labels that overlap."""
+"""What is seen of a page in each frame: how far it scrolls sideways, what sticks out, labels that overlap,
+tables wider than their room, and those with text outside its cell."""
 
 
 def _browser() -> str | None:
@@ -81,10 +94,14 @@ def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
 
 
 def _frames(html: str) -> str:
+    """Frames of each width; and of sheets, whose styles are those of print."""
     style = "height:2000px;border:0;width"
+    printed = html.replace("@media print", "@media all").replace("@media screen", "@media print")
+    shown = [(f"w{width}", width, html) for width in WIDTHS]
+    shown += [(paper, width, printed) for paper, width in PAPER.items()]
     frames = "".join(
-        f'<iframe id="w{width}" style="{style}:{width}px" srcdoc="{escape(html)}"></iframe>'
-        for width in WIDTHS
+        f'<iframe id="{name}" style="{style}:{width}px" srcdoc="{escape(text)}"></iframe>'
+        for name, width, text in shown
     )
     return f'<!DOCTYPE html><html><head><meta charset="utf-8">{MEASURED}</head><body>{frames}</body></html>'
 

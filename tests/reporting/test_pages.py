@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from bench_readings import wrong_fleet, wrong_hours, wrong_plan
-from browser import BROWSER, WIDTHS, run, shown
+from browser import BROWSER, PAPER, WIDTHS, run, shown
 from lots_found import SIZES
 from page_reading import Page, numbers, printed, said, whole
 from pages_made import KINDS, made
@@ -141,21 +141,28 @@ def test_page_fits_every_screen_no_label_covers_another_and_the_console_is_silen
     seen, console = shown(_html(name), tmp_path)
     assert console == []
     for width in WIDTHS:
-        assert {key: seen[f"w{width}"][key] for key in ("scrolls", "wide", "over")} == {
+        assert {key: seen[f"w{width}"][key] for key in ("scrolls", "wide", "over", "spilt")} == {
             "scrolls": 0,
             "wide": [],
             "over": [],
+            "spilt": [],
         }
+    for name in ("w1280", *PAPER):  # where a table cannot be pushed aside
+        assert (seen[name]["lost"], seen[name]["spilt"]) == ([], [])
 
 
 @browsed
 def test_page_that_is_too_wide_and_labels_that_overlap_are_seen(tmp_path):
     labels = '<svg width="90" height="20"><text y="9">one</text><text y="10">two</text></svg>'
-    body = f'<body><p style="width:500px">a</p>{labels}<script>console.error("x")</script></body>'
+    cell = '<p style="width:600px;white-space:nowrap;word-spacing:600px">a b</p>'
+    table = f'<table style="width:500px"><tr><td>{cell}</td></tr></table>'
+    table = f'<div class="scroll" aria-label="t">{table}</div>'
+    body = f'<body>{table}<p style="width:500px">a</p>{labels}<script>console.error("x")</script></body>'
     seen, console = shown(f"<!DOCTYPE html><html>{body}</html>", tmp_path)
     assert seen["w390"]["scrolls"] > 0
     assert len(seen["w390"]["wide"]) == 1
     assert seen["w1280"]["over"] == ["two on one"]
+    assert (seen["w360"]["lost"], seen["w360"]["spilt"], seen["w1280"]["lost"]) == (["t"], ["t"], [])
     assert console
 
 
