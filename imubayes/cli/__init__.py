@@ -1,4 +1,4 @@
-"""The command line: run, check, simulate, plan, trade, compare, export, catalogue, schema.
+"""The command line: run, check, init, simulate, plan, trade, compare, export, catalogue, schema.
 
 Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
 needs is imported when it runs, so that ``--help`` answers at once.
@@ -31,6 +31,11 @@ app = typer.Typer(
 )
 
 
+def example(*commands: str) -> str:
+    """What stands below a command's help: commands that work as they stand, in the project's folder."""
+    return "\n".join(["\b", "Example:", *(f"  imubayes {command}" for command in commands)])
+
+
 Method = StrEnum("Method", METHODS)
 Document = StrEnum("Document", ["study", "result"])
 BiasAt = StrEnum("BiasAt", ["start", "mean", "end"])
@@ -61,7 +66,12 @@ def _options(
         raise typer.Exit
 
 
-@app.command("run")
+@app.command(
+    "run",
+    epilog=example(
+        "run studies/quickstart.toml", 'run studies/imu_tactical.toml --budget "5 s" --out reports/quick'
+    ),
+)
 def _run(
     study: StudyFile,
     out: Results = None,
@@ -108,7 +118,7 @@ def _report(done: Done, folder: Path) -> None:
     written(folder, files)
 
 
-@app.command("check")
+@app.command("check", epilog=example("check studies/quickstart.toml"))
 def _check(study: StudyFile) -> None:
     """Say what the runs can tell, before a fit."""
     from imubayes.reporting.tables import terminal_check
@@ -119,7 +129,32 @@ def _check(study: StudyFile) -> None:
         show(terminal_check(sensor))
 
 
-@app.command("simulate")
+@app.command(
+    "init", epilog=example("simulate studies/quickstart.toml --out recorded", "init recorded/tumble.csv")
+)
+def _init(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of samples.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The study.", show_default="RECORDING with the suffix .toml")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
+) -> None:
+    """Begin a study of a recording: guess its columns, ask for the rest."""
+    from imubayes.study.draft import drafted
+
+    file = out or recording.with_suffix(".toml")
+    if file.exists() and (not force or file.samefile(recording)):
+        raise InputError(f"{file}: is there already: choose another --out, or --force to write over a study")
+    text = drafted(recording, file.parent)
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{file}: cannot be written ({error.strerror}): choose another --out") from None
+    typer.echo(text, nl=False)
+    written(file.parent, (file,))
+
+
+@app.command("simulate", epilog=example("simulate studies/quickstart.toml --out recorded"))
 def _simulate(
     study: StudyFile,
     out: Folder,
@@ -133,7 +168,7 @@ def _simulate(
     written(folder, files)
 
 
-@app.command("trade")
+@app.command("trade", epilog=example('trade studies/quickstart.toml --limit "1 min"'))
 def _trade(
     study: StudyFile,
     out: Annotated[
@@ -160,7 +195,7 @@ def _trade(
     _report(done, folder)
 
 
-@app.command("plan")
+@app.command("plan", epilog=example("plan studies/plan_tactical.toml"))
 def _plan(
     study: StudyFile,
     out: Annotated[
@@ -186,7 +221,7 @@ def _plan(
     _report(done, folder)
 
 
-@app.command("catalogue")
+@app.command("catalogue", epilog=example("catalogue", "catalogue fog_tactical"))
 def _catalogue(
     name: Annotated[
         str | None, typer.Argument(metavar="CLASS", help="A class id.", show_default=False)
@@ -209,7 +244,7 @@ def _catalogue(
         show(class_page(entry))
 
 
-@app.command("compare")
+@app.command("compare", epilog=example("compare reports/xsens_tumble reports/imu_tk_xsens"))
 def _compare(
     results: Annotated[
         list[Path], typer.Argument(metavar="RESULT...", help="Files result.json, or their folders.")
@@ -234,7 +269,7 @@ def _compare(
     written(folder, files)
 
 
-@app.command("export")
+@app.command("export", epilog=example("export reports/imu_tactical --to kalibr --out kalibr"))
 def _export(
     result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="A result, or its folder.")],
     to: Annotated[ExportFormat, typer.Option(help="What it is for.", show_default=False)],
@@ -260,7 +295,7 @@ def _export(
     written(folder, tuple(folder / name for name in texts))
 
 
-@app.command("schema")
+@app.command("schema", epilog=example("schema study"))
 def _schema(
     document: Annotated[Document, typer.Argument(help="What it is of.", show_default=False)],
 ) -> None:

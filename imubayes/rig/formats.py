@@ -126,14 +126,14 @@ class Table:
             return self.columns.index(match[1]), tuple(int(part) for part in match[2].split(","))
         raise DataError(
             f"{self.file}: there is no column '{wanted}' for channel {channel}: "
-            f"the file has {self._names()}; rename it, or say in the study which column it is"
+            f"the file has {self.names()}; rename it, or say in the study which column it is"
         )
 
     def _numbered(self, wanted: int, channel: str) -> int:
         if not self.ordered:
             raise DataError(
                 f"{self.file}: column {wanted} for channel {channel} is given by number, "
-                f"but arrays of this format have no order: expected a name out of {self._names()}"
+                f"but arrays of this format have no order: expected a name out of {self.names()}"
             )
         if not 0 <= wanted < len(self.columns):
             raise DataError(
@@ -142,7 +142,8 @@ class Table:
             )
         return wanted
 
-    def _names(self) -> str:
+    def names(self) -> str:
+        """List the columns, of a matrix with its shape."""
         shown = [_labelled(name, array) for name, array in zip(self.columns, self.arrays, strict=True)]
         return ", ".join(shown[:24]) + (", ..." if len(shown) > 24 else "")
 

@@ -1,20 +1,23 @@
 """The command line as a person meets it."""
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pytest
+import typer
 
 import imubayes
 from imubayes.campaign.study import Sampling, Study
-from imubayes.cli import ExportFormat, Method
+from imubayes.cli import ExportFormat, Method, app
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.reporting.export import FORMATS
 from imubayes.study.schema.tables import HeaderTable
 
+ROOT = Path(__file__).parents[2]
 HEAVY = {
     *("arviz", "h5py", "jinja2", "matplotlib", "numba", "numpy", "pint"),
     *("pyarrow", "pydantic", "rich", "scipy", "xarray"),
@@ -29,6 +32,38 @@ def test_help_and_a_study_that_is_read_import_nothing_heavy(module, heavy):
     script = f"import sys, {module}; print(*({heavy!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def _examples() -> dict[str, list[list[str]]]:
+    """Arguments of the examples that each command's help has."""
+    commands = typer.main.get_group(app).commands
+    return {
+        name: [shlex.split(line)[1:] for line in (one.epilog or "").splitlines() if "imubayes " in line]
+        for name, one in commands.items()
+    }
+
+
+CHEAP = ("simulate", "init", "check", "catalogue", "compare", "export", "schema")
+"""Commands whose examples are run, in this order: what one writes another reads."""
+
+
+def test_every_command_has_an_example_of_its_own_that_parses():
+    group = typer.main.get_group(app)
+    for name, examples in _examples().items():
+        assert name in {arguments[0] for arguments in examples}, name
+        for command, *arguments in examples:
+            group.commands[command].make_context(command, arguments)
+            assert all((ROOT / one).exists() for one in arguments if one.startswith(("studies/", "reports/")))
+
+
+def test_examples_of_the_help_work_as_they_stand(command, tmp_path, monkeypatch):
+    for folder in ("studies", "reports"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    monkeypatch.chdir(tmp_path)
+    examples = _examples()
+    for name in CHEAP:
+        for arguments in (one for one in examples[name] if one[0] == name):
+            assert command(*arguments).code == 0, arguments
 
 
 def test_version_is_the_packages(command):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -39,6 +39,9 @@ from imubayes.study.schema.shapes import Holds, Place, arguments, hint, shaped, 
 from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
 from imubayes.study.schema.unit_tables import fleet_study, lot_study
 from imubayes.units import factor, quantities
+
+ASKED = "?"
+"""Value of a key that 'imubayes init' could not guess, and that is to be filled in."""
 
 AnyStudy = Study | LotStudy | FleetStudy
 """What a study file becomes."""
@@ -172,6 +175,8 @@ def _tables(path: Path) -> tuple[str, StudyFile]:
     """Text of a study file, and its tables, of which only the names are checked."""
     text, place = _content(path), Place(str(path))
     raw = _parsed(text, str(path))
+    if asked := [*_asked(raw, place)]:
+        raise place.error(f'still to be filled in, in place of "{ASKED}": {", ".join(asked)}')
     for key in (key for key in OF_THE_TOOL if key in raw):
         command = f"python -m studies.{OF_THE_TOOL[key]}"
         raise place.at(key).error(f"this study needs no file: run '{command}' in the project's folder")
@@ -199,6 +204,15 @@ def _parsed(text: str, file: str) -> dict[str, Any]:
         line = re.search(r"at line (\d+)", str(error))
         where = f"line {line[1]}" if line else f"line {text.count(chr(10)) + 1}"
         raise StudyError(f"{file}, {where}: is not TOML: {message[:1].lower()}{message[1:]}") from None
+
+
+def _asked(value: object, place: Place) -> Iterator[str]:
+    """Keys that are still to be filled in."""
+    if value == ASKED:
+        yield place.key
+    elif isinstance(value, dict | list):
+        for key, one in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _asked(one, place.at(key))
 
 
 def _kinds(sensors: Sequence[SensorSpec]) -> set[Kind]:

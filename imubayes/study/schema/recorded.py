@@ -138,7 +138,7 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
     }
     for key, value in table.items():
         if key not in deep:
-            yield f"{_toml_key(key)} = {_toml_value(value)}"
+            yield f"{_toml_key(key)} = {toml_value(value)}"
     for key, value in deep.items():
         inner = f"{path}.{_toml_key(key)}" if path else _toml_key(key)
         for one in value if isinstance(value, list) else [value]:
@@ -147,11 +147,12 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
 
 
 def _toml_key(key: str) -> str:
-    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else _toml_value(key)
+    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else toml_value(key)
 
 
-def _toml_value(value: object) -> str:
+def toml_value(value: object) -> str:
+    """Write a text, a number, a truth value or a list of them as TOML."""
     if isinstance(value, list):
-        return f"[{', '.join(_toml_value(one) for one in value)}]"
+        return f"[{', '.join(toml_value(one) for one in value)}]"
     # JSON writes texts, numbers and truth values as TOML does, but for the character DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

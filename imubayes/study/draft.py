@@ -1,0 +1,449 @@
+"""A study that is begun from a recording: its columns are guessed, and what it cannot tell is asked for.
+
+What is guessed stands in the file with the reason beside it. What nobody but the user knows is `ASKED` (a
+study that still has one does not load, and the message lists them) or a comment that begins with ``ask:``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.errors import DataError, InputError
+from imubayes.inference.stills import find_stills
+from imubayes.rig.columns import channel_unit, nearly
+from imubayes.rig.formats import Table, bare, bracketed, read_table
+from imubayes.rig.inputs import DWELL, MOUNT, SCATTER
+from imubayes.rig.recordings import FREE_TUMBLE, IMU_CHANNELS, INPUTS, KNOWN_IMU_CHANNELS, RUN_CHANNELS
+from imubayes.rig.runs import read_run
+from imubayes.rig.stream_files import Wanted, rows_in, tables_of
+from imubayes.rig.streams import STREAMED
+from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, GYROSCOPES
+from imubayes.study.schema.reading import ASKED
+from imubayes.study.schema.recorded import toml_value
+from imubayes.study.schema.run_tables import run_spec
+from imubayes.study.schema.shapes import Place
+from imubayes.units import STANDARD_GRAVITY, factor
+
+ACCELEROMETER = {"a", "acc", "accel", "accelerometer", "accelerometers", "acceleration", "force"}
+GYROSCOPE = {"g", "w", "gyr", "gyro", "gyroscope", "gyroscopes", "gyros", "omega", "rate", "angular"}
+CLOCK = {"t", "time", "times", "timestamp", "stamp", "clock", "clk", "ticks", "sec", "seconds"}
+COUNTER = {"samples", "sample", "index", "row", "line", "count", "packet"}
+TEMPERATURE = {"temp", "temperature"}
+"""Words of columns' names, in lower case."""
+
+SUFFIXES = {
+    "s": "s",
+    "ms": "ms",
+    "us": "us",
+    "ns": "ns",
+    "mg": "mg",
+    "dps": "deg/s",
+    "degc": "degC",
+    "mps2": "m/s^2",
+}
+"""Units that people write at the end of a name."""
+
+GRAVITIES = {"g": 1.0, "m/s^2": STANDARD_GRAVITY, "mg": 1000.0}
+"""Length of a triad's output at rest, by unit."""
+
+ALIKE = 0.1
+"""Relative difference of a length from gravity's within which its unit is guessed."""
+
+RATES = (0.5, 20_000.0)
+"""Hz: samples a second of a recording whose clock has no unit."""
+
+FASTEST = 35.0
+"""rad/s, 2000 deg/s: the range of most gyroscopes. Rates beyond it are in deg/s."""
+
+WINDOWS, TURNED, STEADY = 100, 0.3, 30.0
+"""Windows of a record; and the spread of their means of a case that is turned: over the length of the force,
+and of counts and rates over the scatter within."""
+
+WARMED = 5.0
+"""K: range of temperature of a run in a chamber."""
+
+KELVINS = 200.0
+"""Temperature beyond which it is absolute."""
+
+CENTRIFUGED = 1.2
+"""g: inputs beyond gravity."""
+
+
+SCALE = f', scale = "{ASKED}"'
+"""What a column of counts lacks."""
+
+OTHERS = (*CASE_CHANNELS, MOUNT, DWELL, SCATTER)
+"""Channels beside the inputs along a component's axes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """A column of a file as a channel: its address and unit, what else is said of it, and why."""
+
+    column: str | int
+    unit: str = ""
+    more: str = ""
+    why: str = ""
+
+    def line(self, channel: str) -> str:
+        """Write it as a line of ``[sensor.run.columns]``."""
+        column = self.column if isinstance(self.column, int) else toml_value(self.column)
+        unit = f", unit = {toml_value(self.unit)}" if self.unit else ""
+        return f"{channel} = {{ column = {column}{unit}{self.more} }}   # {self.why}"
+
+
+def drafted(recording: Path, folder: Path) -> str:
+    """Write a study of a recording, which is to be in a folder.
+
+    Raises
+    ------
+    DataError : if the file cannot be read, or no column of it is known by its name.
+    """
+    table = _first_rows(recording, folder)
+    found = {**_named(table), **_unnamed(table, recording.stem)}
+    outputs = [name for name in ("output", *ACCELEROMETERS, *GYROSCOPES) if name in found]
+    if not outputs:
+        raise DataError(
+            f"{recording}: no column is known by its name as an output: the file has {table.names()};"
+            " name them t, ax ay az, gx gy gz, or output beside the inputs f_i ..., or write a study by hand"
+        )
+    moved = _moved(table, found)
+    found = {name: _with_unit(table, name, one, found, moved) for name, one in found.items()}
+    head = [
+        f"# Begun by 'imubayes init' from {recording.name}. What is guessed says from what: look at it.",
+        f'# What cannot be guessed is "{ASKED}", or a comment with "ask:". All keys are in docs/study.md.',
+        "# 'imubayes check' then says what the run can tell.",
+        "[study]",
+        f"title = {toml_value(recording.stem)}",
+        "seed = 1",
+        "# ask: [[scene]] for what the sensor will meet, [decision] for what a wrong verdict costs",
+    ]
+    clock = found.pop("t", None) or _counted(table)
+    used = {str(one.column).partition("[:")[0] for one in (clock, *found.values())}
+    left = [name for name in table.columns if name not in used]
+    if "output" in outputs or any(name[:2] in ("f_", "w_") for name in found):
+        sensors = _in_known_inputs(table, clock, found, left)
+    elif moved and len(outputs) in (3, 6):
+        sensors = _in_the_hand(recording, table, clock, {name: found[name] for name in outputs})
+    else:
+        sensors = _at_rest(table, clock, found, outputs)
+    unused = [f"# not used: {', '.join(left)}"] if left else []
+    return "\n".join([*head, *sensors, *unused]) + "\n"
+
+
+def _first_rows(recording: Path, folder: Path) -> Table:
+    """All of a short file, the first rows of a long one, under the name that a study in a folder gives it."""
+    if not recording.is_file():
+        raise DataError(f"{recording}: is no file: expected a recording")
+    file, folder = recording.resolve(), folder.resolve()
+    shown = str(file.relative_to(folder) if file.is_relative_to(folder) else file)
+    long = rows_in(recording) > STREAMED
+    table = next(tables_of(recording, shown, Wanted())) if long else read_table(recording, shown)
+    if min(len(values) for values in table.arrays) < 2:
+        raise DataError(f"{recording}: has one row: expected samples")
+    return table
+
+
+def _addresses(table: Table) -> Iterator[tuple[str, str]]:
+    """Address of each column, and a name that says its axis: a matrix of three is x, y, z."""
+    for name, values in zip(table.columns, table.arrays, strict=True):
+        if values.ndim == 1:
+            yield name, bare(name)
+        elif values.ndim == 2 and values.shape[1] == 3:
+            yield from ((f"{name}[:,{k}]", f"{name}.{axis}") for k, axis in enumerate("xyz"))
+
+
+def _named(table: Table) -> dict[str, Guess]:
+    """Channels whose columns are known by their names; of two columns the first."""
+    found: dict[str, Guess] = {}
+    for address, name in _addresses(table):
+        channel, why = _channel(name)
+        if channel and channel not in found:
+            found[channel] = Guess(address, why=why)
+        elif channel:
+            found[channel] = replace(found[channel], why=f"{found[channel].why}; '{address}' fits too")
+    return found
+
+
+def _channel(name: str) -> tuple[str, str]:
+    """Channel that a column's name means, and how that was found; empty if it means none.
+
+    Examples
+    --------
+    >>> [_channel(name)[0] for name in ("imu.acc.x", "gyroZ", "Time", "mag_x", "f_i", "T")]
+    ['ax', 'gz', 't', '', 'f_i', 'T']
+    """
+    if name in {*RUN_CHANNELS, *IMU_CHANNELS, *KNOWN_IMU_CHANNELS}:
+        return name, "the channel's own name"
+    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", name)]
+    words = words[:-1] if words and words[-1] in SUFFIXES and len(words) > 1 else words
+    why = f"guessed from the name '{name}'"
+    if CLOCK & set(words):
+        return "t", why
+    if TEMPERATURE & set(words):
+        return "T", why
+    axis, first = (words[-1], words[:-1]) if words and words[-1] in "xyz" else ("", words)
+    if not axis and words and words[-1][-1:] in "xyz":
+        axis, first = words[-1][-1], [*words[:-1], words[-1][:-1]]
+    kinds = ("a" * bool(ACCELEROMETER & set(first))) + ("g" * bool(GYROSCOPE & set(first)))
+    return (f"{kinds}{axis}", why) if axis and len(kinds) == 1 else ("", "")
+
+
+def _unnamed(table: Table, stem: str) -> dict[str, Guess]:
+    """Channels of columns that have numbers only: a clock that goes up, then a triad, or two."""
+    if table.columns not in (tuple("0123"), tuple("0123456")) or not np.all(np.diff(table.arrays[0]) > 0.0):
+        return {}
+    words = set(re.findall(r"[a-z]+", stem.lower()))
+    why = "guessed from the order: the file names no column"
+    names = [*ACCELEROMETERS, *GYROSCOPES]
+    if len(table.columns) == 4:
+        gyroscopes = bool(GYROSCOPE & words)
+        if not gyroscopes and not ACCELEROMETER & words:
+            return {}
+        names = names[3:] if gyroscopes else names[:3]
+        why += f", and from '{stem}', the file's"
+    return {name: Guess(k, why=why) for k, name in enumerate(["t", *names])}
+
+
+def _values(table: Table, one: Guess, channel: str) -> FloatArray:
+    values = table.locate(one.column, channel)[1]
+    return values.astype(np.int64).astype(float) if values.dtype.kind == "m" else values.astype(float)
+
+
+def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess], moved: bool) -> Guess:
+    """Say the unit of a column: from its header, its name's end, or its numbers."""
+    like = channel_unit(channel, "m/s^2" if channel[0] == "a" else "rad/s")
+    name, values = table.locate(one.column, channel)
+    if not like or values.dtype.kind == "m":
+        return one
+    unit = bracketed(name) or SUFFIXES.get(re.split(r"[^a-z]", name.lower())[-1], "")
+    likes = ("m/s^2", "rad/s") if channel == "output" else (like,)
+    if unit and any(_measures(unit, like) for like in likes):
+        return replace(one, unit=unit, why=f"{one.why}, unit from the header")
+    if channel == "t":
+        return _clock(one, values.astype(float))
+    if channel in ("T", "T_2"):
+        return replace(
+            one,
+            unit="degC" if np.nanmedian(values.astype(float)) < KELVINS else "K",
+            why=f"{one.why}, unit from its size",
+        )
+    if channel in ACCELEROMETERS or channel in GYROSCOPES:
+        return _triad_unit(table, one, found, channel[0], moved=moved)
+    return replace(one, unit=ASKED, why=f"{one.why}; ask: the unit, such as {like}")
+
+
+def _measures(unit: str, like: str) -> bool:
+    try:
+        return bool(factor(unit, like))
+    except InputError:
+        return False
+
+
+def _clock(one: Guess, t: FloatArray) -> Guess:
+    """Unit of a clock by its rate; numbers that are not whole are seconds."""
+    step = float(np.median(np.diff(t)))
+    if np.any(t != np.round(t)):
+        return replace(one, unit="s", why=f"{one.why}, unit from steps of {step:.4g}")
+    sizes = {unit: 1.0 / (step * factor(unit, "s")) for unit in ("s", "ms", "us", "ns") if step > 0.0}
+    fits = {unit: f"{rate:,.4g} Hz in {unit}" for unit, rate in sizes.items() if RATES[0] <= rate <= RATES[1]}
+    if len(fits) != 1:
+        return replace(
+            one, unit=ASKED, why=f"{one.why}; ask: the unit: {', '.join(fits.values()) or 'of its steps'}"
+        )
+    return replace(
+        one, unit=next(iter(fits)), why=f"{one.why}, unit from its steps: {', '.join(fits.values())}"
+    )
+
+
+def _triad_unit(table: Table, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:
+    """Unit of a triad: by gravity, or by rates that no gyroscope reaches in rad/s."""
+    names = [f"{kind}{axis}" for axis in "xyz" if f"{kind}{axis}" in found]
+    values = np.column_stack([_values(table, found[name], name) for name in names])
+    values = values[np.isfinite(values).all(axis=1)]
+    length = float(np.median(np.linalg.norm(values, axis=1)))
+    if np.all(values == np.round(values)):
+        why = f"{one.why}; whole numbers: counts; ask: the scale of the data sheet, such as"
+        example = (
+            f"{1.0 / length:.2g} g/count if |f| at rest is 1 g and zero is 0"
+            if kind == "a"
+            else "1/131 deg/s/count"
+        )
+        return replace(one, unit="count", more=SCALE, why=f"{why} {example}")
+    if kind == "a":
+        for unit, gravity in GRAVITIES.items():
+            if len(names) == 3 and abs(length / gravity - 1.0) < ALIKE:
+                return replace(one, unit=unit, why=f"{one.why}, unit from the median length {length:.4g}")
+    elif (fastest := float(np.abs(values).max())) > FASTEST:
+        return replace(one, unit="deg/s", why=f"{one.why}, unit from rates up to {fastest:.4g}")
+    elif moved:
+        return replace(
+            one, unit="rad/s", why=f"{one.why}, unit from rates up to {fastest:.4g} of a case that turns"
+        )
+    wanted = "g or m/s^2" if kind == "a" else "deg/s or rad/s"
+    return replace(one, unit=ASKED, why=f"{one.why}; ask: the unit, {wanted}")
+
+
+def _moved(table: Table, found: Mapping[str, Guess]) -> bool:
+    """Tell whether a case was turned: by the direction of the force, or of rates by what changes slowly."""
+    for triad in (ACCELEROMETERS, GYROSCOPES):
+        if all(name in found for name in triad):
+            values = np.column_stack([_values(table, found[name], name) for name in triad])
+            parts = np.array_split(values, min(WINDOWS, max(len(values) // 20, 1)))
+            means = np.array([np.nanmean(part, axis=0) for part in parts])
+            scatter = np.median([np.nanstd(part, axis=0) for part in parts], axis=0)
+            if triad == ACCELEROMETERS and np.any(values != np.round(values)):
+                scatter = TURNED / STEADY * np.linalg.norm(means, axis=1).mean()
+            return bool(np.any(np.ptp(means, axis=0) > STEADY * scatter))
+    return False
+
+
+def _counted(table: Table) -> Guess:
+    names = [name for name in table.columns if COUNTER & set(re.findall("[a-z]+", name.lower()))]
+    beside = f"; '{names[0]}' counts rows" if names else ""
+    return Guess("", why=f"ask: samples a second: the file has no clock{beside}")
+
+
+def _in_known_inputs(
+    table: Table, clock: Guess, found: Mapping[str, Guess], left: Sequence[str]
+) -> Iterator[str]:
+    """A component whose inputs are in the file, or a whole IMU."""
+    kind = _kind(found["output"]) if "output" in found else "imu"
+    outputs = ("output",) if "output" in found else (*ACCELEROMETERS, *GYROSCOPES)
+    kept = {name: one for name, one in found.items() if name in (*outputs, *INPUTS, *OTHERS)}
+    missing = [name for name in RUN_CHANNELS if name not in kept]
+    mistaken = [bare(name) for name in left if nearly(bare(name), missing)]
+    more = (
+        [f"ignore = {toml_value(mistaken)}   # nearly names of channels; ask: are they?"] if mistaken else []
+    )
+    procedure, why = _procedure(table, kept, kind)
+    yield from _sensor(Path(table.file).stem, kind, needs_class=kind == "imu")
+    yield from _run(table, procedure, why, clock, kept, more)
+
+
+def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Sequence[str]) -> Iterator[str]:
+    """Each component of a case at rest by itself: gravity is taken off the one that is upright."""
+    thermometer = {name: one for name, one in found.items() if name == "T"}
+    for name in outputs:
+        kind = "accelerometer" if name in ACCELEROMETERS else "gyroscope"
+        kept = {"output": _upright(found[name], _values(table, found[name], name)), **thermometer}
+        procedure, why = _procedure(table, kept, kind)
+        yield from _sensor(name, kind, needs_class=False)
+        yield from _run(table, procedure, why, clock, kept)
+
+
+def _kind(output: Guess) -> str:
+    """Kind of a single component by the unit of its output."""
+    fits = [
+        kind
+        for kind, like in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s"))
+        if _measures(output.unit, like)
+    ]
+    return fits[0] if fits else ASKED
+
+
+def _upright(one: Guess, values: FloatArray) -> Guess:
+    """Take gravity off the output of an accelerometer that stands upright."""
+    level = float(np.nanmedian(values))
+    gravity = GRAVITIES.get(one.unit, np.inf)
+    if one.unit not in GRAVITIES or abs(abs(level) / gravity - 1.0) > ALIKE:
+        return one
+    signed = np.copysign(gravity, level)
+    more = f", offset = {toml_value(f'{signed:.6g} {one.unit}')}"
+    return replace(one, more=more, why=f"{one.why}; 1 g taken off, guessed from a median of {level:.4g}")
+
+
+def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str, str]:
+    """Procedure of known inputs, and what it was guessed from."""
+    values = {
+        name: _values(table, one, name) for name, one in kept.items() if name in (*INPUTS, *CASE_CHANNELS)
+    }
+    varied = {name for name, one in values.items() if np.ptp(one) > 0.0}
+    forces = [
+        float(np.abs(values[n]).max()) * _factor(kept[n]) / STANDARD_GRAVITY for n in values if n[0] == "f"
+    ]
+    why = f"guessed from the inputs that change: {', '.join(sorted(varied)) or 'none'}"
+    if max(forces, default=0.0) > CENTRIFUGED:
+        return "centrifuge", f"{why}, and forces up to {max(forces):.3g} g"
+    if any(name.startswith("w_") for name in varied) and kind != "accelerometer":
+        return "rate-table", why
+    if any(name.startswith("f_") for name in varied):
+        return "tumble", why
+    if "T" in varied and np.ptp(values["T"]) > WARMED:
+        return "thermal", f"{why}, by {np.ptp(values['T']):.3g} K"
+    return ("other" if varied - {"T"} else "static"), why
+
+
+def _factor(one: Guess) -> float:
+    return factor(one.unit, "m/s^2") if _measures(one.unit, "m/s^2") else 1.0
+
+
+def _in_the_hand(recording: Path, table: Table, clock: Guess, found: Mapping[str, Guess]) -> Iterator[str]:
+    """A triad, or two, that was turned while nothing but gravity, or the rate of a table, was known."""
+    kind = "imu" if len(found) == 6 else "accelerometer" if "ax" in found else "gyroscope"
+    yield from _sensor(recording.stem, kind, needs_class=True)
+    if kind == "gyroscope":
+        why = "guessed: the rates change, and the file has no input"
+        asked = 'ask: when the table turned, how fast: [{ rows = [500, 1500], rate = "60 deg/s" }, ...]'
+        yield from _run(
+            table, FREE_TUMBLE, why, clock, found, [f"sections = {toml_value(ASKED)}   # {asked}"]
+        )
+        return
+    more = [
+        'gravity = "9.80665 m/s^2"   # guessed: standard; ask: { latitude = "45.4 deg", height = "12 m" }',
+        '# ask: were the faces that were up known? Then procedure = "ferraris" and',
+        '# sections = [{ rows = [0, 500], up = "x" }, ...]',
+    ]
+    why = f"guessed: the direction of the force changes{_stills(recording, clock, found)}"
+    yield from _run(table, FREE_TUMBLE, why, clock, found, more)
+
+
+def _stills(recording: Path, clock: Guess, found: Mapping[str, Guess]) -> str:
+    """Say how many stills a record has, or why that cannot be told; nothing where a unit is asked for."""
+    columns = {"t": clock, **{name: found[name] for name in ACCELEROMETERS}}
+    if any(one.column == "" or one.more or one.unit == ASKED for one in columns.values()):
+        return ""
+    raw = {
+        "name": "hand",
+        "procedure": FREE_TUMBLE,
+        "file": str(recording.resolve()),
+        "gravity": f"{STANDARD_GRAVITY} m/s^2",
+        "columns": {
+            name: {"column": one.column} | ({"unit": one.unit} if one.unit else {})
+            for name, one in columns.items()
+        },
+    }
+    try:
+        run = read_run(run_spec(raw, "accelerometer", recording.parent, Place("")), "accelerometer")
+        return f", in {len(find_stills(run))} stills"
+    except InputError as error:
+        return f"; {error}"
+
+
+def _sensor(name: str, kind: str, *, needs_class: bool) -> Iterator[str]:
+    yield from ("", "[[sensor]]", f"id = {toml_value(name)}")
+    yield f"kind = {toml_value(kind)}{'   # ask: accelerometer or gyroscope' if kind == ASKED else ''}"
+    asked = "ask: technology and grade, as 'imubayes catalogue' lists them"
+    if needs_class:
+        yield f"class = {toml_value(ASKED)}   # {asked}"
+    else:
+        yield f'# class = "mems_tactical"   # {asked}; without one priors are vague'
+    yield "# ask: library = { powers = 2 } for other candidates, reference = { ... } for errors of the bench"
+
+
+def _run(
+    table: Table, procedure: str, why: str, clock: Guess, kept: Mapping[str, Guess], more: Sequence[str] = ()
+) -> Iterator[str]:
+    yield from ("", "[[sensor.run]]", f"name = {toml_value(Path(table.file).stem)}")
+    yield f"procedure = {toml_value(procedure)}   # {why}"
+    yield f"file = {toml_value(table.file)}"
+    yield from more
+    yield from ("", "[sensor.run.columns]")
+    yield clock.line("t") if clock.column != "" else f"t = {{ rate = {toml_value(ASKED)} }}   # {clock.why}"
+    yield from (one.line(channel) for channel, one in kept.items())
