@@ -6,6 +6,7 @@ from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from imubayes import __version__
@@ -21,6 +22,7 @@ def main(
     measure: Callable[..., Any],
     page: Callable[[Any], Page],
     record: Callable[[Any], dict[str, Any]],
+    options: Sequence[str] = (),
 ) -> None:
     """Measure what a study asks for, write ``report.html`` and ``result.json``, and show it.
 
@@ -30,8 +32,9 @@ def main(
     small : the settings that only show whether it runs.
     measure : makes a result of the settings, and tells `progress` what goes on.
     page, record : of a result, for readers and for scripts.
+    options : settings that can be others, too: numbers, or some of the texts of a tuple.
     """
-    asked, out = _asked(study, small)
+    asked, out = _asked(study, small, options)
     try:
         folder = usable(out)
         with waiting() as told:
@@ -45,17 +48,29 @@ def main(
     written(folder, files)
 
 
-def _asked(study: Any, small: Any) -> tuple[Any, Path]:
+def _asked(study: Any, small: Any, options: Sequence[str]) -> tuple[Any, Path]:
     """Settings and folder, by the options of the command line."""
     parser = ArgumentParser(prog=study.command)
     usual = Path("reports") / study.command.rpartition(".")[2]
     parser.add_argument("--out", type=Path, default=usual, help=f"folder of the report; {usual} by default")
     parser.add_argument("--small", action="store_true", help="small sizes, which only show whether it runs")
-    parser.add_argument("--seed", type=int, default=study.seed, help=f"{study.seed} by default")
+    for name in ("seed", *options):
+        value = getattr(study, name)
+        some = {"nargs": "+", "choices": value} if isinstance(value, tuple) else {"type": int}
+        said = "all" if isinstance(value, tuple) else value
+        parser.add_argument(f"--{name}", help=f"{said} by default", **some)
     given = parser.parse_args()
-    other = f" --seed {given.seed}" if given.seed != study.seed else ""
-    command = f"{study.command}{' --small' if given.small else ''}{other}"
-    return replace(small if given.small else study, seed=given.seed, command=command), given.out
+    asked = {name: getattr(given, name) for name in ("seed", *options) if getattr(given, name) is not None}
+    base = small if given.small else study
+    other = {name: value for name, value in asked.items() if value != getattr(base, name)}
+    words = [word for name, value in other.items() for word in (f"--{name}", *_texts(value))]
+    command = " ".join([study.command, *(["--small"] if given.small else []), *map(quote, words)])
+    other = {name: tuple(value) if isinstance(value, list) else value for name, value in other.items()}
+    return replace(base, **other, command=command), given.out
+
+
+def _texts(value: Any) -> list[str]:
+    return value if isinstance(value, list) else [str(value)]
 
 
 def recorded(found: Any, title: str, answer: Sequence[str], **values: Any) -> dict[str, Any]:

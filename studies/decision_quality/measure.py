@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import get_args
 
@@ -11,8 +10,8 @@ import numpy as np
 
 from imubayes.population.processes import Progress
 from imubayes.sensors.terms import Kind
-from studies.decision_quality.scores import Scores, scores
-from studies.decision_quality.trials import QualityStudy, Trial, trials
+from studies.decision_quality.scores import Scores, Treated, scores, treated
+from studies.decision_quality.trials import MODELLED, TREATMENTS, QualityStudy, Trial, trials
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,19 +22,16 @@ class Quality:
     ----------
     study : that was run.
     trials : what every method said of every sensor.
-    scores : for each treatment, of both kinds of sensors together and then of each.
+    scores : as modelled, of both kinds of sensors together and then of each.
+    treated : verdicts under every treatment.
     seconds : that it took.
     """
 
     study: QualityStudy
     trials: tuple[Trial, ...]
     scores: tuple[Scores, ...]
+    treated: tuple[Treated, ...]
     seconds: float
-
-    @property
-    def overall(self) -> tuple[Scores, ...]:
-        """Scores of both kinds of sensors together, by treatment."""
-        return tuple(one for one in self.scores if not one.kind)
 
 
 def measure(study: QualityStudy, *, progress: Progress = lambda message: None) -> Quality:
@@ -49,12 +45,9 @@ def measure(study: QualityStudy, *, progress: Progress = lambda message: None) -
     start = time.perf_counter()
     found = trials(study, progress=progress)
     progress("intervals")
-    return Quality(study, found, tuple(_scored(study, found)), time.perf_counter() - start)
-
-
-def _scored(study: QualityStudy, found: tuple[Trial, ...]) -> Iterator[Scores]:
     rng = np.random.default_rng([study.seed, 4])
-    for treatment in study.treatments:
-        for kind in ("", *get_args(Kind)):
-            if any(t.treatment == treatment and kind in ("", t.kind) for t in found):
-                yield scores(found, treatment, kind, rng=rng)
+    kinds = [kind for kind in ("", *get_args(Kind)) if any(kind in ("", t.kind) for t in found)]
+    told = tuple(scores(found, MODELLED, kind, rng=rng) for kind in kinds)
+    tried = [name for name in TREATMENTS if any(t.treatment == name for t in found)]
+    verdicts = tuple(treated(found, name, rng=rng) for name in tried)
+    return Quality(study, found, told, verdicts, time.perf_counter() - start)

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, answer, repeat
+from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, Text, answer, repeat
 from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import duration, percent
+from imubayes.selection.verdicts import EQUAL
 from studies.command import recorded
-from studies.decision_quality.figures import calibration_panel, cost_panel, drops_panel, ratio_panel
+from studies.decision_quality.faults import FAULTS
+from studies.decision_quality.figures import LABELLED, calibration_panel, cost_panel, drops_panel, ratio_panel
 from studies.decision_quality.scores import CLIP, EDGES
 from studies.decision_quality.subjects import PARTIAL
-from studies.decision_quality.trials import MODELLED, SURE
-from studies.decision_quality.words import bins, left_open, quality_answer, shares, wrong_models
+from studies.decision_quality.trials import DECISION, EVIDENCE, MISSING, OWN, TRUSTED, WHITE
+from studies.decision_quality.words import bins, left_open, quality_answer, shares
 
 if TYPE_CHECKING:
     from studies.decision_quality.measure import Quality
     from studies.decision_quality.questions import Interval
-    from studies.decision_quality.scores import MethodScore, Scores
+    from studies.decision_quality.scores import MethodScore, Scores, Verdicts
 
 TITLE = "How good is the decision?"
 
@@ -42,7 +44,7 @@ SCORES = (
 )
 CAREFUL = ("false keep costs, false drops", "kept from inclusion", "false keeps", "false drops above 8 sd")
 KINDS = (
-    "treatment and kind",
+    "kind",
     "sensors",
     "false keeps",
     "false drops above 8 sd",
@@ -51,6 +53,37 @@ KINDS = (
     "of strong groups, dropped",
     "wrong questions a sensor",
 )
+
+BY_METHOD = (Both("zero terms called needed", "false needed"), Both("zero terms", "of"))
+VERDICTS = (
+    Both("treatment, and who judges", "verdicts"),
+    Both("zero terms called needed", "false"),
+    Both("true terms called not needed", "missed"),
+    Both("those above 8 sd", "> 8 sd"),
+    Both("left open", "open"),
+    Both("rms pull", "rms"),
+    Both("largest pull", "most"),
+)
+SHORT = {DECISION: "decision", EVIDENCE: "alone", TRUSTED: "trusting"}
+
+TREATED = (
+    "A fault is in what the sensor says, and the analysis knows nothing of it; where noise is assumed white,"
+    " or a term is missing, it is the analysis that is wrong. The evidence alone allows for errors of the"
+    " bench that it finds; if it trusts the bench, for none. Of the other methods, what their strengths put"
+    f" above {EQUAL.needed:g} counts as needed."
+)
+
+PULLS = (
+    "A pull is the mean less the truth, over the sd: model-averaged of what is needed, with all candidates of"
+    " what is not needed. Left open is what is undecided, inseparable or unresolved."
+)
+
+WRONG = {
+    **FAULTS,
+    WHITE: "N alone, estimated from the residuals",
+    MISSING: "a term above 8 sd, drawn by lot, is not in the library (the bias always is); sensors without"
+    " such a term are left out",
+}
 
 FIGURES = (
     "Drops: blue, the decision with its intervals; in colour, one method of each family; grey, the others."
@@ -77,7 +110,7 @@ COUNTED = (
     Markup(
         "A <em>false keep</em> is a term that is zero and in the method's model; a <em>false drop</em> one"
         " that is not zero and not in it. The decision's model holds what costs less kept than dropped, at"
-        " equal costs inclusion of one half or more; “needed only” holds what has the verdict needed."
+        " equal costs inclusion of one half or more."
     ),
     Markup(
         "The decision may leave a term <em>open</em>: undecided, inseparable or unresolved. At a twentieth"
@@ -86,7 +119,7 @@ COUNTED = (
         " left open."
     ),
     "As modelled, the truth is drawn from the very priors that the decision has: there it is at its best. The"
-    " other treatments show what happens where the analysis is wrong.",
+    " treatments show what happens where the test or the analysis is wrong.",
     Markup(
         "<em>Effect over noise</em> is the size of the coefficient over its standard deviation under the full"
         " library, without a prior and with the noise estimated: what the test could tell of it at best."
@@ -98,13 +131,6 @@ COUNTED = (
         " method says nothing of is not in its model, and is left out of these two."
     ),
     "Intervals are bootstrapped over sensors; those of rates hold Clopper and Pearson's too.",
-    Markup(
-        "<em>Noise assumed white</em>: N alone, estimated from the residuals. <em>Table zero not"
-        " modelled</em>: the zero of the tumble's table is off in each plane, and the case of a gyroscope is"
-        " turned in each of its mounts, by the catalogue's typical errors, of which the analysis knows"
-        " nothing. <em>One true term missing</em>: a term above 8 sd, drawn by lot, is not in the library"
-        " (the bias always is); sensors without such a term are left out."
-    ),
 )
 
 
@@ -115,9 +141,10 @@ def quality_page(quality: Quality) -> Page:
     return Page(
         TITLE,
         QUESTION,
-        first=(answer(quality_answer(quality)), Prose(tuple(wrong_models(quality)))),
+        first=(answer(quality_answer(quality)),),
         blocks=(
-            *(_section(k, told) for k, told in enumerate(quality.overall)),
+            _treatments(quality),
+            _section(quality.scores[0]),
             _kinds(quality),
             Section("What was counted", counted, "meaning", brief=False),
             repeat(quality.study.command, "", f"{said} Seed {quality.study.seed}."),
@@ -125,8 +152,50 @@ def quality_page(quality: Quality) -> Page:
     )
 
 
-def _section(k: int, told: Scores) -> Section:
-    """One treatment; a terminal shows the scores where all is as modelled."""
+def _treatments(quality: Quality) -> Section:
+    """The verdicts of all methods, and what else is asked of the decision, under each treatment."""
+    told = quality.treated
+    needed = [(one.treatment, f"{one.zero:,}", *map(_seldom, one.verdicts)) for one in told]
+    head = *BY_METHOD, *(_where_shown(v.method, called(v.method)) for v in told[0].verdicts)
+    verdicts = [
+        (Both(f"{one.treatment}: {name}", f"{one.treatment}: {SHORT[name]}"), *_judged(one.of(name)))
+        for one in told
+        for name in OWN
+    ]
+    return Section(
+        "Where test or analysis is wrong",
+        (
+            Prose(TREATED),
+            Table("False verdicts by treatment", head, needed),
+            Table("The decision by treatment", VERDICTS, verdicts, note=PULLS),
+            Prose([f"{name[:1].upper()}{name[1:]}: {text}." for name, text in WRONG.items()], "list"),
+        ),
+        "treatments",
+    )
+
+
+def _where_shown(method: str, said: str) -> Both:
+    """Cell of a method; a terminal has one of each family beside the decision."""
+    return Both(said, SHORT.get(said, said) if method in (*OWN, *LABELLED) else None)
+
+
+def _seldom(said: Verdicts) -> Both:
+    found = said.false_keeps
+    cell = _where_shown(said.method, percent(found.value) if found.of else "")
+    return replace(cell, page=f"{found.events} ({cell.page})" if found.of else "")
+
+
+def _judged(said: Verdicts) -> tuple[Text, ...]:
+    rates = (said.false_keeps, said.missed, said.false_drops, said.left)
+    return (
+        *(Both(f"{r.events} of {r.of:,}: {shares(r)}", percent(r.value)) if r.of else "" for r in rates),
+        f"{said.rms:.2f}" if said.pulls else "",
+        f"{said.largest:.1f}" if said.pulls else "",
+    )
+
+
+def _section(told: Scores) -> Section:
+    """Where all is as modelled."""
     title = f"{told.treatment[:1].upper()}{told.treatment[1:]}"
     paints = (drops_panel, cost_panel, ratio_panel, calibration_panel)
     said = (
@@ -146,24 +215,22 @@ def _section(k: int, told: Scores) -> Section:
         (
             Prose(said),
             Table(f"Scores of the methods, {title}", SCORES, scores),
-            Figure([paint(told, f"q{k}n{n}") for n, paint in enumerate(paints)], note=FIGURES),
+            Figure([paint(told, f"q{n}") for n, paint in enumerate(paints)], note=FIGURES),
             Section("What a dearer false keep does to the decision", (dearer,), brief=False),
             Section("False drops by effect over noise", (by_effect,), brief=False),
         ),
-        f"treatment-{k}",
-        brief=told.treatment == MODELLED,
+        "modelled",
     )
 
 
 def _cells(score: MethodScore) -> tuple[Both, ...]:
-    beside, sure = score.method != "decision", score.method == SURE
     keeps, drops = score.false_keeps, score.false_drops[-1]
     return (
         Both(shares(keeps), percent(keeps.value) if keeps.of else ""),
         Both(shares(drops), percent(drops.value) if drops.of else ""),
         _number(score.cost),
-        _number(score.excess) if beside else Both("", ""),
-        Both("", "") if sure else _number(score.opened),
+        _number(score.excess) if score.method != DECISION else Both("", ""),
+        _number(score.opened),
         _number(score.brier, 3, "–"),
         _number(score.log, 3, "–"),
     )
@@ -178,10 +245,10 @@ def _number(found: Interval, digits: int = 2, between: str = " to ") -> Both:
 
 
 def _kinds(quality: Quality) -> Section:
-    """The decision under each treatment by kind of sensor, terms singly and groups as one question."""
+    """The decision by kind of sensor, terms singly and groups as one question."""
     rows = [
         (
-            f"{told.treatment}, {told.kind or 'both'}",
+            told.kind or "both",
             f"{told.sensors}",
             shares(own.false_keeps),
             shares(own.false_drops[-1]),
@@ -212,4 +279,5 @@ def quality_record(quality: Quality) -> dict[str, Any]:
         misspecified_per_kind=quality.study.misspecified,
         effect_edges=EDGES[:-1],
         scores=[asdict(told) for told in quality.scores],
+        treated=[asdict(told) for told in quality.treated],
     )

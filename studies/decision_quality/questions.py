@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.selection.verdicts import EQUAL, ODDS, Costs
+from imubayes.selection.verdicts import ODDS, Costs
 from studies.decision_quality.trials import Trial
 
 OPEN = 1.0 / (1.0 + ODDS)
@@ -57,8 +57,7 @@ class Questions:
     true : (n,) the truth.
     effect : (n,) over noise.
     several : (n,) whether it is a group that was asked for.
-    keeps, strength : (m, n) of each method.
-    verdict : (n,) 1 for needed, 0 for not needed, NaN for left open.
+    keeps, strength, said, pull : (m, n) of each method, as in `Trial`.
     """
 
     sensor: NDArray[np.int64]
@@ -68,7 +67,8 @@ class Questions:
     several: BoolArray
     keeps: FloatArray
     strength: FloatArray
-    verdict: FloatArray
+    said: FloatArray
+    pull: FloatArray
 
     def errs(self, keeps: FloatArray) -> FloatArray:
         """Where keeping `keeps` (n,) is wrong: (n,) of 0 and 1."""
@@ -88,13 +88,8 @@ class Questions:
         return np.where(self.true, 1.0, ratio) * wrong
 
     def opened(self, k: int) -> FloatArray:
-        """Cost (n,) of method `k` where it may leave a term open: 1 for an error, `OPEN` for an open term.
-
-        The decision, in row 0, says what it leaves open; another method does so between the same thresholds
-        of its strength, and chooses where it has none.
-        """
-        said = self.verdict if k == 0 else _sided(self.strength[k], self.keeps[k])
-        return np.where(np.isnan(said), OPEN, self.errs(said))
+        """Cost (n,) of method `k` where it may leave a term open: 1 for an error, `OPEN` for an open term."""
+        return np.where(np.isnan(self.said[k]), OPEN, self.errs(self.said[k]))
 
     def share(self, wrong: FloatArray, of: BoolArray) -> Interval:
         """Rate of `wrong` (n,) among the questions `of` (n,), with its interval."""
@@ -126,7 +121,8 @@ def questions(taken: Sequence[Trial], weights: FloatArray) -> Questions:
         several=np.array([JOINT in name for t in taken for name in t.terms]),
         keeps=np.hstack([t.keeps for t in taken]),
         strength=np.hstack([t.strength for t in taken]),
-        verdict=np.concatenate([t.verdict for t in taken]),
+        said=np.hstack([t.said for t in taken]),
+        pull=np.hstack([t.pull for t in taken]),
     )
 
 
@@ -142,14 +138,9 @@ def with_groups(t: Trial) -> Trial:
         effect=np.concatenate((t.effect[alone], t.group_effect)),
         keeps=np.array([t.keeps[:, group].max(axis=1) for group in where]).T,
         strength=np.array([t.strength[:, group].max(axis=1) for group in where]).T,
-        verdict=np.array([t.verdict[group].max() for group in where]),
+        said=np.array([t.said[:, group].max(axis=1) for group in where]).T,
+        pull=np.array([t.pull[:, group].max(axis=1) for group in where]).T,
     )
-
-
-def _sided(strength: FloatArray, keeps: FloatArray) -> FloatArray:
-    """1, 0 or NaN (n,) as a strength is above the upper threshold, below the lower, or between."""
-    sides = np.where(strength >= EQUAL.needed, 1.0, np.where(strength <= EQUAL.not_needed, 0.0, np.nan))
-    return np.where(np.isnan(strength), keeps, sides)
 
 
 def _ratio(top: FloatArray, bottom: FloatArray, weights: FloatArray) -> Interval:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.selection.verdicts import Costs
 from studies.decision_quality.questions import OPEN, Interval, Questions, questions, with_groups
-from studies.decision_quality.trials import STRONG, Trial
+from studies.decision_quality.trials import DECISION, STRONG, Trial
 
 EDGES = (0.0, 1.0, 2.0, 4.0, STRONG, np.inf)
 """Bins of effect over noise."""
@@ -97,26 +99,50 @@ class Careful:
 
 @dataclass(frozen=True, slots=True)
 class Verdicts:
-    """The verdicts needed and not needed, of the decision, which may leave a term open.
+    """The verdicts needed and not needed of a method, which may leave a term open.
+
+    Those of a method that has none but a strength are at the same thresholds of that.
 
     Attributes
     ----------
+    method : its name.
     false_keeps : share of the zero terms that are called needed.
     false_drops : share of the terms above `STRONG` that are called not needed.
+    missed : share of all true terms that are.
     left, left_strong : share of all terms, and of those above `STRONG`, that are left open.
-    nothing : cost for each sensor of leaving every term open.
+    rms, largest : pull of what has a verdict, sd; NaN for a method without coefficients.
+    pulls : how many there are.
     """
 
+    method: str
     false_keeps: Interval
     false_drops: Interval
+    missed: Interval
     left: Interval
     left_strong: Interval
-    nothing: Interval
+    rms: float
+    largest: float
+    pulls: int
+
+
+@dataclass(frozen=True, slots=True)
+class Treated:
+    """Verdicts of every method under one treatment: of so many sensors, zero terms and true ones."""
+
+    treatment: str
+    sensors: int
+    zero: int
+    true: int
+    verdicts: tuple[Verdicts, ...]
+
+    def of(self, method: str) -> Verdicts:
+        """Verdicts of one method."""
+        return next(one for one in self.verdicts if one.method == method)
 
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Scores of every method under one treatment.
+    """Scores of every method on sensors of one kind, treated alike.
 
     Attributes
     ----------
@@ -126,7 +152,8 @@ class Scores:
     methods : scores, the decision first.
     calibration : of the decision's inclusion.
     careful : the decision at each of `RATIOS`.
-    verdicts : the decision where it may leave a term open.
+    verdicts : of the decision.
+    nothing : cost for each sensor of leaving every term open.
     """
 
     treatment: str
@@ -139,6 +166,7 @@ class Scores:
     calibration: tuple[Calibration, ...]
     careful: tuple[Careful, ...]
     verdicts: Verdicts
+    nothing: Interval
 
     def of(self, method: str) -> MethodScore:
         """Score of one method."""
@@ -159,10 +187,8 @@ def scores(trials: Sequence[Trial], treatment: str, kind: str = "", *, rng: np.r
     ------
     InputError : if there is no such trial.
     """
-    taken = [t for t in trials if t.treatment == treatment and kind in ("", t.kind)]
-    if not taken:
-        raise InputError(f"no {kind or 'sensor'} was tried under '{treatment}': nothing can be scored")
-    weights = rng.multinomial(len(taken), np.full(len(taken), 1.0 / len(taken)), DRAWS).astype(float)
+    taken = _taken(trials, treatment, kind)
+    weights = _weights(taken, rng)
     single, grouped = questions(taken, weights), questions([with_groups(t) for t in taken], weights)
     return Scores(
         treatment=treatment,
@@ -174,8 +200,39 @@ def scores(trials: Sequence[Trial], treatment: str, kind: str = "", *, rng: np.r
         methods=tuple(_score(name, k, single, grouped) for k, name in enumerate(taken[0].methods)),
         calibration=_calibration(single),
         careful=tuple(_careful(single, ratio) for ratio in RATIOS),
-        verdicts=_verdicts(single),
+        verdicts=_verdicts(DECISION, 0, single),
+        nothing=single.each(np.full(len(single.true), OPEN)),
     )
+
+
+def treated(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator) -> Treated:
+    """What the verdicts of every method are worth under one treatment.
+
+    Raises
+    ------
+    InputError : if there is no such trial.
+    """
+    taken = _taken(trials, treatment)
+    asked = questions(taken, _weights(taken, rng))
+    return Treated(
+        treatment=treatment,
+        sensors=len(taken),
+        zero=int(np.sum(~asked.true)),
+        true=int(np.sum(asked.true)),
+        verdicts=tuple(_verdicts(name, k, asked) for k, name in enumerate(taken[0].methods)),
+    )
+
+
+def _taken(trials: Sequence[Trial], treatment: str, kind: str = "") -> list[Trial]:
+    taken = [t for t in trials if t.treatment == treatment and kind in ("", t.kind)]
+    if not taken:
+        raise InputError(f"no {kind or 'sensor'} was tried under '{treatment}': nothing can be scored")
+    return taken
+
+
+def _weights(taken: Sequence[Trial], rng: np.random.Generator) -> FloatArray:
+    """How often each sensor is in each bootstrap sample: (draws, sensors)."""
+    return rng.multinomial(len(taken), np.full(len(taken), 1.0 / len(taken)), DRAWS).astype(float)
 
 
 def _score(name: str, k: int, single: Questions, grouped: Questions) -> MethodScore:
@@ -211,17 +268,22 @@ def _careful(asked: Questions, ratio: float) -> Careful:
     return Careful(ratio, threshold, asked.share(wrong, ~asked.true), asked.share(wrong, strong))
 
 
-def _verdicts(asked: Questions) -> Verdicts:
-    """What the decision calls needed, not needed, and leaves open."""
-    left = np.isnan(asked.verdict)
-    wrong = np.where(left, 0.0, asked.errs(asked.verdict))
+def _verdicts(name: str, k: int, asked: Questions) -> Verdicts:
+    """What the method in row `k` calls needed, not needed, and leaves open."""
+    left = np.isnan(asked.said[k])
+    wrong = np.where(left, 0.0, asked.errs(asked.said[k]))
     strong, every = asked.true & (asked.effect >= STRONG), np.ones(len(asked.true), dtype=bool)
+    pull = asked.pull[k][~np.isnan(asked.pull[k])]
     return Verdicts(
+        method=name,
         false_keeps=asked.share(wrong, ~asked.true),
         false_drops=asked.share(wrong, strong),
+        missed=asked.share(wrong, asked.true),
         left=asked.share(left.astype(float), every),
         left_strong=asked.share(left.astype(float), strong),
-        nothing=asked.each(np.full(len(asked.true), OPEN)),
+        rms=math.sqrt(np.mean(pull**2)) if len(pull) else math.nan,
+        largest=float(np.abs(pull).max(initial=math.nan if not len(pull) else 0.0)),
+        pulls=len(pull),
     )
 
 

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.rotations import centrifuge, rate_table
-from imubayes.rig.simulate import simulate
+from imubayes.rig.simulate import simulate, synthesise
 from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import SensorClass, classes, coupled
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import STANDARD_GRAVITY
+from studies.decision_quality.faults import INPUT, NOISE, OUTPUT, Signal, bench_errors, lacking
 
 PARTIAL = 5
 """Of so many accelerometers one has no centrifuge: what |f| = g hides is then inseparable."""
@@ -40,13 +42,6 @@ LEVELS = (0.05, 0.25, 1.0)
 RATES = (0.0, 1.0 / 30.0, 1.0 / 6.0, 0.5, 1.0)
 """Shares of the largest rate, each both ways."""
 
-ZEROS: Mapping[Kind, tuple[str, ...]] = {
-    "accelerometer": ("plane_zero",),
-    "gyroscope": ("plane_zero", "fixture"),
-}
-"""Errors of the reference that are there but not modelled, where a study asks for them: the zero of the table
-in each plane of a tumble; where a rate table tests a gyroscope, the turn of the case in each mount."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
@@ -60,7 +55,6 @@ class Subject:
     truth : every coefficient of the library by name, SI; many are zero.
     noise : of every run.
     plans : what the rig says that it does.
-    errors : of the reference, SI by name; they act only where they are asked for.
     seed : of the noise in the runs.
     """
 
@@ -70,8 +64,21 @@ class Subject:
     truth: Mapping[str, float]
     noise: Noise
     plans: tuple[Plan, ...]
-    errors: Mapping[str, float]
     seed: tuple[int, ...]
+
+    @property
+    def sigma(self) -> float:
+        """Sd of a sample's white noise, SI."""
+        return self.noise.N * math.sqrt(SAMPLES)
+
+    @property
+    def largest(self) -> float:
+        """Largest size of the input along the sensor's own axis, SI."""
+        return max(float(np.abs(self.own(plan)).max()) for plan in self.plans)
+
+    def own(self, plan: Plan | Run) -> FloatArray:
+        """Input (n,) along the sensor's own axis, SI."""
+        return plan.inputs.channels.get(self.library.own, np.zeros(len(plan.inputs)))
 
 
 def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> Subject:
@@ -96,33 +103,61 @@ def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> 
     inside = rng.random(len(sd)) < rng.random()
     sizes = np.where(inside, sd * rng.standard_normal(len(sd)), 0.0)
     sizes = sizes[[lib.names.index(name) for name in lib.carriers]]
-    plans = _plans(sensor, number)
     return Subject(
         number=number,
         sensor=sensor,
         library=lib,
         truth=dict(zip(lib.names, sizes.tolist(), strict=True)),
         noise=Noise(*(m * math.exp(s * rng.standard_normal()) for m, s in noise_prior(sensor))),
-        plans=plans,
-        errors=_errors(lib.kind, plans, rng),
+        plans=_plans(sensor, number),
         seed=(*place, 1),
     )
 
 
-def runs_of(one: Subject, *, misplaced: bool = False) -> tuple[Run, ...]:
-    """Test a sensor; the noise is the same whenever it is tested.
-
-    Parameters
-    ----------
-    one : the sensor.
-    misplaced : whether the reference has its errors, of which the runs say nothing.
-    """
-    errors = one.errors if misplaced else {}
-    applied = [replace(plan, inputs=true_inputs(plan, errors)) for plan in one.plans]
-    runs = simulate(
-        one.sensor, applied, seed=np.random.default_rng(one.seed), truth=one.truth, noise=one.noise
+def runs_of(one: Subject, treatment: str = "") -> tuple[Run, ...]:
+    """Test a sensor, under a treatment with its fault; the noise is the same whenever it is tested."""
+    rng, lot = np.random.default_rng(one.seed), np.random.default_rng([*one.seed, 1])
+    errors = bench_errors(one, treatment, lot)
+    truth = {**one.truth, **lacking(one, treatment, lot)}
+    moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in one.plans]
+    applied = [_felt(one, plan, treatment, lot) for plan in moved]
+    said, silent = [plan.inputs for plan in one.plans], Noise(0.0, 0.0, 0.0)
+    runs = simulate(one.sensor, applied, seed=0, truth=truth, noise=silent, said=said)
+    top = max(float(np.abs(run.output).max()) for run in runs)
+    outputs = [
+        _output(_signal(one, plan, run.output, top), one.noise, treatment, rng, lot)
+        for run, plan in zip(runs, one.plans, strict=True)
+    ]
+    return tuple(
+        replace(run, inputs=plan.inputs, output=output)
+        for run, plan, output in zip(runs, one.plans, outputs, strict=True)
     )
-    return tuple(replace(run, inputs=plan.inputs) for run, plan in zip(runs, one.plans, strict=True))
+
+
+def _signal(one: Subject, plan: Plan, values: FloatArray, top: float = 0.0) -> Signal:
+    return Signal(values, plan.inputs.t, one.own(plan), one.sigma, one.largest, top)
+
+
+def _felt(one: Subject, plan: Plan, treatment: str, lot: np.random.Generator) -> Plan:
+    """Plan whose input along the sensor's own axis has gone through the fault."""
+    if treatment not in INPUT:
+        return plan
+    felt = INPUT[treatment](_signal(one, plan, one.own(plan)), lot)
+    channels = {**plan.inputs.channels, one.library.own: felt}
+    return replace(plan, inputs=replace(plan.inputs, channels=channels))
+
+
+def _output(
+    response: Signal, noise: Noise, treatment: str, rng: np.random.Generator, lot: np.random.Generator
+) -> FloatArray:
+    """Response and noise of a run, as they leave the sensor."""
+    known, dt = deepcopy(rng), 1.0 / SAMPLES
+    drawn = synthesise(noise, response.t, dt, rng)
+    if treatment in NOISE:
+        white = synthesise(Noise(noise.N, 0.0, 0.0), response.t, dt, known)
+        drawn += NOISE[treatment](replace(response, values=white), lot) - white
+    whole = replace(response, values=response.values + drawn)
+    return OUTPUT[treatment](whole, lot) if treatment in OUTPUT else whole.values
 
 
 def _plans(sensor: SensorClass, number: int) -> tuple[Plan, ...]:
@@ -136,9 +171,3 @@ def _plans(sensor: SensorClass, number: int) -> tuple[Plan, ...]:
     speeds = [*(share * largest for share in RATES), *(-share * largest for share in RATES[1:])]
     still = tumble(angles=12, planes=3, dwell=DWELL, rate=SAMPLES)
     return rate_table(speeds, dwell=DWELL, rate=SAMPLES), still
-
-
-def _errors(kind: Kind, plans: tuple[Plan, ...], rng: np.random.Generator) -> dict[str, float]:
-    """Errors of the reference: normal, with what the catalogue holds for typical."""
-    sizes = {name: KINDS[name].default or 0.0 for name in ZEROS[kind]}
-    return {error.name: rng.normal(0.0, sizes[error.kind]) for error in errors_of(plans, sizes)}

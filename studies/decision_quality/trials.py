@@ -11,33 +11,37 @@ import numpy as np
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.linear import linear_of
-from imubayes.inference.prior import ScalePrior, class_sd
+from imubayes.campaign.preparation import Prepared, component_prior, prepare
+from imubayes.campaign.study import SensorSpec
+from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
 from imubayes.population.processes import Progress, shared
 from imubayes.rig.inputs import Run
+from imubayes.rig.recordings import RunSpec
 from imubayes.selection.decision import LOOSE, Selection, select
-from imubayes.selection.panel import Panel, panel_of
+from imubayes.selection.panel import Panel, Votes, panel_of
+from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
+from studies.decision_quality.faults import COARSE, FAULTS, MOUNTED, applies
 from studies.decision_quality.subjects import Subject, runs_of, subject
 
 MODELLED = "as modelled"
 WHITE = "noise assumed white"
-MISPLACED = "table zero not modelled"
 MISSING = "one true term missing"
 
-TREATMENTS = (MODELLED, WHITE, MISPLACED, MISSING)
-"""How the runs of a sensor are treated: rightly, and in three wrong ways."""
+TREATMENTS = (MODELLED, *FAULTS, WHITE, MISSING)
+"""How a sensor is treated: rightly; on a test with a fault that nobody knows of; or by a wrong analysis."""
 
 STRONG = 8.0
 """Effect over noise from which a true term is strong: one of these is what goes missing."""
 
-DECISION, SURE = "decision", "decision, needed only"
-"""The decision's own rows: keep where it costs less, and keep only what has the verdict needed."""
+DECISION, EVIDENCE, TRUSTED = "decision", "evidence alone", "evidence, bench trusted"
+OWN = (DECISION, EVIDENCE, TRUSTED)
+"""The decision; what the evidence alone would say; and what it would if the bench had no errors at all."""
 
-OWN = "evidence"
-"""The decision among the votes of the methods."""
+SIDES = {"needed": 1.0, "not needed": 0.0}
+"""Verdicts that do not leave a term open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +53,7 @@ class QualityStudy:
     seed : of everything that is drawn.
     sensors : simulated of each kind.
     misspecified : of these, under treatments that are wrong on purpose.
-    treatments : some of `TREATMENTS`, `MODELLED` among them.
+    treatments : some of `TREATMENTS`; `MODELLED` is always among them.
     classes : ids of the catalogue that sensors are drawn from; empty for all.
     powers, asymmetry : of the candidate terms (see `imubayes.sensors.terms.library`).
     resamples : campaigns drawn for the frequencies of the sparse regressions.
@@ -73,8 +77,21 @@ class QualityStudy:
     command: str = "python -m studies.decision_quality"
 
 
-SMALL = QualityStudy(sensors=1, misspecified=1, classes=(), powers=2, asymmetry=-1, resamples=2, processes=1)
-"""One sensor of each kind."""
+SMALL = QualityStudy(
+    sensors=1,
+    misspecified=1,
+    treatments=(MODELLED, MOUNTED, COARSE, WHITE, MISSING),
+    classes=(),
+    powers=2,
+    asymmetry=-1,
+    resamples=2,
+    processes=1,
+)
+"""One sensor of each kind, and a treatment of each sort."""
+
+
+OPTIONS = ("sensors", "misspecified", "treatments", "processes")
+"""Settings that the command line can change."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,10 +107,12 @@ class Trial:
     effect : (t,) size of each over its sd under the full library without a prior, with the noise estimated.
     groups : indices of terms whose columns cancel to rounding, whatever the noise.
     group_effect : of each group, seen together.
-    methods : m of them, the decision's two first.
+    methods : m of them, `OWN` first.
     keeps : (m, t) 1 in the method's model, 0 out.
     strength : (m, t) from 0 to 1; NaN where a method says nothing.
-    verdict : (t,) 1 for needed, 0 for not needed, NaN where the decision leaves the term open.
+    said : (m, t) 1 for needed, 0 for not needed, NaN for what is left open.
+    pull : (m, t) of what has a verdict: mean less truth over sd, model-averaged of what is needed, of what is
+        not with all candidates; NaN elsewhere.
     missing : term that was taken out of the library; empty where none was.
     """
 
@@ -109,7 +128,8 @@ class Trial:
     methods: tuple[str, ...]
     keeps: FloatArray
     strength: FloatArray
-    verdict: FloatArray
+    said: FloatArray
+    pull: FloatArray
     missing: str = ""
 
 
@@ -134,12 +154,12 @@ def judge(study: QualityStudy, kind: Kind, number: int) -> list[Trial]:
     """Ask every method about one sensor under every treatment that it takes part in."""
     lib = library(kind, powers=study.powers, asymmetry=study.asymmetry)
     one = subject(lib, number, study.seed, study.classes)
-    runs = runs_of(one)
-    reference = _Reference.of(one, summarize(runs, one.library, sensor=one.sensor))
+    reference = _Reference.of(one, summarize(runs_of(one), one.library, sensor=one.sensor))
     return [
-        _trial(one, runs, reference, treatment, study.resamples)
-        for treatment in study.treatments
+        _trial(one, reference, treatment, study.resamples)
+        for treatment in dict.fromkeys((MODELLED, *study.treatments))
         if number < (study.sensors if treatment == MODELLED else study.misspecified)
+        and applies(one, treatment)
         and (treatment != MISSING or reference.strong(one.truth))
     ]
 
@@ -178,64 +198,83 @@ class _Reference:
         return str(np.random.default_rng(self.seed).choice(found)) if found else ""
 
 
-def _trial(one: Subject, runs: Sequence[Run], reference: _Reference, treatment: str, resamples: int) -> Trial:
+def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) -> Trial:
     """Ask every method about one sensor under one treatment."""
     missing = reference.strong(one.truth) if treatment == MISSING else ""
     lib = replace(one.library, terms=tuple(t for t in one.library.terms if t.name != missing))
-    taken = runs_of(one, misplaced=True) if treatment == MISPLACED else runs
-    selection, panel = _asked(one, taken, lib, treatment == WHITE, resamples)
-    terms = panel.votes.terms
-    groups = _exact_groups(selection, terms)
-    keeps, strength = _ballots(selection, panel)
+    own, said = _asked(one, lib, treatment, resamples)
+    terms = said.terms
+    groups = _exact_groups(own[0], terms)
+    others = [k for k, name in enumerate(said.methods) if name != "evidence"]
+    # what a method cannot have is not in its model
+    strength, keeps = said.strength[others], np.nan_to_num(said.keeps[others])
+    truth = np.array([one.truth[name] for name in terms])
+    ours = [_ballot(selection, terms, truth) for selection in own]
+    rows = [np.array(row) for row in zip(*ours, strict=True)]
     return Trial(
         kind=one.library.kind,
         number=one.number,
         class_id=one.sensor.id,
         treatment=treatment,
         terms=terms,
-        truth=np.array([one.truth[name] for name in terms]),
+        truth=truth,
         effect=np.array([reference.effect([name], one.truth) for name in terms]),
         groups=groups,
         group_effect=np.array([reference.effect([terms[k] for k in g], one.truth) for g in groups]),
-        methods=(DECISION, SURE, *(name for name in panel.votes.methods if name != OWN)),
-        keeps=keeps,
-        strength=strength,
-        verdict=_verdicts(selection, terms),
+        methods=(*OWN, *(said.methods[k] for k in others)),
+        keeps=np.vstack((rows[0], keeps)),
+        strength=np.vstack((rows[1], strength)),
+        said=np.vstack((rows[2], _sided(strength, keeps))),
+        pull=np.vstack((rows[3], np.full(keeps.shape, np.nan))),
         missing=missing,
     )
 
 
 def _asked(
-    one: Subject, runs: Sequence[Run], lib: Library, white: bool, resamples: int
-) -> tuple[Selection, Panel]:
-    """Give the decision, and the panel of the other methods."""
-    rules = {run.name: NoiseRule("white") for run in runs} if white else {}
-    rows = [linear_of(run, lib) for run in runs]
-    summary = summarize(runs, lib, sensor=one.sensor, rules=rules, rows=rows)
-    prior = ScalePrior(class_sd(one.sensor, lib))
-    selection = select(summary, prior)
+    one: Subject, lib: Library, treatment: str, resamples: int
+) -> tuple[tuple[Selection, Selection, Selection], Votes]:
+    """Give what `OWN` say, and the votes of the other methods, as a user's run would."""
+    runs = runs_of(one, treatment)
+    rule = NoiseRule("white") if treatment == WHITE else NoiseRule()
+    specs = tuple(RunSpec(run.name, run.procedure, noise=rule) for run in runs)
+    spec = SensorSpec(one.sensor.id, lib.kind, one.sensor, lib, specs, truth={})
+    ready = prepare(spec, runs, lambda message: None, np.random.default_rng([*one.seed, 4]))
+    evidence = select(ready.summary, ready.prior)
     rng = np.random.default_rng([*one.seed, 3])
-    return selection, panel_of(summary, prior, rows, selection, rng=rng, resamples=resamples, widths=(1.0,))
+    given = ready.summary, ready.prior, ready.rows, evidence
+    panel = panel_of(*given, rng=rng, resamples=resamples, widths=(1.0,))
+    return (_together(ready, evidence, panel), evidence, _trusting(spec, runs)), panel.votes
 
 
-def _ballots(selection: Selection, panel: Panel) -> tuple[FloatArray, FloatArray]:
-    """Return what each method keeps, and how strongly, with the decision's own rows first."""
-    said = panel.votes
+def _together(ready: Prepared, evidence: Selection, panel: Panel) -> Selection:
+    """Decision of all families of methods."""
+    return evidence
+
+
+def _trusting(spec: SensorSpec, runs: Sequence[Run]) -> Selection:
+    """What the evidence says if the bench is taken for one without errors."""
+    rules = {run.name: run.noise for run in spec.runs}
+    summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules)
+    return select(summary, component_prior(spec, runs)[0])
+
+
+def _ballot(selection: Selection, terms: Sequence[str], truth: FloatArray) -> tuple[FloatArray, ...]:
+    """What a decision keeps, how strongly, its verdicts, and the pulls of these: (t,) each."""
     verdicts = {term.name: term for term in selection.terms}
-    kept = [float(name in selection.model) for name in said.terms]
-    sure = [float(verdicts[name].verdict == "needed") for name in said.terms]
-    inclusion = [verdicts[name].inclusion for name in said.terms]
-    others = [k for k, name in enumerate(said.methods) if name != OWN]
-    # what a method cannot have is not in its model
-    keeps = np.vstack((kept, sure, np.nan_to_num(said.keeps[others])))
-    return keeps, np.vstack((inclusion, np.full(len(sure), np.nan), said.strength[others]))
+    told = [verdicts[name] for name in terms]
+    said = np.array([SIDES.get(term.verdict, np.nan) for term in told])
+    mean, sd = np.array(
+        [(t.mean, t.sd) if t.verdict == "needed" else (t.full_mean, t.full_sd) for t in told]
+    ).T
+    keeps = np.array([float(name in selection.model) for name in terms])
+    strength = np.array([term.inclusion for term in told])
+    return keeps, strength, said, np.where(np.isnan(said), np.nan, (mean - truth) / sd)
 
 
-def _verdicts(selection: Selection, terms: Sequence[str]) -> FloatArray:
-    """1 for needed, 0 for not needed, NaN for whatever leaves a term open: (t,)."""
-    sides = {"needed": 1.0, "not needed": 0.0}
-    said = {term.name: sides.get(term.verdict, np.nan) for term in selection.terms}
-    return np.array([said[name] for name in terms])
+def _sided(strength: FloatArray, keeps: FloatArray) -> FloatArray:
+    """1, 0 or NaN as a strength is above the upper threshold of the verdicts, below the lower, or between."""
+    sides = np.where(strength >= EQUAL.needed, 1.0, np.where(strength <= EQUAL.not_needed, 0.0, np.nan))
+    return np.where(np.isnan(strength), keeps, sides)
 
 
 def _exact_groups(selection: Selection, terms: Sequence[str]) -> tuple[tuple[int, ...], ...]:

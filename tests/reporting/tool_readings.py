@@ -30,7 +30,7 @@ from report_reading import (
 )
 
 from imubayes.reporting.method_views import called
-from studies.decision_quality.trials import DECISION, SURE
+from studies.decision_quality.trials import OWN, TREATMENTS
 
 Found = dict[str, Any]
 Match = re.Match[str]
@@ -180,10 +180,13 @@ TRADE = (
 
 # Quality of the decision
 
+UNDER = "|".join(map(plain, TREATMENTS))
+
 
 def wrong_quality(html: str, result: Found) -> list[str]:
     """What a page on the quality of the decision says that its result does not."""
-    return wrong_numbers(html, result, QUALITY, told=lambda block: None if block.anchor == "kinds" else block)
+    skipped = ("kinds", "treatments")
+    return wrong_numbers(html, result, QUALITY, told=lambda b: None if b.anchor in skipped else b)
 
 
 def _treated(result: Found, match: Match, anchor: str) -> Found:
@@ -191,7 +194,7 @@ def _treated(result: Found, match: Match, anchor: str) -> Found:
     overall = [one for one in result["scores"] if not one["kind"]]
     said = [one for one in overall if f"With {one['treatment']}," in match.string]
     told = said[0] if said else overall[int((re.findall(r"treatment-(\d+)", anchor) or [0])[0])]
-    return told | {"effect_edges": result["effect_edges"]}
+    return told | {"effect_edges": result["effect_edges"], "treated": result.get("treated", ())}
 
 
 def _rate(found: Found) -> list[float]:
@@ -204,7 +207,7 @@ def _by_method(told: Found, name: str) -> Found:
 
 
 def _others(told: Found) -> list[Found]:
-    return [one for one in told["methods"] if one["method"] not in (DECISION, SURE)]
+    return [one for one in told["methods"] if one["method"] not in (*OWN, "decision, needed only")]
 
 
 def _cost(told: Found) -> float:
@@ -221,7 +224,7 @@ def _opened(told: Found, match: Match) -> Iterable[Meant]:
         None,
         best["opened"]["value"] if called(best["method"]) == match[4] else math.nan,
         *(best["opened_excess"][end] for end in ("value", "low", "high")),
-        said["nothing"]["value"],
+        told.get("nothing", said.get("nothing"))["value"],
     ]
 
 
@@ -230,6 +233,38 @@ def _claimed(told: Found, match: Match) -> Iterable[Meant]:
     found = told["verdicts"][what]
     right = match[2] == ("yes" if found["value"] <= 0.02 else "no")
     return [None, None, found["value"] if right else math.nan, found["high"]]
+
+
+def _false(told: Found) -> dict[str, float]:
+    """Share of the zero terms that the decision calls needed under each treatment that has some."""
+    return _by_treatment(told, lambda said: said["false_keeps"]["value"])
+
+
+def _pulls(told: Found) -> dict[str, float]:
+    return _by_treatment(told, lambda said: said["rms"])
+
+
+def _by_treatment(told: Found, of: Callable[[Found], float | None]) -> dict[str, float]:
+    found = {one["treatment"]: of(one["verdicts"][0]) for one in told["treated"]}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _met(found: dict[str, float], most: float, said: str) -> bool:
+    return (said == "yes") == (max(found.values()) <= most)
+
+
+def _worst(found: dict[str, float], name: str) -> Iterable[Meant]:
+    return [None, found[name] if found[name] == max(found.values()) else math.nan]
+
+
+def _more_open(told: Found, match: Match) -> Iterable[Meant]:
+    own, alone = (told["treated"][0]["verdicts"][k]["left"]["events"] for k in (0, 2))
+    return [0.05, None, own if (match[2] == "yes") == (own <= 1.05 * alone) else math.nan, alone]
+
+
+def _strong_missed(told: Found, match: Match) -> Iterable[Meant]:
+    found = told["treated"][0]["verdicts"][0]["false_drops"]
+    return [found["of"], None, found["events"] if (match[2] == "yes") == (not found["events"]) else math.nan]
 
 
 def _wrong_choice(told: Found, match: Match) -> Iterable[Meant]:
@@ -285,7 +320,17 @@ QUALITY = (
                 *_rate(t["verdicts"]["false_keeps"]), t["zero"],
                 *_rate(t["verdicts"]["false_drops"]), t["verdicts"]["false_drops"]["of"],
             ],
-            rf"At most 2\.0 % (of the zero|above 8 sd)[^.:]*: (yes|no)(?:, ({PERCENT}))?"
+            rf"({PERCENT}) of the zero terms called needed under each of ({NUM}) treatments: (yes|no)":
+                lambda t, m: [0.02, len(t["treated"]) if _met(_false(t), 0.02, m[3]) else math.nan],
+            rf"at most ({NUM}) rms under each: (yes|no)":
+                lambda t, m: [1.5 if _met(_pulls(t), 1.5, m[2]) else math.nan],
+            rf"({PERCENT}) under ({UNDER})": lambda t, m: [_false(t)[m[2]]],
+            rf"({NUM}) under ({UNDER})": lambda t, m: [_pulls(t)[m[2]]],
+            rf"most under ({UNDER}), ({PERCENT})\.": lambda t, m: _worst(_false(t), m[1]),
+            rf"most under ({UNDER}), ({NUM})\.": lambda t, m: _worst(_pulls(t), m[1]),
+            rf"at most ({PERCENT}) more terms left open[^:]*: (yes|no), ({NUM}) against ({NUM})": _more_open,
+            rf"None of the ({NUM}) above 8 sd called not needed there: (yes|no), ({NUM})": _strong_missed,
+            rf"At most 2\.0 % (of the zero terms called needed|above 8 sd[^.:]*): (yes|no)(?:, ({PERCENT}))?"
             rf"(?:, but the interval reaches ({PERCENT}))?": _claimed,
             rf"It leaves ({PERCENT}) of the terms open \(({PERCENT}) of those above 8 sd\)\. Counted as 0\.05"
             rf" of a wrong term each, that and its errors come to ({NUM}) a sensor\. Of the other methods,"

@@ -3,19 +3,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from report_reading import grids, tree
 from tool_readings import wrong_quality
 
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.result.file import json_text
-from imubayes.reporting.rounding import NARROW
+from imubayes.reporting.rounding import NARROW, percent
 from studies.decision_quality.measure import Quality
 from studies.decision_quality.page import quality_page, quality_record
 from studies.decision_quality.questions import Interval
-from studies.decision_quality.scores import scores
-from studies.decision_quality.trials import DECISION, MODELLED, SURE, WHITE, QualityStudy, Trial
-from studies.decision_quality.words import claim, quality_answer
+from studies.decision_quality.scores import scores, treated
+from studies.decision_quality.trials import MODELLED, OWN, WHITE, QualityStudy, Trial
+from studies.decision_quality.words import quality_answer, targets
 
-METHODS = (DECISION, SURE, "aic", "ebic", "bic", "leave_one_run_out", "stlsq")
+METHODS = (*OWN, "aic", "ebic", "bic", "leave_one_run_out", "stlsq")
 STUDY = QualityStudy(seed=3, sensors=20, treatments=(MODELLED, WHITE), misspecified=20, processes=1)
 
 
@@ -23,10 +24,12 @@ def _trial(number: int, treatment: str, wrong: float) -> Trial:
     """Every method errs on a share of the terms; the decision on half as many."""
     rng = np.random.default_rng([number, treatment == WHITE])
     true = rng.random(10) < 0.5
-    flips = rng.random((len(METHODS), 10)) < np.array([wrong / 2.0, *[wrong] * (len(METHODS) - 1)])[:, None]
+    flips = (
+        rng.random((len(METHODS), 10))
+        < np.array([*[wrong / 2.0] * 3, *[wrong] * (len(METHODS) - 3)])[:, None]
+    )
     keeps = np.where(flips, ~true, true).astype(float)
     strength = np.clip(keeps, 0.1, 0.9)
-    strength[1] = np.nan
     effect = np.where(true, np.resize([0.5, 1.5, 3.0, 6.0, 20.0], 10), 0.0)
     terms, nothing = tuple(f"t{k}" for k in range(10)), np.zeros(0)
     kind = ("accelerometer", "gyroscope")[number % 2]
@@ -43,15 +46,16 @@ def _trial(number: int, treatment: str, wrong: float) -> Trial:
         METHODS,
         keeps,
         strength,
-        keeps[0],
+        keeps,
+        np.where(np.arange(len(METHODS))[:, None] < 3, rng.standard_normal(keeps.shape), np.nan),
     )
 
 
 def made_quality() -> Quality:
     tried = tuple(_trial(k, t, w) for t, w in ((MODELLED, 0.2), (WHITE, 0.5)) for k in range(20))
     rng = np.random.default_rng(1)
-    told = tuple(scores(tried, t, kind, rng=rng) for t in (MODELLED, WHITE) for kind in ("", "accelerometer"))
-    return Quality(STUDY, tried, told, 120.0)
+    told = tuple(scores(tried, MODELLED, kind, rng=rng) for kind in ("", "accelerometer"))
+    return Quality(STUDY, tried, told, tuple(treated(tried, t, rng=rng) for t in (MODELLED, WHITE)), 120.0)
 
 
 @pytest.fixture(scope="module")
@@ -61,18 +65,63 @@ def quality() -> Quality:
 
 def test_method_that_costs_less_is_named(quality):
     first = quality.scores[0]
-    cheap = replace(first.methods[2], cost=Interval(0.01, 0.0, 0.1), excess=Interval(-1.0, -2.0, -0.5))
-    beaten = replace(first, methods=(*first.methods[:2], cheap, *first.methods[3:]))
+    cheap = replace(first.methods[3], cost=Interval(0.01, 0.0, 0.1), excess=Interval(-1.0, -2.0, -0.5))
+    beaten = replace(first, methods=(*first.methods[:3], cheap, *first.methods[4:]))
     text = " ".join(quality_answer(replace(quality, scores=(beaten,))))
     assert "are not the fewest: AIC (0.01)" in text
 
 
-@pytest.mark.parametrize(
-    ("value", "high", "said"),
-    [(0.01, 0.019, "yes."), (0.01, 0.03, "but the interval reaches 3.0 %"), (0.05, 0.09, "no, 5.0 %")],
-)
-def test_claim_is_kept_only_with_its_interval(value, high, said):
-    assert said in claim(Interval(value, 0.0, high), "false keeps").replace(NARROW, " ")
+def test_target_names_every_treatment_that_misses_it(quality):
+    met, missed = (replace(quality, treated=tuple(map(change, quality.treated))) for change in (_good, _bad))
+    first, second, third, last = targets(met)
+    assert "each of 2 treatments: yes, most under as modelled, 1.0" in plain(first)
+    assert second.endswith("yes, most under as modelled, 1.20.")
+    assert third.endswith("yes, 4 against 4.")
+    assert last.endswith("yes, 0.")
+    first, second, third, last = targets(missed)
+    assert "no, 5.0 % under as modelled and 5.0 % under noise assumed white" in plain(first)
+    assert second.endswith("no, 3.00 under as modelled and 3.00 under noise assumed white.")
+    assert third.endswith("no, 5 against 4.")
+    assert last.endswith("no, 2.")
+
+
+def plain(text):
+    return text.replace(NARROW, " ")
+
+
+def _with(one, share, rms, left, missed):
+    def changed(said):
+        return replace(
+            said,
+            false_keeps=Interval(share, 0.0, 0.1),
+            rms=rms,
+            left=Interval(0.1, 0.0, 0.2, left if said.method == OWN[0] else 4, 40),
+            false_drops=Interval(missed / 40.0, 0.0, 0.2, missed, 40),
+        )
+
+    return replace(one, verdicts=tuple(map(changed, one.verdicts)))
+
+
+def _good(one):
+    return _with(one, 0.01, 1.2, 4, 0)
+
+
+def _bad(one):
+    return _with(one, 0.05, 3.0, 5, 2)
+
+
+def test_tables_by_treatment_say_what_the_verdicts_are(quality):
+    by_method, decision = grids(tree(page_html(quality_page(quality))))[:2]
+    for one, row in zip(quality.treated, by_method.rows, strict=True):
+        assert row[:2] == (one.treatment, str(one.zero))
+        for said, cell in zip(one.verdicts, row[2:], strict=True):
+            assert cell == plain(f"{said.false_keeps.events} ({percent(said.false_keeps.value)})")
+    assert len(decision.rows) == 6
+    last = quality.treated[1].of(OWN[2])
+    assert decision.rows[-1][0] == f"{WHITE}: {OWN[2]}"
+    assert decision.rows[-1][1].startswith(f"{last.false_keeps.events} of {last.false_keeps.of}: ")
+    assert decision.rows[-1][4].startswith(f"{last.left.events} of {last.left.of}: ")
+    assert decision.rows[-1][5:] == (f"{last.rms:.2f}", f"{last.largest:.1f}")
 
 
 def test_every_number_of_the_page_is_one_of_the_result(quality):

@@ -3,10 +3,10 @@ import pytest
 from scipy.stats import binom
 
 from studies.decision_quality import questions as asked
-from studies.decision_quality.scores import scores
-from studies.decision_quality.trials import DECISION, MODELLED, SURE, Trial
+from studies.decision_quality.scores import scores, treated
+from studies.decision_quality.trials import DECISION, EVIDENCE, MODELLED, Trial
 
-METHODS = (DECISION, SURE, "perfect", "all", "none", "coin")
+METHODS = (DECISION, EVIDENCE, "perfect", "all", "none", "coin")
 
 
 def trial(number, rng, *, t=12, kind="accelerometer", groups=(), group_effect=()):
@@ -14,7 +14,7 @@ def trial(number, rng, *, t=12, kind="accelerometer", groups=(), group_effect=()
     inclusion = rng.beta(0.5, 0.5, t)
     true = rng.random(t) < inclusion
     keeps = np.array([inclusion >= 0.5, inclusion >= 0.95, true, np.ones(t), np.zeros(t), true], dtype=float)
-    strength = np.array([inclusion, np.full(t, np.nan), true, np.ones(t), np.zeros(t), np.full(t, 0.5)])
+    strength = np.array([inclusion, inclusion, true, np.ones(t), np.zeros(t), np.full(t, 0.5)])
     return Trial(
         kind=kind,
         number=number,
@@ -28,7 +28,8 @@ def trial(number, rng, *, t=12, kind="accelerometer", groups=(), group_effect=()
         methods=METHODS,
         keeps=keeps,
         strength=strength,
-        verdict=np.where(inclusion >= 0.95, 1.0, np.where(inclusion <= 0.05, 0.0, np.nan)),
+        said=(said := np.where(strength >= 0.95, 1.0, np.where(strength <= 0.05, 0.0, np.nan))),
+        pull=np.where(np.isnan(said), np.nan, rng.normal(0.0, 2.0, said.shape)),
     )
 
 
@@ -54,6 +55,19 @@ def test_rates_are_counts_over_counts(tried, told):
     assert sum(b.of for b in own.false_drops) == told.true
     wrong = sum(float(np.sum(t.keeps[0] != (t.truth != 0.0))) for t in tried)
     assert own.cost.value == pytest.approx(wrong / len(tried), rel=1e-12)
+
+
+def test_verdicts_are_counted_over_those_that_there_are(tried):
+    told = treated(tried, MODELLED, rng=np.random.default_rng(2)).of(DECISION)
+    called = [(bool(x), s, p) for t in tried for x, s, p in zip(t.truth, t.said[0], t.pull[0], strict=True)]
+    given = [one for one in called if not np.isnan(one[1])]
+    assert told.false_keeps.events == sum(not true and said == 1.0 for true, said, _ in given)
+    assert told.missed.events == sum(true and said == 0.0 for true, said, _ in given)
+    assert (told.left.events, told.left.of) == (len(called) - len(given), len(called))
+    assert told.pulls == len(given)
+    assert told.rms**2 == pytest.approx(sum(pull**2 for *_, pull in given) / len(given), rel=1e-12)
+    assert told.largest == max(abs(pull) for *_, pull in given)
+    assert abs(told.rms - 2.0) < 4.0 * 2.0 / np.sqrt(2.0 * len(given))
 
 
 def test_interval_of_a_cost_is_that_of_a_mean_over_sensors(tried, told):

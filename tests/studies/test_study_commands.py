@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from studies.decision_quality.trials import TREATMENTS
+from studies.decision_quality.trials import SMALL as FEW_TRIALS
 from studies.speed.contests import SMALL
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +26,7 @@ def _timed(result: Any) -> bool:
 
 
 LAWS: dict[str, Callable[[Any], bool]] = {
-    "decision_quality": lambda r: {one["treatment"] for one in r["scores"]} == set(TREATMENTS),
+    "decision_quality": lambda r: {one["treatment"] for one in r["treated"]} == set(FEW_TRIALS.treatments),
     "extremes": lambda r: not any(one["silent"] or one["lost"] for one in r["cases"]),
     "ranks": lambda r: all(one["p_value"] > 0.001 for one in r["quantities"]),
     "speed": _timed,

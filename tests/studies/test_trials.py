@@ -6,7 +6,7 @@ from imubayes.inference.summary import summarize
 from imubayes.sensors.terms import library
 from studies.decision_quality import trials as trying
 from studies.decision_quality.subjects import runs_of, subject
-from studies.decision_quality.trials import DECISION, MISSING, MODELLED, SMALL, STRONG, SURE, trials
+from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRONG, trials
 
 
 @pytest.fixture(scope="module")
@@ -23,11 +23,15 @@ def reference_of(kind, number, **options):
 
 def test_decision_comes_first_and_needed_terms_are_among_those_it_keeps(found):
     for trial in found[0]:
-        assert trial.methods[:2] == (DECISION, SURE)
+        assert trial.methods[:3] == OWN
         assert "evidence" not in trial.methods
-        assert trial.keeps.shape == trial.strength.shape == (len(trial.methods), len(trial.terms))
-        assert np.all(trial.keeps[1] <= trial.keeps[0])
-        np.testing.assert_array_equal(trial.keeps[0], trial.strength[0] >= 0.5)
+        said, shape = trial.said[:3], (len(trial.methods), len(trial.terms))
+        assert trial.keeps.shape == trial.strength.shape == trial.said.shape == trial.pull.shape == shape
+        assert np.all(trial.keeps[:3][said == 1.0] == 1.0)
+        assert np.all(trial.keeps[:3][said == 0.0] == 0.0)
+        np.testing.assert_array_equal(trial.keeps[:3], trial.strength[:3] >= 0.5)
+        np.testing.assert_array_equal(np.isnan(trial.pull[:3]), np.isnan(said))
+        assert np.all(np.isnan(trial.pull[3:]))
 
 
 def test_missing_term_is_a_strong_true_one_that_no_method_is_asked_about(found):
