@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
 from imubayes.population.processes import Progress
-from imubayes.sensors.terms import Kind
 from studies.decision_quality.scores import Scores, Treated, scores, treated
 from studies.decision_quality.trials import MODELLED, TREATMENTS, QualityStudy, Trial, trials
 
@@ -22,14 +20,14 @@ class Quality:
     ----------
     study : that was run.
     trials : what every method said of every sensor.
-    scores : as modelled, of both kinds of sensors together and then of each.
+    scores : as modelled.
     treated : verdicts under every treatment.
     seconds : that it took.
     """
 
     study: QualityStudy
     trials: tuple[Trial, ...]
-    scores: tuple[Scores, ...]
+    scores: Scores
     treated: tuple[Treated, ...]
     seconds: float
 
@@ -46,8 +44,6 @@ def measure(study: QualityStudy, *, progress: Progress = lambda message: None) -
     found = trials(study, progress=progress)
     progress("intervals")
     rng = np.random.default_rng([study.seed, 4])
-    kinds = [kind for kind in ("", *get_args(Kind)) if any(kind in ("", t.kind) for t in found)]
-    told = tuple(scores(found, MODELLED, kind, rng=rng) for kind in kinds)
     tried = [name for name in TREATMENTS if any(t.treatment == name for t in found)]
     verdicts = tuple(treated(found, name, rng=rng) for name in tried)
-    return Quality(study, found, told, verdicts, time.perf_counter() - start)
+    return Quality(study, found, scores(found, MODELLED, rng=rng), verdicts, time.perf_counter() - start)

@@ -43,17 +43,6 @@ SCORES = (
     Both("log score", "log"),
 )
 CAREFUL = ("false keep costs, false drops", "kept from inclusion", "false keeps", "false drops above 8 sd")
-KINDS = (
-    "kind",
-    "sensors",
-    "false keeps",
-    "false drops above 8 sd",
-    "groups",
-    "of groups that are zero, kept",
-    "of strong groups, dropped",
-    "wrong questions a sensor",
-)
-
 BY_METHOD = (Both("zero terms called needed", "false needed"), Both("zero terms", "of"))
 VERDICTS = (
     Both("treatment, and who judges", "verdicts"),
@@ -92,18 +81,12 @@ FIGURES = (
     " on the line are probabilities that come true as often as they say."
 )
 
-GROUPS = (
-    f"A group holds the terms whose columns cancel to rounding (one accelerometer of {PARTIAL} has no"
-    " centrifuge, so that |f| = g in every row). As one question it is kept when any of its terms is, and"
-    " that is right when any of them is not zero; it is strong when what its terms add together is above 8"
-    " sd. Terms that stand alone are questions of their own."
-)
-
 DRAWN = (
     "Sensors of every class of the catalogue take turns. Each has a share of the terms, uniform over"
     " sensors; their sizes are normal with the class's typical magnitudes, and N, B and K log-normal over"
     " the class. An accelerometer is tested by a tumble in three planes and a centrifuge, a gyroscope by"
-    " rate steps in nine mounts and a tumble. Terms that no run excites are left out."
+    f" rate steps in nine mounts and a tumble; one accelerometer of {PARTIAL} has no centrifuge. Terms that"
+    " no run excites are left out."
 )
 
 COUNTED = (
@@ -144,8 +127,7 @@ def quality_page(quality: Quality) -> Page:
         first=(answer(quality_answer(quality)),),
         blocks=(
             _treatments(quality),
-            _section(quality.scores[0]),
-            _kinds(quality),
+            _section(quality.scores),
             Section("What was counted", counted, "meaning", brief=False),
             repeat(quality.study.command, "", f"{said} Seed {quality.study.seed}."),
         ),
@@ -244,31 +226,6 @@ def _number(found: Interval, digits: int = 2, between: str = " to ") -> Both:
     return Both(f"{value} ({low}{between}{high})", value)
 
 
-def _kinds(quality: Quality) -> Section:
-    """The decision by kind of sensor, terms singly and groups as one question."""
-    rows = [
-        (
-            told.kind or "both",
-            f"{told.sensors}",
-            shares(own.false_keeps),
-            shares(own.false_drops[-1]),
-            f"{told.groups}",
-            f"{own.group_keeps.events} of {own.group_keeps.of}",
-            f"{own.group_drops.events} of {own.group_drops.of}",
-            f"{own.group_cost.value:.2f}",
-        )
-        for told in quality.scores
-        for own in told.methods[:1]
-    ]
-    return Section(
-        "By kind of sensor, and with inseparable terms as one question",
-        (Table("The decision by kind of sensor", KINDS, rows, note=GROUPS),),
-        "kinds",
-        listed="By kind, and in groups",
-        brief=False,
-    )
-
-
 def quality_record(quality: Quality) -> dict[str, Any]:
     """Values of ``result.json``: scores with their intervals."""
     return recorded(
@@ -278,6 +235,6 @@ def quality_record(quality: Quality) -> dict[str, Any]:
         sensors_per_kind=quality.study.sensors,
         misspecified_per_kind=quality.study.misspecified,
         effect_edges=EDGES[:-1],
-        scores=[asdict(told) for told in quality.scores],
+        scores=[asdict(quality.scores)],
         treated=[asdict(told) for told in quality.treated],
     )

@@ -1,4 +1,4 @@
-"""What is asked of a method: of each term, or of each group of inseparable ones, whether it is there.
+"""What is asked of a method: of each term, whether it is there.
 
 Terms of one sensor share its noise, so intervals are bootstrapped over sensors (2.5 % to 97.5 %). Where few
 errors were seen, a bootstrap knows too little: the interval of a rate holds Clopper and Pearson's too.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from studies.decision_quality.trials import Trial
 OPEN = 1.0 / (1.0 + ODDS)
 """Cost of leaving a term open over that of a wrong choice: the one at which the thresholds of the verdicts,
 0.95 and 0.05, cost least (the reject option of Chow, 1970)."""
-
-JOINT = "+"
-"""Between the names of terms that are asked for together."""
 
 LEVELS = (2.5, 97.5)
 """Percentages between which an interval lies."""
@@ -48,23 +45,23 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Questions:
-    """What was asked: whether a term (or any of a group) is there.
+    """What was asked: whether a term is there.
 
     Attributes
     ----------
+    methods : names of the m that were asked.
     sensor : (n,) index of the sensor of each question.
     weights : (draws, sensors) how often each sensor is in a bootstrap sample.
     true : (n,) the truth.
     effect : (n,) over noise.
-    several : (n,) whether it is a group that was asked for.
     keeps, strength, said, pull : (m, n) of each method, as in `Trial`.
     """
 
+    methods: tuple[str, ...]
     sensor: NDArray[np.int64]
     weights: FloatArray
     true: BoolArray
     effect: FloatArray
-    several: BoolArray
     keeps: FloatArray
     strength: FloatArray
     said: FloatArray
@@ -114,32 +111,15 @@ class Questions:
 def questions(taken: Sequence[Trial], weights: FloatArray) -> Questions:
     """Every term as a question of its own."""
     return Questions(
+        methods=taken[0].methods,
         sensor=np.repeat(np.arange(len(taken)), [len(t.terms) for t in taken]),
         weights=weights,
         true=np.concatenate([t.truth != 0.0 for t in taken]),
         effect=np.concatenate([t.effect for t in taken]),
-        several=np.array([JOINT in name for t in taken for name in t.terms]),
         keeps=np.hstack([t.keeps for t in taken]),
         strength=np.hstack([t.strength for t in taken]),
         said=np.hstack([t.said for t in taken]),
         pull=np.hstack([t.pull for t in taken]),
-    )
-
-
-def with_groups(t: Trial) -> Trial:
-    """Trial in which each group is one term: kept where any is, true where any is."""
-    inside = {k for group in t.groups for k in group}
-    alone = [k for k in range(len(t.terms)) if k not in inside]
-    where = [*([k] for k in alone), *(list(group) for group in t.groups)]
-    return replace(
-        t,
-        terms=tuple(JOINT.join(t.terms[k] for k in group) for group in where),
-        truth=np.array([np.abs(t.truth[group]).max() for group in where]),
-        effect=np.concatenate((t.effect[alone], t.group_effect)),
-        keeps=np.array([t.keeps[:, group].max(axis=1) for group in where]).T,
-        strength=np.array([t.strength[:, group].max(axis=1) for group in where]).T,
-        said=np.array([t.said[:, group].max(axis=1) for group in where]).T,
-        pull=np.array([t.pull[:, group].max(axis=1) for group in where]).T,
     )
 
 

@@ -9,11 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.selection.verdicts import Costs
-from studies.decision_quality.questions import OPEN, Interval, Questions, questions, with_groups
-from studies.decision_quality.trials import DECISION, STRONG, Trial
+from studies.decision_quality.questions import OPEN, Interval, Questions, questions
+from studies.decision_quality.trials import STRONG, Trial
 
 EDGES = (0.0, 1.0, 2.0, 4.0, STRONG, np.inf)
 """Bins of effect over noise."""
@@ -43,10 +42,6 @@ class MethodScore:
     cost : false keeps and false drops for each sensor, at equal costs.
     excess : its cost minus the decision's, sensor by sensor.
     brier, log : mean squared error, and mean of -ln, of the strength given the truth; lower is better.
-    group_keeps : share of the groups without a true term from which it keeps one.
-    group_drops : share of the groups with a true term from which it keeps none, where together they have an
-        effect above `STRONG`.
-    group_cost : as `cost`, but with a group as one question: is any of its terms there?
     weighed : its cost at each of `RATIOS`, a false drop costing 1. The decision then has the threshold that
         follows from the ratio; the others know of no costs.
     weighed_excess : that cost minus the decision's.
@@ -62,9 +57,6 @@ class MethodScore:
     excess: Interval
     brier: Interval
     log: Interval
-    group_keeps: Interval
-    group_drops: Interval
-    group_cost: Interval
     weighed: tuple[Interval, ...]
     weighed_excess: tuple[Interval, ...]
     opened: Interval
@@ -142,13 +134,12 @@ class Treated:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Scores of every method on sensors of one kind, treated alike.
+    """Scores of every method under one treatment.
 
     Attributes
     ----------
     treatment : of the sensors.
-    kind : of the sensors; empty for both.
-    sensors, zero, true, groups : how many sensors, zero terms, true terms and groups of inseparable ones.
+    sensors, zero, true : how many sensors, zero terms and true terms.
     methods : scores, the decision first.
     calibration : of the decision's inclusion.
     careful : the decision at each of `RATIOS`.
@@ -157,11 +148,9 @@ class Scores:
     """
 
     treatment: str
-    kind: str
     sensors: int
     zero: int
     true: int
-    groups: int
     methods: tuple[MethodScore, ...]
     calibration: tuple[Calibration, ...]
     careful: tuple[Careful, ...]
@@ -173,35 +162,24 @@ class Scores:
         return next(score for score in self.methods if score.method == method)
 
 
-def scores(trials: Sequence[Trial], treatment: str, kind: str = "", *, rng: np.random.Generator) -> Scores:
-    """Score every method on the sensors of one treatment.
-
-    Parameters
-    ----------
-    trials : of any treatments.
-    treatment : to score.
-    kind : of sensors to take; empty for both.
-    rng : of the bootstrap.
+def scores(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator) -> Scores:
+    """Score every method on the sensors of one treatment; `rng` is for the bootstrap.
 
     Raises
     ------
     InputError : if there is no such trial.
     """
-    taken = _taken(trials, treatment, kind)
-    weights = _weights(taken, rng)
-    single, grouped = questions(taken, weights), questions([with_groups(t) for t in taken], weights)
+    asked = _asked(trials, treatment, rng)
     return Scores(
         treatment=treatment,
-        kind=kind,
-        sensors=len(taken),
-        zero=int(np.sum(~single.true)),
-        true=int(np.sum(single.true)),
-        groups=sum(len(t.groups) for t in taken),
-        methods=tuple(_score(name, k, single, grouped) for k, name in enumerate(taken[0].methods)),
-        calibration=_calibration(single),
-        careful=tuple(_careful(single, ratio) for ratio in RATIOS),
-        verdicts=_verdicts(DECISION, 0, single),
-        nothing=single.each(np.full(len(single.true), OPEN)),
+        sensors=asked.weights.shape[1],
+        zero=int(np.sum(~asked.true)),
+        true=int(np.sum(asked.true)),
+        methods=tuple(_score(name, k, asked) for k, name in enumerate(asked.methods)),
+        calibration=_calibration(asked),
+        careful=tuple(_careful(asked, ratio) for ratio in RATIOS),
+        verdicts=_verdicts(0, asked),
+        nothing=asked.each(np.full(len(asked.true), OPEN)),
     )
 
 
@@ -212,51 +190,42 @@ def treated(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator
     ------
     InputError : if there is no such trial.
     """
-    taken = _taken(trials, treatment)
-    asked = questions(taken, _weights(taken, rng))
+    asked = _asked(trials, treatment, rng)
     return Treated(
         treatment=treatment,
-        sensors=len(taken),
+        sensors=asked.weights.shape[1],
         zero=int(np.sum(~asked.true)),
         true=int(np.sum(asked.true)),
-        verdicts=tuple(_verdicts(name, k, asked) for k, name in enumerate(taken[0].methods)),
+        verdicts=tuple(_verdicts(k, asked) for k in range(len(asked.methods))),
     )
 
 
-def _taken(trials: Sequence[Trial], treatment: str, kind: str = "") -> list[Trial]:
-    taken = [t for t in trials if t.treatment == treatment and kind in ("", t.kind)]
+def _asked(trials: Sequence[Trial], treatment: str, rng: np.random.Generator) -> Questions:
+    taken = [t for t in trials if t.treatment == treatment]
     if not taken:
-        raise InputError(f"no {kind or 'sensor'} was tried under '{treatment}': nothing can be scored")
-    return taken
+        raise InputError(f"no sensor was tried under '{treatment}': nothing can be scored")
+    weights = rng.multinomial(len(taken), np.full(len(taken), 1.0 / len(taken)), DRAWS).astype(float)
+    return questions(taken, weights)
 
 
-def _weights(taken: Sequence[Trial], rng: np.random.Generator) -> FloatArray:
-    """How often each sensor is in each bootstrap sample: (draws, sensors)."""
-    return rng.multinomial(len(taken), np.full(len(taken), 1.0 / len(taken)), DRAWS).astype(float)
-
-
-def _score(name: str, k: int, single: Questions, grouped: Questions) -> MethodScore:
+def _score(name: str, k: int, asked: Questions) -> MethodScore:
     """Score of the method in row `k`; the decision is in row 0."""
-    wrong, wrong_group = single.wrong(k), grouped.wrong(k)
-    strength, said = single.strength[k], ~np.isnan(single.strength[k])
-    sure = np.clip(np.where(single.true, strength, 1.0 - strength), CLIP, 1.0 - CLIP)
-    bins = [single.true & (single.effect >= a) & (single.effect < b) for a, b in pairwise(EDGES)]
-    strong = grouped.several & grouped.true & (grouped.effect >= STRONG)
+    wrong = asked.wrong(k)
+    strength, said = asked.strength[k], ~np.isnan(asked.strength[k])
+    sure = np.clip(np.where(asked.true, strength, 1.0 - strength), CLIP, 1.0 - CLIP)
+    bins = [asked.true & (asked.effect >= a) & (asked.effect < b) for a, b in pairwise(EDGES)]
     return MethodScore(
         method=name,
-        false_keeps=single.share(wrong, ~single.true),
-        false_drops=tuple(single.share(wrong, inside) for inside in bins),
-        cost=single.each(wrong),
-        excess=single.each(wrong - single.wrong(0)),
-        brier=single.mean((strength - single.true) ** 2, said),
-        log=single.mean(-np.log(sure), said),
-        group_keeps=grouped.share(wrong_group, grouped.several & ~grouped.true),
-        group_drops=grouped.share(wrong_group, strong),
-        group_cost=grouped.each(wrong_group),
-        weighed=tuple(single.each(single.weighed(k, r)) for r in RATIOS),
-        weighed_excess=tuple(single.each(single.weighed(k, r) - single.weighed(0, r)) for r in RATIOS),
-        opened=single.each(single.opened(k)),
-        opened_excess=single.each(single.opened(k) - single.opened(0)),
+        false_keeps=asked.share(wrong, ~asked.true),
+        false_drops=tuple(asked.share(wrong, inside) for inside in bins),
+        cost=asked.each(wrong),
+        excess=asked.each(wrong - asked.wrong(0)),
+        brier=asked.mean((strength - asked.true) ** 2, said),
+        log=asked.mean(-np.log(sure), said),
+        weighed=tuple(asked.each(asked.weighed(k, r)) for r in RATIOS),
+        weighed_excess=tuple(asked.each(asked.weighed(k, r) - asked.weighed(0, r)) for r in RATIOS),
+        opened=asked.each(asked.opened(k)),
+        opened_excess=asked.each(asked.opened(k) - asked.opened(0)),
     )
 
 
@@ -268,14 +237,14 @@ def _careful(asked: Questions, ratio: float) -> Careful:
     return Careful(ratio, threshold, asked.share(wrong, ~asked.true), asked.share(wrong, strong))
 
 
-def _verdicts(name: str, k: int, asked: Questions) -> Verdicts:
+def _verdicts(k: int, asked: Questions) -> Verdicts:
     """What the method in row `k` calls needed, not needed, and leaves open."""
     left = np.isnan(asked.said[k])
     wrong = np.where(left, 0.0, asked.errs(asked.said[k]))
     strong, every = asked.true & (asked.effect >= STRONG), np.ones(len(asked.true), dtype=bool)
     pull = asked.pull[k][~np.isnan(asked.pull[k])]
     return Verdicts(
-        method=name,
+        method=asked.methods[k],
         false_keeps=asked.share(wrong, ~asked.true),
         false_drops=asked.share(wrong, strong),
         missed=asked.share(wrong, asked.true),

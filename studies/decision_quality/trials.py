@@ -105,8 +105,6 @@ class Trial:
     terms : names of the t terms that the test excites and the library holds.
     truth : (t,) coefficients, SI.
     effect : (t,) size of each over its sd under the full library without a prior, with the noise estimated.
-    groups : indices of terms whose columns cancel to rounding, whatever the noise.
-    group_effect : of each group, seen together.
     methods : m of them, `OWN` first.
     keeps : (m, t) 1 in the method's model, 0 out.
     strength : (m, t) from 0 to 1; NaN where a method says nothing.
@@ -123,8 +121,6 @@ class Trial:
     terms: tuple[str, ...]
     truth: FloatArray
     effect: FloatArray
-    groups: tuple[tuple[int, ...], ...]
-    group_effect: FloatArray
     methods: tuple[str, ...]
     keeps: FloatArray
     strength: FloatArray
@@ -166,7 +162,7 @@ def judge(study: QualityStudy, kind: Kind, number: int) -> list[Trial]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reference:
-    """The right analysis of a sensor: what any method could see of each term and group of terms.
+    """The right analysis of a sensor: what any method could see of each term.
 
     `T` is the factor (p + 1, p + 1) under a prior so wide that it only holds what the data leave open.
     """
@@ -184,17 +180,14 @@ class _Reference:
         held = replace(whole, R=algebra.with_prior_rows(whole.R, scale / (LOOSE * sd)))
         return cls(summary, held, scale, (*one.seed, 2))
 
-    def effect(self, names: Sequence[str], truth: Mapping[str, float]) -> float:
-        """Size of what these terms add that no other term can, over the noise: ``|theta| / sd`` of one."""
-        others = [name for name in self.T.names if name not in names]
-        T = algebra.reorder(self.T, [*others, *names]).R
-        first = len(others)
-        theta = np.array([truth[name] for name in names])
-        return float(np.linalg.norm(T[first:-1, first:-1] @ theta)) / self.scale
+    def effect(self, name: str, truth: Mapping[str, float]) -> float:
+        """Size of what a term adds that no other can, over the noise: ``|theta| / sd``."""
+        T = algebra.reorder(self.T, [*(other for other in self.T.names if other != name), name]).R
+        return abs(float(T[-2, -2]) * truth[name]) / self.scale
 
     def strong(self, truth: Mapping[str, float]) -> str:
         """One of the true terms that are strong, by lot; empty where there is none. The bias always stays."""
-        found = [n for n, v in truth.items() if v and n != "b0" and self.effect([n], truth) > STRONG]
+        found = [n for n, v in truth.items() if v and n != "b0" and self.effect(n, truth) > STRONG]
         return str(np.random.default_rng(self.seed).choice(found)) if found else ""
 
 
@@ -204,7 +197,6 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
     lib = replace(one.library, terms=tuple(t for t in one.library.terms if t.name != missing))
     own, said = _asked(one, lib, treatment, resamples)
     terms = said.terms
-    groups = _exact_groups(own[0], terms)
     others = [k for k, name in enumerate(said.methods) if name != "evidence"]
     # what a method cannot have is not in its model
     strength, keeps = said.strength[others], np.nan_to_num(said.keeps[others])
@@ -218,9 +210,7 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
         treatment=treatment,
         terms=terms,
         truth=truth,
-        effect=np.array([reference.effect([name], one.truth) for name in terms]),
-        groups=groups,
-        group_effect=np.array([reference.effect([terms[k] for k in g], one.truth) for g in groups]),
+        effect=np.array([reference.effect(name, one.truth) for name in terms]),
         methods=(*OWN, *(said.methods[k] for k in others)),
         keeps=np.vstack((rows[0], keeps)),
         strength=np.vstack((rows[1], strength)),
@@ -275,12 +265,3 @@ def _sided(strength: FloatArray, keeps: FloatArray) -> FloatArray:
     """1, 0 or NaN as a strength is above the upper threshold of the verdicts, below the lower, or between."""
     sides = np.where(strength >= EQUAL.needed, 1.0, np.where(strength <= EQUAL.not_needed, 0.0, np.nan))
     return np.where(np.isnan(strength), keeps, sides)
-
-
-def _exact_groups(selection: Selection, terms: Sequence[str]) -> tuple[tuple[int, ...], ...]:
-    """Indices of the terms whose columns cancel to rounding; cancellations that share a term are one."""
-    found: list[set[str]] = []
-    for group in (set(g.terms) for g in selection.observability.groups if g.exact):
-        shared = [other for other in found if other & group]
-        found = [other for other in found if not other & group] + [group.union(*shared)]
-    return tuple(tuple(k for k, name in enumerate(terms) if name in group) for group in found)

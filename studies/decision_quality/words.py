@@ -32,7 +32,7 @@ MORE_OPEN = 0.05
 
 def quality_answer(quality: Quality) -> tuple[str, ...]:
     """First paragraph of the report, by sentence."""
-    first = quality.scores[0]
+    first = quality.scores
     return (
         _errors(first),
         *targets(quality),

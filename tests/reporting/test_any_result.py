@@ -132,7 +132,7 @@ def _of_lots(result: Any) -> Iterator[Panel | None]:
 
 
 def _of_quality(quality: Any) -> Iterator[Panel | None]:
-    told = quality.scores[0]
+    told = quality.scores
     for paint in ("drops_panel", "cost_panel", "ratio_panel", "calibration_panel"):
         yield getattr(quality_figures, paint)(told, paint)
 

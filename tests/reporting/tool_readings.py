@@ -191,7 +191,7 @@ def wrong_quality(html: str, result: Found) -> list[str]:
 
 def _treated(result: Found, match: Match, anchor: str) -> Found:
     """Scores of the treatment that a sentence names, or that its section is of; the first is as modelled."""
-    overall = [one for one in result["scores"] if not one["kind"]]
+    overall = [one for one in result["scores"] if not one.get("kind")]
     said = [one for one in overall if f"With {one['treatment']}," in match.string]
     told = said[0] if said else overall[int((re.findall(r"treatment-(\d+)", anchor) or [0])[0])]
     return told | {"effect_edges": result["effect_edges"], "treated": result.get("treated", ())}

@@ -31,7 +31,7 @@ def _trial(number: int, treatment: str, wrong: float) -> Trial:
     keeps = np.where(flips, ~true, true).astype(float)
     strength = np.clip(keeps, 0.1, 0.9)
     effect = np.where(true, np.resize([0.5, 1.5, 3.0, 6.0, 20.0], 10), 0.0)
-    terms, nothing = tuple(f"t{k}" for k in range(10)), np.zeros(0)
+    terms = tuple(f"t{k}" for k in range(10))
     kind = ("accelerometer", "gyroscope")[number % 2]
     return Trial(
         kind,
@@ -41,8 +41,6 @@ def _trial(number: int, treatment: str, wrong: float) -> Trial:
         terms,
         true * 1.0,
         effect,
-        (),
-        nothing,
         METHODS,
         keeps,
         strength,
@@ -54,7 +52,7 @@ def _trial(number: int, treatment: str, wrong: float) -> Trial:
 def made_quality() -> Quality:
     tried = tuple(_trial(k, t, w) for t, w in ((MODELLED, 0.2), (WHITE, 0.5)) for k in range(20))
     rng = np.random.default_rng(1)
-    told = tuple(scores(tried, MODELLED, kind, rng=rng) for kind in ("", "accelerometer"))
+    told = scores(tried, MODELLED, rng=rng)
     return Quality(STUDY, tried, told, tuple(treated(tried, t, rng=rng) for t in (MODELLED, WHITE)), 120.0)
 
 
@@ -64,10 +62,10 @@ def quality() -> Quality:
 
 
 def test_method_that_costs_less_is_named(quality):
-    first = quality.scores[0]
+    first = quality.scores
     cheap = replace(first.methods[3], cost=Interval(0.01, 0.0, 0.1), excess=Interval(-1.0, -2.0, -0.5))
     beaten = replace(first, methods=(*first.methods[:3], cheap, *first.methods[4:]))
-    text = " ".join(quality_answer(replace(quality, scores=(beaten,))))
+    text = " ".join(quality_answer(replace(quality, scores=beaten)))
     assert "are not the fewest: AIC (0.01)" in text
 
 

@@ -9,22 +9,20 @@ from studies.decision_quality.trials import DECISION, EVIDENCE, MODELLED, Trial
 METHODS = (DECISION, EVIDENCE, "perfect", "all", "none", "coin")
 
 
-def trial(number, rng, *, t=12, kind="accelerometer", groups=(), group_effect=()):
+def trial(number, rng, *, t=12):
     """A sensor whose decision is calibrated by construction: the truth is drawn from its inclusion."""
     inclusion = rng.beta(0.5, 0.5, t)
     true = rng.random(t) < inclusion
     keeps = np.array([inclusion >= 0.5, inclusion >= 0.95, true, np.ones(t), np.zeros(t), true], dtype=float)
     strength = np.array([inclusion, inclusion, true, np.ones(t), np.zeros(t), np.full(t, 0.5)])
     return Trial(
-        kind=kind,
+        kind="accelerometer",
         number=number,
         class_id="x",
         treatment=MODELLED,
         terms=tuple(f"t{k}" for k in range(t)),
         truth=np.where(true, 1.0, 0.0),
         effect=np.where(true, 10.0 ** rng.uniform(-1.0, 2.0, t), 0.0),
-        groups=groups,
-        group_effect=np.array(group_effect),
         methods=METHODS,
         keeps=keeps,
         strength=strength,
@@ -93,16 +91,3 @@ def test_calibrated_inclusion_is_found_calibrated(told):
     for b in told.calibration:
         spread = np.sqrt(b.inclusion * (1.0 - b.inclusion) / b.true.of)
         assert abs(b.true.value - b.inclusion) < 4.0 * spread
-
-
-def test_group_is_one_question_that_any_of_its_terms_answers():
-    rng = np.random.default_rng(4)
-    grouped = [trial(k, rng, groups=((0, 1, 2),), group_effect=(50.0,)) for k in range(80)]
-    told = scores(grouped, MODELLED, rng=rng).of(DECISION)
-    true = np.array([np.any(t.truth[:3] != 0.0) for t in grouped])
-    kept = np.array([np.any(t.keeps[0, :3] == 1.0) for t in grouped])
-    assert (told.group_keeps.events, told.group_keeps.of) == (int(np.sum(kept & ~true)), int(np.sum(~true)))
-    assert (told.group_drops.events, told.group_drops.of) == (int(np.sum(~kept & true)), int(np.sum(true)))
-    alone = sum(int(np.sum(t.keeps[0, 3:] != (t.truth[3:] != 0.0))) for t in grouped)
-    expected = (alone + int(np.sum(kept != true))) / len(grouped)
-    assert told.group_cost.value == pytest.approx(expected, rel=1e-12)
