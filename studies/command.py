@@ -56,8 +56,9 @@ def _asked(study: Any, small: Any, options: Sequence[str]) -> tuple[Any, Path]:
     parser.add_argument("--small", action="store_true", help="small sizes, which only show whether it runs")
     for name in ("seed", *options):
         value = getattr(study, name)
-        some = {"nargs": "+", "choices": value} if isinstance(value, tuple) else {"type": int}
-        said = "all" if isinstance(value, tuple) else value
+        many = isinstance(value, tuple)
+        some: dict[str, Any] = {"nargs": "+", "choices": value} if many else {"type": int}
+        said = "all" if many else value
         parser.add_argument(f"--{name}", help=f"{said} by default", **some)
     given = parser.parse_args()
     asked = {name: getattr(given, name) for name in ("seed", *options) if getattr(given, name) is not None}

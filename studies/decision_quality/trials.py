@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import cast, get_args
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
 from imubayes.population.processes import Progress, shared
 from imubayes.rig.inputs import Run
-from imubayes.rig.recordings import RunSpec
+from imubayes.rig.recordings import Procedure, RunSpec
 from imubayes.selection.decision import LOOSE, Selection, select
 from imubayes.selection.panel import Panel, Votes, panel_of
 from imubayes.selection.verdicts import EQUAL
@@ -62,8 +62,8 @@ class QualityStudy:
     """
 
     seed: int = 7
-    sensors: int = 200
-    misspecified: int = 100
+    sensors: int = 60
+    misspecified: int = 24
     treatments: tuple[str, ...] = TREATMENTS
     classes: tuple[str, ...] = (
         "mems_consumer", "mems_industrial", "mems_tactical", "vba_quartz", "quartz_flexure_servo",
@@ -90,7 +90,7 @@ SMALL = QualityStudy(
 """One sensor of each kind, and a treatment of each sort."""
 
 
-OPTIONS = ("sensors", "misspecified", "treatments", "processes")
+OPTIONS = ("sensors", "misspecified", "treatments", "resamples", "processes")
 """Settings that the command line can change."""
 
 
@@ -226,7 +226,7 @@ def _asked(
     """Give what `OWN` say, and the votes of the other methods, as a user's run would."""
     runs = runs_of(one, treatment)
     rule = NoiseRule("white") if treatment == WHITE else NoiseRule()
-    specs = tuple(RunSpec(run.name, run.procedure, noise=rule) for run in runs)
+    specs = tuple(RunSpec(run.name, cast(Procedure, run.procedure), noise=rule) for run in runs)
     spec = SensorSpec(one.sensor.id, lib.kind, one.sensor, lib, specs, truth={})
     ready = prepare(spec, runs, lambda message: None, np.random.default_rng([*one.seed, 4]))
     evidence = select(ready.summary, ready.prior)
