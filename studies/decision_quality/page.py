@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from studies.decision_quality.words import bins, left_open, quality_answer, shar
 if TYPE_CHECKING:
     from studies.decision_quality.measure import Quality
     from studies.decision_quality.questions import Interval
-    from studies.decision_quality.scores import MethodScore, Scores, Verdicts
+    from studies.decision_quality.scores import MethodScore, Scores, Treated, Verdicts
 
 TITLE = "How good is the decision?"
 
@@ -147,13 +148,23 @@ def _treatments(quality: Quality) -> Section:
     return Section(
         "Where test or analysis is wrong",
         (
-            Prose(TREATED),
+            Prose((TREATED, *_refused(told))),
             Table("False verdicts by treatment", head, needed),
             Table("The decision by treatment", VERDICTS, verdicts, note=PULLS),
             Prose([f"{name[:1].upper()}{name[1:]}: {text}." for name, text in WRONG.items()], "list"),
         ),
         "treatments",
     )
+
+
+def _refused(told: Sequence[Treated]) -> Iterator[str]:
+    """Say how many sensors the analysis refused, and why the first of them."""
+    for one in told:
+        if one.refused:
+            yield (
+                f"Under {one.treatment} {len(one.refused)} of {one.sensors} sensors were refused, and all of "
+                f"their terms left open: {one.refused[0]}."
+            )
 
 
 def _where_shown(method: str, said: str) -> Both:

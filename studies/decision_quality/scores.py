@@ -119,12 +119,16 @@ class Verdicts:
 
 @dataclass(frozen=True, slots=True)
 class Treated:
-    """Verdicts of every method under one treatment: of so many sensors, zero terms and true ones."""
+    """Verdicts of every method under one treatment: of so many sensors, zero terms and true ones.
+
+    `refused` says why the analysis refused sensors, whose terms then are all left open.
+    """
 
     treatment: str
     sensors: int
     zero: int
     true: int
+    refused: tuple[str, ...]
     verdicts: tuple[Verdicts, ...]
 
     def of(self, method: str) -> Verdicts:
@@ -196,6 +200,7 @@ def treated(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator
         sensors=asked.weights.shape[1],
         zero=int(np.sum(~asked.true)),
         true=int(np.sum(asked.true)),
+        refused=tuple(t.refused for t in trials if t.treatment == treatment and t.refused),
         verdicts=tuple(_verdicts(k, asked) for k in range(len(asked.methods))),
     )
 

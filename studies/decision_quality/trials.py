@@ -11,15 +11,16 @@ import numpy as np
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.campaign.preparation import Prepared, component_prior, prepare
+from imubayes.campaign.preparation import Prepared, prepare
 from imubayes.campaign.study import SensorSpec
+from imubayes.errors import ImubayesError
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
 from imubayes.population.processes import Progress, shared
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
 from imubayes.selection.decision import LOOSE, Selection, select
-from imubayes.selection.panel import Panel, Votes, panel_of
+from imubayes.selection.panel import Votes, panel_of
 from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
@@ -112,6 +113,7 @@ class Trial:
     pull : (m, t) of what has a verdict: mean less truth over sd, model-averaged of what is needed, of what is
         not with all candidates; NaN elsewhere.
     missing : term that was taken out of the library; empty where none was.
+    refused : why the analysis refuses, which leaves all terms open; empty where it does not.
     """
 
     kind: Kind
@@ -127,6 +129,7 @@ class Trial:
     said: FloatArray
     pull: FloatArray
     missing: str = ""
+    refused: str = ""
 
 
 def trials(study: QualityStudy, *, progress: Progress = lambda message: None) -> tuple[Trial, ...]:
@@ -195,7 +198,7 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
     """Ask every method about one sensor under one treatment."""
     missing = reference.strong(one.truth) if treatment == MISSING else ""
     lib = replace(one.library, terms=tuple(t for t in one.library.terms if t.name != missing))
-    own, said = _asked(one, lib, treatment, resamples)
+    own, said, refused = _asked(one, lib, treatment, resamples)
     terms = said.terms
     others = [k for k, name in enumerate(said.methods) if name != "evidence"]
     # what a method cannot have is not in its model
@@ -217,35 +220,40 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
         said=np.vstack((rows[2], _sided(strength, keeps))),
         pull=np.vstack((rows[3], np.full(keeps.shape, np.nan))),
         missing=missing,
+        refused=refused,
     )
 
 
 def _asked(
     one: Subject, lib: Library, treatment: str, resamples: int
-) -> tuple[tuple[Selection, Selection, Selection], Votes]:
-    """Give what `OWN` say, and the votes of the other methods, as a user's run would."""
-    runs = runs_of(one, treatment)
+) -> tuple[tuple[Selection, Selection, Selection], Votes, str]:
+    """Give what `OWN` say and the votes of the other methods, as a user's run would, and why it refuses."""
+    runs, seed = runs_of(one, treatment), one.seed
     rule = NoiseRule("white") if treatment == WHITE else NoiseRule()
     specs = tuple(RunSpec(run.name, cast(Procedure, run.procedure), noise=rule) for run in runs)
     spec = SensorSpec(one.sensor.id, lib.kind, one.sensor, lib, specs, truth={})
-    ready = prepare(spec, runs, lambda message: None, np.random.default_rng([*one.seed, 4]))
+    plain = _prepared(spec, runs, seed)
+    try:
+        ready, refused = _prepared(spec, runs, seed), ""
+    except ImubayesError as error:
+        ready, refused = plain, str(error)
     evidence = select(ready.summary, ready.prior)
-    rng = np.random.default_rng([*one.seed, 3])
     given = ready.summary, ready.prior, ready.rows, evidence
+    rng = np.random.default_rng([*seed, 3])
     panel = panel_of(*given, rng=rng, resamples=resamples, widths=(1.0,))
-    return (_together(ready, evidence, panel), evidence, _trusting(spec, runs)), panel.votes
+    own = evidence, evidence
+    together, alone = map(_opened, own) if refused else own
+    return (together, alone, select(plain.summary, plain.prior)), panel.votes, refused
 
 
-def _together(ready: Prepared, evidence: Selection, panel: Panel) -> Selection:
-    """Decision of all families of methods."""
-    return evidence
+def _prepared(spec: SensorSpec, runs: Sequence[Run], seed: Sequence[int]) -> Prepared:
+    """Prepare an analysis."""
+    return prepare(spec, runs, lambda message: None, np.random.default_rng([*seed, 4]))
 
 
-def _trusting(spec: SensorSpec, runs: Sequence[Run]) -> Selection:
-    """What the evidence says if the bench is taken for one without errors."""
-    rules = {run.name: run.noise for run in spec.runs}
-    summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules)
-    return select(summary, component_prior(spec, runs)[0])
+def _opened(selection: Selection) -> Selection:
+    """Decision that leaves every term open."""
+    return replace(selection, terms=tuple(replace(term, verdict="undecided") for term in selection.terms))
 
 
 def _ballot(selection: Selection, terms: Sequence[str], truth: FloatArray) -> tuple[FloatArray, ...]:

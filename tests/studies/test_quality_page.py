@@ -108,6 +108,14 @@ def _bad(one):
     return _with(one, 0.05, 3.0, 5, 2)
 
 
+def test_sensors_that_are_refused_are_told_with_the_reason(quality):
+    bad = replace(quality.treated[1], refused=("3 rows leave nothing to judge", "no"))
+    text = plain(page_html(quality_page(replace(quality, treated=(quality.treated[0], bad)))))
+    said = "Under noise assumed white 2 of 20 sensors were refused, and all of their terms left open: 3 rows"
+    assert said in text
+    assert "sensors were refused" not in page_html(quality_page(quality))
+
+
 def test_tables_by_treatment_say_what_the_verdicts_are(quality):
     by_method, decision = grids(tree(page_html(quality_page(quality))))[:2]
     for one, row in zip(quality.treated, by_method.rows, strict=True):

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from imubayes.algebra.factor import least_squares, reorder
+from imubayes.errors import ConvergenceError
 from imubayes.inference.summary import summarize
 from imubayes.sensors.terms import library
 from studies.decision_quality import trials as trying
@@ -56,3 +59,20 @@ def test_effect_over_noise_is_the_size_over_the_sd_of_least_squares():
         # a prior a thousand times as wide as the class's holds what it holds to 1e-6 of its square
         assert reference.effect(name, one.truth) == pytest.approx(expected, rel=1e-4)
     assert own == pytest.approx(1.0, rel=1e-2)
+
+
+def test_sensor_that_the_analysis_refuses_is_left_open(monkeypatch):
+    usual = trying._prepared
+
+    def refusing(spec, runs, seed, *share):
+        if refusing.before:
+            raise ConvergenceError("mounts did not settle", None)
+        refusing.before = True
+        return usual(spec, runs, seed, *share)
+
+    refusing.before = False
+    monkeypatch.setattr(trying, "_prepared", refusing)
+    (trial,) = trying.judge(replace(SMALL, treatments=()), "gyroscope", 0)
+    assert trial.refused == "mounts did not settle"
+    assert np.all(np.isnan(trial.said[:2]))
+    assert not np.all(np.isnan(trial.said[2]))
