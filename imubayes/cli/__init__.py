@@ -1,4 +1,4 @@
-"""The command line: run, check, init, simulate, plan, trade, compare, export, catalogue, schema.
+"""The command line: run, check, init, simulate, plan, trade, compare, index, export, catalogue, schema.
 
 Exit code 0: done. 2: the input is wrong, and a sentence on stderr says where. 1: our fault. What a command
 needs is imported when it runs, so that ``--help`` answers at once.
@@ -112,8 +112,11 @@ def _run(
 
 def _report(done: Done, folder: Path) -> None:
     """Write what a study came to, and show it."""
+    from imubayes.reporting.index import renew_index
+
     shown, write = done
     files = write(folder)
+    renew_index(folder)
     show(shown)
     written(folder, files)
 
@@ -256,6 +259,7 @@ def _compare(
     """Set results side by side; say what differs beyond uncertainty."""
     from imubayes.reporting.blocks import terminal_page, write_page
     from imubayes.reporting.comparison import side_by_side
+    from imubayes.reporting.index import renew_index
     from imubayes.reporting.result.file import json_text
 
     folder = None if out is None else usable(out)
@@ -265,8 +269,21 @@ def _compare(
         return
     with complete(folder) as part:
         files = write_page(page, json_text(values), part)
+    renew_index(folder)
     show(terminal_page(page))
     written(folder, files)
+
+
+@app.command("index", epilog=example("index reports"))
+def _index(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of reports, such as reports.", show_default=False)
+    ],
+) -> None:
+    """List a folder's reports on a page, with their answers."""
+    from imubayes.reporting.index import write_index
+
+    typer.echo(f"written: {write_index(folder)}")
 
 
 @app.command("export", epilog=example("export reports/imu_tactical --to kalibr --out kalibr"))

@@ -205,7 +205,7 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
 
 def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.population.lots import measure
-    from imubayes.reporting.lots_page import terminal_lots, write_lots
+    from imubayes.reporting.lots_page import lots_json, lots_page, terminal_lots
 
     if asked.resume or asked.computing:
         raise InputError(
@@ -213,7 +213,7 @@ def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
             " posterior is computed, which this study leaves no choice of: leave them out"
         )
     found = measure(study, progress=told)
-    return terminal_lots(found), partial(_together, partial(write_lots, found))
+    return terminal_lots(found), _page(found, lots_page, lots_json)
 
 
 KINDS: Mapping[str, Callable[[Any, Asked, Waiting], Done]] = {

@@ -14,9 +14,12 @@ it is `Markup`, which `strong`, `link` and `Markup(...).format(...)` make.
 
 from __future__ import annotations
 
+import json
 import platform
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -159,6 +162,10 @@ class Section:
     brief: bool = True
 
 
+GOOD = "fit OK"
+"""Status of a model that the data don't reject."""
+
+
 @dataclass(frozen=True, slots=True)
 class Page:
     """A page.
@@ -166,14 +173,38 @@ class Page:
     Attributes
     ----------
     title, question : of the study, and what it asks.
-    first : what stands before the contents: the answer.
+    first : what stands before the contents: the answer, and a picture, whose first panel goes into a slide.
     blocks : of it, mostly sections.
+    counts, data, fit : status: how many answers of each kind, whether data are simulated or recorded, and
+        whether the model fits; empty where that is not asked.
     """
 
     title: str
     question: str
     first: Sequence[Block]
     blocks: Sequence[Block]
+    counts: str = ""
+    data: str = ""
+    fit: str = ""
+
+    @property
+    def status(self) -> str:
+        """Line below the answer; what is wrong comes first."""
+        wrong = self.fit if self.fit != GOOD else ""
+        return " · ".join(filter(None, (wrong, self.counts, "" if wrong else self.fit, self.data)))
+
+    @property
+    def answer(self) -> str:
+        """Words of the answer, without links."""
+        said = next((text for one in self.first if isinstance(one, Prose) for text in one.paragraphs), "")
+        page = said.page if isinstance(said, Both) else said
+        return Markup(re.sub(r"<a .*?</a>", "", page)).striptags() if isinstance(page, Markup) else page
+
+    @property
+    def picture(self) -> Panel | None:
+        """What goes into a slide."""
+        every = (panel for one in self.first if isinstance(one, Figure) for panel in one.panels)
+        return next((panel for panel in every if panel.paint), None)
 
 
 def strong(text: str) -> Markup:
@@ -228,6 +259,24 @@ def answer(sentences: Sequence[str], *, doubtful: bool = False) -> Prose:
     return Prose(said, "answer misfit" if doubtful else "answer")
 
 
+MOST_WORDS = 60
+"""Words of an answer."""
+
+
+def parted(sentences: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Sentences that an answer has room for, the first one in any case; and those that come later.
+
+    Examples
+    --------
+    >>> parted(["Yes.", "a " * 59 + "a."])[0]
+    ['Yes.']
+    """
+    said = list(sentences)
+    lengths = [len(" ".join(said[: k + 1]).split()) for k in range(len(said))]
+    room = max(sum(length <= MOST_WORDS for length in lengths), 1)
+    return said[:room], said[room:]
+
+
 def verdict(word: str, *, reason: str = "", like: str = "") -> Both:
     """Verdict with its shape and colour, or those of another one that it is like."""
     mark, style = MARKS.get(like or word, ("·",))[0], (like or word).replace(" ", "-")
@@ -276,17 +325,54 @@ def _style(text: Text, letter: str, columns: int) -> str:
     return f"{CLASSES[letter]} fold" if len(plain) > (16 if columns < MANY else 8) else CLASSES[letter]
 
 
-def page_html(page: Page) -> str:
-    """Text of the page; names that come from files are escaped."""
-    return environment().get_template("page.html.j2").render(page=page)
+def page_html(page: Page, *, home: str = "", made: str = "") -> str:
+    """Text of the page; names that come from files are escaped.
+
+    Parameters
+    ----------
+    home : where the index of the folder is that the page belongs to.
+    made : date.
+    """
+    return environment().get_template("page.html.j2").render(page=page, home=home, made=made)
 
 
 def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
-    """Write a page as ``report.html`` and its numbers as ``result.json`` into a folder."""
+    """Write ``report.html``, with ``result.json``, its picture as ``slide.svg`` and ``slide.png``."""
     report, result = folder / "report.html", folder / "result.json"
-    report.write_text(page_html(page), encoding="utf-8")
+    home = f"../{INDEX}" if is_of_reports(folder.parent) else ""
+    report.write_text(page_html(page, home=home, made=date.today().isoformat()), encoding="utf-8")
     result.write_text(values, encoding="utf-8")
-    return report, result
+    return report, result, *_write_slide(page, json.loads(values), folder)
+
+
+def _write_slide(page: Page, values: Mapping[str, Any], folder: Path) -> Iterator[Path]:
+    """Write the page's picture under its answer, if it has one."""
+    if (panel := page.picture) is None:
+        return
+    from imubayes.reporting.canvas import picture  # the library of figures: a page without any needs none
+
+    told = [page.title, f"seed {values['seed']}" if "seed" in values else ""]
+    told += [values.get("provenance", {}).get("study_file", ""), page.data, f"imubayes {values['imubayes']}"]
+    source = printable(" · ".join(filter(None, told)))
+    for form in ("svg", "png"):
+        slide = folder / f"slide.{form}"
+        slide.write_bytes(picture(panel, printable(page.answer), source, form))
+        yield slide
+
+
+INDEX = "index.html"
+"""Name of the list of a folder's reports."""
+
+MARK = '<meta name="generator" content="imubayes index">'
+"""What tells such a list from another file of its name."""
+
+
+def is_of_reports(folder: Path) -> bool:
+    """Whether a folder is clearly one of reports: it is called so, or it has their index."""
+    file = folder.resolve() / INDEX
+    if file.is_file():
+        return MARK in file.read_text(encoding="utf-8", errors="replace")[:2000]
+    return folder.resolve().name == "reports"
 
 
 @cache

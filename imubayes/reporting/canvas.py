@@ -8,9 +8,11 @@ from __future__ import annotations
 import io
 import math
 import re
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
+from textwrap import wrap
 from typing import Any
 
 import matplotlib
@@ -24,6 +26,7 @@ from imubayes.algebra.arrays import FloatArray
 
 __all__ = [
     "Axes",
+    "Box",
     "Panel",
     "Rectangle",
     "areas",
@@ -33,7 +36,9 @@ __all__ = [
     "log_scale",
     "picture",
     "plain_logs",
+    "plotted",
     "sticks",
+    "tile",
     "time_unit",
 ]
 
@@ -57,8 +62,17 @@ SERIES = (ACCENT, "#009E73", "#56B4E9", INK)
 """Colours of ensembles or sessions beside each other. Orange is left to what is undecided, vermilion to
 limits and to what calls for attention, purple to what cannot be told."""
 
+SHADES = ("#eceef1", "#cfe3f1", "#9ccbe6", "#3d92c4", ACCENT)
+"""Of tiles, from little to much: the darker the more, in grey print too."""
+
 WIDTH = 350
 """px: panels flow beside each other on a desk, and one fits the width of a telephone."""
+
+SLIDE, MARGIN, HEAD, FOOT = (1100, 619), 16, 102, 30
+"""px of a slide, 16 to 9; of its margins; of the answer above its picture; and of the source below."""
+
+LETTERS = 124
+"""Letters of a line of a slide's answer."""
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -97,10 +111,14 @@ class Panel:
     ----------
     title : the finding.
     svg : inline SVG, safe as it is.
+    paint, room : what draws it again, in so much room: width, height, left, right, top, bottom in px, as of
+        `draw`; None where it was not drawn here.
     """
 
     title: str
     svg: str
+    paint: Callable[[Axes], None] | None = None
+    room: tuple[int, int, int, int, int, int] = (0, 0, 0, 0, 0, 0)
 
 
 def draw(
@@ -127,27 +145,58 @@ def draw(
     width, height : px.
     left, right, top, bottom : px around the axes, for tick labels and axis titles.
     """
-    box = (left / width, bottom / height, (width - left - right) / width, (height - top - bottom) / height)
-    svg = _painted(paint, (width, height), box, "svg", transparent=True).decode()
-    return Panel(title, _inline(svg, key, alt, (width, height)))
+    room = (width, height, left, right, top, bottom)
+    svg = _bytes(lambda: _figure(paint, room), "svg", transparent=True).decode()
+    return Panel(title, _inline(svg, key, alt, (width, height)), paint, room)
 
 
-def picture(paint: Callable[[Axes], None], size: tuple[int, int], form: str) -> bytes:
-    """Draw a file of its own, ``svg`` or ``png``, that is all axes, of so many px; of a PNG twice as many."""
-    return _painted(paint, size, (0.0, 0.0, 1.0, 1.0), form, dpi=144 if form == "png" else 72)
+def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
+    """Draw a panel as a slide, ``svg`` or ``png``, under what it answers and above where it is from."""
+    return _bytes(lambda: _slide(panel, heading, source), form)
 
 
-def _painted(
-    paint: Callable[[Axes], None],
-    size: tuple[int, int],
-    box: tuple[float, float, float, float],
-    form: str,
-    **options: Any,
-) -> bytes:
-    """Bytes of a file with one pair of axes, the same whenever they are drawn."""
+def plotted(panel: Panel) -> Figure:
+    """Draw a panel as a figure of matplotlib, which shows itself in a notebook."""
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
-        figure = Figure(figsize=(size[0] / 72.0, size[1] / 72.0), dpi=72)
-        paint(figure.add_axes(box, axes_class=_AnyAxes))
+        figure = _figure(panel.paint or Axes.set_axis_off, panel.room)
+        figure.suptitle(panel.title, size=9, weight="bold", y=1.02, wrap=True)
+        return figure
+
+
+def _figure(paint: Callable[[Axes], None], room: tuple[int, int, int, int, int, int]) -> Figure:
+    width, height, left, right, top, bottom = room
+    figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
+    box = (left / width, bottom / height, (width - left - right) / width, (height - top - bottom) / height)
+    paint(figure.add_axes(box, axes_class=_AnyAxes))
+    return figure
+
+
+def _slide(panel: Panel, heading: str, source: str) -> Figure:
+    """Figure of a slide, in px of the panel: what it has is drawn as on the page, and then is larger."""
+    width, height, left, right, top, bottom = panel.room
+    free = SLIDE[0] - 2.0 * MARGIN, SLIDE[1] - HEAD - FOOT
+    scale = min(free[0] / width, free[1] / height)
+    wide, high = SLIDE[0] / scale, SLIDE[1] / scale
+    x, y = (wide - width) / 2.0, FOOT / scale + (free[1] / scale - height) / 2.0
+    figure = Figure(figsize=(wide / 72.0, high / 72.0), dpi=72)
+    box = ((x + left) / wide, (y + bottom) / high)
+    size = ((width - left - right) / wide, (height - top - bottom) / high)
+    paint = panel.paint or Axes.set_axis_off
+    paint(figure.add_axes((*box, *size), axes_class=_AnyAxes))
+    edge, line = MARGIN / SLIDE[0], 1.0 / SLIDE[1]
+    said = "\n".join(wrap(heading, LETTERS)[:4])
+    figure.text(edge, 1.0 - 12 * line, said, va="top", size=15 / scale, weight="bold", linespacing=1.25)
+    figure.text(edge, 8 * line, source, va="bottom", size=10 / scale, color=GREY)
+    return figure
+
+
+def _bytes(drawn: Callable[[], Figure], form: str, **options: Any) -> bytes:
+    """Bytes of a file of a figure, the same whenever it is drawn; a PNG is as wide as two slides."""
+    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # names in letters that browsers have
+        figure = drawn()
+        if form == "png":
+            options["dpi"] = (2 * SLIDE[0] + 0.01) / figure.get_figwidth()
         names = ("Date", "Creator", "Format", "Type") if form == "svg" else ("Software",)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, metadata=dict.fromkeys(names), **options)
@@ -209,6 +258,17 @@ def areas(axes: Axes, boxes: list[tuple[float, float, float, float]], color: str
         axes.fill(*corners.reshape(-1, 2).T, color=color, linewidth=0.0)
 
 
+Box = tuple[float, float, float, float]
+"""Left, top, width and height in px."""
+
+
+def tile(axes: Axes, box: Box, text: str = "", *, ink: str = INK, size: float = 12, **style: Any) -> None:
+    """Draw a box with a text in its middle."""
+    x, y, w, h = box
+    axes.add_patch(Rectangle((x + 1, y + 1), w - 2, h - 2, **{"linewidth": 0.0, **style}))
+    axes.text(x + w / 2, y + h / 2, text, ha="center", va="center", size=size, color=ink)
+
+
 def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> None:
     """Keep at most `x` and `y` intervals between ticks; whole numbers only along x where it counts."""
     axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts))
@@ -253,6 +313,7 @@ def _inline(svg: str, key: str, alt: str, size: tuple[int, int]) -> str:
     body = body.replace('href="#', f'href="#{key}').replace("url(#", f"url(#{key}")
     body = _LONG_NUMBER.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), body)
     body = _EMPTY_GROUP.sub(r"\1", body)
+    body = _WORDS.sub(lambda found: found[0].replace('"', "&quot;"), body)
     width, height = size
     box = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     return f'<svg {box} role="img" aria-label="{escape(alt)}">{body}'
@@ -273,4 +334,5 @@ _STRIPPED = (
 _REFERENCE = re.compile(r"(?:href=\"#|url\(#)([\w.-]+)")
 _ID = re.compile(r' id="([\w.-]+)"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?![^<>]*</text>)")
+_WORDS = re.compile(r">[^<>]+</text>")
 _EMPTY_GROUP = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>|[^<])*)</g>")

@@ -16,6 +16,7 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     Text,
+    answer,
     bar,
     quiet,
     shape,
@@ -175,7 +176,7 @@ def cases_section(cases: Cases) -> Section:
     rows = [(name, *_cells(one)) for name, sensors in cases.items() for one in sensors[0].recovered]
     label = "Known quantities before and after compensation"
     table = Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
-    return Section("Raw and compensated", [table], "cases")
+    return Section("Raw and compensated", [Prose(" ".join(held_together(cases))), table], "cases")
 
 
 def case_section(
@@ -200,7 +201,8 @@ def case_section(
     if scenes:
         said = [pretty(" ".join(case_sentences(found, name))) for found in scenes]
         last.append(Section("What the scenes require of all components together", [Prose(said, "list")]))
-    return Section(f"{name} as a whole", [*parts, *last], key)
+    said = answer(case_answer(name, sensors, costs))
+    return Section(f"{name} as a whole", [said, *parts, *last], key)
 
 
 def _cells(one: Recovered) -> tuple[str, ...]:

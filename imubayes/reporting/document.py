@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import (
-    Block,
+    Figure,
     Page,
     Prose,
     Section,
@@ -24,26 +24,31 @@ from imubayes.reporting.blocks import (
 from imubayes.reporting.case_views import (
     MOST_DRAWN,
     Cases,
-    case_answer,
     case_section,
     cases_of,
     cases_section,
-    held_together,
 )
-from imubayes.reporting.noise_views import glance_table, process_answers
-from imubayes.reporting.population_views import class_section, class_title, class_words, is_repeated
+from imubayes.reporting.first_screen import (
+    NOISE_KEY,
+    PICTURE_KEY,
+    counts_of,
+    data_of,
+    first_answer,
+    first_panel,
+    fit_status,
+)
+from imubayes.reporting.noise_views import about_noise, glance_table
+from imubayes.reporting.population_views import class_section
 from imubayes.reporting.posterior import write_posterior
 from imubayes.reporting.results import command, result_json
 from imubayes.reporting.rounding import duration, minus, pretty
 from imubayes.reporting.rows import range_texts
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
-from imubayes.reporting.session_views import session_section, session_sentence
+from imubayes.reporting.session_views import session_section
 from imubayes.reporting.views import (
     MANY,
     Shown,
     is_doubtful,
-    overview,
-    sensor_answer,
     sensor_section,
     shown_sensors,
 )
@@ -75,56 +80,37 @@ def report_page(result: StudyResult) -> Page:
     """Page of a study of sensors."""
     study, sensors, cases = result.study, shown_sensors(result), cases_of(result)
     few = len(sensors) <= MANY
+    components, noise = result.sensors, all(map(about_noise, result.sensors))
     which = "does this sensor" if len(sensors) == 1 else "do these components"
     classes = [class_section(found, k) for k, found in enumerate(result.classes)]
     sessions = session_section(result)
     return Page(
         study.title,
         f"Which terms of the generalized model {which} need, and how sure is that?",
-        first=[*_answers(result, sensors, cases)],
+        first=[
+            answer([first_answer(result)], doubtful=any(map(is_doubtful, components))),
+            Figure([first_panel(components, "first")], NOISE_KEY if noise else PICTURE_KEY, "verdicts"),
+        ],
+        counts="" if noise else counts_of(components),
+        data=data_of(components),
+        fit=fit_status(components),
         blocks=[
             *(
                 [glance_table(result.sensors)]
                 if sum(bool(one.processes) for one in result.sensors) > 1
                 else []
             ),
-            *([overview(result.sensors)] if len(result.sensors) > 1 else []),
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
             *([] if few else [_drawn_note(sensors)]),
-            *(
-                sensor_section(one, answered=not few or _is_apart(one), listed=len(sensors) <= 2)
-                for one in sensors
-            ),
+            *(sensor_section(one, listed=len(sensors) <= 2) for one in sensors),
             *([appendix_section(study.appendices)] if study.appendices else []),
             *([_scenes(study.scenes)] if study.scenes else []),
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
         ],
     )
-
-
-def _is_apart(one: Shown) -> bool:
-    """Whether the first screen has a component's noise, and its section the rest of its answer."""
-    return one.about_noise and not is_doubtful(one.sensor)
-
-
-def _answers(result: StudyResult, sensors: Sequence[Shown], cases: Cases) -> Iterator[Block]:
-    """First screen: what each case, component and class needs."""
-    if len(cases) <= MOST_DRAWN:
-        costs = result.study.costs
-        yield from (answer(case_answer(name, found, costs)) for name, found in cases.items())
-    for one in sensors if len(sensors) <= MANY else ():
-        told = [*process_answers(one.sensor)]
-        own = [] if _is_apart(one) else [sensor_answer(one)]
-        yield from (*told, *own) if one.about_noise else (*own, *told)
-    for found in result.classes:
-        yield answer([f"{class_title(found)}.", class_words(found)])
-    if len(cases) > MOST_DRAWN:
-        yield Prose(" ".join(held_together(cases)), "answer")
-    if result.sessions and not any(map(is_repeated, result.classes)):
-        yield Prose(pretty(session_sentence(result.sessions)), "answer")
 
 
 def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:

@@ -20,6 +20,7 @@ from imubayes.reporting.blocks import (
     Table,
     answer,
     header,
+    parted,
     repeat,
     swatch,
     terminal,
@@ -98,13 +99,18 @@ def fleet_page(result: FleetResult) -> Page:
         for name, one in zip("NBK", found.noise, strict=True)
     ]
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
+    first, rest = parted(fleet_answer(result))
+    told = zip(VERDICTS, found.counts.sum(axis=1).tolist(), strict=True)
     return Page(
         study.title,
         f"{len(study.units):,} {how} {kind}, each through the same test and decided on its own;"
         f" {found.samples:,} samples.",
-        first=[answer(fleet_answer(result))],
+        first=[answer(first), Figure([verdict_panel(result, "v")], KEY)],
+        counts=" · ".join(f"{count:,} {word}" for word, count in told if count)
+        + f" ({counted(len(study.spec.library.names), 'term')} of {counted(found.units, 'unit')})",
+        data=how,
         blocks=[
-            Section("The population", [*_population(result)], "population"),
+            Section("The population", [Prose(" ".join(rest)), *_population(result)], "population"),
             Section("Verdicts", [counts], "verdicts"),
             Section("Units that stand out", [_worst(result)], "worst"),
             Section("Noise", [over], "noise"),
@@ -122,7 +128,6 @@ def fleet_page(result: FleetResult) -> Page:
 def _population(result: FleetResult) -> Iterator[Block]:
     true, told = (("true",), " True: of the lot that was simulated.") if result.study.simulated else ((), "")
     lib, terms = result.study.spec.library, result.answer.terms
-    yield Figure([verdict_panel(result, "v")], KEY)
     yield Table(
         "Population of the units",
         ("term", "symbol", "mean", *true, "spread", *true, "unit", "needed", "open"),

@@ -19,6 +19,7 @@ from imubayes.reporting.blocks import (
     Table,
     answer,
     header,
+    parted,
     repeat,
     terminal,
     typeset,
@@ -72,12 +73,14 @@ CURVES = "Terms that are told, by hours of test on a scale of decades"
 def hours_page(found: HoursFound) -> Page:
     """Page of the hours."""
     curves = [class_panel(one, f"c{k}") for k, one in enumerate(found.classes)]
+    first, rest = parted(hours_answer(found))
     return Page(
         found.study.title,
         f"How long each class is tested until each term is told, and what {DAYS} leave open.",
-        first=[answer(hours_answer(found))],
+        first=[answer(first), Figure([all_classes(found, "a0")], f"{CURVES}, a curve for each class.")],
+        data="planned",
         blocks=[
-            Section("The hours of every term", [*_hours(found)], "hours"),
+            Section("The hours of every term", [Prose(" ".join(rest)), *_hours(found)], "hours"),
             Section(
                 "Class by class",
                 [Figure(curves, f"{CURVES}. {LINES}"), campaigns(found)],
@@ -93,8 +96,7 @@ def hours_page(found: HoursFound) -> Page:
     )
 
 
-def _hours(found: HoursFound) -> Iterator[Table | Prose | Figure]:
-    yield Figure([all_classes(found, "a0")], f"{CURVES}, a curve for each class.")
+def _hours(found: HoursFound) -> Iterator[Table | Prose]:
     yield hours_table(found, found.classes)
     yield Prose(RULE, "note")
 

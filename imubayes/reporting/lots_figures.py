@@ -6,10 +6,9 @@ The matrices are drawn here and not by the plotting library: their headings are 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from imubayes.population.needs import (
     NEEDED,
@@ -26,15 +25,17 @@ from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     INK,
+    SHADES,
+    SLIDE,
     WARNING,
     WIDTH,
     Axes,
+    Box,
     Panel,
-    Rectangle,
     draw,
-    picture,
+    tile,
 )
-from imubayes.reporting.lots_words import class_name, headline, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
 from imubayes.reporting.rounding import percent
 from imubayes.scenes.relevance import MATTERS
 from imubayes.units import counted
@@ -44,20 +45,14 @@ if TYPE_CHECKING:
     from imubayes.population.needs import ClassFound
     from imubayes.reporting.lots_words import Said
 
-SLIDE, HEADING, TILES, KEY = (1100, 619), 92, 204, 65
-"""px of a slide, 16 to 9; of its answer; from its top to the tiles; and of their key below them."""
+TILES, KEY = 112, 65
+"""px above the tiles, and of their key below them."""
 
 ROOM, TALL = 350, 52
 """px that all tiles, and one, may be high."""
 
-LETTERS = 124
-"""Letters of a line of its answer."""
-
 NARROW = 54
 """px of a tile below which what would matter stands under what is needed."""
-
-SHADES = ("#eceef1", "#cfe3f1", "#9ccbe6", "#3d92c4", ACCENT)
-"""From few terms to half of them or more: the darker the more, in grey print too."""
 
 LEAST = 0.01
 """Share of a budget below which a cell is a point."""
@@ -83,20 +78,14 @@ def slide(result: LotResult, key: str) -> Panel:
         for one, terms in zip(result.classes, told, strict=True)
     )
     width, high = SLIDE[0], min(TALL, ROOM / len(told))
-    height = math.ceil(TILES + high * len(told) + KEY - HEADING)
+    height = math.ceil(TILES + high * len(told) + KEY)
     return draw(
-        lambda axes: _tiles(axes, result, ""),
+        lambda axes: _tiles(axes, result),
         title=f"{count} of {len(names)} terms are needed by some class{scene}",
         alt=said,
         key=key,
         **{"width": width, "height": height, "left": 0, "right": 0, "top": 0, "bottom": 0},
     )
-
-
-def slide_files(result: LotResult) -> Iterator[tuple[str, bytes]]:
-    """Names and bytes of the same picture under its answer, for a slide."""
-    for form in ("svg", "png"):
-        yield f"slide.{form}", picture(lambda axes: _tiles(axes, result, headline(result)[0]), SLIDE, form)
 
 
 def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
@@ -124,13 +113,12 @@ def _alt(told: Mapping[str, tuple[str, int]], *, scenes: bool) -> str:
     return ", ".join(f"{answer} {' '.join(names)}" for answer, names in by.items())
 
 
-def _tiles(axes: Axes, result: LotResult, heading: str) -> None:
+def _tiles(axes: Axes, result: LotResult) -> None:
     """Draw rows of classes, with a column for each scene, then one for each term; px from the top left."""
     width, high = SLIDE[0], min(TALL, ROOM / len(result.classes))
     under = TILES + high * len(result.classes)
-    axes.set(xlim=(0, width), ylim=(SLIDE[1], 0) if heading else (under + KEY, HEADING))
+    axes.set(xlim=(0, width), ylim=(under + KEY, 0))
     axes.axis("off")
-    axes.text(16, 14, "\n".join(wrap(heading, LETTERS)), va="top", size=15, weight="bold", linespacing=1.3)
     scenes, terms = [one.name for one in result.study.missions], result.study.library.names
     left = 26 + max(7.6 * len(class_name(one.sensor_class)) for one in result.classes)
     room = width - 14 - left - (24 if scenes else 0)
@@ -138,8 +126,8 @@ def _tiles(axes: Axes, result: LotResult, heading: str) -> None:
     first = left + wide * len(scenes) + (24 if scenes else 0)
     narrow = min(34.0, (width - 14 - first) / len(terms))
     if scenes:
-        axes.text(left, HEADING + 12, "by scene", va="top", size=12, color=GREY)
-    axes.text(first, HEADING + 12, "by term", va="top", size=12, color=GREY)
+        axes.text(left, 12, "by scene", va="top", size=12, color=GREY)
+    axes.text(first, 12, "by term", va="top", size=12, color=GREY)
     heads = [(left + wide * (k + 0.5), scene_name(name)) for k, name in enumerate(scenes)]
     heads += [(first + narrow * (k + 0.5), name) for k, name in enumerate(terms)]
     for x, name in heads:
@@ -154,16 +142,6 @@ def _tiles(axes: Axes, result: LotResult, heading: str) -> None:
     _key(axes, left, under, len(scenes))
 
 
-Box = tuple[float, float, float, float]
-"""Left, top, width and height in px."""
-
-
-def _tile(axes: Axes, box: Box, text: str = "", *, ink: str = INK, size: float = 12, **style: Any) -> None:
-    x, y, w, h = box
-    axes.add_patch(Rectangle((x + 1, y + 1), w - 2, h - 2, **{"linewidth": 0.0, **style}))
-    axes.text(x + w / 2, y + h / 2, text, ha="center", va="center", size=size, color=ink)
-
-
 def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) -> None:
     """Number of terms needed, the darker the more; and how many more would matter, which no test shows."""
     count, more = (len(terms_in(found, scene, answer)) for answer in (NEEDED, WOULD_MATTER))
@@ -172,21 +150,21 @@ def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) ->
     ink = "white" if colour in SHADES[-2:] else INK
     narrow = box[2] < NARROW
     told = f"{count}{chr(10) if narrow else ' '}+{more}?" if more else f"{count}"
-    _tile(axes, box, told, ink=ink, size=9 if narrow else 14, facecolor=colour)
+    tile(axes, box, told, ink=ink, size=9 if narrow else 14, facecolor=colour)
 
 
 def _term_tile(axes: Axes, box: Box, answer: str, times: int, scenes: int) -> None:
     """Dark where every scene requires the term, paler with their number where some do or none does."""
     if answer == NEEDED and times == scenes:
-        _tile(axes, box, facecolor=ACCENT)
+        tile(axes, box, facecolor=ACCENT)
     elif answer == NEEDED:
-        _tile(axes, box, f"{times}", facecolor=SHADES[2 if times else 1])
+        tile(axes, box, f"{times}", facecolor=SHADES[2 if times else 1])
     elif answer == WOULD_MATTER:
-        _tile(axes, box, facecolor="white", edgecolor=INK, hatch="////", linewidth=0.6)
+        tile(axes, box, facecolor="white", edgecolor=INK, hatch="////", linewidth=0.6)
     elif answer == UNTOLD:
-        _tile(axes, box, "?", facecolor="white", edgecolor=GREY, linewidth=0.6)
+        tile(axes, box, "?", facecolor="white", edgecolor=GREY, linewidth=0.6)
     else:
-        _tile(axes, box, facecolor=SHADES[0])
+        tile(axes, box, facecolor=SHADES[0])
 
 
 def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
@@ -201,7 +179,7 @@ def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
         axes.text(x + 28, y + 10, words, va="center", size=12)
     if scenes:
         x, y = left + 225.0 * 3, under + 36.0
-        _tile(axes, (x, y, 46, 20), "n +m?", facecolor=SHADES[2])
+        tile(axes, (x, y, 46, 20), "n +m?", facecolor=SHADES[2])
         axes.text(x + 52, y + 10, "n needed, m would matter", va="center", size=12)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
@@ -37,9 +36,8 @@ from imubayes.reporting.blocks import (
     strong,
     swatch,
     terminal,
-    write_page,
 )
-from imubayes.reporting.lots_figures import scene_matrix, slide, slide_files
+from imubayes.reporting.lots_figures import scene_matrix, slide
 from imubayes.reporting.lots_sentences import (
     SIMULATED,
     check_sentences,
@@ -158,9 +156,10 @@ def lots_page(result: LotResult) -> Page:
         first=[
             Prose(joined(strong(answers[0][0]), link("numbers", answers[0][1])), "answer"),
             Figure([slide(result, "slide")], SLIDE_KEY, "tiles of each class by scene and by term"),
-            Prose(status(result)),
             Prose(simulated(result), "note"),
         ],
+        counts=status(result),
+        data="simulated",
         blocks=[
             Section("Which terms each class needs", [*_needed(result, answers[1:])], "needed-terms"),
             *([_scenes(result)] if study.missions else []),
@@ -172,15 +171,6 @@ def lots_page(result: LotResult) -> Page:
             repeat(f"imubayes run {study.path}", study.text, said),
         ],
     )
-
-
-def write_lots(result: LotResult, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html``, ``result.json`` and the picture for a slide into a folder."""
-    files = write_page(lots_page(result), lots_json(result), folder)
-    slides = {folder / name: picture for name, picture in slide_files(result)}
-    for path, picture in slides.items():
-        path.write_bytes(picture)
-    return (*files, *slides)
 
 
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:

@@ -171,22 +171,22 @@ def headline(result: LotResult) -> Said:
     """Answer what the study asks (`LotStudy.asks`) by naming terms, in at most `MOST_WORDS` words."""
     asks = result.study.asks
     if isinstance(asks, Against):
-        return _short(_against(result, asks)), "needed-terms"
+        return short(_against(result, asks)), "needed-terms"
     if asks == "scenes":
-        return _short(_of_scenes(result)), "scenes"
+        return short(_of_scenes(result)), "scenes"
     if asks == "triad":
-        return _short(_of_triad(result)), "basic"
+        return short(_of_triad(result)), "basic"
     needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
     said = _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
-    return _short(said, _rest(result.classes)), "needed-terms"
+    return short(said, _rest(result.classes)), "needed-terms"
 
 
-def _short(sentences: Iterable[str], last: str = "") -> str:
+def short(sentences: Iterable[str], last: str = "") -> str:
     """As many sentences, the first ones first, as leave room for the last one in an answer.
 
     Examples
     --------
-    >>> _short(["Nothing is needed.", "a " * 57 + "a.", "More."], "No more.")
+    >>> short(["Nothing is needed.", "a " * 57 + "a.", "More."], "No more.")
     'Nothing is needed. No more.'
     """
     said: list[str] = []

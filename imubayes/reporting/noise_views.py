@@ -116,10 +116,15 @@ def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[B
 
 
 def process_answers(sensor: SensorResult) -> Iterator[Prose]:
-    """Noise processes of each run, for the top of the page."""
+    """Noise processes of each run, for the top of the component's section."""
     for found in sensor.processes:
         title = f"Noise of {sensor.id}, {found.choice.run}."
         yield Prose(joined(strong(title), said_of(found, sensor)), "answer")
+
+
+def about_noise(sensor: SensorResult) -> bool:
+    """Whether the noise processes of a component are all that was asked: every run is at rest."""
+    return bool(sensor.processes) and all(run.procedure == "static" for run in sensor.runs)
 
 
 def said_of(found: NoiseFound, sensor: SensorResult) -> str:
@@ -140,7 +145,7 @@ def glance_table(sensors: Sequence[SensorResult]) -> Table:
 def _told(found: NoiseFound, symbol: str, sensor: SensorResult) -> str:
     for size in decided_sizes(found.choice, sensor):
         if size.name == symbol:
-            return in_unit(_size(size, sensor.kind)) if size.verdict == "needed" else shape(size.verdict)
+            return in_unit(size_text(size, sensor.kind)) if size.verdict == "needed" else shape(size.verdict)
     return ""
 
 
@@ -162,7 +167,7 @@ def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
     """What a run shows of its noise processes, in words and numbers."""
     sizes = {size.name: size for size in decided_sizes(choice, sensor)}
     needed = ["N", *choice.identified]
-    told = listed(f"{NAMES[name]} {name} = {_size(sizes[name], sensor.kind)}" for name in needed)
+    told = listed(f"{NAMES[name]} {name} = {size_text(sizes[name], sensor.kind)}" for name in needed)
     words = [f"The run shows {told}."]
     words += [f"It shows one of {listed(group)}, and cannot say which." for group in _groups(choice)]
     for word, text in _WORDS.items():
@@ -202,7 +207,7 @@ def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]
             "Tc" if is_tau else size.name,
             "its time constant" if is_tau else NAMES[size.name],
             "" if is_tau or size.name == "N" else bar(size.inclusion),
-            signed(_size(size, kind)) if shown else quiet(f"below {limit}"),
+            signed(size_text(size, kind)) if shown else quiet(f"below {limit}"),
             pretty(unit),
             signed(_allan(found.fit, size.name, scale, unit)),
             quiet("" if math.isnan(size.detection_limit) else seen),
@@ -210,7 +215,8 @@ def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]
         )
 
 
-def _size(size: ProcessSize, kind: Kind) -> Measured:
+def size_text(size: ProcessSize, kind: Kind) -> Measured:
+    """Size of a process in its unit."""
     unit, scale = noise_unit(size.name, kind)
     return measured(size.mean / scale, size.sd / scale, unit)
 

@@ -20,6 +20,7 @@ from imubayes.reporting.blocks import (
     Table,
     answer,
     header,
+    parted,
     repeat,
     terminal,
 )
@@ -77,12 +78,15 @@ def plan_page(found: Proposal) -> Page:
     """Page of a plan."""
     time = lasting(found.study.time)
     order = ORDER.format(OWN if "" in found.study.libraries else "")
+    (first, rest), best = parted(plan_answer(found)), found.best
     return Page(
         found.study.title,
         f"A plan for {time}, made before the test: what it will tell, and what to set, dwell by dwell.",
-        first=[answer(plan_answer(found))],
+        first=[answer(first), _predicted(found)],
+        counts=f"{counted(len(best.steps), 'dwell')} in {lasting(best.seconds)}",
+        data="planned",
         blocks=[
-            Section("What it will tell", [*_terms(found)], "terms"),
+            Section("What it will tell", [Prose(" ".join(rest)), *_terms(found)], "terms"),
             Section("What the data cannot tell apart", [*_open(found)], "open"),
             Section(
                 "The plan",
@@ -96,31 +100,35 @@ def plan_page(found: Proposal) -> Page:
 
 
 def _terms(found: Proposal) -> Iterator[Block]:
-    names, scene, done = plan_names(found), np.isfinite(found.need).any(), _done(found)
+    names, done = plan_names(found), _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
         f"{CALLED[o.name][:1].upper()}{CALLED[o.name][1:]}: {len(o.steps)} dwells in {lasting(o.seconds)}"
         for o in outcomes(found)
     )
     yield Prose(f"The plan makes small: {AIMS[found.study.aim]}.{known} {told}.")
-    same = f"; squares, the best with the {names[1]}" if len(names) > 2 else ""
-    need = "; bars, the sd at which a term has a tenth of the scene's budget" if scene else ""
-    yield Figure(
-        [predicted_panel(found, "p0")],
-        "Sd that each plan will leave, over the sd of the class's prior, on a scale of decades; further"
-        " left is better, and 1 is as if nothing had been measured. Circles,"
-        f" {names[0]}{same}; diamonds, the {names[-1]}{need}.",
-    )
     head = ["term", "", "unit", "prior sd", *(["known"] if done else []), *names]
     yield Table(
         "Predicted sd of every term",
-        [*head, *(["scene's need"] if scene else []), "simulated / predicted"],
+        [*head, *(["scene's need"] if np.isfinite(found.need).any() else []), "simulated / predicted"],
         term_rows(found),
         note="Predicted sd of each term in its unit, the errors of the bench and the drift of the sensor"
         " allowed for. The last column is the root mean square error of the best plan's estimates over"
         f" {found.study.units} simulated units, drawn from the prior and sampled with the noise of the class,"
         " over the predicted sd. Where the prediction is right it is 1, give or take"
         f" {(2 * found.study.units) ** -0.5:.2f} (one standard error).",
+    )
+
+
+def _predicted(found: Proposal) -> Figure:
+    names, scene = plan_names(found), np.isfinite(found.need).any()
+    same = f"; squares, the best with the {names[1]}" if len(names) > 2 else ""
+    need = "; bars, the sd at which a term has a tenth of the scene's budget" if scene else ""
+    return Figure(
+        [predicted_panel(found, "p0")],
+        "Sd that each plan will leave, over the sd of the class's prior, on a scale of decades; further"
+        " left is better, and 1 is as if nothing had been measured. Circles,"
+        f" {names[0]}{same}; diamonds, the {names[-1]}{need}.",
     )
 
 

@@ -223,9 +223,10 @@ def class_title(found: ClassInCommon) -> str:
     return f"{found.class_id}, {found.kind}s"
 
 
-def class_words(found: ClassInCommon) -> str:
-    """Answer for the top of the page: what the class needs, and what changes between sessions."""
-    return _signs(" ".join((_opening(found), *_needs(found), *_turn_on(found))))
+def class_needs(found: ClassInCommon) -> tuple[str, ...]:
+    """What the class needs, a sentence each."""
+    first, *rest = map(_signs, _needs(found))
+    return f"{class_title(found)}: {first[:1].lower()}{first[1:]}", *rest
 
 
 def class_section(found: ClassInCommon, k: int) -> Section:

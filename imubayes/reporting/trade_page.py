@@ -60,10 +60,10 @@ def trade_page(found: Traded) -> Page:
     return Page(
         f"{found.trade.title}: speed for accuracy",
         f"Every method of the ladder on this study’s own {what}{on}.",
-        first=[Prose(strong(first), "answer"), Prose(rest, "list")],
+        first=[Prose(strong(first), "answer"), _figure(found)],
+        data="simulated" if any(one.lot is not None for one in found.trade.subjects) else "",
         blocks=[
-            Section("Time and error", [_figure(found)], "figure"),
-            Section("The rungs", [*_rungs(found)], "rungs"),
+            Section("The rungs", [Prose(rest, "list"), *_rungs(found)], "rungs"),
             *([Section("Simulated repeats", [_scores(found)], "repeats")] if found.scores else []),
             Section("Component by component", [by_component], "components"),
             Section("How to read this", [_meaning(found)], "meaning"),

@@ -24,7 +24,6 @@ from imubayes.reporting.blocks import (
     bar,
     link,
     quiet,
-    shape,
     verdict,
 )
 from imubayes.reporting.chain_views import (
@@ -35,7 +34,7 @@ from imubayes.reporting.chain_views import (
 )
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import methods_sections
-from imubayes.reporting.noise_views import noise_blocks
+from imubayes.reporting.noise_views import about_noise, noise_blocks, process_answers
 from imubayes.reporting.posterior import written_draws
 from imubayes.reporting.rounding import (
     in_unit,
@@ -123,11 +122,6 @@ class Shown:
         """Id of its section, and key of its figures."""
         return _anchor(self.k)
 
-    @property
-    def about_noise(self) -> bool:
-        """Whether its noise processes are all that was asked: every run is at rest."""
-        return bool(self.sensor.processes) and all(run.procedure == "static" for run in self.sensor.runs)
-
 
 def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
     """Every component with how much is shown of it."""
@@ -141,19 +135,8 @@ def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
     return tuple(shown)
 
 
-def sensor_answer(one: Shown) -> Prose:
-    """First paragraph on a component, marked where it needs a warning."""
-    return answer(sensor_words(one.sensor), doubtful=is_doubtful(one.sensor))
-
-
-def sensor_section(one: Shown, *, answered: bool, listed: bool) -> Section:
-    """Section of a component.
-
-    Parameters
-    ----------
-    answered : whether its answer stands here, and not at the top of the page.
-    listed : whether the contents lead to its parts.
-    """
+def sensor_section(one: Shown, *, listed: bool) -> Section:
+    """Section of a component; `listed` is whether the contents lead to its parts."""
     sensor = one.sensor
     at = " at draws of the noise" if sensor.chains else ""
     kind = f"class {sensor.class_id}" if sensor.class_id else "no class given"
@@ -177,7 +160,9 @@ def sensor_section(one: Shown, *, answered: bool, listed: bool) -> Section:
         Section(title, list(blocks), f"{one.anchor}-{name}", listed=short if listed else "")
         for title, name, short, blocks in parts
     ]
-    first = [sensor_answer(one)] if answered else []
+    own = [answer(sensor_words(sensor), doubtful=is_doubtful(sensor))]
+    told = process_answers(sensor)
+    first = [*told, *own] if about_noise(sensor) else [*own, *told]
     return Section(sensor.id, [*first, *sections], one.anchor, sub)
 
 
@@ -349,13 +334,3 @@ def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:
     symbols = {term.name: term.symbol for term in one.sensor.selection.terms}
     for k, found in enumerate(scenes):
         yield scene_section(found, one.sensor.id, symbols, f"{one.anchor}w{k}")
-
-
-def overview(sensors: Sequence[SensorResult]) -> Table:
-    """Verdicts of the components by term; empty where a component has no such term."""
-    names = dict.fromkeys(term.name for sensor in sensors for term in sensor.selection.terms)
-    verdicts = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in sensors]
-    rows = [(name, *(shape(column.get(name, "")) for column in verdicts)) for name in names]
-    head = ("term", *(sensor.id for sensor in sensors))
-    note = f"Verdict of each component on each term: {LEGEND}."
-    return Table("Verdicts by component", head, rows, "tm", note)

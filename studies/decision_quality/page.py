@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, Text, answer, repeat
+from imubayes.reporting.blocks import (
+    Both,
+    Figure,
+    Page,
+    Prose,
+    Section,
+    Table,
+    Text,
+    answer,
+    parted,
+    repeat,
+)
 from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import duration, percent
 from imubayes.selection.verdicts import EQUAL
@@ -122,11 +133,14 @@ def quality_page(quality: Quality) -> Page:
     """Page of the report."""
     counted = (Prose(DRAWN), Prose(COUNTED, "list"))
     said = f"It took {duration(quality.seconds)} with {quality.study.processes} processes."
+    first, rest = parted(quality_answer(quality))
     return Page(
         TITLE,
         QUESTION,
-        first=(answer(quality_answer(quality)),),
+        first=(answer(first),),
+        data="simulated",
         blocks=(
+            Prose(" ".join(rest)),
             _treatments(quality),
             _section(quality.scores),
             Section("What was counted", counted, "meaning", brief=False),

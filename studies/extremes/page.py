@@ -17,6 +17,7 @@ from imubayes.reporting.blocks import (
     Table,
     answer,
     joined,
+    parted,
     repeat,
     strong,
 )
@@ -88,11 +89,14 @@ def extremes_page(found: Extremes) -> Page:
     """Page of the report."""
     families = _families(found)
     said = f"It took {duration(found.seconds)}. Seed {found.study.seed}."
+    first, rest = parted(extremes_answer(found))
     return Page(
         TITLE,
         QUESTION,
-        first=(answer(extremes_answer(found)),),
+        first=(answer(first),),
+        data="simulated",
         blocks=(
+            Prose(" ".join(rest)),
             _digits(families),
             _refused(found),
             _every(families),

@@ -48,6 +48,7 @@ def ranks_page(found: Ranks) -> Page:
         TITLE,
         QUESTION,
         first=(answer(ranks_answer(found)),),
+        data="simulated",
         blocks=(
             Section("Ranks", (Figure(panels, note), Table("p-values", ("quantity", "p"), rows)), "ranks"),
             Section("What was counted", (Prose(COUNTED, "list"),), "meaning", brief=False),

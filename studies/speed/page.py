@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -71,9 +72,10 @@ def speed_page(speed: Speed) -> Page:
     return Page(
         TITLE,
         QUESTION,
-        first=(answer([first]), Prose(others, "list")),
+        first=(answer([first]),),
+        data="simulated",
         blocks=(
-            _beside(speed),
+            _beside(speed, others),
             _growth(speed),
             Section("What was timed", (Prose(TIMED, "list"),), "meaning", brief=False),
             _made(speed),
@@ -81,7 +83,7 @@ def speed_page(speed: Speed) -> Page:
     )
 
 
-def _beside(speed: Speed) -> Section:
+def _beside(speed: Speed, said: Sequence[str]) -> Section:
     repeats = speed.study.repeats
     note = (
         f"Shortest of {repeats} turn{'s' if repeats > 1 else ''}, as the dot in the figure; median and"
@@ -92,7 +94,9 @@ def _beside(speed: Speed) -> Section:
     contests = (
         Section(found.title, (_contest(found),), f"contest-{k}") for k, found in enumerate(speed.contests)
     )
-    return Section("Beside others", (Prose(note, "note"), Figure(panels), *contests), "contests")
+    return Section(
+        "Beside others", (Prose(said, "list"), Prose(note, "note"), Figure(panels), *contests), "contests"
+    )
 
 
 def _contest(found: Found) -> Table:

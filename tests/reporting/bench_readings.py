@@ -73,6 +73,11 @@ def _alone(result: Found, match: Match) -> Iterable[Meant]:
     return [None, same["worst_ratio"] if same["worst"] == match[1] else math.nan, _gain(result, "same")]
 
 
+def _status(result: Found, match: Match) -> Iterable[Meant]:
+    best = _plan(result, "best")
+    return [len(best["steps"]), _time(best, match[2])]
+
+
 def _checked(result: Found, match: Match) -> Iterable[Meant]:
     plan = result["plan"]
     terms = [term for term in plan["terms"] if term["name"] in plan["needed"]]
@@ -115,6 +120,7 @@ PLAN = (
         {
             rf"(\d+) dwells in ({LASTING}) leave (\w+) worst known of (\d+) needed terms, to ({NUM}) of":
                 _best,
+            rf"^(\d+) dwells in ({LASTING}) · planned": _status,
             rf"Going evenly through '[^']*' for ({LASTING}) leaves (\w+) at ({NUM}); the plan's worst sd is"
             rf" ({NUM} %)": _even,
             rf"with that run alone leaves (\w+) at ({NUM}), ({NUM} %)": _alone,
@@ -283,9 +289,16 @@ def _pull(result: Found, match: Match) -> Iterable[Meant]:
     return [None, None, one["pull"], None]
 
 
+def _verdicts(result: Found, match: Match) -> Iterable[Meant]:
+    return [sum(term["verdicts"][match[2]] for term in result["fleet"]["terms"]), None]
+
+
 FLEET = (
     *readings(
         {
+            rf"({NUM}) (needed|not needed|undecided|inseparable|unresolved|untested) [·(]": _verdicts,
+            r"\((\d+) terms of ([\d,]+) units\) ·":
+                lambda r, m: [len(r["fleet"]["terms"]), r["fleet"]["read"]],
             rf"({NUM}) [\w -]+: the median unit needs ({NUM}) of (\d+) terms? \((90) % of the units: ({NUM})"
             rf" to ({NUM})\)": _median,
             r"Needed in half of the units or more: ([^.]+)\.": lambda r, m: [_answered(r, "needed")],

@@ -37,6 +37,7 @@ from imubayes.planning.menu import Step
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
     figures,
+    first_screen,
     fit_figures,
     fleet_page,
     hours_page,
@@ -115,6 +116,7 @@ def _ranks() -> Ranks:
 def _of_choice(sensor: Any) -> Iterator[Panel | None]:
     for paint in (figures.inclusion, figures.model_size, figures.best_models, figures.posterior):
         yield paint(sensor, paint.__name__)
+    yield first_screen.first_panel([sensor], "first")
 
 
 def _of_fit(sensor: Any) -> Iterator[Panel | None]:

@@ -86,6 +86,17 @@ def test_page_has_a_title_one_first_heading_and_no_level_left_out(page):
     assert any(attributes.get("name") == "viewport" for _, attributes in page.tagged("meta"))
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_first_screen_answers_in_sixty_words_with_a_status_and_one_picture(kind):
+    first = re.search(r'<section id="first".*?</section>', made(kind).html, re.S)[0]
+    answers = re.findall(r'<p class="answer.*?</p>', first, re.S)
+    assert len(answers) == 1
+    assert 3 <= len(re.sub(r"<a .*?</a>|<[^>]+>", "", answers[0]).split()) <= 60
+    compared = kind.startswith("compared")  # which has no numbers of its own to draw
+    assert first.count("<svg") == (0 if compared else 1)
+    assert compared or first.count('<p class="status"') == (kind != "trade")
+
+
 def test_figures_are_told_to_those_who_cannot_see_them_and_pages_are_small(page):
     figures = [attributes for tag, attributes in page.tagged("svg") if "aria-hidden" not in attributes]
     assert figures or "<table" in page.html

@@ -58,8 +58,8 @@ def wrong_numbers(
     """
     page = tree(html)
     blocks = [*sentences(page), *drawn(page)]
-    first = plain(" ".join(block.text for block in blocks if block.anchor in ("", "first", "nav")))
-    unsaid = [f"not on the first screen: {text}" for text in result["answer"] if plain(text) not in first]
+    whole = plain(" ".join(block.text for block in blocks))
+    unsaid = [f"not on the page: {text}" for text in result["answer"] if plain(text) not in whole]
     kept = [
         block for block in blocks if block.anchor != "meaning" and plain(result["study"]) not in block.text
     ]

@@ -17,6 +17,7 @@ from imubayes.reporting.blocks import (
     Table,
     Text,
     joined,
+    parted,
     quiet,
     repeat,
     strong,
@@ -49,11 +50,13 @@ def comparison_page(
         f"A difference counts from {found.threshold:.1f} sd on: in {found.tests} comparisons chance reaches"
         f" that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {how}"
     )
+    first, rest = parted(answer)
     return Page(
         "Results side by side",
         question,
-        first=(Prose(strong(" ".join(answer)), "answer"),),
+        first=(Prose(strong(" ".join(first)), "answer"),),
         blocks=(
+            Prose(" ".join(rest)),
             Prose(said, "list"),
             Prose(method, "note"),
             Prose([alone] if alone else []),

@@ -1,0 +1,268 @@
+"""The first screen of a study of sensors: its answer in at most 60 words, its status, its picture."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from imubayes.reporting.blocks import GOOD, printable
+from imubayes.reporting.canvas import (
+    ACCENT,
+    GREY,
+    INK,
+    SHADES,
+    SLIDE,
+    Axes,
+    Box,
+    Panel,
+    draw,
+    tile,
+)
+from imubayes.reporting.case_views import pooled_rows
+from imubayes.reporting.chain_views import unconverged_sentence
+from imubayes.reporting.lots_words import short
+from imubayes.reporting.noise_views import NAMES, SYMBOLS, about_noise, decided_sizes, size_text
+from imubayes.reporting.population_views import class_needs
+from imubayes.reporting.rounding import minus, pretty
+from imubayes.reporting.rows import term_rows
+from imubayes.reporting.words import strain_sentence
+from imubayes.selection.verdicts import listed
+from imubayes.units import counted
+
+if TYPE_CHECKING:
+    from imubayes.campaign.study import NoiseFound, SensorResult, StudyResult
+    from imubayes.reporting.rounding import Measured
+
+Told = tuple[str, tuple[str, ...]]
+"""Verdict, and what its tile holds: the first text that there is room for."""
+
+Column = tuple[str, Mapping[str, Told]]
+"""Name of a component or run, and what is told of each term or process."""
+
+FEW = 3
+"""Components that a sentence names."""
+
+ROOM, LEFT, KEY, TALL, WIDEST = 440, 64, 30, 44.0, 440
+"""px for the rows of a picture, for the names of the terms, for the key below, and of the largest tile."""
+
+MARK = 12
+"""px of the narrowest tile that has a heading."""
+
+UNSEEN = ("inseparable", "unresolved", "untested")
+"""Verdicts where the test cannot tell."""
+
+STYLES = {
+    "needed": ({"facecolor": ACCENT}, "white"),
+    "not needed": ({"facecolor": SHADES[0]}, INK),
+    "undecided": ({"facecolor": "#f8dfae"}, INK),
+    **dict.fromkeys(UNSEEN, ({"facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}, INK)),
+}
+"""Tile of each verdict, and the colour of its text."""
+
+NOISE_KEY = (
+    "Blue: shown, with its size; grey: not there; yellow: undecided; white: the run cannot tell. The same"
+    " picture is beside this report, as slide.svg and slide.png."
+)
+
+PICTURE_KEY = (
+    "Blue: needed, with the value to use; grey: not needed, with the limit that it stays below with 95 %;"
+    " yellow: undecided; white: the test cannot tell (? inseparable or unresolved, × not tested). The same"
+    " picture is beside this report, as slide.svg and slide.png."
+)
+
+
+def first_answer(result: StudyResult) -> str:
+    """Answer the page's question by naming terms, in at most 60 words."""
+    sensors = result.sensors
+    if result.classes:
+        return short([text for found in result.classes for text in class_needs(found)])
+    if all(about_noise(one) for one in sensors):
+        return short(_of_noise(sensors))
+    said = [text for kind in dict.fromkeys(s.kind for s in sensors) for text in _of_kind(result, kind)]
+    doubtful = [sensor.id for sensor in sensors if sensor.conditional]
+    last = _open(sensors[0]) if len(sensors) == 1 else ""
+    if len(doubtful) == len(sensors):
+        said[0] = f"If the model held, which the data reject: {said[0]}"
+    elif doubtful:
+        of = listed(doubtful) if len(doubtful) <= FEW else f"{len(doubtful)} of {len(sensors)} components"
+        last = f"The data of {of} reject the model: what they need is conditional."
+    return short(said, last)
+
+
+def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
+    """What all components of a kind need, then what some of them need beside it."""
+    alike = [one for one in result.sensors if one.kind == kind]
+    needs = {one.id: [t.name for t in one.selection.terms if t.verdict == "needed"] for one in alike}
+    if len(alike) == 1:
+        (name, terms), count = next(iter(needs.items())), len(alike[0].selection.terms)
+        yield f"{name} needs {listed(terms or ['none'])} of {counted(count, 'term')}."
+        return
+    pooled = _pooled(result, alike)
+    every = [t for t in _names(alike) if t in pooled or all(t in own for own in needs.values())]
+    none = f"No term is needed by every {kind}."
+    yield f"All {len(alike)} {kind}s need {listed(every)}." if every else none
+    some = Counter(t for own in needs.values() for t in own if t not in every)
+    if some:
+        told = [f"{term} ({count})" for term, count in some.most_common()]
+        yield f"Some need{' also' if every else ''} {listed(told)} of {len(alike)}."
+
+
+def _pooled(result: StudyResult, alike: Sequence[SensorResult]) -> set[str]:
+    """Terms that a kind needs by the evidence of all its components in a case."""
+    rows = pooled_rows(alike, result.study.costs).get(alike[0].kind, [])
+    return {term for term, _, _, word in rows if word == "needed"}
+
+
+def _names(sensors: Sequence[SensorResult]) -> list[str]:
+    return list(dict.fromkeys(term.name for sensor in sensors for term in sensor.selection.terms))
+
+
+def _open(sensor: SensorResult) -> str:
+    untold = [t.name for t in sensor.selection.terms if t.verdict in UNSEEN]
+    if not untold:
+        return ""
+    return f"Of {listed(untold) if len(untold) <= 2 * FEW else f'{len(untold)} others'} its test cannot tell."
+
+
+def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
+    """Which processes the runs show: those of one component with sizes."""
+    runs = [(one, found) for one in sensors for found in one.processes]
+    if len(runs) == 1:
+        sensor, found = runs[0]
+        told = dict(_processes(sensor, found))
+        sizes = (f"{NAMES[name]} {name} = {told[name][1][0]}" for name in _shown(found))
+        yield f"{sensor.id} shows {listed(list(sizes))}."
+        return
+    owners = {name: [s.id for s, found in runs if name in _shown(found)] for name in SYMBOLS}
+    for name, ids in owners.items():
+        if ids:
+            who = f"All {len(runs)}" if len(ids) == len(runs) else f"{len(ids)} of {len(runs)}"
+            who = listed(ids) if len(ids) <= FEW and len(ids) < len(runs) else who
+            yield f"{who} show{'s' if len(ids) == 1 else ''} {NAMES[name]} {name}."
+
+
+def _shown(found: NoiseFound) -> list[str]:
+    return [name for name in SYMBOLS if name in ("N", *found.choice.identified)]
+
+
+def _processes(sensor: SensorResult, found: NoiseFound) -> Iterator[tuple[str, Told]]:
+    for size in decided_sizes(found.choice, sensor):
+        if size.name in SYMBOLS:
+            yield size.name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
+
+
+def _terms(sensor: SensorResult) -> Iterator[tuple[str, Told]]:
+    for row in term_rows(sensor):
+        texts = _texts(row.size, limit=row.kind != "value") if row.size else ()
+        yield row.verdict.name, (row.verdict.verdict, texts)
+
+
+def _texts(size: Measured, *, limit: bool) -> tuple[str, ...]:
+    """Value with sd and unit, with its unit, and alone."""
+    unit, value = pretty(size.unit), f"{'< ' if limit else ''}{size.value}"
+    value += f"e{size.exponent}" if size.exponent else ""
+    whole = () if limit else (pretty(str(size).replace("+-", "±")),)
+    return tuple(map(minus, (*whole, f"{value} {unit}".rstrip(), value)))
+
+
+def fit_status(sensors: Sequence[SensorResult]) -> str:
+    """Say whether the model fits, or what is wrong."""
+    wrong = {
+        "data and prior disagree": [s for s in sensors if strain_sentence(s)],
+        "chains have not converged": [s for s in sensors if unconverged_sentence(s)],
+        "the data reject the model": [s for s in sensors if s.conditional],
+    }
+    of = f" (%d of {counted(len(sensors), 'component')})" if len(sensors) > 1 else ""
+    return "; ".join(f"{text}{of % len(s) if of else ''}" for text, s in wrong.items() if s) or GOOD
+
+
+def counts_of(sensors: Sequence[SensorResult]) -> str:
+    """How many terms have each verdict, of all components."""
+    found = Counter(term.verdict for sensor in sensors for term in sensor.selection.terms)
+    words = dict.fromkeys(("needed", "not needed", "undecided", *UNSEEN))
+    of = f" ({counted(len(sensors), 'component')})" if len(sensors) > 1 else ""
+    return " · ".join(f"{found[word]} {word}" for word in words if found[word]) + of
+
+
+def data_of(sensors: Sequence[SensorResult]) -> str:
+    """Whether the runs are recorded or simulated."""
+    how = {"simulated" if r.source.file == "simulated" else "recorded" for s in sensors for r in s.runs}
+    return " and ".join(sorted(how))
+
+
+def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
+    """Every term of every component, with value and verdict; processes, where noise is all that was asked."""
+    if all(map(about_noise, sensors)):
+        columns = [(_run_of(s, found), dict(_processes(s, found))) for s in sensors for found in s.processes]
+        return _panel(columns, ("process", "shown", "run"), key)
+    return _panel([(one.id, dict(_terms(one))) for one in sensors], ("term", "needed", "component"), key)
+
+
+def _run_of(sensor: SensorResult, found: NoiseFound) -> str:
+    return sensor.id if len(sensor.processes) == 1 else f"{sensor.id}, {found.choice.run}"
+
+
+def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> Panel:
+    """Tiles with a row for each name, in two blocks where there is one column; `words` are for the title."""
+    names = list(dict.fromkeys(name for _, told in columns for name in told))
+    needed = sum(any(told.get(name, ("",))[0] == "needed" for _, told in columns) for name in names)
+    of, is_so, owner = words
+    by = f" by some {owner}" if len(columns) > 1 else ""
+    blocks = 2 if len(columns) == 1 and len(names) > FEW else 1
+    rows, wide = -(-len(names) // blocks), min(WIDEST, (SLIDE[0] / blocks - LEFT) / len(columns))
+    longest = 7.4 * max(len(name) for name, _ in columns)
+    stands = len(columns) > 1 and longest > wide
+    head = 8.0 if len(columns) == 1 or wide < MARK else min(longest, 130.0) + 8.0 if stands else 24.0
+    high = min(TALL, ROOM / rows)
+    height = round(head + high * rows + KEY)
+
+    def paint(axes: Axes) -> None:
+        axes.set(xlim=(0, SLIDE[0]), ylim=(height, 0))
+        axes.axis("off")
+        for k, (name, _) in enumerate(columns if head > 8.0 else ()):
+            at = {"rotation": 90} if stands else {}
+            x = LEFT + wide * (k + 0.5)
+            axes.text(x, head - 6, printable(name), ha="center", va="bottom", size=12, **at)
+        for j, name in enumerate(names):
+            left, y = LEFT + (j // rows) * SLIDE[0] / blocks, head + high * (j % rows)
+            axes.text(left - 8, y + high / 2, printable(name), ha="right", va="center", size=12)
+            for k, (_, told) in enumerate(columns):
+                if name in told:
+                    _cell(axes, (left + wide * k, y, wide, high), *told[name])
+        limits = len(columns) == 1 or wide > MARK
+        not_needed = "not needed, and its limit" if is_so == "needed" and limits else f"not {is_so}"
+        _key(axes, height - KEY + 6.0, (is_so, not_needed))
+
+    return draw(
+        paint,
+        title=f"{needed} of {counted(len(names), of)} {'is' if needed == 1 else 'are'} {is_so}{by}",
+        alt="; ".join(f"{name}: {_alt(told)}" for name, told in columns),
+        key=key,
+        **{"width": SLIDE[0], "height": height, "left": 0, "right": 0, "top": 0, "bottom": 0},
+    )
+
+
+def _cell(axes: Axes, box: Box, word: str, texts: Sequence[str]) -> None:
+    style, ink = STYLES.get(word, STYLES["untested"])
+    size = min(14.0, 0.62 * box[3])
+    marks = ["×" if word == "untested" else "?"] if word in UNSEEN else texts
+    told = next((text for text in marks if 0.6 * size * len(text) < box[2] - 6.0), "")
+    tile(axes, box, told, ink=ink, size=size, **style)
+
+
+def _alt(told: Mapping[str, Told]) -> str:
+    by: dict[str, list[str]] = {}
+    for name, (word, _) in told.items():
+        by.setdefault(word, []).append(name)
+    return ", ".join(f"{word} {' '.join(names)}" for word, names in by.items())
+
+
+def _key(axes: Axes, y: float, words: tuple[str, str]) -> None:
+    told = [("needed", "", words[0]), ("not needed", "", words[1])]
+    told += [("undecided", "", "undecided"), ("unresolved", "?", "cannot tell")]
+    told += [("untested", "×", "not tested")]
+    for k, (word, mark, text) in enumerate(told):
+        style, ink = STYLES[word]
+        tile(axes, (LEFT + 205.0 * k, y, 22, 20), mark, ink=ink, **style)
+        axes.text(LEFT + 205.0 * k + 28, y + 10, text, va="center", size=12)

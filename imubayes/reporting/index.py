@@ -1,0 +1,61 @@
+"""The list of the reports in a folder: ``index.html``, from what each page says of itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from html import unescape
+from pathlib import Path
+
+from markupsafe import Markup
+
+from imubayes.errors import InputError
+from imubayes.reporting.blocks import INDEX, MARK, Page, Prose, Table, is_of_reports, page_html, repeat
+from imubayes.units import counted
+
+HEAD = ("report", "answer", "data", "fit", "made")
+
+NOTE = "Answers are those of the reports' first screens. A dash: a report of an older version does not say."
+
+
+def write_index(folder: Path) -> Path:
+    """Write the list of a folder's reports, in place of an older one alone."""
+    file = folder / INDEX
+    if file.exists() and not is_of_reports(folder):
+        raise InputError(f"{file}: is no list of reports: expected a folder of reports, or that name free")
+    if not (reports := sorted(folder.glob("*/report.html"))):
+        raise InputError(f"{folder}: has no */report.html: expected a folder that 'imubayes run' writes into")
+    file.write_text(index_html(folder, reports), encoding="utf-8")
+    return file
+
+
+def renew_index(folder: Path) -> tuple[Path, ...]:
+    """Write the list anew where a report was written, if its folder is clearly one of reports."""
+    parent = folder.resolve().parent
+    return (write_index(parent),) if is_of_reports(parent) and (folder / "report.html").is_file() else ()
+
+
+def index_html(folder: Path, reports: list[Path]) -> str:
+    """Text of the list."""
+    table = Table("Reports", HEAD, [_row(report) for report in reports], "wwtwt", NOTE)
+    said = f"{counted(len(reports), 'report')} in this folder."
+    again = repeat(f"imubayes index {folder}", "")
+    page = Page("Reports", "What was asked, and what was found.", [Prose(said)], [table, again])
+    return page_html(page).replace("<title>", f"{MARK}\n<title>", 1)
+
+
+def _row(report: Path) -> tuple[str, ...]:
+    told = dict(_told(report.read_text(encoding="utf-8")))
+    name = report.parent.name
+    cell = Markup('<a href="{}/report.html">{}</a><br>{}')
+    link = cell.format(name, told.get("title", name), told.get("question", ""))
+    return (link, *(told.get(key, "–") for key in ("description", "data", "fit", "date")))
+
+
+def _told(page: str) -> Iterator[tuple[str, str]]:
+    """Title, and what the page's head says in ``<meta>``."""
+    head = page.partition("<style>")[0]
+    for name, text in re.findall(r'<meta name="(\w+)" content="([^"]*)">', head):
+        yield name, unescape(text)
+    if title := re.search(r"<title>(.*?)</title>", head, re.S):
+        yield "title", unescape(title[1])
