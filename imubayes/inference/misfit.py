@@ -240,10 +240,11 @@ def _fit(look: Look, noise: Noise) -> _Fit | None:
     told = s > LEFT
     rank = int(told.sum())
     dof = len(white) - basis.shape[1] - rank
-    if rank == 0 or dof < SPARE:
+    total = float(left[:, -1] @ left[:, -1])
+    if rank == 0 or dof < SPARE or total == 0.0:  # an output in coarse steps may not change at all
         return None
     amplitude = U[:, told].T @ left[:, -1]
-    total, explained = float(left[:, -1] @ left[:, -1]), float(amplitude @ amplitude)
+    explained = float(amplitude @ amplitude)
     scale = max(total - explained, np.finfo(float).tiny) / dof
     return _Fit(
         p=float(fdtrc(rank, dof, explained / rank / scale)),

@@ -30,7 +30,7 @@ from studies.decision_quality.figures import LABELLED, calibration_panel, cost_p
 from studies.decision_quality.scores import CLIP, EDGES
 from studies.decision_quality.subjects import PARTIAL
 from studies.decision_quality.trials import DECISION, EVIDENCE, MISSING, OWN, TRUSTED, WHITE
-from studies.decision_quality.words import bins, left_open, quality_answer, shares
+from studies.decision_quality.words import bins, quality_answer, shares
 
 if TYPE_CHECKING:
     from studies.decision_quality.measure import Quality
@@ -207,7 +207,7 @@ def _section(told: Scores) -> Section:
     paints = (drops_panel, cost_panel, ratio_panel, calibration_panel)
     said = (
         f"{told.sensors} sensors, {told.zero:,} terms that are zero and {told.true:,} that are not."
-        f" {left_open(told)} Intervals hold 95 %. In the table every method must choose."
+        " Intervals hold 95 %. In the table every method must choose."
     )
     scores = [(called(score.method), *_cells(score)) for score in told.methods]
     drops = [(called(score.method), *map(shares, score.false_drops)) for score in told.methods]

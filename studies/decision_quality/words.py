@@ -36,7 +36,7 @@ def quality_answer(quality: Quality) -> tuple[str, ...]:
     return (
         _errors(first),
         *targets(quality),
-        left_open(first),
+        _left_open(first),
         _cheapest(first),
         _forced(first),
     )
@@ -51,7 +51,7 @@ def _errors(told: Scores) -> str:
     )
 
 
-def left_open(told: Scores) -> str:
+def _left_open(told: Scores) -> str:
     """Say what the verdicts leave open, and what they cost beside methods that may do the same."""
     said, own = told.verdicts, told.methods[0].opened
     best = min(rivals(told), key=lambda score: score.opened.value)

@@ -60,6 +60,14 @@ def test_missing_square_of_temperature_shows_in_temperature():
     assert found[0].size == pytest.approx(left.std(), rel=0.2)
 
 
+def test_nothing_is_found_in_an_output_whose_steps_are_so_coarse_that_it_does_not_change():
+    # a gyroscope that a tumble does not turn: every sample reads the same
+    gyroscope = ib.sensor("fog_tactical", kind="gyroscope")
+    (run,) = ib.simulate(gyroscope, [TUMBLE], seed=5, truth={})
+    still = replace(run, output=np.zeros(len(run.output)))
+    assert misfit_of([still], ib.library("gyroscope"), entry=gyroscope).found == ()
+
+
 def with_hysteresis(size):
     """Chamber run of a sensor whose bias lags behind the temperature by a tenth of its range."""
     (run,) = ib.simulate(TACTICAL, [CHAMBER], seed=5, truth={"b0": 0.01, "b0*T": 3e-4})
