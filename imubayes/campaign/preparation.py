@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -26,6 +26,7 @@ from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, with_stills
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
+from imubayes.progress import Progress, silent
 from imubayes.rig.bench import effective
 from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
@@ -47,9 +48,7 @@ ROUNDS = 20
 """Most rounds in which estimated sds must settle; they take two or three."""
 
 
-def runs_of(
-    spec: SensorSpec, seed: int, index: int, tell: Callable[[str], None] = lambda message: None
-) -> tuple[Run, ...]:
+def runs_of(spec: SensorSpec, seed: int, index: int, tell: Progress = silent) -> tuple[Run, ...]:
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
     Long files are read a part at a time; `tell` is told how far that is.
@@ -114,9 +113,7 @@ class Prepared:
     spreads: tuple[Spread, ...] = ()
 
 
-def prepare(
-    spec: SensorSpec, runs: Sequence[Run], tell: Callable[[str], None], rng: np.random.Generator
-) -> Prepared:
+def prepare(spec: SensorSpec, runs: Sequence[Run], tell: Progress, rng: np.random.Generator) -> Prepared:
     """Noise, errors of the bench, and distrusted dwells (which `rng` is for) of a component's runs."""
     prior, source = component_prior(spec, runs)
     found = _summarized(spec, runs, prior, tell)
@@ -135,7 +132,7 @@ def _summarized(
     spec: SensorSpec,
     runs: Sequence[Run],
     prior: ScalePrior,
-    tell: Callable[[str], None],
+    tell: Progress,
     kinds: Mapping[str, float] | None = None,
 ) -> Prepared:
     """Factor of the runs, with the errors of the bench that the study allows for, or `kinds` of them."""

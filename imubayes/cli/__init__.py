@@ -128,7 +128,9 @@ def _check(study: StudyFile) -> None:
     from imubayes.study.method import check
     from imubayes.study.schema import read_study
 
-    for sensor in check(read_study(study)):
+    with waiting() as told:
+        sensors = check(read_study(study), progress=told)
+    for sensor in sensors:
         show(terminal_check(sensor))
 
 
@@ -166,8 +168,8 @@ def _simulate(
     from imubayes.study.schema import read_study, record_study
 
     folder = usable(out)
-    with complete(folder) as part:
-        files = record_study(read_study(study), part)
+    with waiting() as told, complete(folder) as part:
+        files = record_study(read_study(study), part, told)
     written(folder, files)
 
 

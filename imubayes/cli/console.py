@@ -7,19 +7,26 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import TextIOWrapper
 from pathlib import Path
 from threading import Event, Thread
+from time import perf_counter
 from typing import NoReturn
 
 import typer
 
 from imubayes.errors import InputError
 
-MINUTE, OFTEN = 60.0, 10.0
-"""s after which a command that still computes says what: on a terminal, which sees each step, and after two,
-four ... minutes; in a file, again and again."""
+MINUTE, OFTEN, BLINK = 60.0, 10.0, 1.0
+"""s after which it is said what would take less time; between two lines of a file; and between two looks of a
+terminal's line, which says what goes on and how long it takes."""
+
+BAR = 20
+"""Characters of the bar."""
+
+CLEAR = "\r\x1b[2K"
+"""What clears a line of a terminal."""
 
 
 def fail(message: str, code: int) -> NoReturn:
@@ -31,17 +38,45 @@ def fail(message: str, code: int) -> NoReturn:
 
 @dataclass(slots=True)
 class Waiting:
-    """What somebody who waits is told: what goes on, and what would take less time, if that is known."""
+    """What somebody who waits is told: what goes on, what is left of it, and what would take less time.
 
-    doing: str = ""
+    Attributes
+    ----------
+    doing, share : of the work that goes on, in words, and what share of it is done; None where none is known.
+    instead : what would take less time; said once.
+    start, since : s, of all, and when the work was begun whose share is told.
+    """
+
+    doing: str = "starting"
+    share: float | None = None
     instead: str = ""
+    start: float = field(default_factory=perf_counter)
+    since: float = field(default_factory=perf_counter)
 
-    def __call__(self, message: str) -> None:
+    def __call__(self, doing: str, share: float | None = None, /) -> None:
         """Say what goes on: on one line of stderr if it is a terminal."""
-        self.doing = message
+        if share is None or self.share is None or share < self.share:
+            self.since = perf_counter()
+        self.doing, self.share = doing, share
         if sys.stderr.isatty():
-            width = shutil.get_terminal_size().columns - 1
-            typer.echo(f"\r\x1b[2K{message[:width]}", nl=False, err=True)
+            self.draw()
+
+    def draw(self) -> None:
+        """Draw the line of a terminal anew."""
+        width = shutil.get_terminal_size().columns - 1
+        typer.echo(f"{CLEAR}{self.line()[:width]}", nl=False, err=True)
+
+    def line(self) -> str:
+        """How long it takes, how far it is, about what is left, and what goes on."""
+        from imubayes.reporting.rounding import duration
+
+        now = perf_counter()
+        elapsed, parts = duration(now - self.start, 2), [self.doing]
+        if self.share:
+            left = (now - self.since) * (1.0 / self.share - 1.0)
+            bar = "#" * round(BAR * min(self.share, 1.0))
+            parts = [f"[{bar:-<{BAR}}] {self.share:.0%}, about {duration(left, 2)} left", *parts]
+        return f"after {elapsed}: {'; '.join(parts)}"
 
     def warn(self, text: str) -> None:
         """Say what is wrong with the data, on a line of its own."""
@@ -55,7 +90,7 @@ class Waiting:
 
 @contextmanager
 def waiting(often: float = OFTEN) -> Iterator[Waiting]:
-    """Tell what goes on; of long work now and then on a line of its own, in a file every ten seconds."""
+    """Tell what goes on: a terminal each second on one line, a file every ten seconds on a line each."""
     told, over = Waiting(), Event()
     reminder = Thread(target=_remind, args=(told, over, often), daemon=True)
     reminder.start()
@@ -64,26 +99,25 @@ def waiting(often: float = OFTEN) -> Iterator[Waiting]:
     finally:
         over.set()
         reminder.join()
+        clear_progress()
 
 
 def _remind(told: Waiting, over: Event, often: float) -> None:
-    from imubayes.reporting.rounding import duration
-
-    elapsed = wait = MINUTE if sys.stderr.isatty() else often
-    while not over.wait(wait):
-        clear_progress()
-        typer.echo(f"imubayes: after {duration(elapsed)}: {told.doing or 'starting'}", err=True)
-        if told.instead:
-            typer.echo(f"imubayes: {told.instead}", err=True)
+    terminal = sys.stderr.isatty()
+    while not over.wait(BLINK if terminal else often):
+        if terminal:
+            told.draw()
+        else:
+            typer.echo(f"imubayes: {told.line()}", err=True)
+        if told.instead and not (terminal and perf_counter() - told.start < MINUTE):
+            told.warn(told.instead)
             told.instead = ""
-        wait = elapsed if sys.stderr.isatty() else often
-        elapsed += wait
 
 
 def clear_progress() -> None:
     """Clear the line that `Waiting` writes."""
     if sys.stderr.isatty():
-        typer.echo("\r\x1b[2K", nl=False, err=True)
+        typer.echo(CLEAR, nl=False, err=True)
 
 
 def show(renderable: object) -> None:

@@ -30,6 +30,7 @@ from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten
 from imubayes.ladder import CostLaw, RungName, Size, rungs_for
+from imubayes.progress import Progress, silent
 from imubayes.selection.enumerate import LARGEST
 from imubayes.sensors.noise import Noise
 
@@ -113,7 +114,7 @@ def within(budget: float, size: Size, law: CostLaw) -> RungName:
     return fitting[-1] if fitting else every[0]
 
 
-def calibrate(progress: Callable[[str], None] = lambda message: None) -> CostLaw:
+def calibrate(progress: Progress = silent) -> CostLaw:
     """Constants of this machine: from the user's cache folder, or measured and kept there.
 
     A folder that cannot be read or written is no error: the machine is then measured each time.

@@ -22,6 +22,7 @@ from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reproducibility import over_spreads
 from imubayes.ladder import RungName, Size
+from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
 from imubayes.selection.enumerate import LARGEST
@@ -30,7 +31,6 @@ from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import counted
 
-Tell = Callable[[str], None]
 Made = TypeVar("Made")
 
 DRAWN = ("averaged", "raw")
@@ -131,12 +131,12 @@ class Ground:
 
     problem: Problem
     rngs: dict[str, np.random.Generator]
-    tell: Tell
+    tell: Progress
     limits: Limits
     shared: dict[str, tuple[Any, float]] = field(default_factory=dict)
 
 
-def ground_of(problem: Problem, rng: np.random.Generator, tell: Tell, limits: Limits | None) -> Ground:
+def ground_of(problem: Problem, rng: np.random.Generator, tell: Progress, limits: Limits | None) -> Ground:
     """Ground on which no rung has been yet."""
     own = dict(zip(DRAWN, rng.spawn(len(DRAWN)), strict=True))
     return Ground(problem, {"factor": rng, **own}, tell, limits or Limits(seed=int(rng.integers(2**32))))
@@ -158,7 +158,7 @@ def plainly_prepared(problem: Problem) -> Prepared:
     white = NoiseRule("white")
     spec = replace(problem.spec, runs=tuple(replace(run, noise=white) for run in problem.spec.runs))
     spec = replace(spec, reference={}, robust=False)
-    return prepare(spec, problem.runs, lambda message: None, np.random.default_rng(0))
+    return prepare(spec, problem.runs, silent, np.random.default_rng(0))
 
 
 def chained(ground: Ground, method: Method) -> tuple[Sampled, bool]:

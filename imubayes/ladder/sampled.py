@@ -23,12 +23,13 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
 from imubayes.inference.mcmc.engine import Target, sampler_of
-from imubayes.inference.mcmc.ensembles import History, Limits, advance, judged, walkers_for
+from imubayes.inference.mcmc.ensembles import History, Limits, advance, judged, share, walkers_for
 from imubayes.inference.mcmc.run import NOISE_DRAWS, Sampled, flat, thinned
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten
 from imubayes.ladder import NEEDS_ROWS, RungName
-from imubayes.ladder.problem import Ground, Posterior, Tell, chained, prepared
+from imubayes.ladder.problem import Ground, Posterior, chained, prepared
+from imubayes.progress import Progress
 from imubayes.sensors.noise import Noise
 from imubayes.units import counted
 
@@ -174,7 +175,7 @@ def _sampled(ready: Prepared, density: Density, history: History, below: Chains)
     )
 
 
-def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
+def run_slowly(target: Target, limits: Limits, tell: Progress) -> History:
     """Run ensembles until they have mixed, or the time is up: after each step, for steps are long."""
     start = time.perf_counter()
     walkers = limits.walkers or walkers_for(len(target.names))
@@ -187,7 +188,10 @@ def run_slowly(target: Target, limits: Limits, tell: Tell) -> History:
         done = judged(target, samplers, seconds, limits, dropped=0.0)
         if done.found.converged or seconds > limits.time_limit:
             return done
-        tell(f"{counted(done.found.steps, 'step')} on every row, {done.found.text}")
+        tell(
+            f"{counted(done.found.steps, 'step')} on every row, {done.found.text}",
+            max(share(done.found, limits), seconds / limits.time_limit),
+        )
         for _ in range(TURN):
             for sampler, seed in zip(samplers, seeds, strict=True):
                 advance(sampler, target, seed, 1)

@@ -39,6 +39,7 @@ from imubayes.planning.menu import (
     whitening,
     worth,
 )
+from imubayes.progress import Progress, part_of, silent
 
 SEEDS = 3
 """Plans that are improved: the best of those that the search could start from."""
@@ -59,7 +60,10 @@ SETTLED = 1e-3
 """Relative gain of a round through all moves below which other mounts are tried, and then the search ends."""
 
 ROUNDS = 30
-"""Rounds through all moves at most; five to ten are usual."""
+"""Rounds through all moves at most."""
+
+USUAL_ROUNDS = 8
+"""Of five to ten that are usual: what somebody who waits is told to expect."""
 
 ROUNDING = 1e-9
 """Share of a row's weight that is left where no other row tells what it tells."""
@@ -98,8 +102,8 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
     return tuple(Step(menu, setting, left / len(steps)) for setting in range(len(one)))
 
 
-def best_plan(problem: PlanProblem, starts: Sequence[Steps] = ()) -> ValuedPlan:
-    """Find the best plan within the time.
+def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress = silent) -> ValuedPlan:
+    """Find the best plan within the time; `tell` is told how far the search is.
 
     Returns
     -------
@@ -128,12 +132,18 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = ()) -> ValuedPlan:
             f"{problem.limit:g} s are not enough for one dwell with its handling: raise the time of the plan,"
             " or offer shorter dwells"
         )
+    tell("plans to start from", 0.0)
     broad = replace(problem, aim=Aim("D", problem.aim.G))
     usual = [filled(broad, ()).steps] if len(problem.aim.G) > 1 else []
     spread = [_spread(problem, k) for k, menu in enumerate(problem.menus) if menu.dwells]
     plans = [filled(problem, start) for start in dict.fromkeys(((), *usual, *spread, *starts))]
     promising = sorted(plans, key=lambda one: one.worth)[:SEEDS]
-    return min((improved(problem, plan) for plan in promising), key=lambda one: one.worth)
+    count = len(promising)
+    found = (
+        improved(problem, plan, part_of(tell, k, count, f"{k + 1} of {count} plans improved, "))
+        for k, plan in enumerate(promising)
+    )
+    return min(found, key=lambda one: one.worth)
 
 
 def following(problem: PlanProblem, steps: Steps, most: int) -> tuple[tuple[Step, float, float], ...]:
@@ -163,11 +173,12 @@ def _spread(problem: PlanProblem, menu: int) -> Steps:
     return ()
 
 
-def improved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
+def improved(problem: PlanProblem, plan: ValuedPlan, tell: Progress = silent) -> ValuedPlan:
     """Improve a plan until no move makes it better."""
-    for _ in range(ROUNDS):
+    for done in range(ROUNDS):
         before = plan
-        for move in MOVES:
+        for k, move in enumerate(MOVES):
+            tell(f"round {done + 1}", min((done + k / len(MOVES)) / USUAL_ROUNDS, 1.0))
             plan = move(problem, plan)
         if plan.worth > (1.0 - SETTLED) * before.worth:
             other = mounts_changed(problem, plan)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,7 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.inference.whitened import pieces_of
 from imubayes.population.lots import LotStudy, exposures
 from imubayes.population.needs import HALF, SURE
+from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import kind_of
 from imubayes.rig.simulate import plan_run
@@ -135,7 +136,7 @@ class HoursFound:
     seconds: float
 
 
-def hours(study: LotStudy, *, progress: Callable[[str], None] = lambda message: None) -> HoursFound:
+def hours(study: LotStudy, *, progress: Progress = silent) -> HoursFound:
     """Find the hours after which each term of each class of a study is told.
 
     Raises
@@ -147,7 +148,7 @@ def hours(study: LotStudy, *, progress: Callable[[str], None] = lambda message: 
     exposed = exposures(study.missions, study.library)
     found = []
     for k, spec in enumerate(study.specs):
-        progress(f"{spec.id}, {k + 1} of {len(study.specs)} classes")
+        progress(f"{spec.id}, {k + 1} of {len(study.specs)} classes", k / len(study.specs))
         found.append(_class_hours(study, k, exposed))
     return HoursFound(study, tuple(found), time.perf_counter() - start)
 

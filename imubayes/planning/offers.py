@@ -34,6 +34,7 @@ from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
 from imubayes.inference.triad import triad_of
 from imubayes.planning.menu import Handling, Menu, Signal
+from imubayes.progress import silent
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
 from imubayes.rig.plans import Plan
@@ -297,7 +298,7 @@ def _done(study: PlanStudy) -> tuple[tuple[Run, ...], Prepared | None]:
     done, rng = runs_of_sensor(study.spec, study.seed, 0), np.random.default_rng([study.seed, 0])
     if done[0].of_case:
         return done, prepare_case(study.spec, done, rng)[1]
-    return done, prepare(_allowing(study.spec, done), done, lambda message: None, rng)
+    return done, prepare(_allowing(study.spec, done), done, silent, rng)
 
 
 def _spread(rows: FloatArray, names: Sequence[str], every: Sequence[str]) -> FloatArray:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -35,6 +34,7 @@ from imubayes.planning.menu import (
     worth,
 )
 from imubayes.planning.offers import Bench, PlanStudy, bench_columns, start_of
+from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.inputs import Facts, case_inputs, facts_of, own_channels
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE
@@ -123,7 +123,7 @@ class Proposal:
         return name, ratios[name]
 
 
-def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda message: None) -> Proposal:
+def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
     """Find the best plan within the time.
 
     Raises
@@ -139,10 +139,11 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
         effects = budget_effects(mission.scene, study.spec.library, mission.budget, mission.axis)
     need = _need(study, effects)
     problem = _problem(study, bench, needed, need, effects)
-    progress("the best plan")
-    even, same, best = _plans(problem, study.even)
-    progress(f"{study.units} simulated units")
-    told = partial(_outcome, study=study, bench=bench, problem=problem, effects=effects)
+    plans = _plans(problem, study.even, progress)
+    outcomes: dict[str, Outcome] = {}
+    for k, (name, steps) in enumerate(plans.items()):
+        progress(f"{study.units} simulated units of plan '{name}'", k / len(plans))
+        outcomes[name] = _outcome(name, steps, study, bench, problem, effects)
     return Proposal(
         study=study,
         prior_sd=bench.sd[: bench.p],
@@ -154,9 +155,9 @@ def propose(study: PlanStudy, *, progress: Callable[[str], None] = lambda messag
             _words(study, plan, offer.spec.simulate or {})
             for plan, offer in zip(bench.plans, study.offers, strict=True)
         ),
-        even=told("even", even),
-        same=told("same", same),
-        best=told("best", best),
+        even=outcomes["even"],
+        same=outcomes["same"],
+        best=outcomes["best"],
         following=following(problem, (), NEXT),
         seconds=time.perf_counter() - start,
     )
@@ -169,17 +170,20 @@ def _words(study: PlanStudy, plan: Plan, options: Mapping[str, object]) -> tuple
     return tuple(Setting(one.mount.translate(letters), one.at.translate(letters)) for one in said)
 
 
-def _plans(problem: PlanProblem, offer: int) -> tuple[Steps, Steps, Steps]:
+def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]:
     """Going evenly through an offer, the best plan with it alone, and the best plan, which beats both."""
-    even = even_plan(problem, offer)
-    best = best_plan(problem).steps
+    even, searches = even_plan(problem, offer), min(len(problem.menus), 2)
+    best = best_plan(problem, tell=part_of(tell, 0, searches, "the best plan: ")).steps
     if worth(problem, even) < worth(problem, best):
-        best = best_plan(problem, [even]).steps
+        best = best_plan(
+            problem, [even], part_of(tell, 0, searches, "the best plan, from the even one: ")
+        ).steps
     if len(problem.menus) == 1:
-        return even, best, best
+        return {"even": even, "same": best, "best": best}
     alone = (menu if k == offer else replace(menu, dwells=()) for k, menu in enumerate(problem.menus))
-    same = best_plan(replace(problem, menus=tuple(alone)), [even]).steps
-    return even, same, min(best, same, key=lambda steps: worth(problem, steps))
+    told = part_of(tell, 1, searches, "the best plan with the same equipment: ")
+    same = best_plan(replace(problem, menus=tuple(alone)), [even], told).steps
+    return {"even": even, "same": same, "best": min(best, same, key=lambda steps: worth(problem, steps))}
 
 
 def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:

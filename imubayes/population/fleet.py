@@ -25,9 +25,10 @@ from imubayes.population.dataset import (
     publish,
 )
 from imubayes.population.needs import NEEDED, VERDICTS
-from imubayes.population.processes import Engine, Lost, Progress, pace
+from imubayes.population.processes import Engine, Lost
 from imubayes.population.records import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.spreads import PopulationTerm, over_units, population
+from imubayes.progress import Progress, silent
 from imubayes.sensors.lots import Lot, draw_lot
 
 ENDED = (
@@ -115,7 +116,7 @@ def measure(
     engine: Engine,
     *,
     resume: bool = False,
-    progress: Progress = lambda message: None,
+    progress: Progress = silent,
 ) -> FleetResult:
     """Test every unit of a fleet.
 
@@ -137,7 +138,7 @@ def measure(
     make_room(folder, study)
     lot, prints = lot_of(study), [fingerprint(study, unit) for unit in study.units]
     kept = kept_records(folder, prints) if resume else {}
-    tell = pace(len(study.units) - len(kept), "units", progress)
+    total = len(study.units) - len(kept)
     done, finished, every = 0, dict[int, Marks](), list[Record | Broken]()
     try:
         for part, new in _missing(replace(study, units=()), parts_of(study, lot), kept, engine):
@@ -149,7 +150,7 @@ def measure(
             every += [replace(one, R=NOTHING) if isinstance(one, Record) else one for one in found]
             done += len(new)
             if new:
-                tell(done)
+                progress(f"{done} of {total} units", done / total)
         every.sort(key=lambda one: one.number)
         _check_any(every)
     finally:

@@ -15,9 +15,10 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share, frequency
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
-from imubayes.population.processes import Progress, shared
+from imubayes.population.processes import shared
 from imubayes.population.records import Record, tested
 from imubayes.population.spreads import over_units, population
+from imubayes.progress import Progress, silent
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.scenes.smallest import SURE, Knowledge, left_over
@@ -187,7 +188,7 @@ class LotResult:
     seconds: float
 
 
-def measure(study: LotStudy, *, progress: Progress = lambda message: None) -> LotResult:
+def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
     """Measure what the classes of a study need; `progress` is told how many units are done."""
     start = time.perf_counter()
     drawn = [[lot_of(study, k, number) for number in range(study.lots)] for k in range(len(study.specs))]

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -20,8 +19,8 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from imubayes.errors import InputError
+from imubayes.progress import Progress, silent
 
-Progress = Callable[[str], None]
 Found = TypeVar("Found")
 
 AHEAD = 2
@@ -64,7 +63,7 @@ def shared(
     processes: int,
     *,
     things: str,
-    progress: Progress = lambda message: None,
+    progress: Progress = silent,
 ) -> list[Found]:
     """Do every job: what `work` gives for each, in the order of the jobs, whatever the number of processes.
 
@@ -83,24 +82,13 @@ def shared(
     >>> shared(pow, [(2, 3), (3, 2)], 1, things="powers")
     [8, 9]
     """
-    tell, found = pace(len(jobs), things, progress), dict[int, Found]()
+    found = dict[int, Found]()
     for index, one in as_done(work, jobs, processes):
         if isinstance(one, Lost):
             raise ChildProcessError(f"one of {len(jobs)} {things} ended its process twice: is memory short?")
         found[index] = one
-        tell(len(found))
+        progress(f"{len(found)} of {len(jobs)} {things}", len(found) / len(jobs))
     return [found[index] for index in range(len(jobs))]
-
-
-def pace(total: int, things: str, progress: Progress) -> Callable[[int], None]:
-    """Give what tells how many of `total` things are done, and how long the others will take."""
-    start = time.perf_counter()
-
-    def tell(done: int) -> None:
-        left = (time.perf_counter() - start) / done * (total - done)
-        progress(f"{done} of {total} {things}, about {left / 60.0:.0f} min left")
-
-    return tell
 
 
 def as_done(

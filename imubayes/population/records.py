@@ -29,6 +29,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
+from imubayes.progress import silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import drawn_errors, plan_run, simulate_on_bench
@@ -116,7 +117,7 @@ def record_of(
     ConvergenceError : if the errors of the bench do not settle.
     """
     rng = np.random.default_rng(seed)
-    ready = prepare(spec, runs, lambda message: None, rng)
+    ready = prepare(spec, runs, silent, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
     mean, cov = loose_fit(ready.summary, ready.prior)
     asked, rhat = _votes(ready, selection, [*seed, 1], chains=chains) if methods else (None, math.nan)

@@ -10,6 +10,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
+from imubayes.progress import Progress, silent
 from imubayes.rig.checks import (
     SATURATED,
     Stretches,
@@ -44,7 +45,7 @@ from imubayes.rig.recordings import (
     with_gradient,
 )
 from imubayes.rig.stream_survey import read_long_run
-from imubayes.rig.streams import Rows, RunFile, Tell, abreast, any_table, opened, silent
+from imubayes.rig.streams import Rows, RunFile, abreast, any_table, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.terms import Kind
@@ -56,7 +57,7 @@ ALMOST = 0.01
 """Share of a dwell by which times that were written down may lie too close."""
 
 
-def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
+def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
     """Read and check the file of a run of one component, or of a triad whose inputs are known in part.
 
     Parameters
@@ -85,7 +86,7 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Tell = silent) -> Run:
     return _known(spec, file, kind)
 
 
-def read_imu_run(spec: RunSpec, *, tell: Tell = silent) -> Run:
+def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
     """Read and check the file of a run of a whole IMU, or the two files.
 
     Raises
@@ -131,7 +132,7 @@ def _opened(
     optional: tuple[str, ...] = (),
     *,
     unit: str = "",
-    tell: Tell = silent,
+    tell: Progress = silent,
     check: Callable[[Table], None] = any_table,
 ) -> RunFile:
     return opened(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
+from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.clocks import between_set_backs, spread, unwrapped
 from imubayes.rig.columns import Column, ColumnSpec, resolve
@@ -24,8 +25,6 @@ from imubayes.rig.inputs import MOUNT, Part, Source, durations, sampling_interva
 from imubayes.rig.recordings import sha256_of, with_gradient
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.units import counted
-
-Tell = Callable[[str], None]
 
 STREAMED = 1_000_000
 """Rows from which a file is read a part at a time: a study of so many in memory, with twenty terms, peaks at
@@ -42,10 +41,6 @@ LATE_EPOCH = 1e6
 
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""
-
-
-def silent(message: str) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +64,7 @@ class RunFile:
     columns: Mapping[str, Column]
     rows: int
     held: Table | None = None
-    tell: Tell = silent
+    tell: Progress = silent
     notes: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ("output",)
     beside: tuple[RunFile, ...] = ()
@@ -138,7 +133,7 @@ def opened(
     optional: tuple[str, ...],
     output_unit: str = "",
     ignore: Collection[str] = (),
-    tell: Tell = silent,
+    tell: Progress = silent,
     check: Callable[[Table], None] = any_table,
     cut: bool = True,
     dwell: float = 0.0,
@@ -416,5 +411,6 @@ def _told(file: RunFile, purpose: str, parts: Iterator[Part]) -> Iterator[Part]:
             said = now
             file.tell(
                 f"{purpose}: {done:,} of about {max(file.rows, done):,} rows,"
-                f" {done / (now - start):,.0f} rows/s"
+                f" {done / (now - start):,.0f} rows/s",
+                done / max(file.rows, done),
             )

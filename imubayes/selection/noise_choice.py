@@ -9,7 +9,7 @@ fit of the Allan variance.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Annotated, Literal
@@ -22,6 +22,7 @@ from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters
 from imubayes.inference.noise_model import NoiseModel, process_model, span
 from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
+from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.noise import (
@@ -379,7 +380,7 @@ def processes_of(
     *,
     rng: np.random.Generator,
     theta: FloatArray | None = None,
-    tell: Callable[[str], None] = lambda message: None,
+    tell: Progress = silent,
 ) -> tuple[NoiseFound, ...]:
     """Identify the noise processes of the runs that are asked for them.
 

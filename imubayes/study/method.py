@@ -59,6 +59,7 @@ from imubayes.ladder.problem import (
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method
 from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
+from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.compensations import Compensation, compensations
@@ -83,15 +84,12 @@ DRAWS = 2000
 """Posterior and prior draws that a result carries."""
 
 
-Tell = Callable[[str], None]
-
-
 def run(
     study: Study,
     *,
-    progress: Tell = lambda message: None,
-    quicker: Tell = lambda message: None,
-    warn: Tell = lambda message: None,
+    progress: Progress = silent,
+    quicker: Callable[[str], None] = silent,
+    warn: Callable[[str], None] = silent,
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
@@ -105,7 +103,13 @@ def run(
     """
     results: list[tuple[SensorSpec, list[SensorResult]]] = []
     for k, spec in enumerate(study.sensors):
-        job = _Job(spec, study, np.random.default_rng([study.seed, k, 1]), (study.seed, k), progress)
+        job = _Job(
+            spec,
+            study,
+            np.random.default_rng([study.seed, k, 1]),
+            (study.seed, k),
+            part_of(progress, k, len(study.sensors), f"{spec.id}: "),
+        )
         job.tell(f"reading {counted(len(spec.runs), 'run')}")
         runs = runs_of(spec, study.seed, k, job.tell)
         for fault in _faults(runs):
@@ -143,7 +147,7 @@ def _quicker(job: _Job, runs: Sequence[Run]) -> str:
     )
 
 
-def check(study: Study) -> tuple[SensorCheck, ...]:
+def check(study: Study, *, progress: Progress = silent) -> tuple[SensorCheck, ...]:
     """What the runs of each sensor can tell of each term, before anything is fitted.
 
     The noise is the class's typical one where the study gives none, so that outputs are not looked at
@@ -151,7 +155,9 @@ def check(study: Study) -> tuple[SensorCheck, ...]:
     """
     checks: list[SensorCheck] = []
     for k, spec in enumerate(study.sensors):
-        runs = runs_of(spec, study.seed, k)
+        tell = part_of(progress, k, len(study.sensors), f"{spec.id}: ")
+        tell(f"reading {counted(len(spec.runs), 'run')}")
+        runs = runs_of(spec, study.seed, k, tell)
         with _named(spec):
             checks += _case_check(spec, runs) if runs[0].of_case else [_check(spec, runs)]
     return tuple(checks)
@@ -196,16 +202,12 @@ class _Job:
     study: Study
     rng: np.random.Generator
     seed: tuple[int, int]
-    progress: Callable[[str], None]
+    tell: Progress
 
     @property
     def share(self) -> int:
         """Parts into which the level of the study's residual tests is divided, one for each family."""
         return FAMILIES * len(self.study.sensors)
-
-    def tell(self, message: str) -> None:
-        """Say what goes on with this sensor."""
-        self.progress(f"{self.spec.id}: {message}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

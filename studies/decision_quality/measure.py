@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.population.processes import Progress
+from imubayes.progress import Progress, silent
 from studies.decision_quality.scores import Scores, Treated, scores, treated
 from studies.decision_quality.trials import MODELLED, TREATMENTS, QualityStudy, Trial, trials
 
@@ -32,7 +32,7 @@ class Quality:
     seconds: float
 
 
-def measure(study: QualityStudy, *, progress: Progress = lambda message: None) -> Quality:
+def measure(study: QualityStudy, *, progress: Progress = silent) -> Quality:
     """Measure how good the decision and its rivals are.
 
     Parameters

@@ -16,7 +16,8 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
-from imubayes.population.processes import Progress, shared
+from imubayes.population.processes import shared
+from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
 from imubayes.selection.decision import LOOSE, Selection, select
@@ -132,7 +133,7 @@ class Trial:
     refused: str = ""
 
 
-def trials(study: QualityStudy, *, progress: Progress = lambda message: None) -> tuple[Trial, ...]:
+def trials(study: QualityStudy, *, progress: Progress = silent) -> tuple[Trial, ...]:
     """Simulate every sensor, and ask every method about it under every treatment.
 
     Parameters
@@ -248,7 +249,7 @@ def _asked(
 
 def _prepared(spec: SensorSpec, runs: Sequence[Run], seed: Sequence[int]) -> Prepared:
     """Prepare an analysis."""
-    return prepare(spec, runs, lambda message: None, np.random.default_rng([*seed, 4]))
+    return prepare(spec, runs, silent, np.random.default_rng([*seed, 4]))
 
 
 def _opened(selection: Selection) -> Selection:

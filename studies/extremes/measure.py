@@ -15,7 +15,7 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.inference.whitened import whitened_factor
-from imubayes.population.processes import Progress
+from imubayes.progress import Progress, silent
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import Models
 from studies.extremes import exact, exact_g
@@ -115,7 +115,7 @@ class Extremes:
     seconds: float
 
 
-def measure(study: ExtremesStudy, *, progress: Progress = lambda message: None) -> Extremes:
+def measure(study: ExtremesStudy, *, progress: Progress = silent) -> Extremes:
     """Hold every case of a study against its reference.
 
     Parameters

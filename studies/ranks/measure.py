@@ -23,7 +23,8 @@ from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample
 from imubayes.inference.whiten import marginal_variance, mattering
-from imubayes.population.processes import Progress, shared
+from imubayes.population.processes import shared
+from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.noise import Noise, noise_prior
 
@@ -80,7 +81,7 @@ class Ranks:
         return float(chisquare(self.counts(name)).pvalue)
 
 
-def measure(study: RanksStudy, *, progress: Progress = lambda message: None) -> Ranks:
+def measure(study: RanksStudy, *, progress: Progress = silent) -> Ranks:
     """Rank the truth of every campaign among the draws of its posterior.
 
     Parameters

@@ -114,7 +114,7 @@ def _ours(problem: Problem, least: float) -> Timed:
         problem.sd,
         method="full",
         limits=Limits(ess=least, seed=SEED, walkers=WALKERS),
-        progress=lambda _: told.append(time.perf_counter()),
+        progress=lambda *_: told.append(time.perf_counter()),
     ).chains
     found = chains.diagnostics
     remark = f"{found.ensembles} ensembles, {found.acceptance:.0%} accepted, R-hat {found.rhat.max():.4f}"

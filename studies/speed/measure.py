@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from imubayes.ladder.costs import Machine, machine
-from imubayes.population.processes import Progress
+from imubayes.progress import Progress, silent
 from studies.speed import campaigns, problems
 from studies.speed.contests import Contest, Ladder, Quantity, Self, SpeedStudy, Subject
 from studies.speed.growth import Law, fitted
@@ -91,7 +91,7 @@ class Speed:
     seconds: float
 
 
-def measure(study: SpeedStudy, *, progress: Progress = lambda message: None) -> Speed:
+def measure(study: SpeedStudy, *, progress: Progress = silent) -> Speed:
     """Measure how fast the method is, beside its peers, and how its time grows.
 
     Parameters
@@ -113,7 +113,7 @@ def measure(study: SpeedStudy, *, progress: Progress = lambda message: None) -> 
     return Speed(study, contests, laws, here, time.perf_counter() - start)
 
 
-def held(contest: Contest, repeats: int, progress: Progress = lambda message: None) -> Found:
+def held(contest: Contest, repeats: int, progress: Progress = silent) -> Found:
     """Let everybody solve the problem in turns, once before that counts: imports, compilation, memory.
 
     Parameters

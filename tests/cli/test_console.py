@@ -1,8 +1,12 @@
 """Who waits is told what goes on."""
 
+import io
+import re
+import sys
 import time
 
-from imubayes.cli.console import waiting
+from imubayes.cli.console import CLEAR, Waiting, waiting
+from imubayes.progress import part_of
 
 
 def test_long_work_says_what_it_does_and_what_would_be_quicker_where_stderr_is_a_file(capfd):
@@ -11,7 +15,8 @@ def test_long_work_says_what_it_does_and_what_would_be_quicker_where_stderr_is_a
         told.quicker('add --budget "30 s"')
         time.sleep(0.3)
     first, instead, *others = capfd.readouterr().err.splitlines()
-    assert (first, instead) == ("imubayes: after 50 ms: ACC-07: noise", 'imubayes: add --budget "30 s"')
+    assert re.fullmatch(r"imubayes: after [\d.]+ m?s: ACC-07: noise", first)
+    assert instead == 'imubayes: add --budget "30 s"'
     assert 2 <= len(others) <= 5 and not any("--budget" in line for line in others)
 
 
@@ -19,3 +24,39 @@ def test_short_work_says_nothing_where_stderr_is_a_file(capfd):
     with waiting() as told:
         told("ACC-07: noise")
     assert capfd.readouterr().err == ""
+
+
+def test_counted_work_shows_a_bar_and_what_is_left_of_it_from_where_the_count_began():
+    told = Waiting()
+    told.start -= 100.0
+    told("reading")
+    told("units", 0.0)
+    told.since -= 30.0
+    told("units", 0.25)
+    assert told.line() == "after 100 s: [#####---------------] 25%, about 90 s left; units"
+    told("of another kind", 0.1)
+    assert told.since > told.start + 99.0  # the count began anew
+
+
+def test_a_terminal_sees_the_line_grow_older_while_nothing_is_told(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setattr("imubayes.cli.console.BLINK", 0.02)
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with waiting() as told:
+        told("half of it", 0.5)
+        time.sleep(0.2)
+    seen = terminal.getvalue().split(CLEAR)
+    assert len([line for line in seen if "] 50%, about " in line and line.endswith("left; half of it")]) > 3
+    assert seen[-1] == ""
+
+
+def test_work_in_parts_tells_the_share_of_the_whole():
+    told = []
+    tell = part_of(lambda *said: told.append(said), 2, 4, "C: ")
+    tell("noise")
+    tell("chains", 0.5)
+    part_of(lambda *said: told.append(said), 0, 1)("noise")
+    assert told == [("C: noise", 0.5), ("C: chains", 0.625), ("noise", None)]

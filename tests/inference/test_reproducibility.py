@@ -13,6 +13,7 @@ from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.reproducibility import Spread, over_spreads, spreads
 from imubayes.ladder.averaged import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
+from imubayes.progress import silent
 from imubayes.rig.simulate import plan_run, simulate_on_bench
 from imubayes.study.schema import read_study
 
@@ -86,7 +87,7 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     runs = simulate_on_bench(blind.sensor_class, plans, errors if turned else {}, seed=rng, truth=TRUTH)
 
     def false(one):
-        ground = ground_of(problem_of(one, runs), np.random.default_rng(1), lambda message: None, None)
+        ground = ground_of(problem_of(one, runs), np.random.default_rng(1), silent, None)
         needed = [t.name for t in decided(ground, averaged(ground)).selection.terms if t.verdict == "needed"]
         return set(needed) - TRUTH.keys(), prepared(ground).spreads
 
@@ -113,4 +114,4 @@ def test_what_has_no_replication_is_not_estimated(tmp_path, reference, mounts, t
         spec = spec_of(tmp_path, reference, planes=2, mounts=mounts)
         runs = simulate_on_bench(spec.sensor_class, [plan_run(r) for r in spec.runs], {},
                                  seed=np.random.default_rng(1), truth=TRUTH)  # fmt: skip
-        prepared(ground_of(problem_of(spec, runs), np.random.default_rng(1), lambda message: None, None))
+        prepared(ground_of(problem_of(spec, runs), np.random.default_rng(1), silent, None))

@@ -12,6 +12,7 @@ from pyarrow import parquet as pq
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
+from imubayes.progress import silent
 from imubayes.rig import stream_files, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
@@ -59,4 +60,4 @@ def in_memory_and_streamed(folder: Path, n: int = 9000) -> tuple[Problem, Proble
 
 def ground(one: Problem, seed: int = 2) -> Ground:
     """Ground of a problem on which no rung has been."""
-    return ground_of(one, np.random.default_rng(seed), lambda message: None, None)
+    return ground_of(one, np.random.default_rng(seed), silent, None)

@@ -6,19 +6,20 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.costs import REFERENCE, foreseen
 from imubayes.ladder.problem import change, ground_of, size_of
 from imubayes.ladder.rungs import NAMES, by_accuracy, by_budget, stand
+from imubayes.progress import silent
 
 SHORT = Limits(ess=200.0, time_limit=2.0)
 
 
 def _climbed(one, names, limits=None):
     """Answers of rungs that share what they have in common."""
-    again = ground_of(one, np.random.default_rng(1), lambda message: None, limits)
+    again = ground_of(one, np.random.default_rng(1), silent, limits)
     return [stand(name, again) for name in names]
 
 
 def test_a_budget_takes_the_best_rung_that_fits_and_no_other():
     one, told = problem(dwell=4.0), []
-    telling = ground_of(one, np.random.default_rng(1), told.append, None)
+    telling = ground_of(one, np.random.default_rng(1), lambda doing, share=None: told.append(doing), None)
     found, choice = by_budget(telling, 0.25, REFERENCE)
     assert choice.rung == found.rung == "plug-in"
     assert choice.climbed == ()
@@ -40,7 +41,7 @@ def test_a_budget_that_nothing_fits_gets_the_cheapest_rung():
 
 def test_an_accuracy_climbs_until_two_rungs_agree():
     one = problem(dwell=4.0)
-    climbed = ground_of(one, np.random.default_rng(1), lambda message: None, SHORT)
+    climbed = ground_of(one, np.random.default_rng(1), silent, SHORT)
     found, choice = by_accuracy(climbed, 0.5, REFERENCE)
     names = [name for name, _, _ in choice.climbed]
     assert names == list(NAMES[: len(names)])

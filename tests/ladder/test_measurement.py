@@ -11,11 +11,12 @@ from imubayes.ladder.costs import STATUS
 from imubayes.ladder.problem import change, ground_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
+from imubayes.progress import silent
 
 
 @pytest.fixture(scope="module")
 def answers():
-    ground = ground_of(problem(), np.random.default_rng(2), lambda message: None, SHORT)
+    ground = ground_of(problem(), np.random.default_rng(2), silent, SHORT)
     return {name: stand(name, ground) for name in ("means", "sparse", "plug-in", "averaged", "collapsed")}
 
 

@@ -8,6 +8,7 @@ from imubayes.ladder import LADDER
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
 from imubayes.ladder.rungs import stand
+from imubayes.progress import silent
 from imubayes.rig.inputs import Inputs, Run
 
 NAMES = [rung.name for rung in LADDER]
@@ -17,7 +18,7 @@ SHORT = Limits(ess=200.0, time_limit=2.0)
 @pytest.fixture(scope="module")
 def climbed():
     one = problem()
-    g = ground_of(one, np.random.default_rng(2), lambda message: None, SHORT)
+    g = ground_of(one, np.random.default_rng(2), silent, SHORT)
     return g, {name: stand(name, g) for name in NAMES}
 
 
@@ -75,7 +76,7 @@ def test_free_tumbles_are_told_where_to_go():
 def twice(tmp_path_factory):
     """Grounds of one recording: its rows in memory, and read a part at a time."""
     pair = in_memory_and_streamed(tmp_path_factory.mktemp("twice"))
-    return tuple(ground_of(one, np.random.default_rng(2), lambda message: None, LONGER) for one in pair)
+    return tuple(ground_of(one, np.random.default_rng(2), silent, LONGER) for one in pair)
 
 
 LONGER = Limits(ess=200.0, time_limit=30.0, seed=3)

@@ -6,6 +6,7 @@ from imubayes.inference.mcmc.engine import Target
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder.problem import prepared
 from imubayes.ladder.sampled import log_density, run_slowly
+from imubayes.progress import silent
 from imubayes.sensors.noise import Noise, NoiseRule
 
 NORMAL = Target(
@@ -44,13 +45,13 @@ def test_log_density_of_all_rows_is_interpolated_to_what_the_chains_say():
 
 
 def test_chains_that_are_cut_short_say_that_their_steps_are_too_few():
-    done = run_slowly(NORMAL, Limits(ess=10.0, time_limit=0.0, seed=1), lambda message: None)
+    done = run_slowly(NORMAL, Limits(ess=10.0, time_limit=0.0, seed=1), silent)
     assert not done.found.converged
     assert "steps are fewer than 50 autocorrelation times" in done.found.text
 
 
 def test_chains_that_are_long_enough_say_so():
-    done = run_slowly(NORMAL, Limits(ess=100.0, time_limit=60.0, seed=1), lambda message: None)
+    done = run_slowly(NORMAL, Limits(ess=100.0, time_limit=60.0, seed=1), silent)
     assert done.found.converged
     assert done.found.text == "every parameter has mixed"
     assert len(done.chains[0]) >= 50.0 * done.found.tau.max()

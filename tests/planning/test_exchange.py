@@ -62,6 +62,15 @@ def test_d_optimal_polynomial_design_is_at_the_zeros_of_legendre_slope(degree, s
     np.testing.assert_allclose(settings, np.repeat(support, repeats), atol=1e-12)
 
 
+def test_a_search_tells_how_far_it_is_at_each_move():
+    told: list[tuple[str, float]] = []
+    X = np.random.default_rng(1).normal(size=(5, 2))
+    best_plan(_problem([_menu(X)], "D", 4.0), tell=lambda *said: told.append(said))
+    shares = [share for _, share in told]
+    assert shares == sorted(shares) and 0.6 < shares[-1] <= 1.0
+    assert told[0][0] == "plans to start from" and told[-1][0].startswith("3 of 3 plans improved, round ")
+
+
 @pytest.mark.parametrize("kind", ["D", "worst", "rms"])
 @pytest.mark.parametrize("noise", [WHITE, COLOURED], ids=["white", "coloured"])
 @pytest.mark.parametrize("seed", range(3))

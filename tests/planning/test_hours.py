@@ -13,6 +13,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.hours import REACH, campaign_pass, hours, known, posterior_ratios, ratio_enough
 from imubayes.population.records import simulate_unit
+from imubayes.progress import silent
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.lots import draw_lot
@@ -62,7 +63,7 @@ def _fitted(study, passes: int, unit: int, rule: NoiseRule) -> np.ndarray:
     runs = (replace(run, name=f"{run.name} {k}", noise=rule) for k in range(passes) for run in spec.runs)
     spec = replace(spec, runs=tuple(runs), truth=lot.truth(0))
     made = simulate_unit(spec, lot, 0, np.random.default_rng([2, unit]))
-    ready = prepare(spec, made, lambda message: None, np.random.default_rng(3))
+    ready = prepare(spec, made, silent, np.random.default_rng(3))
     f, sd = ready.summary.factor, ready.prior.sd
     return (posterior(f, sd, noise_scale(f, sd))[1] / sd)[: len(study.library.terms)]
 

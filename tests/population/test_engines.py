@@ -64,7 +64,7 @@ def test_dask_finds_what_the_local_pool_does_to_the_last_digit(cluster, at_home,
 def test_worker_killed_in_the_middle_costs_only_its_part(cluster, at_home, tmp_path):
     told: list[str] = []
 
-    def kill(message: str) -> None:
+    def kill(message: str, share: float | None = None, /) -> None:
         told.append(message)
         if len(told) == 2:
             os.kill(_workers(cluster)[0], signal.SIGKILL)
@@ -174,7 +174,7 @@ def test_scheduler_that_goes_away_is_said_and_what_is_finished_is_kept(at_home, 
     worker = subprocess.Popen([*work, "--dashboard-address", ":0", "--death-timeout", "60"], **quiet)
     told: list[str] = []
 
-    def stop(message: str) -> None:
+    def stop(message: str, share: float | None = None, /) -> None:
         told.append(message)
         if len(told) == 2:
             scheduler.kill()

@@ -61,7 +61,7 @@ def test_resumed_study_repeats_nothing_and_says_the_same(whole):
 def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
     told: list[str] = []
 
-    def stopping(message: str) -> None:
+    def stopping(message: str, share: float | None = None, /) -> None:
         told.append(message)
         if len(told) == 2:
             raise KeyboardInterrupt
@@ -171,7 +171,7 @@ def test_study_that_is_begun_anew_and_interrupted_loses_nothing(tmp_path):
     measure(study, out, here())
     before = _times(out)
 
-    def stop(message: str) -> None:
+    def stop(message: str, share: float | None = None, /) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

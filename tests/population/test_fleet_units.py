@@ -20,6 +20,7 @@ from imubayes.population.records import (
     unit_record,
 )
 from imubayes.population.spreads import lot_sizes, spread
+from imubayes.progress import silent
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.lots import draw_lot
@@ -48,7 +49,7 @@ def test_factor_of_the_terms_has_their_posterior_with_the_benchs_errors_integrat
     study = fleet(2)
     spec = replace(OSCILLATING, truth=_lot(study).truth(0))
     runs = simulate_unit(spec, _lot(study), 0, np.random.default_rng(1))
-    ready = prepare(spec, runs, lambda message: None, np.random.default_rng(2))
+    ready = prepare(spec, runs, silent, np.random.default_rng(2))
     p = len(spec.library.terms)
     assert len(ready.summary.names) > p
     whole = posterior(at_found_noise(ready.summary, ready.prior).factor, ready.prior.sd)

@@ -13,6 +13,7 @@ from imubayes.inference.prior import class_sd
 from imubayes.population.lots import basic_left, check, exposures, flown, lot_of, measure, missions, unit_of
 from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
+from imubayes.progress import silent
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
 from imubayes.selection.decision import LOOSE, loose_fit
@@ -24,7 +25,7 @@ from imubayes.study.schema import read
 @pytest.fixture(scope="module")
 def found():
     told: list[str] = []
-    return measure(small(), progress=told.append), told
+    return measure(small(), progress=lambda doing, share=None: told.append(doing)), told
 
 
 def test_classes_are_what_their_units_say_one_by_one(found):
@@ -214,7 +215,7 @@ SPEC = replace(STUDY.specs[0], library=STUDY.library, truth=LOT.truth(0))
 @pytest.fixture(scope="module")
 def ready():
     runs = simulate_unit(SPEC, LOT, 0, np.random.default_rng(1))
-    return prepare(SPEC, runs, lambda message: None, np.random.default_rng(2))
+    return prepare(SPEC, runs, silent, np.random.default_rng(2))
 
 
 def test_estimates_without_shrinkage_are_ridge_regression_with_the_bench_held_to_its_prior(ready):
@@ -286,7 +287,7 @@ def test_errors_of_a_bench_settle_where_they_are_thousands_of_times_the_noise(cl
     lot = lot_of(study, 0)
     spec = replace(spec, truth=lot.truth(number))
     runs = simulate_unit(spec, lot, number, np.random.default_rng(7))
-    ready = prepare(spec, runs, lambda message: None, np.random.default_rng(8))
+    ready = prepare(spec, runs, silent, np.random.default_rng(8))
     mean, cov = loose_fit(ready.summary, ready.prior)
     p = len(study.library.terms)
     off = (mean[:p] - lot.theta[number]) / np.sqrt(np.diag(cov)[:p])

@@ -35,12 +35,12 @@ def threads_of_linear_algebra(_: int) -> int:
 
 
 def test_results_come_in_the_order_of_the_jobs_from_other_processes():
-    told: list[str] = []
+    told: list[tuple] = []
     jobs = [(k,) for k in range(5)]
-    found = shared(whoami, jobs, 2, things="numbers", progress=told.append)
+    found = shared(whoami, jobs, 2, things="numbers", progress=lambda *said: told.append(said))
     assert [number for number, _ in found] == list(range(5))
     assert os.getpid() not in {process for _, process in found}
-    assert told[-1] == "5 of 5 numbers, about 0 min left"
+    assert told[-1] == ("5 of 5 numbers", 1.0)
 
 
 def test_process_that_is_killed_costs_only_the_jobs_that_were_in_flight(tmp_path):

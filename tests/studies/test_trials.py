@@ -15,7 +15,7 @@ from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRON
 @pytest.fixture(scope="module")
 def found():
     told: list[str] = []
-    return trials(SMALL, progress=told.append), told
+    return trials(SMALL, progress=lambda doing, share=None: told.append(doing)), told
 
 
 def reference_of(kind, number, **options):

@@ -7,6 +7,7 @@ import pytest
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
+from imubayes.progress import silent
 from imubayes.reporting.document import write_results
 from imubayes.reporting.export import exported
 from imubayes.sensors.terms import columns
@@ -96,7 +97,7 @@ def test_log_without_temperature_or_rates_says_so(result):
 def test_correlation_is_that_of_the_posterior_covariance(result):
     """Second route: the inverse of the normal equations with the prior, scaled to unit variance."""
     spec = result.study.sensors[0]
-    ready = prepare(spec, runs_of(spec, result.study.seed, 0), lambda _: None, np.random.default_rng(0))
+    ready = prepare(spec, runs_of(spec, result.study.seed, 0), silent, np.random.default_rng(0))
     R = ready.summary.factor.R[:-1, :-1] * ready.prior.sd
     cov = np.linalg.inv(R.T @ R + np.eye(len(R)))
     sd = np.sqrt(np.diag(cov))

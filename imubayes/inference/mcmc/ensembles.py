@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,8 +21,7 @@ from imubayes.inference.mcmc.engine import (
     save,
     split_rhat,
 )
-
-Progress = Callable[[str], None]
+from imubayes.progress import Progress, silent
 
 AT_ONCE, MOST_AT_ONCE = 50, 400
 """Steps of an ensemble before the next one has its turn, and is looked at: as it gets longer, a quarter to a
@@ -46,9 +45,6 @@ STILL = "stopped, because the walkers stand still"
 LOOKED, SHORT = 0.25, 0.0625
 """Share of the time limit after which chains are given up that have a sixteenth of what is asked: they would
 need four times the limit."""
-
-BAR = 10
-"""Characters of the progress bar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +95,7 @@ def walkers_for(d: int) -> int:
     return max(32, 2 * (d + 1))
 
 
-def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda message: None) -> History:
+def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -> History:
     """Run ensembles until every parameter has mixed, or the time is up.
 
     Raises
@@ -128,7 +124,7 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = lambda me
             due = elapsed + max(EVERY, 10.0 * (time.perf_counter() - started - elapsed))
         if ended:
             return done
-        progress(_message(told, limits, elapsed))
+        progress(_message(told, limits), max(share(told, limits), elapsed / limits.time_limit))
         for sampler, seed in zip(samplers, seeds, strict=True):
             doubled = AT_ONCE * 2 ** (max(int(sampler.iteration) // AT_ONCE, 2).bit_length() - 2)
             advance(sampler, target, seed, min(doubled, MOST_AT_ONCE))
@@ -189,25 +185,23 @@ def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> 
         return ""
     if steps >= TRIED and told.acceptance < STUCK:
         return f"{STILL}: {told.acceptance:.1%} of the proposals are accepted"
-    if steps and LOOKED * limits.time_limit < elapsed < limits.time_limit and _share(told, limits) < SHORT:
+    if steps and LOOKED * limits.time_limit < elapsed < limits.time_limit and share(told, limits) < SHORT:
         return f"stopped, because they would need more than four times the limit of {limits.time_limit:g} s"
     return ""
 
 
-def _share(told: Diagnostics, limits: Limits) -> float:
+def share(told: Diagnostics, limits: Limits) -> float:
     """What part of the steps that are asked for is done, by the autocorrelation so far."""
+    if told.steps == 0:
+        return 0.0
     return min(1.0, float(told.ess.min()) / limits.ess, told.steps / (LONG * float(told.tau.max())))
 
 
-def _message(told: Diagnostics, limits: Limits, elapsed: float) -> str:
+def _message(told: Diagnostics, limits: Limits) -> str:
     """One line for somebody who waits."""
     if told.steps == 0:
         return "starting the walkers"
-    share = _share(told, limits)
-    left = min(elapsed * (1.0 / max(share, 1e-3) - 1.0), limits.time_limit - elapsed)
-    bar = "#" * round(BAR * share)
     return (
-        f"[{bar:-<{BAR}}] accepted {told.acceptance:.0%}, tau {told.tau.max():.1f} of {told.steps} steps,"
-        f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f},"
-        f" {max(left, 0.0):.0f} s left"
+        f"accepted {told.acceptance:.0%}, tau {told.tau.max():.1f} of {told.steps} steps,"
+        f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f}"
     )

@@ -37,10 +37,10 @@ from imubayes.inference.mcmc.engine import Target, effective_size, split_rhat
 from imubayes.inference.mcmc.ensembles import (
     History,
     Limits,
-    Progress,
     run_ensembles,
 )
 from imubayes.inference.summary import Summary
+from imubayes.progress import Progress, silent
 
 Method = Literal["collapsed", "full"]
 
@@ -77,7 +77,7 @@ def sample(
     *,
     method: Method = "collapsed",
     limits: Limits | None = None,
-    progress: Progress = lambda message: None,
+    progress: Progress = silent,
 ) -> Sampled:
     """Sample the posterior of all columns and of the noise that is not known.
 

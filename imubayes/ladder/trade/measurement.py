@@ -27,6 +27,7 @@ from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.components import NAMES
 from imubayes.population.processes import Lost, elsewhere
+from imubayes.progress import silent
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate
 from imubayes.rig.tumbles import tumble
@@ -179,7 +180,7 @@ def _turn(
 ) -> tuple[Ground, Answer, float, float]:
     """What one turn gives, its wall time and its processor time, s."""
     processor, start = time.process_time(), time.perf_counter()
-    ground = ground_of(problem, np.random.default_rng(seed), lambda message: None, limits)
+    ground = ground_of(problem, np.random.default_rng(seed), silent, limits)
     answer = stand(rung, ground)
     return ground, answer, time.perf_counter() - start, time.process_time() - processor
 

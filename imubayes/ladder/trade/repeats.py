@@ -17,6 +17,7 @@ from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.components import Subject, unit_of
 from imubayes.ladder.trade.measurement import Measured, measured_of
 from imubayes.population.agreement import LARGE, SMALL
+from imubayes.progress import silent
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.reference import OFFSET
@@ -95,7 +96,7 @@ def answered(
     else:
         problem = simulated_again(subject.problem, one.truth, one.noises, rng)
     limits = replace(limits, seed=int(rungs_rng.integers(2**32)))
-    ground = ground_of(problem, rungs_rng, lambda message: None, limits)
+    ground = ground_of(problem, rungs_rng, silent, limits)
     return replace(one, answers=tuple(measured_of(stand(name, ground), limits.ess, kept) for name in rungs))
 
 

@@ -30,7 +30,8 @@ from imubayes.ladder.trade.repeats import (
     required,
     score,
 )
-from imubayes.population.processes import Progress, shared
+from imubayes.population.processes import shared
+from imubayes.progress import Progress, silent
 from imubayes.scenes.relevance import Exposure, exposure
 
 HALF = 0.5
@@ -162,7 +163,7 @@ class Traded:
         return tuple(rung for rung in self.trade.rungs if self.score(rung) is None)
 
 
-def measure(trade: Trade, *, progress: Progress = lambda message: None) -> Traded:
+def measure(trade: Trade, *, progress: Progress = silent) -> Traded:
     """Measure the rungs.
 
     Raises
@@ -255,7 +256,8 @@ def _standing(
         elif found and expected > left:
             skipped.append((rung, f"it takes about {expected:.0f} s, and {max(left, 0.0):.0f} s were left"))
         else:
-            progress(f"{subject.name}: {rung}")
+            done = (HALF if trade.repeats else 1.0) - left / trade.limit
+            progress(f"{subject.name}: {rung}", min(max(done, 0.0), 1.0))
             limits = Limits(ess=trade.ess, time_limit=max(SHORTEST, CHAINS * left))
             one = measured(subject.problem, rung, limits, (trade.seed, k, place))
             if one is None:

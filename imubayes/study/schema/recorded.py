@@ -13,6 +13,7 @@ from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
 from imubayes.planning.menu import pauses, runs_of
+from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import write_run
 from imubayes.study.schema.run_tables import located
@@ -28,7 +29,7 @@ TRUTH = "truth.json"
 """Coefficients of the simulated sensors, SI, by sensor and term."""
 
 
-def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
+def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[Path, ...]:
     """Simulate every simulated run of a study, and write what a recorded study would have; give the files.
 
     The folder exists; it gets a CSV for each simulated run, ``truth.json``, and a study under the name of the
@@ -37,6 +38,7 @@ def record_study(study: Study, folder: Path) -> tuple[Path, ...]:
     tables, truths, files = tomllib.loads(study.text), {}, []
     several = len(study.sensors) > 1
     for k, (sensor, table) in enumerate(zip(study.sensors, tables["sensor"], strict=True)):
+        tell(f"{sensor.id}, {k + 1} of {len(study.sensors)}", k / len(study.sensors))
         runs, truth = simulate_sensor(sensor, study.seed, k)
         if runs:
             truths[sensor.id] = dict(truth)
