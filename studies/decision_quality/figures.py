@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,17 +24,42 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import percent
 from studies.decision_quality.scores import RATIOS
-from studies.decision_quality.trials import DECISION, STRONG
-from studies.decision_quality.words import bins, rivals
+from studies.decision_quality.trials import DECISION, STRONG, TRUSTED
+from studies.decision_quality.words import ALLOWED, bins, rivals
 
 if TYPE_CHECKING:
-    from studies.decision_quality.scores import MethodScore, Scores
+    from studies.decision_quality.scores import MethodScore, Scores, Treated
 
 LABELLED = ("ebic", "leave_one_run_out", "stlsq")
 """Methods that the figure of drops names, one of each family."""
 
 ROW = 17
 """px of a method's row."""
+
+
+def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
+    """Zero terms called needed by the decision, and by evidence that trusts the bench, by treatment."""
+    shown = [one for one in reversed(told) if one.zero]
+    rows = np.arange(len(shown), dtype=float)
+    own, trusting = ([one.of(name).false_keeps for one in shown] for name in (DECISION, TRUSTED))
+
+    def paint(axes: Axes) -> None:
+        axes.axvline(100.0 * ALLOWED, color=PALE, linewidth=1.0)
+        for found, color in ((trusting, GREY), (own, ACCENT)):
+            for row, one in zip(rows, found, strict=True):
+                axes.plot([100.0 * one.low, 100.0 * one.high], [row, row], color=color, linewidth=1.5)
+            dots(axes, np.array([100.0 * one.value for one in found]), rows, color=color, size=7.0)
+        axes.set_yticks(rows, [one.treatment for one in shown])
+        axes.set(xlabel="zero terms called needed, %", xlim=(0.0, None))
+        axes.tick_params(axis="y", length=0)
+
+    met = sum(one.value <= ALLOWED for one in own)
+    title = f"At most {percent(ALLOWED)} false under {met} of {len(shown)} treatments"
+    alt = "Zero terms called needed by the decision, and by evidence that trusts the bench: " + "; ".join(
+        f"{one.treatment} {percent(a.value)}, {percent(b.value)}"
+        for one, a, b in zip(shown, own, trusting, strict=True)
+    )
+    return draw(paint, title=title, alt=alt, key=key, height=ROW * len(shown) + 50, left=130)
 
 
 def drops_panel(told: Scores, key: str) -> Panel:

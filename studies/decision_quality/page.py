@@ -26,7 +26,14 @@ from imubayes.reporting.rounding import duration, percent
 from imubayes.selection.verdicts import EQUAL
 from studies.command import recorded
 from studies.decision_quality.faults import FAULTS
-from studies.decision_quality.figures import LABELLED, calibration_panel, cost_panel, drops_panel, ratio_panel
+from studies.decision_quality.figures import (
+    LABELLED,
+    calibration_panel,
+    cost_panel,
+    drops_panel,
+    ratio_panel,
+    treatments_panel,
+)
 from studies.decision_quality.scores import CLIP, EDGES
 from studies.decision_quality.subjects import PARTIAL
 from studies.decision_quality.trials import DECISION, EVIDENCE, MISSING, OWN, TRUSTED, WHITE
@@ -86,6 +93,8 @@ WRONG = {
     " such a term are left out",
 }
 
+PICTURE = "Blue: the decision; grey: evidence that trusts the bench; with 95 %. The line is what is asked."
+
 FIGURES = (
     "Drops: blue, the decision with its intervals; in colour, one method of each family; grey, the others."
     " Cost at equal costs: dots with 95 %. Cost over the decision’s: below 1 another method would be"
@@ -137,7 +146,7 @@ def quality_page(quality: Quality) -> Page:
     return Page(
         TITLE,
         QUESTION,
-        first=(answer(first),),
+        first=(answer(first), Figure([treatments_panel(quality.treated, "t")], note=PICTURE)),
         data="simulated",
         blocks=(
             Prose(" ".join(rest)),

@@ -135,6 +135,7 @@ def _of_lots(result: Any) -> Iterator[Panel | None]:
 
 def _of_quality(quality: Any) -> Iterator[Panel | None]:
     told = quality.scores
+    yield quality_figures.treatments_panel(quality.treated, "t")
     for paint in ("drops_panel", "cost_panel", "ratio_panel", "calibration_panel"):
         yield getattr(quality_figures, paint)(told, paint)
 

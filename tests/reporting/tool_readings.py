@@ -244,8 +244,8 @@ def _pulls(told: Found) -> dict[str, float]:
     return _by_treatment(told, lambda said: said["rms"])
 
 
-def _by_treatment(told: Found, of: Callable[[Found], float | None]) -> dict[str, float]:
-    found = {one["treatment"]: of(one["verdicts"][0]) for one in told["treated"]}
+def _by_treatment(told: Found, of: Callable[[Found], float | None], k: int = 0) -> dict[str, float]:
+    found = {one["treatment"]: of(one["verdicts"][k]) for one in told["treated"]}
     return {name: value for name, value in found.items() if value is not None}
 
 
@@ -325,6 +325,12 @@ QUALITY = (
             rf"at most ({NUM}) rms under each: (yes|no)":
                 lambda t, m: [1.5 if _met(_pulls(t), 1.5, m[2]) else math.nan],
             rf"({PERCENT}) under ({UNDER})": lambda t, m: [_false(t)[m[2]]],
+            rf"At most ({PERCENT}) false under ({NUM}) of ({NUM}) treatments": lambda t, m: [
+                0.02, sum(share <= 0.02 for share in _false(t).values()), len(_false(t))
+            ],
+            rf"(?:bench: |; )({UNDER}) ({PERCENT}), ({PERCENT})": lambda t, m: [
+                None, *(_by_treatment(t, lambda said: said["false_keeps"]["value"], k)[m[1]] for k in (0, 2))
+            ],
             rf"({NUM}) under ({UNDER})": lambda t, m: [_pulls(t)[m[2]]],
             rf"most under ({UNDER}), ({PERCENT})\.": lambda t, m: _worst(_false(t), m[1]),
             rf"most under ({UNDER}), ({NUM})\.": lambda t, m: _worst(_pulls(t), m[1]),
