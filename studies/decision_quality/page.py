@@ -61,7 +61,6 @@ SCORES = (
     "Brier",
     Both("log score", "log"),
 )
-CAREFUL = ("false keep costs, false drops", "kept from inclusion", "false keeps", "false drops above 8 sd")
 BY_METHOD = (Both("zero terms called needed", "false needed"), Both("zero terms", "of"))
 VERDICTS = (
     Both("treatment, and who judges", "verdicts"),
@@ -220,11 +219,6 @@ def _section(told: Scores) -> Section:
     )
     scores = [(called(score.method), *_cells(score)) for score in told.methods]
     drops = [(called(score.method), *map(shares, score.false_drops)) for score in told.methods]
-    careful = [
-        (f"{one.ratio:g}", f"{one.threshold:.2f}", shares(one.false_keeps), shares(one.false_drops))
-        for one in told.careful
-    ]
-    dearer = Table(f"The decision by ratio of costs, {title}", CAREFUL, careful)
     by_effect = Table(f"False drops by effect over noise, {title}", ("method", *bins()), drops)
     return Section(
         title,
@@ -232,7 +226,6 @@ def _section(told: Scores) -> Section:
             Prose(said),
             Table(f"Scores of the methods, {title}", SCORES, scores),
             Figure([paint(told, f"q{n}") for n, paint in enumerate(paints)], note=FIGURES),
-            Section("What a dearer false keep does to the decision", (dearer,), brief=False),
             Section("False drops by effect over noise", (by_effect,), brief=False),
         ),
         "modelled",

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 
 from imubayes.errors import InputError
-from imubayes.selection.verdicts import Costs
 from studies.decision_quality.questions import OPEN, Interval, Questions, questions
 from studies.decision_quality.trials import STRONG, Trial
 
@@ -74,22 +73,6 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True)
-class Careful:
-    """The decision where a false keep costs `ratio` times a false drop.
-
-    Attributes
-    ----------
-    ratio, threshold : of the costs, and the inclusion from which a term is kept.
-    false_keeps, false_drops : as in `MethodScore`, the drops above `STRONG`.
-    """
-
-    ratio: float
-    threshold: float
-    false_keeps: Interval
-    false_drops: Interval
-
-
-@dataclass(frozen=True, slots=True)
 class Verdicts:
     """The verdicts needed and not needed of a method, which may leave a term open.
 
@@ -146,7 +129,6 @@ class Scores:
     sensors, zero, true : how many sensors, zero terms and true terms.
     methods : scores, the decision first.
     calibration : of the decision's inclusion.
-    careful : the decision at each of `RATIOS`.
     verdicts : of the decision.
     nothing : cost for each sensor of leaving every term open.
     """
@@ -157,7 +139,6 @@ class Scores:
     true: int
     methods: tuple[MethodScore, ...]
     calibration: tuple[Calibration, ...]
-    careful: tuple[Careful, ...]
     verdicts: Verdicts
     nothing: Interval
 
@@ -181,7 +162,6 @@ def scores(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator)
         true=int(np.sum(asked.true)),
         methods=tuple(_score(name, k, asked) for k, name in enumerate(asked.methods)),
         calibration=_calibration(asked),
-        careful=tuple(_careful(asked, ratio) for ratio in RATIOS),
         verdicts=_verdicts(0, asked),
         nothing=asked.each(np.full(len(asked.true), OPEN)),
     )
@@ -232,14 +212,6 @@ def _score(name: str, k: int, asked: Questions) -> MethodScore:
         opened=asked.each(asked.opened(k)),
         opened_excess=asked.each(asked.opened(k) - asked.opened(0)),
     )
-
-
-def _careful(asked: Questions, ratio: float) -> Careful:
-    """Return the decision, in row 0, at a ratio of costs."""
-    wrong = asked.errs(asked.decided(ratio))
-    strong = asked.true & (asked.effect >= STRONG)
-    threshold = Costs(ratio, 1.0).keep
-    return Careful(ratio, threshold, asked.share(wrong, ~asked.true), asked.share(wrong, strong))
 
 
 def _verdicts(k: int, asked: Questions) -> Verdicts:

@@ -38,7 +38,6 @@ def quality_answer(quality: Quality) -> tuple[str, ...]:
         *targets(quality),
         _left_open(first),
         _cheapest(first),
-        _forced(first),
     )
 
 
@@ -62,18 +61,6 @@ def _left_open(told: Scores) -> str:
         f"{own.value:.2f} a sensor. Of the other methods, given the same option, {called(best.method)} is "
         f"best with {best.opened.value:.2f} (difference {apart.value:.2f}, 95{NARROW}%: {apart.low:.2f} to "
         f"{apart.high:.2f}); to leave everything open costs {told.nothing.value:.2f}."
-    )
-
-
-def _forced(told: Scores) -> str:
-    """Say what a forced choice keeps too much, and which costs would mend it."""
-    careful = (one for one in told.careful if one.false_keeps.value <= ALLOWED)
-    dear = next(careful, told.careful[-1])
-    return (
-        "That choice, inclusion of one half or more, keeps "
-        f"{rate(told.methods[0].false_keeps)} of the zero terms: where most others are in, the prior gives a "
-        f"term that the test cannot see more than one half. If a false keep costs {dear.ratio:g} times a "
-        f"false drop, it keeps {rate(dear.false_keeps)}."
     )
 
 

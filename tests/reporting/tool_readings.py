@@ -30,6 +30,7 @@ from report_reading import (
 )
 
 from imubayes.reporting.method_views import called
+from studies.decision_quality.scores import RATIOS
 from studies.decision_quality.trials import OWN, TREATMENTS
 
 Found = dict[str, Any]
@@ -293,7 +294,7 @@ def _least(told: Found) -> list[float]:
 
 
 def _ratio(told: Found, match: Match) -> Iterable[Meant]:
-    return [_least(told)[[one["ratio"] for one in told["careful"]].index(float(match[2]))], None]
+    return [_least(told)[RATIOS.index(float(match[2]))], None]
 
 
 def _dropped(told: Found, match: Match) -> Iterable[Meant]:

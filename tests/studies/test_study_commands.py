@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from studies import command
+from studies.decision_quality.trials import OPTIONS, QualityStudy
 from studies.decision_quality.trials import SMALL as FEW_TRIALS
 from studies.speed.contests import SMALL
 
@@ -56,6 +58,16 @@ def test_readme_and_the_committed_report_state_the_command(name):
     assert f"`{command}`" in README
     report = ROOT / "reports" / name / "report.html"
     assert f"<pre>{command}</pre>" in report.read_text(encoding="utf-8")
+
+
+def test_options_that_differ_are_settings_and_are_repeated_in_the_command(monkeypatch):
+    given = ["--small", "--sensors", "3", "--treatments", "dead band", "coarse steps", "--resamples", "2"]
+    monkeypatch.setattr(sys, "argv", ["x", *given])
+    study, _ = command._asked(QualityStudy(), FEW_TRIALS, OPTIONS)
+    assert (study.sensors, study.treatments) == (3, ("dead band", "coarse steps"))
+    assert study.misspecified == FEW_TRIALS.misspecified
+    own = "python -m studies.decision_quality --small"
+    assert study.command == f"{own} --sensors 3 --treatments 'dead band' 'coarse steps'"
 
 
 def test_folder_that_is_a_file_is_refused_before_anything_is_measured(tmp_path):
