@@ -45,12 +45,12 @@ def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
 
     def paint(axes: Axes) -> None:
         axes.axvline(100.0 * ALLOWED, color=PALE, linewidth=1.0)
-        for found, color in ((trusting, GREY), (own, ACCENT)):
-            for row, one in zip(rows, found, strict=True):
+        for found, color, y in ((trusting, GREY, rows - 0.17), (own, ACCENT, rows + 0.17)):
+            for row, one in zip(y, found, strict=True):
                 axes.plot([100.0 * one.low, 100.0 * one.high], [row, row], color=color, linewidth=1.5)
-            dots(axes, np.array([100.0 * one.value for one in found]), rows, color=color, size=7.0)
+            dots(axes, np.array([100.0 * one.value for one in found]), y, color=color, size=7.0)
         axes.set_yticks(rows, [one.treatment for one in shown])
-        axes.set(xlabel="zero terms called needed, %", xlim=(0.0, None))
+        axes.set(xlabel="of the zero terms, %", xlim=(0.0, None))
         axes.tick_params(axis="y", length=0)
 
     met = sum(one.value <= ALLOWED for one in own)
@@ -59,7 +59,7 @@ def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
         f"{one.treatment} {percent(a.value)}, {percent(b.value)}"
         for one, a, b in zip(shown, own, trusting, strict=True)
     )
-    return draw(paint, title=title, alt=alt, key=key, height=ROW * len(shown) + 50, left=130)
+    return draw(paint, title=title, alt=alt, key=key, height=ROW * len(shown) + 50, left=164)
 
 
 def drops_panel(told: Scores, key: str) -> Panel:

@@ -92,7 +92,10 @@ WRONG = {
     " such a term are left out",
 }
 
-PICTURE = "Blue: the decision; grey: evidence that trusts the bench; with 95 %. The line is what is asked."
+PICTURE = (
+    "Zero terms called needed: blue, by the decision; grey, by evidence that trusts the bench; with 95 %. The"
+    " line is what is asked."
+)
 
 FIGURES = (
     "Drops: blue, the decision with its intervals; in colour, one method of each family; grey, the others."
