@@ -105,6 +105,7 @@ class Table:
         numbers, "m" marks below a heading that stands upright; the last one is that of all columns that
         follow. What is long may fold on a page that is narrow.
     note : how to read it.
+    beside : whether a reader may want two of its columns beside each other.
     """
 
     label: str
@@ -112,6 +113,7 @@ class Table:
     rows: Sequence[Row | tuple[Text, ...]]
     columns: str = "tn"
     note: Text = ""
+    beside: bool = False
 
     @property
     def lines(self) -> tuple[Row, ...]:

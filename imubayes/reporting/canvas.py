@@ -9,7 +9,7 @@ import io
 import math
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from textwrap import wrap
@@ -45,6 +45,7 @@ __all__ = [
 
 INK = "#20242a"
 GREY = "#7d838c"
+SOFT = "#5c636d"
 PALE = "#d5d9df"
 ACCENT = "#0072B2"
 WARNING = "#D55E00"
@@ -73,6 +74,9 @@ SLIDE, MARGIN, HEAD, FOOT = (1100, 619), 16, 102, 30
 
 LETTERS = 124
 """Letters of a line of a slide's answer."""
+
+Box = tuple[float, float, float, float]
+"""Left, top, width and height in px."""
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -133,6 +137,7 @@ def draw(
     right: int = 10,
     top: int = 6,
     bottom: int = 38,
+    said: Sequence[tuple[Box, str]] = (),
 ) -> Panel:
     """Draw one panel.
 
@@ -144,10 +149,18 @@ def draw(
     key : identifier of ASCII letters and digits, unique in the page; keeps the panels' inner ids apart.
     width, height : px.
     left, right, top, bottom : px around the axes, for tick labels and axis titles.
+    said : boxes in px from the left upper end, and what each says where a pointer rests.
     """
     room = (width, height, left, right, top, bottom)
     svg = _bytes(lambda: _figure(paint, room), "svg", transparent=True).decode()
-    return Panel(title, _inline(svg, key, alt, (width, height)), paint, room)
+    inline = _inline(svg, key, alt, (width, height)).rstrip().removesuffix("</svg>")
+    return Panel(title, f"{inline}{''.join(map(_hover, said))}</svg>", paint, room)
+
+
+def _hover(told: tuple[Box, str]) -> str:
+    (x, y, w, h), text = told
+    box = f'x="{x:.4g}" y="{y:.4g}" width="{w:.4g}" height="{h:.4g}"'
+    return f'<rect {box} class="said"><title>{escape(text)}</title></rect>'
 
 
 def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
@@ -186,7 +199,7 @@ def _slide(panel: Panel, heading: str, source: str) -> Figure:
     edge, line = MARGIN / SLIDE[0], 1.0 / SLIDE[1]
     said = "\n".join(wrap(heading, LETTERS)[:4])
     figure.text(edge, 1.0 - 12 * line, said, va="top", size=15 / scale, weight="bold", linespacing=1.25)
-    figure.text(edge, 8 * line, source, va="bottom", size=10 / scale, color=GREY)
+    figure.text(edge, 8 * line, source, va="bottom", size=10 / scale, color=SOFT)
     return figure
 
 
@@ -256,10 +269,6 @@ def areas(axes: Axes, boxes: list[tuple[float, float, float, float]], color: str
     corners = np.array([[(l, b), (r, b), (r, t), (l, t), (np.nan, np.nan)] for l, r, b, t in boxes])  # noqa: E741
     if len(corners):
         axes.fill(*corners.reshape(-1, 2).T, color=color, linewidth=0.0)
-
-
-Box = tuple[float, float, float, float]
-"""Left, top, width and height in px."""
 
 
 def tile(axes: Axes, box: Box, text: str = "", *, ink: str = INK, size: float = 12, **style: Any) -> None:

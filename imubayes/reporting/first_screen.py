@@ -46,6 +46,9 @@ FEW = 3
 ROOM, LEFT, KEY, TALL, WIDEST = 440, 64, 30, 44.0, 440
 """px for the rows of a picture, for the names of the terms, for the key below, and of the largest tile."""
 
+MOST_SAID = 700
+"""Tiles that say their values where a pointer rests."""
+
 MARK = 12
 """px of the narrowest tile that has a heading."""
 
@@ -216,6 +219,13 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
     head = 8.0 if len(columns) == 1 or wide < MARK else min(longest, 130.0) + 8.0 if stands else 24.0
     high = min(TALL, ROOM / rows)
     height = round(head + high * rows + KEY)
+    lefts = [LEFT + (j // rows) * SLIDE[0] / blocks for j in range(len(names))]
+    boxes = {
+        (j, k): (lefts[j] + wide * k, head + high * (j % rows), wide, high)
+        for j, name in enumerate(names)
+        for k, (_, told) in enumerate(columns)
+        if name in told
+    }
 
     def paint(axes: Axes) -> None:
         axes.set(xlim=(0, SLIDE[0]), ylim=(height, 0))
@@ -225,11 +235,10 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
             x = LEFT + wide * (k + 0.5)
             axes.text(x, head - 6, printable(name), ha="center", va="bottom", size=12, **at)
         for j, name in enumerate(names):
-            left, y = LEFT + (j // rows) * SLIDE[0] / blocks, head + high * (j % rows)
-            axes.text(left - 8, y + high / 2, printable(name), ha="right", va="center", size=12)
-            for k, (_, told) in enumerate(columns):
-                if name in told:
-                    _cell(axes, (left + wide * k, y, wide, high), *told[name])
+            y = head + high * (j % rows + 0.5)
+            axes.text(lefts[j] - 8, y, printable(name), ha="right", va="center", size=12)
+        for (j, k), box in boxes.items():
+            _cell(axes, box, *columns[k][1][names[j]])
         limits = len(columns) == 1 or wide > MARK
         not_needed = "not needed, and its limit" if is_so == "needed" and limits else f"not {is_so}"
         _key(axes, height - KEY + 6.0, (is_so, not_needed))
@@ -239,8 +248,17 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         title=f"{needed} of {counted(len(names), of)} {'is' if needed == 1 else 'are'} {is_so}{by}",
         alt="; ".join(f"{name}: {_alt(told)}" for name, told in columns),
         key=key,
+        said=[
+            (box, _saying(names[j], columns[k])) for (j, k), box in boxes.items() if len(boxes) <= MOST_SAID
+        ],
         **{"width": SLIDE[0], "height": height, "left": 0, "right": 0, "top": 0, "bottom": 0},
     )
+
+
+def _saying(name: str, column: Column) -> str:
+    """What a tile says where a pointer rests."""
+    word, texts = column[1][name]
+    return f"{column[0]}, {name}: {word}{f', {texts[0]}' if texts else ''}"
 
 
 def _cell(axes: Axes, box: Box, word: str, texts: Sequence[str]) -> None:

@@ -90,7 +90,7 @@ def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
             0.5 * (start + stop) / scale,
             0.98,
             f"{size:.0f} sd",
-            color=WARNING,
+            color=INK,
             ha="center",
             va="top",
             transform=axes.get_xaxis_transform(),

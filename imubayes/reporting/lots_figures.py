@@ -1,6 +1,6 @@
 """Figures of lots: a slide, tiles of classes by scene and by term; and matrices of terms by class in a scene.
 
-The matrices are drawn here and not by the plotting library: their headings are links to the numbers.
+The matrices are drawn here and not by the plotting library: each cell says its share where a pointer rests.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from imubayes.reporting.canvas import (
     INK,
     SHADES,
     SLIDE,
+    SOFT,
     WARNING,
     WIDTH,
     Axes,
@@ -35,7 +36,7 @@ from imubayes.reporting.canvas import (
     draw,
     tile,
 )
-from imubayes.reporting.lots_words import class_name, of_budget, scene_name, slug
+from imubayes.reporting.lots_words import class_name, of_budget, scene_name
 from imubayes.reporting.rounding import percent
 from imubayes.scenes.relevance import MATTERS
 from imubayes.units import counted
@@ -43,7 +44,6 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.population.lots import LotResult, MissionFound, MissionTerm
     from imubayes.population.needs import ClassFound
-    from imubayes.reporting.lots_words import Said
 
 TILES, KEY = 112, 65
 """px above the tiles, and of their key below them."""
@@ -126,8 +126,8 @@ def _tiles(axes: Axes, result: LotResult) -> None:
     first = left + wide * len(scenes) + (24 if scenes else 0)
     narrow = min(34.0, (width - 14 - first) / len(terms))
     if scenes:
-        axes.text(left, 12, "by scene", va="top", size=12, color=GREY)
-    axes.text(first, 12, "by term", va="top", size=12, color=GREY)
+        axes.text(left, 12, "by scene", va="top", size=12, color=SOFT)
+    axes.text(first, 12, "by term", va="top", size=12, color=SOFT)
     heads = [(left + wide * (k + 0.5), scene_name(name)) for k, name in enumerate(scenes)]
     heads += [(first + narrow * (k + 0.5), name) for k, name in enumerate(terms)]
     for x, name in heads:
@@ -147,7 +147,7 @@ def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) ->
     count, more = (len(terms_in(found, scene, answer)) for answer in (NEEDED, WOULD_MATTER))
     share = count / len(scene.terms)
     colour = SHADES[min(math.ceil(share * 2.0 * (len(SHADES) - 1)), len(SHADES) - 1)]
-    ink = "white" if colour in SHADES[-2:] else INK
+    ink = "white" if colour == SHADES[-1] else INK
     narrow = box[2] < NARROW
     told = f"{count}{chr(10) if narrow else ' '}+{more}?" if more else f"{count}"
     tile(axes, box, told, ink=ink, size=9 if narrow else 14, facecolor=colour)
@@ -220,10 +220,7 @@ def _share_matrix(
         f" {' '.join(terms_in(owner, one, WOULD_MATTER)) or 'none'}"
         for one, column, owner in zip(found, columns, owners, strict=True)
     )
-    anchors = [
-        slug("class", one.sensor_class.id, scene.mission) for one, scene in zip(owners, found, strict=True)
-    ]
-    return _matrix(key, names, list(zip(columns, anchors, strict=True)), cells, alt)
+    return _matrix(key, names, columns, cells, alt)
 
 
 def _share_title(term: MissionTerm, column: str, answer: str) -> str:
@@ -268,16 +265,16 @@ def _column(count: int) -> int:
 
 
 def _matrix(
-    key: str, rows: Sequence[str], columns: Sequence[Said], cells: Sequence[Sequence[Cell]], alt: str
+    key: str, rows: Sequence[str], columns: Sequence[str], cells: Sequence[Sequence[Cell]], alt: str
 ) -> str:
-    """SVG of a matrix; headings stand upright, each with the anchor of its numbers."""
-    wide, head = _column(len(columns)), 12 + LETTER * max(len(name) for name, _ in columns)
+    """SVG of a matrix; headings stand upright."""
+    wide, head = _column(len(columns)), 12 + LETTER * max(map(len, columns))
     width, height = max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6)
     middle = [f"{LABEL + wide * (c + 0.5):.4g}" for c in range(len(columns))]
     parts = [
-        f'<a href="#{anchor}"><text transform="translate({float(x) + 4.0:.1f} {head - 6.0:.1f}) rotate(-90)">'
-        f"{escape(name)}</text></a>"
-        for x, (name, anchor) in zip(middle, columns, strict=True)
+        f'<text transform="translate({float(x) + 4.0:.1f} {head - 6.0:.1f}) rotate(-90)">'
+        f"{escape(name)}</text>"
+        for x, name in zip(middle, columns, strict=True)
     ]
     for r, (name, row) in enumerate(zip(rows, cells, strict=True)):
         y = head + ROW * (r + 0.5)

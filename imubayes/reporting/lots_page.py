@@ -177,7 +177,8 @@ def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
-    table = Table("Size of the models by class and scene", ("terms", *_names(result)), rows, "tn", ORDER_NOTE)
+    head, label = ("terms", *_names(result)), "Size of the models by class and scene"
+    table = Table(label, head, rows, "tn", ORDER_NOTE, beside=True)
     yield Section("Size of the models", [table], "order")
 
 
@@ -197,7 +198,7 @@ def _scenes(result: LotResult) -> Section:
         Section(
             capitalised(scene_name(mission.name)),
             [
-                Figure([scene_matrix(result, k, f"scene{k}")]),
+                Figure([scene_matrix(result, k, f"scene{k}")], _numbers(result, mission.name)),
                 Prose(scene_sentences(result, k), "list"),
                 history_figure(mission, f"met{k}"),
             ],
@@ -211,9 +212,17 @@ def _scenes(result: LotResult) -> Section:
     return Section("Which terms each scene requires", [key, *each], "scenes")
 
 
+def _numbers(result: LotResult, scene: str) -> Markup:
+    each = (
+        link(class_name(one.sensor_class), slug("class", one.sensor_class.id, scene))
+        for one in result.classes
+    )
+    return Markup("Numbers: {}.").format(Markup(", ").join(each))
+
+
 def _basic(result: LotResult) -> Section:
     rows = list(_by_scene(result, "basic", lambda scene: share(scene.basic_share)))
-    table = Table("What the basic triad leaves", ("scene", *_names(result)), rows)
+    table = Table("What the basic triad leaves", ("scene", *_names(result)), rows, beside=True)
     said = [Prose(TRIAD), table]
     return Section("What the basic triad of 12 parameters costs", said, "basic", listed="The basic triad")
 

@@ -7,7 +7,9 @@ import re
 import shutil
 import subprocess
 from html import escape, unescape
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 WIDTHS = (1280, 905, 645, 390, 360)
 """px: a desk, a tablet, and telephones."""
@@ -114,3 +116,37 @@ def shown(html: str, folder: Path) -> tuple[dict, list[str]]:
     found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
     assert found, done.stderr[-2000:]
     return json.loads(unescape(found[1])), [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def told_by(script: str, html: str, folder: Path) -> Any:
+    """What a script at the end of a page finds, after the page's own: it calls ``tell`` with it."""
+    tell = (
+        "const tell = found => document.body.append(Object.assign(document.createElement('pre'),"
+        " {id: 'found', textContent: JSON.stringify(found)}));"
+    )
+    page = folder / "told.html"
+    page.write_text(html.replace("</body>", f"<script>{tell}\n{script}</script></body>"), encoding="utf-8")
+    done = run(folder, "--virtual-time-budget=60000", "--window-size=1280,900", "--dump-dom", page.as_uri())
+    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
+    assert found, done.stderr[-2000:]
+    return json.loads(unescape(found[1]))
+
+
+def _axe() -> Path | None:
+    found = find_spec("axe_core_python")
+    return Path(found.origin).with_name("axe.min.js") if found and found.origin else None
+
+
+AXE = _axe()
+
+SERIOUS = """
+axe.run().then(found => tell(found.violations.filter(one => ['serious', 'critical'].includes(one.impact))
+  .map(one => `${one.id}: ${one.nodes.length}, ${one.nodes[0].html.slice(0, 120)}`)));
+"""
+
+
+def serious(html: str, folder: Path) -> list[str]:
+    """Violations of accessibility that axe-core calls serious or worse, in light and in dark."""
+    dark = html.replace("@media screen and (prefers-color-scheme: dark)", "@media screen")
+    script = AXE.read_text(encoding="utf-8") + SERIOUS
+    return [one for page in (html, dark) for one in told_by(script, page, folder)]

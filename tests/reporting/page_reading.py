@@ -82,7 +82,7 @@ def said(html: str) -> str:
 
 
 def _lines(node: Element) -> Iterator[str]:
-    if node.tag == "style" or node.get("aria-hidden"):
+    if node.tag in ("style", "script") or node.get("aria-hidden"):
         return
     if re.fullmatch("h[1-6]", node.tag):
         yield f"\n{'#' * int(node.tag[1])} {_words(node)}"
