@@ -11,23 +11,23 @@ The stages are functions, the values between them frozen dataclasses::
 
 Vocabulary, in the order of the way from a test to its report:
 
-========  ============================================================================================
-run       one recording, or simulation, of one procedure: outputs, and inputs where they are known
-dwell     a part of a run at constant input
-term      one product of inputs and its coefficient, such as ``K2`` times the force squared
-library   the candidate terms of a component
-class     a technology and grade of the catalogue; a *lot* is units drawn from it, a *fleet* recorded ones
-N, B, K   white noise, bias instability and random walk: noise is a process, not a number
-rows      averages of a run and the terms' columns, whitened by the noise
-factor    the triangular matrix of the rows: all that a linear Gaussian model can learn from them
-prior     what is held of each coefficient, and of the number of terms, before the test
-model     a subset of the library; its evidence is how probable it makes the rows
-inclusion the posterior probability that a term is in the model
-verdict   needed, not needed, undecided, or what this test cannot tell: inseparable, unresolved, untested
-scene     a mission's motion and its budget, by which terms are weighed that the verdict keeps
-result    what a study publishes, in SI: `result.json`
-report    the page and the lines in a terminal that say it
-========  ============================================================================================
+=========  ============================================================================================
+run        one recording, or simulation, of one procedure: outputs, and inputs where they are known
+dwell      a part of a run at constant input
+term       one product of inputs and its coefficient, such as ``K2`` times the force squared
+library    the candidate terms of a component
+class      a technology and grade of the catalogue; a *lot* is units drawn from it, a *fleet* recorded ones
+N, B, K    white noise, bias instability and random walk: noise is a process, not a number
+rows       averages of a run and the terms' columns, whitened by the noise
+factor     the triangular matrix of the rows: all that a linear Gaussian model can learn from them
+prior      what is held of each coefficient, and of the number of terms, before the test
+model      a subset of the library; its evidence is how probable it makes the rows
+inclusion  the posterior probability that a term is in the model
+verdict    needed, not needed, undecided, or what this test cannot tell: inseparable, unresolved, untested
+scene      a mission's motion and its budget, by which terms are weighed that the verdict keeps
+result     what a study publishes, in SI: `result.json`
+report     the page and the lines in a terminal that say it
+=========  ============================================================================================
 """
 
 from importlib import import_module
