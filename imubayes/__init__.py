@@ -89,6 +89,9 @@ _NAMES = {
 }
 """Public names by their module, imported when a name is first used: the command line starts fast."""
 
+_SHOWN = ("run", "select")
+"""Names that give a result, which shows itself in a notebook."""
+
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 
 
@@ -99,4 +102,6 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'imubayes' has no attribute '{name}'")
+    if name in _SHOWN:
+        import_module("imubayes.reporting.notebook").equip()
     return getattr(import_module(f"imubayes.{_HOME[name]}"), name)

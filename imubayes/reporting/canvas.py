@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from textwrap import wrap
-from typing import Any
+from typing import Any, TypedDict
 
 import matplotlib
 import numpy as np
@@ -74,6 +74,19 @@ SLIDE, MARGIN, HEAD, FOOT = (1100, 619), 16, 102, 30
 
 LETTERS = 124
 """Letters of a line of a slide's answer."""
+
+
+class Margins(TypedDict):
+    """px around the axes of a panel."""
+
+    left: int
+    right: int
+    top: int
+    bottom: int
+
+
+NO_MARGINS = Margins(left=0, right=0, top=0, bottom=0)
+"""Of a panel that is all axes."""
 
 Box = tuple[float, float, float, float]
 """Left, top, width and height in px."""
@@ -172,7 +185,7 @@ def plotted(panel: Panel) -> Figure:
     """Draw a panel as a figure of matplotlib, which shows itself in a notebook."""
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
         figure = _figure(panel.paint or Axes.set_axis_off, panel.room)
-        figure.suptitle(panel.title, size=9, weight="bold", y=1.02, wrap=True)
+        figure.suptitle(panel.title, size=9, weight="bold", y=1.0, va="bottom", wrap=True)
         return figure
 
 

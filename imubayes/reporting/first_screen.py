@@ -11,6 +11,7 @@ from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     INK,
+    NO_MARGINS,
     SHADES,
     SLIDE,
     Axes,
@@ -231,9 +232,8 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         axes.set(xlim=(0, SLIDE[0]), ylim=(height, 0))
         axes.axis("off")
         for k, (name, _) in enumerate(columns if head > 8.0 else ()):
-            at = {"rotation": 90} if stands else {}
-            x = LEFT + wide * (k + 0.5)
-            axes.text(x, head - 6, printable(name), ha="center", va="bottom", size=12, **at)
+            x, turn = LEFT + wide * (k + 0.5), 90 if stands else 0
+            axes.text(x, head - 6, printable(name), ha="center", va="bottom", size=12, rotation=turn)
         for j, name in enumerate(names):
             y = head + high * (j % rows + 0.5)
             axes.text(lefts[j] - 8, y, printable(name), ha="right", va="center", size=12)
@@ -251,7 +251,9 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         said=[
             (box, _saying(names[j], columns[k])) for (j, k), box in boxes.items() if len(boxes) <= MOST_SAID
         ],
-        **{"width": SLIDE[0], "height": height, "left": 0, "right": 0, "top": 0, "bottom": 0},
+        **NO_MARGINS,
+        width=SLIDE[0],
+        height=height,
     )
 
 

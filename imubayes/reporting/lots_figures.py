@@ -25,6 +25,7 @@ from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     INK,
+    NO_MARGINS,
     SHADES,
     SLIDE,
     SOFT,
@@ -84,7 +85,9 @@ def slide(result: LotResult, key: str) -> Panel:
         title=f"{count} of {len(names)} terms are needed by some class{scene}",
         alt=said,
         key=key,
-        **{"width": width, "height": height, "left": 0, "right": 0, "top": 0, "bottom": 0},
+        **NO_MARGINS,
+        width=width,
+        height=height,
     )
 
 

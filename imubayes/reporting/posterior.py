@@ -70,10 +70,15 @@ def write_posterior(result: StudyResult, path: Path) -> None:
     """
     from xarray import DataTree
 
+    groups = {f"/{name}": group for name, group in posterior_groups(result).items()}
+    DataTree.from_dict(groups).to_netcdf(path, mode="w", engine="h5netcdf")
+
+
+def posterior_groups(result: StudyResult) -> dict[str, xarray.Dataset]:
+    """Draws of every component by group."""
     sampled = any(sensor.chains is not None for sensor in result.sensors)
     names = ("posterior", "prior", *(_OF_CHAINS if sampled else ()))
-    groups = {f"/{group}": _dataset(result, group) for group in names}
-    DataTree.from_dict(groups).to_netcdf(path, mode="w", engine="h5netcdf")
+    return {name: _dataset(result, name) for name in names}
 
 
 def _dataset(result: StudyResult, group: str) -> xarray.Dataset:

@@ -145,7 +145,7 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
         f" {weighed_text(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
     )
     parts = [
-        ("The terms", "terms", "terms", _terms(one)),
+        ("The terms", "terms", "terms", term_blocks(one)),
         ("What this test cannot tell, and what would", "tell", "what the test cannot tell", _open(one)),
         ("Is the calibration good?", "fit", "fit", _fit(one)),
         ("How sure is the choice?", "choice", "choice", _choice(one)),
@@ -187,7 +187,8 @@ def is_doubtful(sensor: SensorResult) -> bool:
     return sensor.conditional or bool(unconverged_sentence(sensor))
 
 
-def _terms(one: Shown) -> Iterator[Block]:
+def term_blocks(one: Shown) -> Iterator[Block]:
+    """Table of a component's terms, then its compensation, and other standards' symbols."""
     sensor, rows = one.sensor, term_rows(one.sensor)
     if not one.figures:
         rows = tuple(row for row in rows if row.verdict.verdict != "untested")

@@ -185,7 +185,8 @@ def test_axe_finds_pale_words_and_links_in_pictures(tmp_path):
 
 CLICKED = """
 const [scroll] = document.querySelectorAll('.scroll'), table = scroll.querySelector('table');
-const column = k => [...table.tBodies[0].rows].filter(row => row.offsetParent).map(row => row.cells[k].textContent);
+const shown = () => [...table.tBodies[0].rows].filter(row => row.offsetParent);
+const column = k => shown().map(row => row.cells[k].textContent);
 const head = table.tHead.rows[0].cells[1];
 const told = {first: column(1)};
 head.click(); told.up = column(1);
