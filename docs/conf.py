@@ -1,8 +1,7 @@
 """Settings of the documentation site: ``sphinx-build -W docs build/site``.
 
-Pages are Markdown (MyST). The help of the commands, the standards' symbols and the list of the reports become
-pages, in ``made``, as the site is built. Links that leave ``docs`` lead to copies of studies, reports and
-README beside the pages.
+Pages are Markdown (MyST). README, the help of the commands, the standards' symbols and the list of reports
+become pages, in ``made``, as the site is built. Links that leave ``docs`` lead to copies beside the pages.
 """
 
 import json
@@ -24,12 +23,15 @@ COPIED = (
     "reports/*/*.html",
     "reports/*/*.svg",
     "reports/*/*.png",
-    "README.md",
+    "C*.md",
     "docs/*.svg",
     "docs/*.json",
     "docs/tutorial/*.csv",
 )
 """Files beside the pages, which pages link to."""
+
+MARKED = r"\\\1"
+"""A sign that Markdown would take for its own."""
 
 project = "imubayes"
 author = copyright = "The imubayes authors"
@@ -66,8 +68,9 @@ def gallery() -> str:
     for file in sorted(ROOT.glob("reports/*/result.json")):
         result = json.loads(file.read_text(encoding="utf-8"))
         answer = (result.get("answer") or [""])[0]
-        page += f"- [{result['study']}](../../reports/{file.parent.name}/report.html)"
-        page += f": {answer}\n" if answer else "\n"
+        name = file.parent.name
+        page += f"- [{result['study']}](../../reports/{name}/report.html) (`{name}`)"
+        page += f": {re.sub(r'([*_|])', MARKED, answer)}\n" if answer else "\n"
     return page
 
 
@@ -83,18 +86,26 @@ def symbols() -> str:
     return page
 
 
+def readme() -> str:
+    """README as a page: its links lead from another folder."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = re.sub(r"\]\((?=studies|reports|CHANGELOG|CONTRIBUTING)", "](../../", text)
+    return text.replace("](docs/", "](../").replace("# imubayes", "# What it does", 1)
+
+
 def write_pages(app: object) -> None:
     """Make the pages that no file holds."""
     folder = DOCS / "made"
     folder.mkdir(exist_ok=True)
-    for page in (commands, gallery, symbols):
+    for page in (commands, gallery, readme, symbols):
         (folder / f"{page.__name__}.md").write_text(page(), encoding="utf-8")
 
 
 def leaving(app: object, name: str, source: list[str]) -> None:
     """Make a link to what is beside the pages one to its copy there."""
-    beside = r"\]\((?:(?:\.\./)((?:\.\./)*(?:studies|reports|README)[^)\s]*)|([^)\s]*\.(?:json|csv)))\)"
-    source[0] = re.sub(beside, lambda found: f"](beside:{found[1] or found[2]})", source[0])
+    text = source[0].replace("](../README.md)", "](made/readme.md)")
+    text = re.sub(r"\]\(\.\./((?:\.\./)*(?:studies|reports|C[HO])[^)\s]*)\)", r"](beside:\1)", text)
+    source[0] = re.sub(r"\]\(([\w/.]+\.(?:json|csv))\)", r"](beside:\1)", text)
 
 
 def lengths(app: object, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
