@@ -21,6 +21,7 @@ from report_reading import (
     grids,
     named,
     names,
+    nearest,
     number,
     problems,
     quantile,
@@ -401,6 +402,7 @@ OF_ALL = readings(
         r"^(\d+) of (\d+) terms are needed by some class(?: in some scene)?$":
             lambda r, m: [len(_by_any(r)), len(r.terms)],
         r"^(\d+) \+(\d+)\?$": lambda r, m: [*_tile(r, (int(m[1]), int(m[2])))],
+        r"^\+(\d+)\?$": lambda r, m: [nearest(m[1], (len(r.inside(*at, "would matter")) for at in r.scenes))],
         r"^(\d+) other methods? were asked about (\d+) of the (\d+) units"
         r" \(the first (?:(\d+) )?of each lot\)":
             lambda r, m: _asked(r, m[4]),

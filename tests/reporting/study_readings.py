@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
+from first_readings import wrong_first
 from report_reading import (
     Block,
     Meant,
@@ -545,7 +546,8 @@ def wrong_study(html: str, result: Found) -> list[str]:
     page = tree(html)
     every = [*sentences(page), *drawn(page)]
     of_class = [block for block in every if result.get("population") and is_of_class(block)]
-    blocks = [block for block in every if block.anchor not in UNREAD and block not in of_class]
+    first = [block for block in every if block.anchor == "first"]
+    blocks = [block for block in every if block.anchor not in (*UNREAD, "first") and block not in of_class]
     titles = {plain(result["study"])} | {plain(one["id"]) for one in result["sensors"]}
     notes = [
         spoken(f"WAIC: {c['note']}").removeprefix("WAIC: ")
@@ -558,7 +560,10 @@ def wrong_study(html: str, result: Found) -> list[str]:
     read = (_without(block, notes) for block in blocks if block.text not in titles and not _doubt(block))
     ids = fixed(*(rf"(?<![\w-])({re.escape(one['id'])})(?![\w-])" for one in result["sensors"]))
     known = (*READINGS, *CASES, *WHOLE, *SAID, *UNHELD, *fixed(rf"known (?:only )?to ({NUM}) \S+"), *ids)
-    found = problems((block for block in read if block.text), known, Sensors(result))
+    found = [
+        *wrong_first(first, result),
+        *problems((block for block in read if block.text), known, Sensors(result)),
+    ]
     return [*found, *wrong_population(page, of_class, result)] if of_class else found
 
 
