@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from imubayes.rig.recordings import Procedure
+from imubayes.sensors.terms import library
 from imubayes.study.schema import read
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -58,3 +61,19 @@ def test_the_study_of_a_how_to_is_one(page, command, tmp_path, monkeypatch, requ
         checked = command("check", study)
         assert checked.code == 0, checked.err
         assert "excited" in checked.out
+
+
+def test_the_page_of_standards_names_procedures_and_terms_that_there_are():
+    rows = [
+        line.strip("|").split("|") for line in (DOCS / "standards.md").read_text().splitlines() if "|" in line
+    ]
+    known = {*get_args(Procedure), "positions"}
+    asked = {"powers": 4, "asymmetry": 2, "set": "extended"}
+    terms = {name for kind in ("accelerometer", "gyroscope") for name in library(kind, **asked).names}
+    terms |= {"b0*T", "b1*T", "b0*dT", "T", "dT", "gT", "S"}
+    for row in rows:
+        codes = [set(re.findall(r"`([^`]+)`", cell)) for cell in row]
+        if len(row) == 4 and codes[2]:
+            assert codes[2] <= known and codes[3] <= terms, row
+        if len(row) == 5 and codes[3]:
+            assert codes[1] <= terms and codes[3] <= known, row

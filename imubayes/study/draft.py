@@ -38,15 +38,8 @@ TEMPERATURE = {"temp", "temperature"}
 """Words of columns' names, in lower case."""
 
 SUFFIXES = {
-    "s": "s",
-    "ms": "ms",
-    "us": "us",
-    "ns": "ns",
-    "mg": "mg",
-    "dps": "deg/s",
-    "degc": "degC",
-    "mps2": "m/s^2",
-}
+    "s": "s", "ms": "ms", "us": "us", "ns": "ns", "mg": "mg", "dps": "deg/s", "degc": "degC",
+}  # fmt: skip
 """Units that people write at the end of a name."""
 
 GRAVITIES = {"g": 1.0, "m/s^2": STANDARD_GRAVITY, "mg": 1000.0}
@@ -74,12 +67,15 @@ KELVINS = 200.0
 CENTRIFUGED = 1.2
 """g: inputs beyond gravity."""
 
-
 SCALE = f', scale = "{ASKED}"'
 """What a column of counts lacks."""
 
 OTHERS = (*CASE_CHANNELS, MOUNT, DWELL, SCATTER)
 """Channels beside the inputs along a component's axes."""
+
+
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+"""What a comment must not hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +86,10 @@ class Guess:
     unit: str = ""
     more: str = ""
     why: str = ""
+
+    def of(self, unit: str, why: str, more: str = "") -> Guess:
+        """Add the unit, and why it is that."""
+        return replace(self, unit=unit, why=f"{self.why}{why}", more=more)
 
     def line(self, channel: str) -> str:
         """Write it as a line of ``[sensor.run.columns]``."""
@@ -134,7 +134,7 @@ def drafted(recording: Path, folder: Path) -> str:
     else:
         sensors = _at_rest(table, clock, found, outputs)
     unused = [f"# not used: {', '.join(left)}"] if left else []
-    return "\n".join([*head, *sensors, *unused]) + "\n"
+    return CONTROL.sub(" ", "\n".join([*head, *sensors, *unused])) + "\n"
 
 
 def _first_rows(recording: Path, folder: Path) -> Table:
@@ -197,7 +197,9 @@ def _channel(name: str) -> tuple[str, str]:
 
 def _unnamed(table: Table, stem: str) -> dict[str, Guess]:
     """Channels of columns that have numbers only: a clock that goes up, then a triad, or two."""
-    if table.columns not in (tuple("0123"), tuple("0123456")) or not np.all(np.diff(table.arrays[0]) > 0.0):
+    if table.columns not in (tuple("0123"), tuple("0123456")):
+        return {}
+    if not np.all(np.diff(_values(table, 0, "t")) > 0.0):
         return {}
     words = set(re.findall(r"[a-z]+", stem.lower()))
     why = "guessed from the order: the file names no column"
@@ -211,9 +213,18 @@ def _unnamed(table: Table, stem: str) -> dict[str, Guess]:
     return {name: Guess(k, why=why) for k, name in enumerate(["t", *names])}
 
 
-def _values(table: Table, one: Guess, channel: str) -> FloatArray:
-    values = table.locate(one.column, channel)[1]
+def _values(table: Table, column: str | int, channel: str) -> FloatArray:
+    values = table.locate(column, channel)[1]
     return values.astype(np.int64).astype(float) if values.dtype.kind == "m" else values.astype(float)
+
+
+def _rows(table: Table, found: Mapping[str, Guess], names: Sequence[str]) -> FloatArray:
+    """Rows of some channels in which all are finite."""
+    values = np.column_stack([_values(table, found[name].column, name) for name in names])
+    values = values[np.isfinite(values).all(axis=1)]
+    if len(values) < 2:
+        raise DataError(f"{table.file}: {', '.join(names)} hold no numbers: expected samples")
+    return values
 
 
 def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess], moved: bool) -> Guess:
@@ -225,18 +236,15 @@ def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess
     unit = bracketed(name) or SUFFIXES.get(re.split(r"[^a-z]", name.lower())[-1], "")
     likes = ("m/s^2", "rad/s") if channel == "output" else (like,)
     if unit and any(_measures(unit, like) for like in likes):
-        return replace(one, unit=unit, why=f"{one.why}, unit from the header")
+        return one.of(unit, ", unit from the header")
     if channel == "t":
         return _clock(one, values.astype(float))
     if channel in ("T", "T_2"):
-        return replace(
-            one,
-            unit="degC" if np.nanmedian(values.astype(float)) < KELVINS else "K",
-            why=f"{one.why}, unit from its size",
-        )
+        cold = np.nanmedian(values.astype(float)) < KELVINS
+        return one.of("degC" if cold else "K", ", unit from its size")
     if channel in ACCELEROMETERS or channel in GYROSCOPES:
         return _triad_unit(table, one, found, channel[0], moved=moved)
-    return replace(one, unit=ASKED, why=f"{one.why}; ask: the unit, such as {like}")
+    return one.of(ASKED, f"; ask: the unit, such as {like}")
 
 
 def _measures(unit: str, like: str) -> bool:
@@ -250,54 +258,46 @@ def _clock(one: Guess, t: FloatArray) -> Guess:
     """Unit of a clock by its rate; numbers that are not whole are seconds."""
     step = float(np.median(np.diff(t)))
     if np.any(t != np.round(t)):
-        return replace(one, unit="s", why=f"{one.why}, unit from steps of {step:.4g}")
+        return one.of("s", f", unit from steps of {step:.4g}")
     sizes = {unit: 1.0 / (step * factor(unit, "s")) for unit in ("s", "ms", "us", "ns") if step > 0.0}
     fits = {unit: f"{rate:,.4g} Hz in {unit}" for unit, rate in sizes.items() if RATES[0] <= rate <= RATES[1]}
     if len(fits) != 1:
-        return replace(
-            one, unit=ASKED, why=f"{one.why}; ask: the unit: {', '.join(fits.values()) or 'of its steps'}"
-        )
-    return replace(
-        one, unit=next(iter(fits)), why=f"{one.why}, unit from its steps: {', '.join(fits.values())}"
-    )
+        return one.of(ASKED, f"; ask: the unit, {', '.join(fits.values()) or f'its steps are {step:g}'}")
+    return one.of(next(iter(fits)), f", unit from its steps: {', '.join(fits.values())}")
 
 
 def _triad_unit(table: Table, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:
     """Unit of a triad: by gravity, or by rates that no gyroscope reaches in rad/s."""
     names = [f"{kind}{axis}" for axis in "xyz" if f"{kind}{axis}" in found]
-    values = np.column_stack([_values(table, found[name], name) for name in names])
-    values = values[np.isfinite(values).all(axis=1)]
+    values = _rows(table, found, names)
     length = float(np.median(np.linalg.norm(values, axis=1)))
     if np.all(values == np.round(values)):
-        why = f"{one.why}; whole numbers: counts; ask: the scale of the data sheet, such as"
-        example = (
+        usual = (
             f"{1.0 / length:.2g} g/count if |f| at rest is 1 g and zero is 0"
-            if kind == "a"
-            else "1/131 deg/s/count"
+            if length
+            else "of the data sheet"
         )
-        return replace(one, unit="count", more=SCALE, why=f"{why} {example}")
+        example = usual if kind == "a" else "1/131 deg/s/count"
+        return one.of("count", f"; whole numbers: counts; ask: the scale, such as {example}", SCALE)
     if kind == "a":
         for unit, gravity in GRAVITIES.items():
             if len(names) == 3 and abs(length / gravity - 1.0) < ALIKE:
-                return replace(one, unit=unit, why=f"{one.why}, unit from the median length {length:.4g}")
+                return one.of(unit, f", unit from the median length {length:.4g}")
     elif (fastest := float(np.abs(values).max())) > FASTEST:
-        return replace(one, unit="deg/s", why=f"{one.why}, unit from rates up to {fastest:.4g}")
+        return one.of("deg/s", f", unit from rates up to {fastest:.4g}")
     elif moved:
-        return replace(
-            one, unit="rad/s", why=f"{one.why}, unit from rates up to {fastest:.4g} of a case that turns"
-        )
-    wanted = "g or m/s^2" if kind == "a" else "deg/s or rad/s"
-    return replace(one, unit=ASKED, why=f"{one.why}; ask: the unit, {wanted}")
+        return one.of("rad/s", f", unit from rates up to {fastest:.4g} of a case that turns")
+    return one.of(ASKED, f"; ask: the unit, {'g or m/s^2' if kind == 'a' else 'deg/s or rad/s'}")
 
 
 def _moved(table: Table, found: Mapping[str, Guess]) -> bool:
     """Tell whether a case was turned: by the direction of the force, or of rates by what changes slowly."""
     for triad in (ACCELEROMETERS, GYROSCOPES):
         if all(name in found for name in triad):
-            values = np.column_stack([_values(table, found[name], name) for name in triad])
+            values = _rows(table, found, triad)
             parts = np.array_split(values, min(WINDOWS, max(len(values) // 20, 1)))
-            means = np.array([np.nanmean(part, axis=0) for part in parts])
-            scatter = np.median([np.nanstd(part, axis=0) for part in parts], axis=0)
+            means = np.array([part.mean(axis=0) for part in parts])
+            scatter = np.median([part.std(axis=0) for part in parts], axis=0)
             if triad == ACCELEROMETERS and np.any(values != np.round(values)):
                 scatter = TURNED / STEADY * np.linalg.norm(means, axis=1).mean()
             return bool(np.any(np.ptp(means, axis=0) > STEADY * scatter))
@@ -332,7 +332,7 @@ def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Se
     thermometer = {name: one for name, one in found.items() if name == "T"}
     for name in outputs:
         kind = "accelerometer" if name in ACCELEROMETERS else "gyroscope"
-        kept = {"output": _upright(found[name], _values(table, found[name], name)), **thermometer}
+        kept = {"output": _upright(found[name], _rows(table, found, [name])), **thermometer}
         procedure, why = _procedure(table, kept, kind)
         yield from _sensor(name, kind, needs_class=False)
         yield from _run(table, procedure, why, clock, kept)
@@ -340,33 +340,31 @@ def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Se
 
 def _kind(output: Guess) -> str:
     """Kind of a single component by the unit of its output."""
-    fits = [
-        kind
-        for kind, like in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s"))
-        if _measures(output.unit, like)
-    ]
-    return fits[0] if fits else ASKED
+    if _measures(output.unit, "m/s^2"):
+        return "accelerometer"
+    return "gyroscope" if _measures(output.unit, "rad/s") else ASKED
 
 
 def _upright(one: Guess, values: FloatArray) -> Guess:
     """Take gravity off the output of an accelerometer that stands upright."""
-    level = float(np.nanmedian(values))
+    level = float(np.median(values))
     gravity = GRAVITIES.get(one.unit, np.inf)
     if one.unit not in GRAVITIES or abs(abs(level) / gravity - 1.0) > ALIKE:
         return one
-    signed = np.copysign(gravity, level)
-    more = f", offset = {toml_value(f'{signed:.6g} {one.unit}')}"
-    return replace(one, more=more, why=f"{one.why}; 1 g taken off, guessed from a median of {level:.4g}")
+    offset = toml_value(f"{np.copysign(gravity, level):.6g} {one.unit}")
+    why = f"; 1 g taken off, guessed from a median of {level:.4g}"
+    return one.of(one.unit, why, f", offset = {offset}")
 
 
 def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str, str]:
     """Procedure of known inputs, and what it was guessed from."""
-    values = {
-        name: _values(table, one, name) for name, one in kept.items() if name in (*INPUTS, *CASE_CHANNELS)
-    }
+    inputs = [name for name in kept if name in (*INPUTS, *CASE_CHANNELS)]
+    values = {name: _values(table, kept[name].column, name) for name in inputs}
     varied = {name for name, one in values.items() if np.ptp(one) > 0.0}
     forces = [
-        float(np.abs(values[n]).max()) * _factor(kept[n]) / STANDARD_GRAVITY for n in values if n[0] == "f"
+        float(np.abs(values[name]).max()) * factor(kept[name].unit, "m/s^2") / STANDARD_GRAVITY
+        for name in inputs
+        if name[0] == "f" and _measures(kept[name].unit, "m/s^2")
     ]
     why = f"guessed from the inputs that change: {', '.join(sorted(varied)) or 'none'}"
     if max(forces, default=0.0) > CENTRIFUGED:
@@ -380,10 +378,6 @@ def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str,
     return ("other" if varied - {"T"} else "static"), why
 
 
-def _factor(one: Guess) -> float:
-    return factor(one.unit, "m/s^2") if _measures(one.unit, "m/s^2") else 1.0
-
-
 def _in_the_hand(recording: Path, table: Table, clock: Guess, found: Mapping[str, Guess]) -> Iterator[str]:
     """A triad, or two, that was turned while nothing but gravity, or the rate of a table, was known."""
     kind = "imu" if len(found) == 6 else "accelerometer" if "ax" in found else "gyroscope"
@@ -391,9 +385,8 @@ def _in_the_hand(recording: Path, table: Table, clock: Guess, found: Mapping[str
     if kind == "gyroscope":
         why = "guessed: the rates change, and the file has no input"
         asked = 'ask: when the table turned, how fast: [{ rows = [500, 1500], rate = "60 deg/s" }, ...]'
-        yield from _run(
-            table, FREE_TUMBLE, why, clock, found, [f"sections = {toml_value(ASKED)}   # {asked}"]
-        )
+        more = [f"sections = {toml_value(ASKED)}   # {asked}"]
+        yield from _run(table, FREE_TUMBLE, why, clock, found, more)
         return
     more = [
         'gravity = "9.80665 m/s^2"   # guessed: standard; ask: { latitude = "45.4 deg", height = "12 m" }',
@@ -409,16 +402,12 @@ def _stills(recording: Path, clock: Guess, found: Mapping[str, Guess]) -> str:
     columns = {"t": clock, **{name: found[name] for name in ACCELEROMETERS}}
     if any(one.column == "" or one.more or one.unit == ASKED for one in columns.values()):
         return ""
-    raw = {
-        "name": "hand",
-        "procedure": FREE_TUMBLE,
-        "file": str(recording.resolve()),
-        "gravity": f"{STANDARD_GRAVITY} m/s^2",
-        "columns": {
-            name: {"column": one.column} | ({"unit": one.unit} if one.unit else {})
-            for name, one in columns.items()
-        },
+    said = {
+        name: {"column": one.column} | ({"unit": one.unit} if one.unit else {})
+        for name, one in columns.items()
     }
+    raw = {"name": "hand", "procedure": FREE_TUMBLE, "file": str(recording.resolve()), "columns": said}
+    raw["gravity"] = f"{STANDARD_GRAVITY} m/s^2"
     try:
         run = read_run(run_spec(raw, "accelerometer", recording.parent, Place("")), "accelerometer")
         return f", in {len(find_stills(run))} stills"

@@ -111,6 +111,7 @@ def test_a_file_that_is_there_is_not_written_over(command, tmp_path):
     [
         ("figure,published\n1,2\n2,3\n", "no column is known by its name as an output: the file has figure"),
         ("t,ax\n1,2\n", "has one row"),
+        ("t,ax,ay,az\n1,,2,3\n2,3,,4\n", "ax, ay, az hold no numbers"),
         ("t,ax\n1,2\n2,x\n", "line 3: column 'ax' holds 'x'"),
     ],
 )
