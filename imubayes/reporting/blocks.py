@@ -179,6 +179,7 @@ class Page:
     blocks : of it, mostly sections.
     counts, data, fit : status: how many answers of each kind, whether data are simulated or recorded, and
         whether the model fits; empty where that is not asked.
+    parts : pages beside it, each with the name of its file: of a long study each unit's.
     """
 
     title: str
@@ -188,6 +189,7 @@ class Page:
     counts: str = ""
     data: str = ""
     fit: str = ""
+    parts: Sequence[tuple[str, Page]] = ()
 
     @property
     def status(self) -> str:
@@ -327,22 +329,28 @@ def _style(text: Text, letter: str, columns: int) -> str:
     return f"{CLASSES[letter]} fold" if len(plain) > (16 if columns < MANY else 8) else CLASSES[letter]
 
 
-def page_html(page: Page, *, home: str = "", made: str = "") -> str:
+def page_html(page: Page, *, home: str = "", made: str = "", summary: str = "") -> str:
     """Text of the page; names that come from files are escaped.
 
     Parameters
     ----------
     home : where the index of the folder is that the page belongs to.
     made : date.
+    summary : title of the study whose part it is.
     """
-    return environment().get_template("page.html.j2").render(page=page, home=home, made=made)
+    template = environment().get_template("page.html.j2")
+    return template.render(page=page, home=home, made=made, summary=summary)
 
 
 def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
     """Write ``report.html``, with ``result.json``, its picture as ``slide.svg`` and ``slide.png``."""
     report, result = folder / "report.html", folder / "result.json"
     home = f"../{INDEX}" if is_of_reports(folder.parent) else ""
-    report.write_text(page_html(page, home=home, made=date.today().isoformat()), encoding="utf-8")
+    made = date.today().isoformat()
+    report.write_text(page_html(page, home=home, made=made), encoding="utf-8")
+    for name, part in page.parts:
+        text = page_html(part, home=home, made=made, summary=page.title)
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
     result.write_text(values, encoding="utf-8")
     return report, result, *_write_slide(page, json.loads(values), folder)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from imubayes.campaign.study import file_name
 from imubayes.reporting.blocks import (
     Figure,
     Page,
@@ -15,7 +17,6 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     answer,
-    link,
     page_html,
     repeat,
     strong,
@@ -31,6 +32,7 @@ from imubayes.reporting.case_views import (
 from imubayes.reporting.first_screen import (
     NOISE_KEY,
     PICTURE_KEY,
+    TILES,
     counts_of,
     data_of,
     first_answer,
@@ -77,7 +79,7 @@ def report_html(result: StudyResult) -> str:
 
 
 def report_page(result: StudyResult) -> Page:
-    """Page of a study of sensors."""
+    """Page of a study of sensors; of many components each unit has a page of its own."""
     study, sensors, cases = result.study, shown_sensors(result), cases_of(result)
     few = len(sensors) <= MANY
     components, noise = result.sensors, all(map(about_noise, result.sensors))
@@ -103,13 +105,68 @@ def report_page(result: StudyResult) -> Page:
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
-            *([] if few else [_drawn_note(sensors)]),
-            *(sensor_section(one, listed=len(sensors) <= 2) for one in sensors),
+            *([] if few else [_units_section(sensors)]),
+            *(sensor_section(one, listed=len(sensors) <= 2) for one in sensors if few),
             *([appendix_section(study.appendices)] if study.appendices else []),
             *([_scenes(study.scenes)] if study.scenes else []),
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
         ],
+        parts=[]
+        if few
+        else [
+            (_page_name(k, name), _unit_page(result, name, own))
+            for k, (name, own) in enumerate(_units(sensors).items())
+        ],
+    )
+
+
+def _units(sensors: Sequence[Shown]) -> dict[str, list[Shown]]:
+    """Components by the unit that they belong to."""
+    units: dict[str, list[Shown]] = {}
+    for one in sensors:
+        units.setdefault(one.sensor.id.rpartition(".")[0] or one.sensor.id, []).append(one)
+    return units
+
+
+def _units_section(sensors: Sequence[Shown]) -> Section:
+    """Where the page of each unit is, and which of them have figures."""
+    links, drawn = [], []
+    for k, (name, own) in enumerate(_units(sensors).items()):
+        links.append(_link(name, f"{_page_name(k, name)}.html"))
+        drawn += [
+            _link(one.sensor.id, f"{_page_name(k, name)}.html#{one.anchor}") for one in own if one.figures
+        ]
+    said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
+    note = said.format(len(drawn), len(sensors), Markup(", ").join(drawn))
+    told = Markup("Each unit has a page of its own: {}.").format(Markup(", ").join(links))
+    return Section("The units", [Prose(told), Prose(note, "note")], "units")
+
+
+def _link(text: str, place: str) -> Markup:
+    return Markup('<a href="{}">{}</a>').format(place, text)
+
+
+def _page_name(k: int, name: str) -> str:
+    """File of the k-th unit's page, without its ending: none is another's, or the report's."""
+    return f"{k + 1}-{file_name(name)}"
+
+
+def _unit_page(result: StudyResult, name: str, own: Sequence[Shown]) -> Page:
+    """Page of one unit's components."""
+    sensors = tuple(one.sensor for one in own)
+    alone = replace(result, sensors=sensors, classes=())
+    return Page(
+        name,
+        f"Which terms of the generalized model do the components of {name} need?",
+        first=[
+            answer([first_answer(alone)], doubtful=any(map(is_doubtful, sensors))),
+            Figure([first_panel(sensors, "first")], TILES, "verdicts"),
+        ],
+        counts=counts_of(sensors),
+        data=data_of(sensors),
+        fit=fit_status(sensors),
+        blocks=[sensor_section(one, listed=len(own) <= 2) for one in own],
     )
 
 
@@ -120,12 +177,6 @@ def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
             yield case_section(name, f"case{k}", found, result.study.costs, scenes)
     elif any(found[0].recovered for found in cases.values()):
         yield cases_section(cases)
-
-
-def _drawn_note(sensors: Sequence[Shown]) -> Prose:
-    drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
-    said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
-    return Prose(said.format(len(drawn), len(sensors), Markup(", ").join(drawn)), "note")
 
 
 def _scenes(missions: Sequence[Mission]) -> Section:

@@ -69,11 +69,13 @@ NOISE_KEY = (
     " picture is beside this report, as slide.svg and slide.png."
 )
 
-PICTURE_KEY = (
+TILES = (
     "Blue: needed, with the value to use; grey: not needed, with the limit that it stays below with 95 %;"
-    " yellow: undecided; white: the test cannot tell (? inseparable or unresolved, × not tested). The same"
-    " picture is beside this report, as slide.svg and slide.png."
+    " yellow: undecided; white: the test cannot tell (? inseparable or unresolved, × not tested)."
 )
+
+PICTURE_KEY = f"{TILES} The same picture is beside this report, as slide.svg and slide.png."
+"""Of a page whose picture is a slide."""
 
 
 def first_answer(result: StudyResult) -> str:
@@ -113,7 +115,9 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
 
 
 def _pooled(result: StudyResult, alike: Sequence[SensorResult]) -> set[str]:
-    """Terms that a kind needs by the evidence of all its components in a case."""
+    """Terms that a kind needs by the evidence of all its components, which are in one case."""
+    if len({one.id.rpartition(".")[0] for one in alike}) > 1:
+        return set()
     rows = pooled_rows(alike, result.study.costs).get(alike[0].kind, [])
     return {term for term, _, _, word in rows if word == "needed"}
 
@@ -267,7 +271,9 @@ def _cell(axes: Axes, box: Box, word: str, texts: Sequence[str]) -> None:
     style, ink = STYLES.get(word, STYLES["untested"])
     size = min(14.0, 0.62 * box[3])
     marks = ["×" if word == "untested" else "?"] if word in UNSEEN else texts
-    told = next((text for text in marks if 0.6 * size * len(text) < box[2] - 6.0), "")
+    told = next(
+        (text for text in marks if 0.6 * size * len(text) < box[2] - (2.0 if len(text) == 1 else 6.0)), ""
+    )
     tile(axes, box, told, ink=ink, size=size, **style)
 
 

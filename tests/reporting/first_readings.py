@@ -27,6 +27,8 @@ def wrong_first(blocks: Sequence[Block], result: Found) -> list[str]:
     read = [
         one for one in blocks if one in over or not any(set(NUMBER.findall(one.text)) <= own for own in told)
     ]
+    tiled = [one for one in result["sensors"] if any(tile.text.startswith(f"{one['id']}, ") for tile in over)]
+    result = {**result, "sensors": tiled or result["sensors"]}
     ids = sorted((one["id"] for one in result["sensors"]), key=len, reverse=True)
     own = fixed(*(rf"(?<![\w-])({re.escape(name)})(?![\w-])" for name in ids))
     return problems(read, (*FIRST, *own), result)

@@ -537,6 +537,7 @@ WHOLE = (
         rf"((?:not )?needed (?:is|are)|undecided (?:is|are)|this test cannot tell of) {NAMES}(?=[.;])",
         _in_one_model,
     ),
+    Reading(r"drawn of (\d+) of the (\d+) components", lambda r, m, _: [int(m[1]), len(r.sensors)]),
     Reading(rf"({NUM}) (?:independent draws|draws of the full library)", _dealt),
 )
 
@@ -544,7 +545,7 @@ WHOLE = (
 def wrong_study(html: str, result: Found) -> list[str]:
     """What a report on sensors says that its result does not."""
     page = tree(html)
-    every = [*sentences(page), *drawn(page)]
+    every = [one for one in (*sentences(page), *drawn(page)) if not one.text.startswith("Made on ")]
     of_class = [block for block in every if result.get("population") and is_of_class(block)]
     first = [block for block in every if block.anchor == "first"]
     blocks = [block for block in every if block.anchor not in (*UNREAD, "first") and block not in of_class]
@@ -558,7 +559,8 @@ def wrong_study(html: str, result: Found) -> list[str]:
     notes += [note for one in result["sensors"] for run in one["runs"] for note in run["notes"]]
     notes += [s["exact"] for one in result["sensors"] for s in one["standards"].values() if s.get("exact")]
     read = (_without(block, notes) for block in blocks if block.text not in titles and not _doubt(block))
-    ids = fixed(*(rf"(?<![\w-])({re.escape(one['id'])})(?![\w-])" for one in result["sensors"]))
+    names = dict.fromkeys(n for one in result["sensors"] for n in (one["id"], one["id"].rpartition(".")[0]))
+    ids = fixed(*(rf"(?<![\w-])({re.escape(name)})(?![\w-])" for name in names if name))
     known = (*READINGS, *CASES, *WHOLE, *SAID, *UNHELD, *fixed(rf"known (?:only )?to ({NUM}) \S+"), *ids)
     found = [
         *wrong_first(first, result),

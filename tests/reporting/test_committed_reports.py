@@ -45,7 +45,11 @@ def _read(name: str) -> tuple[str, dict]:
 
 
 def _wrong(name: str) -> list[str]:
-    return READERS.get(name, wrong_study)(*_read(name))
+    """What any of its pages says that its result does not: a long study has one for each unit."""
+    (html, result), pages = _read(name), sorted((REPORTS / name).glob("[0-9]*.html"))
+    read = READERS.get(name, wrong_study)
+    every = [html, *(page.read_text(encoding="utf-8") for page in pages)]
+    return [wrong for one in every for wrong in read(one, result)]
 
 
 @pytest.mark.parametrize("name", sorted(page.parent.name for page in REPORTS.glob("*/report.html")))
