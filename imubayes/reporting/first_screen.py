@@ -92,7 +92,7 @@ def first_answer(result: StudyResult) -> str:
         said[0] = f"If the model held, which the data reject: {said[0]}"
     elif doubtful:
         of = listed(doubtful) if len(doubtful) <= FEW else f"{len(doubtful)} of {len(sensors)} components"
-        last = f"The data of {of} reject the model: what they need is conditional."
+        last = f"The data of {of} reject the model; verdicts there are conditional."
     return short(said, last)
 
 
@@ -107,7 +107,9 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
     pooled = _pooled(result, alike)
     every = [t for t in _names(alike) if t in pooled or all(t in own for own in needs.values())]
     none = f"No term is needed by every {kind}."
-    yield f"All {len(alike)} {kind}s need {listed(every)}." if every else none
+    together = any(t not in own for t in every for own in needs.values())
+    who = f"{'In one model all' if together else 'All'} {len(alike)} {kind}s"
+    yield f"{who} need {listed(every)}." if every else none
     some = Counter(t for own in needs.values() for t in own if t not in every)
     if some:
         told = [f"{term} ({count})" for term, count in some.most_common()]

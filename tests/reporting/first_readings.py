@@ -104,7 +104,7 @@ FIRST = (
     *readings(
         {
             rf"(?:^|(?<=: )|(?<=\. ))(\S+) needs {NAMES} of (\d+) terms?\.": _one,
-            rf"All (\d+) (accelerometer|gyroscope)s need {NAMES}\.": _all,
+            rf"[Aa]ll (\d+) (accelerometer|gyroscope)s need {NAMES}\.": _all,
             r"Some need(?: also)? ([^.]+?) of (\d+)\.": _some,
             r"Of (\d+) others its test cannot tell":
                 lambda r, m: [sum(t["verdict"] in UNSEEN for t in r["sensors"][0]["terms"])],
