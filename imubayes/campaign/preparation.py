@@ -4,37 +4,54 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import reduce
+from typing import Any
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import add
 from imubayes.campaign.study import SensorSpec
-from imubayes.errors import ConvergenceError, StudyError
+from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.conflicts import Priors, refuse_conflicts
+from imubayes.inference.dwells import dwells_of
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, trusted_stills
 from imubayes.inference.known_case import blind_rows, solve_known_case
-from imubayes.inference.known_quantities import recover
-from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, swing_of
+from imubayes.inference.known_quantities import Recovered, recover
+from imubayes.inference.lack_of_fit import NOTHING, Beside, functions_of, varies
+from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
 from imubayes.inference.mcmc.chains import at_found_noise
+from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
-from imubayes.inference.reproducibility import FEWEST, Spread, spreads
+from imubayes.inference.reproducibility import (
+    FEWEST,
+    SHOWN,
+    Spread,
+    between_stills,
+    odds_of,
+    scatter_of,
+    spreads,
+)
+from imubayes.inference.residuals import check_residuals, level_of
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
-from imubayes.inference.stills import WINDOW, condensed, with_stills
+from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
+from imubayes.inference.whitened import whitened_factor
 from imubayes.progress import Progress, silent
 from imubayes.rig.bench import effective
-from imubayes.rig.filtering import with_disturbances
+from imubayes.rig.filtering import dwell_means, with_disturbances
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, OUTPUT_UNIT, RunSpec
-from imubayes.rig.reference import KINDS
+from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
-from imubayes.selection.decision import Selection
+from imubayes.selection.decision import Selection, loose_fit
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -43,6 +60,12 @@ from imubayes.units import factor
 
 SETTLED = 0.05
 """Change of ln of an estimated sd that is none: its own uncertainty is larger."""
+
+HIDDEN = 30.0
+"""Typical size of what the library lacks over what it leaves of that: powers take the place of most of it."""
+
+SPARE = 8
+"""Dwells beyond the columns that a run excites from which their scatter is told."""
 
 ROUNDS = 20
 """Most rounds in which estimated sds must settle; they take two or three."""
@@ -111,21 +134,137 @@ class Prepared:
     source: str
     distrusted: tuple[Distrusted, ...] = ()
     spreads: tuple[Spread, ...] = ()
+    scatter: tuple[Spread, ...] = ()
+    absorbed: Misfit | None = None
 
 
-def prepare(spec: SensorSpec, runs: Sequence[Run], tell: Progress, rng: np.random.Generator) -> Prepared:
-    """Noise, errors of the bench, and distrusted dwells (which `rng` is for) of a component's runs."""
+def prepare(
+    spec: SensorSpec,
+    runs: Sequence[Run],
+    tell: Progress,
+    rng: np.random.Generator,
+    share: int | None = None,
+) -> Prepared:
+    """Noise, errors of the bench, and distrusted dwells (which `rng` is for) of a component's runs.
+
+    With a `share` of the level of residual tests (see `find_misfit`) it is asked what the library lacks, and
+    where the residuals show something, that stands beside it as functions of the inputs.
+    """
     prior, source = component_prior(spec, runs)
-    found = _summarized(spec, runs, prior, tell)
+    asked = spec if share is None else replace(spec, estimated=frozenset(), reference=_stated(spec))
+    found = _summarized(asked, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()
     if spec.robust:
         tell("dwells that cannot be trusted")
         kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
         runs, distrusted = kept.noted, kept.distrusted
         # a run that is left out takes the errors with it that no other run has
-        kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
-        found = _summarized(spec, runs, prior, tell, kinds)
-    return replace(found, source=source, distrusted=distrusted)
+        kinds = {name: asked.reference[name] for name in effective(runs, asked.reference)}
+        found = _summarized(asked, runs, prior, tell, kinds)
+    found = replace(found, source=source, distrusted=distrusted)
+    return found if share is None else _absorbing(spec, found, prior, tell, share)
+
+
+def _stated(spec: SensorSpec) -> dict[str, float]:
+    return {kind: size for kind, size in spec.reference.items() if kind not in spec.estimated}
+
+
+def _absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, share: int) -> Prepared:
+    """Problem with what nobody stated of the bench, and what the library lacks, where the data show it.
+
+    Dwells are then what counts: their scatter is the noise.
+    """
+    means = tuple(dwell_means(run) for run in found.runs)
+    misfit, mounts = _misfit_of(spec, found, share), _of_mounts(spec, found, means)
+    mounts = mounts if spec.estimated or _shows(found, spec, means, prior, mounts) else {}
+    if not mounts and misfit is None:
+        return found
+    tell("what the bench and the library lack")
+    bench = {"reference": {**_stated(spec), **mounts}, "estimated": frozenset(mounts)}
+    wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
+    made, left = found, misfit
+    with suppress(ConvergenceError, UnobservableError):  # what is lacking looks like far too large turns
+        made = _summarized(wider, means, prior, tell, scattering=True)
+        left = _misfit_of(spec, made, share) if misfit else None
+    if left is not None:
+        of = _to_absorb(means, spec.library.own, left)
+        unit, sd = OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found, prior)
+        beside = functions_of(means, of, spec.library, unit, sd)
+        with suppress(ConvergenceError, UnobservableError):  # too little is left to tell their sizes by
+            made = _summarized(wider, means, prior, tell, beside=beside, scattering=True)
+    if made is found:
+        return found
+    scatter = tuple(
+        one for pair in zip(found.summary.runs, made.summary.runs, strict=True) if (one := scatter_of(*pair))
+    )
+    told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
+    return replace(made, absorbed=misfit if made.summary.extras else None, **told)
+
+
+def _scattering(
+    spec: SensorSpec, found: Prepared, means: Sequence[Run], mounts: Mapping[str, float]
+) -> tuple[RunSpec, ...]:
+    """Runs whose noise is what their dwells scatter by, or that of their samples where dwells are too few."""
+    noise: dict[str, NoiseRule] = {}
+    for run, one in zip(means, found.summary.runs, strict=True):
+        turned = len(errors_of([run], mounts)) if effective([run], mounts) else 0
+        columns = int(np.sum(one.reach[: len(spec.library.names)] > 0.0)) + turned
+        if run.samples < columns + SPARE:
+            noise[run.name] = NoiseRule("fixed", one.noise)
+    return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
+
+
+def _to_absorb(runs: Sequence[Run], own: str, misfit: Misfit) -> list[tuple[str, str]]:
+    """Functions (run, input) for what the library lacks: of the own input, and of what shows it."""
+    named = {run.name: run for run in runs}
+    shown = [(one.run, one.input) for one in misfit.found]
+    of = dict.fromkeys((*((name, own) for name in named), *shown))
+    return [(name, channel) for name, channel in of if varies(named[name], channel)]
+
+
+def _misfit_of(spec: SensorSpec, found: Prepared, share: int) -> Misfit | None:
+    """What the library lacks; None where residuals are what the noise leaves."""
+    seen = {"rng": np.random.default_rng(share), "share": share}
+    channels = [run.inputs.channels for run in found.runs]
+    misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, **seen)
+    theta, cov = loose_fit(found.summary, found.prior)
+    level, pairs = level_of(share, len(found.runs)), zip(found.rows, found.summary.runs, strict=True)
+    fit = all(check_residuals(r, theta, one, cov=cov, level=level).fits for r, one in pairs)
+    return None if fit and not misfit.found else misfit
+
+
+def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:
+    """Typical size of the rotation from mount to mount, where nobody stated it and mounts can tell it."""
+    stated, kind = _stated(spec), KINDS["fixture"]
+    if spec.estimated:
+        return {name: size for name, size in spec.reference.items() if name in spec.estimated}
+    if "fixture" in stated or any(run.stream for run in means) or not effective(means, ["fixture"]):
+        return {}
+    if len({(error.run, error.mount) for error in errors_of(means, ["fixture"])}) < FEWEST:
+        return {}
+    return {"fixture": kind.default or 0.0}
+
+
+def _shows(
+    found: Prepared, spec: SensorSpec, means: Sequence[Run], prior: ScalePrior, mounts: Mapping[str, float]
+) -> bool:
+    """Whether dwells are likelier with rotations from mount to mount than without."""
+    if not mounts or found.summary.extras:
+        return bool(mounts and spec.estimated)
+    extras = extras_for(means, mounts, sensor=spec.kind)
+    theta = loose_fit(found.summary, prior)[0]
+    parts = rows_with(means, spec.library, extras, theta, np.zeros(len(extras)))
+    pairs = zip(parts, found.summary.runs, strict=True)
+    factor = reduce(add, (whitened_factor(part, run.noise)[0] for part, run in pairs))
+    sd = np.concatenate((prior.sd, [extra.sd for extra in extras]))
+    return odds_of(factor, sd, extras, "fixture") > SHOWN
+
+
+def _scatter(found: Prepared, prior: ScalePrior) -> float:
+    """Rms of what the library leaves of the dwells, SI."""
+    theta = loose_fit(found.summary, found.prior)[0]
+    left = [residuals(dwells_of(rows).means, theta) for rows in found.rows]
+    return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
 
 
 def _summarized(
@@ -134,27 +273,40 @@ def _summarized(
     prior: ScalePrior,
     tell: Progress,
     kinds: Mapping[str, float] | None = None,
+    *,
+    beside: Beside = NOTHING,
+    scattering: bool = False,
 ) -> Prepared:
-    """Factor of the runs, with the errors of the bench that the study allows for, or `kinds` of them."""
-    rules = _rules(spec, runs)
+    """Factor of the runs, with the errors of the bench that the study allows for, or `kinds` of them.
+
+    With `beside` the model has further columns. Rows may scatter as they will where that is `scattering`:
+    the class says what samples do.
+    """
+    rules, sensor = _rules(spec, runs), None if scattering else spec.sensor_class
     wanted = dict(spec.reference if kinds is None else kinds)
-    if not wanted:
+    if not wanted and not beside.extras:
         rows = tuple(linear_of(run, spec.library) for run in runs)
-        summary = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules, rows=rows)
+        summary = summarize(runs, spec.library, sensor=sensor, rules=rules, rows=rows)
         return Prepared(tuple(runs), summary, rows, prior, "")
-    tell("errors of the test bench")
+    if wanted:
+        tell("errors of the test bench")
     typical = {kind: size for kind, size in wanted.items() if kind in spec.estimated}
+    typical |= {extra.kind: extra.sd for extra in beside.extras}
+    sizes = {**wanted, **typical}
     for _ in range(ROUNDS):
-        summary, rows = solve(runs, spec.library, prior.sd, wanted, sensor=spec.sensor_class, rules=rules)
-        whole = _with_extras(prior, summary.extras)
-        for kind in (one for one in typical if sum(e.kind == one for e in summary.extras) < FEWEST):
+        bench = {kind: sizes[kind] for kind in wanted}
+        given: dict[str, Any] = {"sensor": sensor, "rules": rules, "beside": beside.scaled(sizes)}
+        summary, rows = solve(runs, spec.library, prior.sd, bench, **given)
+        few = {kind for kind in wanted if sum(extra.kind == kind for extra in summary.extras) < FEWEST}
+        for kind in few & typical.keys():
             raise StudyError(
                 f"sensor '{spec.id}': reference: {kind} is to be estimated from fewer than {FEWEST} mounts:"
                 " expected its size, a quantity"
             )
+        whole = _with_extras(prior, summary.extras)
         told = spreads(at_found_noise(summary, whole).factor, whole.sd, summary.extras, typical)
-        before, wanted = wanted, {**wanted, **{one.kind: one.mean for one in told}}
-        if all(abs(math.log(wanted[kind] / before[kind])) < SETTLED for kind in typical):
+        before, sizes = sizes, {**sizes, **{one.kind: one.mean for one in told}}
+        if all(abs(math.log(sizes[kind] / before[kind])) < SETTLED for kind in typical):
             return Prepared(tuple(runs), summary, rows, whole, "", spreads=told)
     raise ConvergenceError(
         f"sensor '{spec.id}': how far mounts differ ({', '.join(typical)}) did not settle in {ROUNDS} rounds:"
@@ -416,7 +568,23 @@ def of_case(
     except ConvergenceError:  # data and prior disagree, which the report says first of all
         found = ()
     rows = compensation(spec, case, [term.mean for one in selections for term in one.terms])
-    return [{"calibration": row, "recovered": found} for row in rows]
+    spreads = {"accelerometer": _between_stills(runs, ready.summary, found)}
+    kinds = [one.library.kind for one in case.components]
+    return [
+        {"calibration": row, "recovered": found, "spreads": spreads.get(kind, ())}
+        for row, kind in zip(rows, kinds, strict=True)
+    ]
+
+
+def _between_stills(runs: Sequence[Run], summary: Summary, found: Sequence[Recovered]) -> tuple[Spread, ...]:
+    """Sd from still to still of every run in which gravity is known."""
+    named, noise = {run.name: run for run in runs}, {run.name: run.noise.N for run in summary.runs}
+    told: list[Spread | None] = []
+    for one in found:
+        if one.what == "gravity" and one.run in noise:
+            times = np.array(times_of(named[one.run], find_stills(named[one.run])))
+            told.append(between_stills(one, times[:, 1] - times[:, 0], noise[one.run]))
+    return tuple(one for one in told if one is not None)
 
 
 def _over_record(case: Case, selections: Sequence[Selection], walking: Sequence[bool]) -> Case:

@@ -213,7 +213,9 @@ class SensorResult:
     bias : at the start, on average and at the end of the record, where a random walk of the noise counts: b0
         is then the average. None where it is one and the same.
     compensations : models that may be exported, the best predicting one first; none if nothing was left out.
-    spreads : sds of errors of the bench from mount to mount, or run to run, that the data tell.
+    spreads : sds that the data tell: of errors of the bench from mount to mount or run to run, of what dwells
+        of a run scatter by beyond its samples, and of functions of inputs that the library lacks.
+    absorbed : what residuals showed before such functions stood beside the library; None where nothing did.
     """
 
     id: str
@@ -245,6 +247,7 @@ class SensorResult:
     bias: Bias | None = None
     compensations: tuple[Compensation, ...] = ()
     spreads: tuple[Spread, ...] = ()
+    absorbed: Misfit | None = None
 
     @property
     def conditional(self) -> bool:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
+from imubayes.inference.lack_of_fit import NOTHING, Beside
 from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, streamed
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import At, Pace, Round, settle
@@ -122,6 +123,7 @@ def solve(
     *,
     sensor: SensorClass | None = None,
     rules: Rules | None = None,
+    beside: Beside = NOTHING,
 ) -> tuple[Summary, tuple[Linear, ...]]:
     """Summarize runs on a bench with errors, relinearised until that settles.
 
@@ -133,6 +135,7 @@ def solve(
     kinds : prior sd in SI of each kind of error of the bench.
     sensor : class whose noise prior steers the estimate of the noise.
     rules : how the noise is known, by run.
+    beside : further columns, after those of the errors.
 
     Returns
     -------
@@ -143,14 +146,15 @@ def solve(
     ConvergenceError : if the linearisation does not settle; it carries coefficients and errors so far.
     """
     extras = extras_for(runs, {**kinds, **tilt_of(lib, prior_sd, kinds)}, sensor=lib.kind)
-    sd, p = np.concatenate((prior_sd, [extra.sd for extra in extras])), len(prior_sd)
+    every, p, q = (*extras, *beside.extras), len(prior_sd), len(prior_sd) + len(extras)
+    sd = np.concatenate((prior_sd, [extra.sd for extra in every]))
 
     def linearised(taken: Taken) -> At:
         def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:
             lean = None if leaning is None else leaning[:p]
-            parts = rows_with(runs, lib, extras, place[:p], place[p:], leaning=lean)
-            rows = tuple(taken(part) for part in parts)
-            summary = summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=extras, known=noise)
+            parts = rows_with(runs, lib, extras, place[:p], place[p:q], leaning=lean)
+            rows = tuple(taken(beside.added(part)) for part in parts)
+            summary = summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every, known=noise)
             found = [run.found for run in summary.runs]
             return Round(place, summary, rows, found, noise_scale(summary.factor, sd))
 

@@ -13,7 +13,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular
 from imubayes.rig.inputs import Facts
 from imubayes.rig.plans import EARTH_RATE
-from imubayes.rig.reference import EARTH, HEADS, KINDS, TILT, kind_of
+from imubayes.rig.reference import EARTH, HEADS, KINDS, LACK, TILT, kind_of
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import STANDARD_GRAVITY
 
@@ -93,16 +93,16 @@ class Observability:
         Exact cancellations that share a term add up to others, so all their terms are confounded with each
         other, whichever basis of the null space `groups` happens to be. An error of the test bench that hides
         two terms does not make them partners, and the tilt that is allowed for beside a rotation in the
-        fixture is none.
+        fixture is none, nor what stands for what the library lacks.
         """
         together = {name}
         for _ in self.groups:
-            shared = {name, *(term for term in together if _head(term) not in HEADS)}
+            shared = {name, *(term for term in together if not _bench(term))}
             for group in self.groups:
                 if group.exact and not shared.isdisjoint(group.terms):
                     together.update(group.terms)
         together.update(*(group.terms for group in self.groups if name in group.terms))
-        together -= {name, *(other for other in together if HEADS.get(_head(other)) == TILT.name)}
+        together -= {name, *(other for other in together if _bench(other) in (TILT.name, LACK))}
         return tuple(other for other in self.names if other in together)
 
 
@@ -142,7 +142,7 @@ def observe(
     T = np.asarray(np.linalg.qr(np.concatenate((A, np.eye(len(sd)))), mode="r"))
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
     largest = factor.column_norms if reach is None else np.array([reach[name] for name in factor.names])
-    bench = tuple(HEADS.get(_head(name), "") for name in factor.names)
+    bench = tuple(_bench(name) for name in factor.names)
     exact = tuple(_exact(A, size, largest * sd, _late(bench, size)))
     # that the data say little of an error of the test bench by itself is no news
     faint = (c for c in _below_noise(A, size, exact) if not bench[int(np.argmax(np.abs(c.v)))])
@@ -230,7 +230,7 @@ def _late(bench: tuple[str, ...], size: FloatArray) -> NDArray[np.intp]:
     sensor that is misaligned does what one across it does, a thousand times less: it hides no term, and must
     not stand for the one that does.
     """
-    mounts = np.flatnonzero([kind != "" and kind_of(kind).each == "mount" for kind in bench])
+    mounts = np.flatnonzero([kind and (kind == LACK or kind_of(kind).each == "mount") for kind in bench])
     decades = np.round(np.log10(np.maximum(size[mounts], np.finfo(float).tiny)))
     first = mounts[np.argsort(-decades, kind="stable")]
     return np.concatenate([first, np.setdiff1d(np.arange(len(bench)), mounts)])
@@ -294,8 +294,9 @@ def _group(
 ) -> Confounded:
     terms = tuple(name for name, inside in zip(names, c.part, strict=True) if inside)
     heads = frozenset(_head(name) for name in terms)
-    if not c.exact and len(heads - HEADS.keys()) > 1:
-        heads -= HEADS.keys()  # a passenger where terms alone look alike
+    alone = frozenset(head for head in heads if not _bench(head))
+    if not c.exact and len(alone) > 1:
+        heads = alone  # a passenger where terms alone look alike
     reason, remedy = _words(heads, facts)
     seen = 1.0 / float(np.sqrt(1.0 + np.linalg.norm(A @ c.v) ** 2))
     return Confounded(terms, tuple((c.v * sd)[c.part].tolist()), seen, c.exact, reason, remedy)
@@ -319,11 +320,17 @@ def _head(name: str) -> str:
     return rest if first in COMPONENTS else first
 
 
+def _bench(name: str) -> str:
+    """Kind of error that a column is, or what stands for what the library lacks; empty for a term."""
+    head = _head(name)
+    return LACK if head.startswith(f"{LACK}_") else HEADS.get(head, "")
+
+
 def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     """Reason and remedy of a cancellation."""
-    bench = [kind for kind in _BENCH if any(HEADS.get(name) == kind for name in terms)]
+    bench = [kind for kind in _BENCH if any(_bench(name) == kind for name in terms)]
     if bench:
-        return _bench_words(bench, sorted(name for name in terms if name not in HEADS))
+        return _bench_words(bench, sorted(name for name in terms if not _bench(name)))
     if facts.reference_free:
         return _REFERENCE_FREE[facts.kind if facts.force else "turntable"]
     for applies, reason, remedy in _REASONS:
@@ -332,7 +339,7 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
             force, rate = _lengths(facts)
             sizes = (force, rate) if facts.kind == "accelerometer" else (rate, force)
             return reason.format(*sizes, own=own), remedy[facts.kind]
-    driven = sorted(terms - {"b0"} - HEADS.keys())[:2]
+    driven = sorted(name for name in terms - {"b0"} if not _bench(name))[:2]
     return "", f"a run in which the input of {' or '.join(driven)} changes by itself would separate them"
 
 
@@ -358,7 +365,8 @@ def _lengths(facts: Facts) -> tuple[str, str]:
 
 def _bench_words(kinds: list[str], terms: list[str]) -> tuple[str, str]:
     """Reason and remedy where errors of the test bench take part in a cancellation."""
-    errors = " and ".join(f"the {KINDS[kind].text}" for kind in kinds)
+    texts = {kind: KINDS[kind].text if kind in KINDS else "function that the library lacks" for kind in kinds}
+    errors = " and ".join(f"the {texts[kind]}" for kind in kinds)
     acts = "acts" if len(kinds) == 1 else "act"
     as_terms = f"as {', '.join(terms)} {'does' if len(terms) == 1 else 'do'}" if terms else "alike"
     return f"{errors} {acts} on the output {as_terms}", f"{_BENCH[kinds[0]]} would separate them"
@@ -376,6 +384,7 @@ _BENCH = {
     "arm_stretch": "a survey of the arm under load",
     "rate_scale": "a count of whole turns against a clock",
     EARTH: "as many turns in the other sense",
+    LACK: "a library with what it lacks",
 }
 """What separates each kind of error of the test bench from the terms that it hides."""
 

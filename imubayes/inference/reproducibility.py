@@ -15,17 +15,46 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
+from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import NoiseDraw, log_marginal
+from imubayes.inference.summary import RunSummary
 
 WIDTH = 1.0
 """Prior sd of ln s about the typical size: a factor of three either way with 73 %."""
 
-REACH = 5.0
+REACH = 3.0
 """Widths about the typical size that the grid of ln s spans."""
 
 SIZES = 61
 """Cells of that grid."""
+
+ROUNDS = 50
+"""Most rounds in which the sds of several kinds settle beside each other."""
+
+SETTLED = 0.02
+"""Change of ln of an sd that is none."""
+
+DWELL = "dwell"
+"""What the kind of a spread begins with that is from dwell to dwell of a run."""
+
+TOLD = 0.95
+"""Probability that dwells scatter by more than their samples from which that is told."""
+
+STILL = "still"
+"""The same from still to still."""
+
+TINY = 0.1
+"""Share of the errors' rms from which, and up to whose inverse, the sd between stills may be."""
+
+NONE = 1e-6
+"""Share of the typical size that is none."""
+
+LARGEST = 300.0
+"""Logarithm of odds that stands for all larger ones."""
+
+SHOWN = 1.0
+"""Odds from which errors that nobody stated are there: the more probable side."""
 
 FEWEST = 3
 """Errors of a kind that tell an sd."""
@@ -70,7 +99,15 @@ def spreads(
     extras : the q errors.
     typical : size of each kind that is estimated, SI.
     """
-    return tuple(_spread(factor, sd, extras, kind, size) for kind, size in typical.items())
+    sd, found = sd.copy(), dict[str, Spread]()
+    for _ in range(ROUNDS if len(typical) > 1 else 1):
+        before = sd.copy()
+        for kind, size in typical.items():
+            found[kind] = _spread(factor, sd, extras, kind, size)
+            sd[len(sd) - len(extras) :][[extra.kind == kind for extra in extras]] = found[kind].mean
+        if np.all(np.abs(np.log(sd / before)) < SETTLED):
+            break
+    return tuple(found.values())
 
 
 def _spread(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str, typical: float) -> Spread:
@@ -82,15 +119,76 @@ def _spread(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str, 
     return Spread(kind, int(own.sum()), sizes, weight / weight.sum())
 
 
+def odds_of(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str) -> float:
+    """How much likelier rows are with errors of a kind, their sd integrated out, than without them.
+
+    Parameters
+    ----------
+    factor, sd, extras : as `spreads` takes them; the sd of the kind is the typical one.
+    """
+    there = np.append(np.zeros(len(sd) - len(extras), bool), [extra.kind == kind for extra in extras])
+    z = np.linspace(-REACH, REACH, SIZES)
+    sizes = sd[there][0] * np.exp(WIDTH * z)
+    log = np.array([log_marginal(factor, np.where(there, size, sd)) for size in sizes.tolist()]) - 0.5 * z**2
+    without = log_marginal(factor, np.where(there, NONE * sd, sd))
+    share = float(np.sum(np.exp(log - log.max()))) / float(np.sum(np.exp(-0.5 * z**2)))
+    return math.exp(min(log.max() + math.log(share) - without, LARGEST))
+
+
+def scatter_of(samples: RunSummary, dwells: RunSummary) -> Spread | None:
+    """Sd by which the dwells of a run scatter beyond the white noise of its samples.
+
+    None where dwells were not looked at as such, or scatter by no more than that.
+    """
+    if not dwells.sampling or samples.sampling or dwells.noise_origin != "REML":
+        return None
+    z = np.linspace(-REACH, REACH, SIZES)
+    N = dwells.noise.N * np.exp(dwells.noise_sd[0] * z)
+    size = np.sqrt(np.maximum(N**2 - samples.noise.N**2, 0.0) / dwells.interval)
+    weight = np.exp(-0.5 * z**2)
+    found = Spread(
+        f"{DWELL}.{dwells.name}",
+        round(dwells.samples * dwells.sampling / dwells.interval),
+        size,
+        weight / weight.sum(),
+    )
+    return found if float(found.weight[size > 0.0].sum()) >= TOLD else None
+
+
+def between_stills(one: Recovered, lasting: FloatArray, N: float) -> Spread | None:
+    """Sd by which the stills of a run differ beyond the noise of their samples; None where all are fitted.
+
+    Parameters
+    ----------
+    one : errors (m, 1) of the length of what is known of each still, with the sds of fitted and of new ones.
+    lasting : (m,) duration of the stills, s.
+    N : white noise of a sample's component, SI.
+    """
+    if one.saturated:
+        return None
+    error, white = one.after[:, 0], N**2 / lasting
+    # the fit takes a share of the variance of its own stills
+    left = (2.0 * one.fitted**2 / (one.fitted**2 + one.fresh**2))[:, 0]
+    size = math.sqrt(float(np.mean(error**2))) * np.geomspace(TINY, 1.0 / TINY, SIZES)
+    variance = left * (size[:, None] ** 2 + white)
+    log = -0.5 * np.sum(np.log(variance) + error**2 / variance, axis=1)
+    weight = np.exp(log - log.max())
+    return Spread(f"{STILL}.{one.run}", len(error), size, weight / weight.sum())
+
+
 def over_spreads(
-    draws: Sequence[NoiseDraw], found: Sequence[Spread], extras: Sequence[Extra], rng: np.random.Generator
+    draws: Sequence[NoiseDraw],
+    found: Sequence[Spread],
+    extras: Sequence[Extra],
+    sd: FloatArray,
+    rng: np.random.Generator,
 ) -> tuple[NoiseDraw, ...]:
     """Draws of the noise, each with a draw of the sds: the columns of the errors are as much larger.
 
     So errors of another sd have the prior sd that all of them were given, which is the posterior mean.
     """
     drawn = np.array([_systematic(one, len(draws), rng) / one.mean for one in found]).T
-    return tuple(_scaled(draw, found, extras, ratio) for draw, ratio in zip(draws, drawn, strict=True))
+    return tuple(_scaled(draw, found, extras, ratio, sd) for draw, ratio in zip(draws, drawn, strict=True))
 
 
 def _systematic(one: Spread, count: int, rng: np.random.Generator) -> FloatArray:
@@ -99,10 +197,11 @@ def _systematic(one: Spread, count: int, rng: np.random.Generator) -> FloatArray
 
 
 def _scaled(
-    draw: NoiseDraw, found: Sequence[Spread], extras: Sequence[Extra], ratio: FloatArray
+    draw: NoiseDraw, found: Sequence[Spread], extras: Sequence[Extra], ratio: FloatArray, sd: FloatArray
 ) -> NoiseDraw:
     by_kind = dict(zip((one.kind for one in found), ratio.tolist(), strict=True))
     by_name = {extra.name: by_kind.get(extra.kind, 1.0) for extra in extras}
     scale = np.array([*(by_name.get(name, 1.0) for name in draw.factor.names), 1.0])
     f = draw.factor
-    return draw._replace(factor=replace(f, R=f.R * scale, rest=f.rest * scale))
+    made = replace(f, R=f.R * scale, rest=f.rest * scale)
+    return NoiseDraw(made, log_marginal(made, sd))

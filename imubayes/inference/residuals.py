@@ -37,6 +37,12 @@ TESTS = 3
 FAMILIES = 3
 """Families of tests that share a sensor's part of the level: by run, on inputs and time, on replicates."""
 
+TAKEN = 0.25
+"""Share of the blocks beyond which a fit takes so many degrees of freedom that it correlates what is left."""
+
+LEAST = 3.0
+"""Degrees of freedom that a fit must leave for the size of the residuals to say something."""
+
 OFF = 0.15
 """Relative error of the noise level that is tolerated at least: what a few hundred blocks can tell."""
 
@@ -53,7 +59,7 @@ class ResidualCheck:
     run : name of the run.
     scale : rms of the whitened residuals, averaged over blocks; 1 at the noise floor.
     whiteness_p : p-value of the Ljung-Box test on the blocks: does something vary from dwell to dwell that
-        neither the library nor the noise contains?
+        neither the library nor the noise contains? 1 where the fit itself correlates what is left.
     normality_p : p-value of the Jarque-Bera test on the blocks.
     sample_scale, sample_whiteness_p : the same on samples, where a sensor's own filter shows.
     lags : (m,) lags in blocks of `autocorrelation`.
@@ -154,9 +160,9 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
     dof = max(len(shown) - fitted, 1.0)
     scale = math.sqrt(float(shown @ shown) / dof)
     errors = max(STANDARD_ERRORS, float(norm.isf(0.5 * level)))
-    tolerated = max(OFF, errors / math.sqrt(2.0 * dof))
+    tolerated = max(OFF, errors / math.sqrt(2.0 * dof)) if dof >= LEAST else math.inf
     lags, correlation = _autocorrelation(shown)
-    whiteness = _ljung_box(shown)
+    whiteness = _ljung_box(shown) if fitted <= TAKEN * len(shown) else 1.0
     t = np.add.reduceat(rows.t, edges) / counts
     outliers = _outliers(t, shown / (scale or 1.0), counts * summary.interval, level)
     tau, measured = allan_deviation(raw, rows.t, summary.interval)

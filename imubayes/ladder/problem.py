@@ -50,6 +50,7 @@ class Problem:
     costs : of a term kept that is zero, and of one dropped that is not.
     hierarchical : whether a term may only be in a model that has what it modifies.
     case : of several components, linearised; None for one component.
+    share : of the level of the study's residual tests that asks what the library lacks; None asks nothing.
     """
 
     spec: SensorSpec
@@ -58,6 +59,7 @@ class Problem:
     costs: Costs = EQUAL
     hierarchical: bool = False
     case: Case | None = None
+    share: int | None = None
 
     @property
     def library(self) -> Library:
@@ -148,7 +150,8 @@ def prepared(ground: Ground) -> Prepared:
     def make() -> Prepared:
         ground.tell("noise and factor")
         problem = ground.problem
-        return prepare(problem.spec, problem.runs, ground.tell, ground.rngs["factor"])
+        share = problem.share
+        return prepare(problem.spec, problem.runs, ground.tell, ground.rngs["factor"], share)
 
     return once(ground, "factor", make)
 
@@ -276,7 +279,7 @@ def decided(ground: Ground, found: Posterior) -> Answer:
     asked, summary = asked_of(problem, found), ready.summary
     if found.noises and ready.spreads:
         rng = np.random.default_rng(ground.limits.seed)
-        asked["noises"] = over_spreads(found.noises, ready.spreads, summary.extras, rng)
+        asked["noises"] = over_spreads(found.noises, ready.spreads, summary.extras, ready.prior.sd, rng)
     where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
     if problem.case is None:
         ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")

@@ -90,7 +90,16 @@ def posterior_by(wanted: str, ground: Ground) -> tuple[Posterior, str]:
     ------
     InputError : if the method decides on its way, and so takes one component with known inputs.
     """
-    rung, reason = chosen_method(wanted, prepared(ground).summary)
+    ready = prepared(ground)
+    rung, reason = chosen_method(wanted, ready.summary)
+    if wanted == "auto" and ready.spreads and rung != "plug-in":
+        rung, reason = (
+            "averaged",
+            (
+                "how far the bench and the library are off is told by the same data: draws of the noise are"
+                " weighed with draws of that"
+            ),
+        )
     if rung in AT_ONCE:
         raise InputError(
             f"sensor '{ground.problem.spec.id}': the method {rung} takes runs of one component with known"

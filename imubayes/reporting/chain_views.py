@@ -11,12 +11,14 @@ import numpy as np
 
 from imubayes.algebra.factor import add, with_prior_rows
 from imubayes.inference.mcmc.ensembles import STILL
+from imubayes.inference.reproducibility import DWELL
+from imubayes.inference.reproducibility import STILL as STILL_SPREAD
 from imubayes.ladder import rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, share, signed
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
-from imubayes.rig.reference import KINDS
+from imubayes.rig.reference import KINDS, LACK, OFFSET, for_sensor
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted
@@ -24,7 +26,9 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.campaign.study import ExtraPosterior, SensorResult
     from imubayes.inference.mcmc.chains import Chains
+    from imubayes.inference.reproducibility import Spread
     from imubayes.ladder import Choice
+    from imubayes.sensors.terms import Kind
 
 MOST_DWELLS = 4
 """Runs that a sentence names."""
@@ -282,22 +286,34 @@ def bench_sections(sensor: SensorResult) -> Iterator[Section]:
 
 
 def reproducibility_sentence(sensor: SensorResult) -> str:
-    """Say how far mounts differ, as the data tell it; empty where they were not asked."""
-    told = []
-    for one in sensor.spreads:
-        kind = KINDS[one.kind]
-        unit = per_unit(kind.printed, kind.unit)
-        size = measured(one.mean / unit, one.sd / unit, kind.printed)
-        told.append(f"the {kind.text} differs between mounts by {size} (sd)")
-    return f"As the data tell it, {listed(told)}." if told else ""
+    """Say how far mounts and dwells differ, and what the library lacks; empty where neither is told."""
+    heads = [(one, *one.kind.partition(".")[::2]) for one in sensor.spreads]
+    told = [_spread_words(one, head, where, sensor.kind) for one, head, where in heads if head != LACK]
+    inputs = dict.fromkeys(where.partition("^")[0] for _, head, where in heads if head == LACK)
+    said = [f"As the data tell it, {listed(told)}."] if told else []
+    if sensor.absorbed is not None and inputs:
+        beside = f"functions of {listed(inputs)} stand beside the terms, and what they could explain is open"
+        said.append(f"By itself the library does not explain the data: {beside}. {sensor.absorbed.text}")
+    return " ".join(said)
+
+
+def _spread_words(one: Spread, head: str, where: str, kind: Kind) -> str:
+    """One sd in words, in the unit that people use."""
+    error = for_sensor(KINDS.get(head, KINDS[OFFSET]), kind)  # what is none of the bench is of the output
+    per = per_unit(error.printed, error.unit)
+    size = measured(one.mean / per, one.sd / per, error.printed)
+    if head in (DWELL, STILL_SPREAD):
+        return f"the {head}s of run {where} differ by {size} (sd) beyond the noise of their samples"
+    return f"the {error.text} differs between mounts by {size} (sd)"
 
 
 def own_errors(sensor: SensorResult) -> list[ExtraPosterior]:
     """Errors of the test bench without those of other components of the case, which end in their names."""
     own = sensor.id.rpartition(".")[2]
+    bench = [entry for entry in sensor.extras if not entry.extra.kind.startswith(f"{LACK}.")]
     if own not in COMPONENTS:
-        return list(sensor.extras)
-    places = [(entry, entry.extra.name.rpartition(".")[2]) for entry in sensor.extras]
+        return bench
+    places = [(entry, entry.extra.name.rpartition(".")[2]) for entry in bench]
     return [entry for entry, place in places if place not in COMPONENTS or place == own]
 
 

@@ -205,7 +205,7 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
 
     What is found is drawn against its input; where nothing is, the input against which most is left.
     """
-    misfit = sensor.misfit
+    misfit = sensor.absorbed or sensor.misfit
     if misfit is None:
         return
     sentences = (found_sentence(misfit, sensor.kind), predictive_sentence(misfit))

@@ -18,6 +18,7 @@ from imubayes.reporting.chain_views import (
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.rows import label, own_groups, sentence
 from imubayes.rig.checks import faults
+from imubayes.rig.reference import LACK
 from imubayes.selection.verdicts import STRAINED, listed
 from imubayes.units import counted
 
@@ -175,7 +176,10 @@ def _members(names: Sequence[str], symbols: Mapping[str, str], bench: Mapping[st
     long = len(names) > MOST_NAMES
     said = terms if long else [_both(name, symbols.get(name, name)) for name in terms]
     kinds: dict[str, list[str]] = {}
-    for extra in (bench[name] for name in names if name in bench):
+    lacking = [bench[name].kind for name in names if name in bench and bench[name].kind.startswith(LACK)]
+    inputs = dict.fromkeys(kind.partition(".")[2].partition("^")[0] for kind in lacking)
+    said = [*said, *(f"what the library lacks of {channel}" for channel in inputs)]
+    for extra in (bench[name] for name in names if name in bench and bench[name].kind not in lacking):
         kinds.setdefault(extra.kind, []).append(f"the {extra.text.removeprefix('the ')}")
     for kind, texts in kinds.items():
         counted = f"{len(texts)} errors of the test bench ({kind.replace('_', ' ')})"

@@ -46,6 +46,9 @@ MEANS = "samples enter as means of"
 ROWS = 100
 """Means that are left at least: fewer tell nothing of bias instability."""
 
+FEWEST_DWELLS = 12
+"""Dwells of a run from which they are looked at as such."""
+
 STEADY = 0.01
 """Change of an input within a mean, as a share of its largest size: its square is then right to 1e-4."""
 
@@ -166,20 +169,36 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     if worst.samples == 1:
         return run
     parts = (run.of(part) for part in run.parts("means"))
-    means = joined_parts([_averaged(part.inputs, part.output, worst) for part in parts])
+    means = joined_parts([_averaged(part.inputs, part.output, worst.samples) for part in parts])
     note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
-    lasting = worst.samples * inputs.interval
-    channels = {name: frozen(values) for name, values in means.channels.items()}
-    return replace(
-        run,
-        inputs=Inputs(
-            frozen(means.t), channels, lasting, means.mount, frozen(means.duration), inputs.interval
-        ),
-        output=frozen(means.output),
-        source=replace(run.source, notes=(*run.source.notes, note)),
-        stream=None,
-        record=run if worst.quantized else None,
+    made = _of_means(run, means, worst.samples * inputs.interval)
+    source = replace(run.source, notes=(*run.source.notes, note))
+    return replace(made, source=source, record=run if worst.quantized else None)
+
+
+def dwell_means(run: Run) -> Run:
+    """Run of a mean over each dwell at constant inputs; the run as it is where it has too few, or no dwells.
+
+    Where a dwell is more than an eighth of the run (a static log), dwells are cut to two-hundredths of it.
+    """
+    if run.stream is not None or run.of_case or not run.known:
+        return run
+    longest = int(np.diff(steady_edges(run.inputs)).max())
+    means = _averaged(
+        run.inputs, run.output, longest if 8 * longest <= run.samples else -(-run.samples // 200)
     )
+    told = FEWEST_DWELLS <= len(means) <= run.samples // 3 and np.ptp(means.output) > 0.0
+    if not told:
+        return run
+    return replace(_of_means(run, means, float(np.median(means.duration))), record=run.record or run)
+
+
+def _of_means(run: Run, means: Part, lasting: float) -> Run:
+    """Run whose rows are means, of about so many seconds, of what the run has."""
+    channels = {name: frozen(values) for name, values in means.channels.items()}
+    sampling = run.inputs.sampling or run.sampling
+    inputs = Inputs(frozen(means.t), channels, lasting, means.mount, frozen(means.duration), sampling)
+    return replace(run, inputs=inputs, output=frozen(means.output), stream=None)
 
 
 def steady_edges(inputs: Inputs) -> NDArray[np.int64]:
@@ -218,9 +237,9 @@ def _pieces(inputs: Inputs, edges: NDArray[np.int64], samples: int) -> NDArray[n
     return first
 
 
-def _averaged(inputs: Inputs, output: FloatArray, colour: Colour) -> Part:
+def _averaged(inputs: Inputs, output: FloatArray, samples: int) -> Part:
     """Means of rows over so many samples at most, with the averaging time of each."""
-    first = _pieces(inputs, steady_edges(inputs), colour.samples)
+    first = _pieces(inputs, steady_edges(inputs), samples)
     counts = np.diff(first, append=len(inputs))
 
     def means(values: FloatArray) -> FloatArray:

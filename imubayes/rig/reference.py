@@ -142,6 +142,10 @@ TILT = Kind("tilt", "rad", "urad", "", EVERY, "bench", ("j", "k"),
 which the misalignment tilts; the model lets them act along the case's. Without this allowance a strong cubic
 would tell a rotation of the case from a misalignment, by nothing but that convention."""
 
+LACK = "lack"
+"""What names of functions begin with that stand for what the library lacks: no error of a bench, and a column
+beside the terms as these are."""
+
 _EVERY_KIND = {**KINDS, TILT.name: TILT}
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -23,6 +24,8 @@ from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
 from imubayes.inference.whitened import pieces_of
 from imubayes.selection.causes import Ballot, DisputedTerm, case_of, cause_of, decided, explained, line_of
+from imubayes.selection.combined import LeftOut, Mounts
+from imubayes.selection.combined import left_out as left_out_of
 from imubayes.selection.compensations import Reduced, design_factor, reduced
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
@@ -65,6 +68,7 @@ class Panel:
     reduced : the smallest model that predicts the test as well as the posterior does; None where it was not
         found.
     unasked : what is left out of all this, and why. The decision stands without it.
+    left_out : what coefficients are without each run or mount; None where there is nothing beside it.
     """
 
     criteria: tuple[Criterion, ...]
@@ -73,6 +77,7 @@ class Panel:
     votes: Votes
     reduced: Reduced | None
     unasked: tuple[Unasked, ...] = ()
+    left_out: LeftOut | None = None
 
 
 def panel_of(
@@ -87,6 +92,7 @@ def panel_of(
     hierarchical: bool = False,
     widths: Sequence[float] = (),
     parts: Sequence[int] = (),
+    mounts: Mounts = MappingProxyType({}),
 ) -> Panel:
     """Ask every other method about the candidates of a decision.
 
@@ -102,6 +108,7 @@ def panel_of(
     hierarchical : whether a model must hold what its terms call for.
     widths : factors on every prior sd that are tried; by default as many as do not take long.
     parts : indices of the component's own runs, where others take part in the factor.
+    mounts : of runs that have several, when and which.
     """
     left_out: list[Unasked] = []
     asked = partial(_asked, left_out)
@@ -116,7 +123,10 @@ def panel_of(
     told = (compared, sparse, others or of_decision(selection))
     shortest = asked([REDUCED], lambda: reduced(selection, design_factor(question.own.rows), rng=rng))
     white = asked(["coloured noise"], lambda: coloured(summary, prior, rows, parts))
-    return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out))
+    without = asked(
+        ["parts left out"], lambda: left_out_of(question.factor, question.sd, question.pieces, mounts)
+    )
+    return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
 
 
 def _asked(left_out: list[Unasked], methods: Sequence[str], opinion: Callable[[], Answer]) -> Answer | None:

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,6 +106,23 @@ NEEDED, NOT_NEEDED = EQUAL.needed, EQUAL.not_needed
 """Inclusion from which a term is needed, and up to which it is not, at equal costs."""
 
 
+class Voices(NamedTuple):
+    """What each family says of one term.
+
+    Attributes
+    ----------
+    evidence : its verdict.
+    part, change : part of the test (a run, a mount) without which the coefficient moves farthest, in sds of
+        what chance allows.
+    sparse : share of resampled campaigns in which sparse regressions keep it; NaN where none was drawn.
+    """
+
+    evidence: str
+    part: str
+    change: float
+    sparse: float
+
+
 @dataclass(frozen=True, slots=True)
 class TermVerdict:
     """What the data say of one term; coefficients in the term's SI unit.
@@ -125,6 +143,7 @@ class TermVerdict:
     confounded_with : names.
     strain : prior sds that the data alone put it from zero, where they are sure of it; else 0. Beyond
         `STRAINED` data and prior disagree.
+    voices : what each family says; None where the evidence alone was asked.
     """
 
     name: str
@@ -147,6 +166,7 @@ class TermVerdict:
     reason: str
     confounded_with: tuple[str, ...]
     strain: float = 0.0
+    voices: Voices | None = None
 
 
 @dataclass(frozen=True, slots=True)

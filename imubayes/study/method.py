@@ -62,6 +62,7 @@ from imubayes.population.sessions import between_sessions
 from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
+from imubayes.selection.combined import combined, mounts_of
 from imubayes.selection.compensations import Compensation, compensations
 from imubayes.selection.decision import (
     Bias,
@@ -259,7 +260,9 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     What a budget is short of is left out: other methods, residuals, what the library lacks.
     """
     start, spec = time.perf_counter(), job.spec
-    ground = _ground(job, problem_of(spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical))
+    asked = problem_of(spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
+    share = None if job.study.sampling.climbs else job.share
+    ground = _ground(job, replace(asked, share=share))
     found, choice, reason = _answered(job, ground)
     ready = found.ready or plainly_prepared(ground.problem)
     told, processes = _Findings(found.selection, (), None, None), ()
@@ -276,7 +279,8 @@ def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tu
     checks = _checks(job, ready, theta, cov)
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
-    told = _drifting(job, ready, _Findings(found.selection, checks, panel, _misfit(job, ready, inputs)))
+    selection = _combined(found.selection, panel, ready)
+    told = _drifting(job, ready, _Findings(selection, checks, panel, _misfit(job, ready, inputs)))
     told = _with_compensations(job, ready, told)
     # an average no longer shows the quantization that it is made for
     fine = [
@@ -340,7 +344,8 @@ def _components(job: _Job, case: Case, ready: Prepared, found: Answer) -> list[_
     for one, selection in zip(case.components, found.selections, strict=True):
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
         panel = _panel(job, own, found.posterior.chains, selection, one.parts)
-        said = _Findings(selection, tuple(checks[k] for k in one.parts), panel, misfits[one.parts])
+        checked = tuple(checks[k] for k in one.parts)
+        said = _Findings(_combined(selection, panel, ready), checked, panel, misfits[one.parts])
         said = _drifting(job, _part(ready, one.parts), said)
         told.append(_with_compensations(job, ready, said, one.parts))
     return told
@@ -399,7 +404,15 @@ def _panel(
         chains=chains,
         hierarchical=job.study.hierarchical,
         parts=parts,
+        mounts=mounts_of(ready.runs),
     )
+
+
+def _combined(selection: Selection, panel: Panel | None, ready: Prepared) -> Selection:
+    """Decision in which all families have their say, where they were asked."""
+    if panel is None:
+        return selection
+    return combined(selection, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
 
 
 def _misfit(job: _Job, ready: Prepared, inputs: Sequence[Mapping[str, np.ndarray]], parts: int = 1) -> Misfit:
@@ -449,7 +462,8 @@ def _result(
         pulls=pulls(ready.summary.factor, ready.prior.sd, selection.carriers),
         bias=told.bias,
         compensations=told.compensations,
-        spreads=ready.spreads,
+        spreads=(*ready.spreads, *ready.scatter),
+        absorbed=ready.absorbed,
     )
 
 

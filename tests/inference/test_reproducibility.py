@@ -1,6 +1,7 @@
 """How far mounts differ: against the marginal likelihood written out, and with mounts turned unseen."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import NoiseDraw
-from imubayes.inference.reproducibility import Spread, over_spreads, spreads
+from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, spreads
 from imubayes.ladder.averaged import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.progress import silent
@@ -65,11 +66,28 @@ def test_posterior_of_the_sd_is_that_of_the_marginal_likelihood_written_out():
     assert found.count == 6
 
 
+def test_odds_are_those_of_the_marginal_likelihoods_written_out():
+    rng = np.random.default_rng(3)
+    Z = np.eye(4)[np.repeat(np.arange(4), 5)]
+    y = Z @ rng.normal(0.0, 1.0, 4) + rng.standard_normal(20)
+    extras = [Extra(f"fixture_j.{k}", "fixture", 1.0, "rad", "arcsec", "") for k in range(4)]
+    factor = factor_of(np.hstack((np.ones((20, 1)), Z)), y, ("b0", *(extra.name for extra in extras)))
+
+    def density(s):
+        return multivariate_normal.pdf(y, cov=4.0 + s**2 * Z @ Z.T + np.eye(20))
+
+    sizes = np.exp(np.linspace(-3.0, 3.0, 4001))
+    weight = np.exp(-0.5 * np.log(sizes) ** 2)
+    expected = np.sum(weight * [density(s) for s in sizes]) / np.sum(weight) / density(0.0)
+    found = odds_of(factor, np.array([2.0, *np.ones(4)]), extras, "fixture")
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
 def test_draws_of_the_sd_scale_the_errors_and_nothing_else():
     extras = [Extra("fixture_j.0", "fixture", 1.0, "rad", "arcsec", "")]
     factor = factor_of(np.eye(3)[:, :2], np.ones(3), ("b0", "fixture_j.0"))
     sure = Spread("fixture", 3, np.array([1.0, 3.0]), np.array([0.5, 0.5]))
-    draws = over_spreads([NoiseDraw(factor, 0.0)] * 8, [sure], extras, np.random.default_rng(1))
+    draws = over_spreads([NoiseDraw(factor, 0.0)] * 8, [sure], extras, np.ones(2), np.random.default_rng(1))
     ratios = [draw.factor.R[1, 1] / factor.R[1, 1] for draw in draws]
     assert sorted(np.round(ratios, 12)) == [0.5] * 4 + [1.5] * 4
     assert all(draw.factor.R[0, 0] == factor.R[0, 0] for draw in draws)
@@ -86,8 +104,9 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     errors = {f"fixture_{axis}.{m}": rng.normal(0.0, turned * ARCSEC) for m in mounts for axis in "ijk"}
     runs = simulate_on_bench(blind.sensor_class, plans, errors if turned else {}, seed=rng, truth=TRUTH)
 
-    def false(one):
-        ground = ground_of(problem_of(one, runs), np.random.default_rng(1), silent, None)
+    def false(one, share=None):
+        problem = replace(problem_of(one, runs), share=share)
+        ground = ground_of(problem, np.random.default_rng(1), silent, None)
         needed = [t.name for t in decided(ground, averaged(ground)).selection.terms if t.verdict == "needed"]
         return set(needed) - TRUTH.keys(), prepared(ground).spreads
 
@@ -96,6 +115,9 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     assert abs(found.mean / ARCSEC - turned) < (2.0 * found.sd / ARCSEC if turned else 6.0)
     if turned:
         assert len(false(blind)[0]) > 0
+    unasked, told = false(blind, share=3)
+    assert not unasked
+    assert [one.kind for one in told] == ["fixture"] * bool(turned)
 
 
 @pytest.mark.parametrize(

@@ -291,14 +291,14 @@ turn_on = "1e-4 m/s^2"
 """
 
 
-def tumbling(n=9000):
-    """Positions in two planes with a long gap between every two, which a mount tells; one is off."""
+def tumbling(n=9000, *, knocked=True):
+    """Positions in two planes with a long gap between every two, which a mount tells; one may be off."""
     rng = np.random.default_rng(4)
     dwell = np.arange(n) // 250
     t = INTERVAL * np.arange(n) + 20.0 * dwell
     angle, mount = 2.0 * np.pi * (dwell % 18) / 18.0, dwell // 18
     f_i, across = 9.8 * np.cos(angle), 9.8 * np.sin(angle)
-    output = f_i + 1e-3 + 2e-4 * f_i + 3e-4 * across * (mount == 0) + 1e-2 * (dwell == 7)
+    output = f_i + 1e-3 + 2e-4 * f_i + 3e-4 * across * (mount == 0) + 1e-2 * knocked * (dwell == 7)
     output += synthesise(NOISE, t, INTERVAL, rng)
     return {
         "t [s]": t,
@@ -312,7 +312,7 @@ def tumbling(n=9000):
 
 def both_ways(folder, monkeypatch, asked):
     """A study of a tumble, of rows in memory, and read a part at a time."""
-    pq.write_table(pa.table(tumbling()), folder / "run.parquet")
+    pq.write_table(pa.table(tumbling(knocked="robust" in asked)), folder / "run.parquet")
     text = STUDY.replace('"other"', '"tumble"').replace(
         'class = "mems_tactical"',
         f'class = "mems_tactical"\nlibrary = {{ powers = 1, asymmetry = -1 }}\n{asked}',

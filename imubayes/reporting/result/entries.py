@@ -63,6 +63,15 @@ Extra = TypedDict("Extra", {
     "text": Annotated[str, says("in words")],
     "printed_unit": Annotated[str, says("the unit that people use")],
 })
+Voices = TypedDict("Voices", {
+    "evidence": Annotated[str, says("verdict of the evidence alone")],
+    "part": Annotated[str, says("part of the test without which the coefficient moves farthest")],
+    "change": Annotated[Number, says("by how much, in sds of what chance allows")],
+    "sparse": Annotated[Number, says(
+        "share of resampled campaigns in which sparse regressions keep the term, on average over them"
+    )],
+})  # fmt: skip
+
 Reproducibility = TypedDict("Reproducibility", {
     "kind": Annotated[str, says("key of `[sensor.reference]`")],
     "count": Annotated[Count, says("errors of this kind")],
@@ -169,6 +178,10 @@ class Term(TypedDict):
     conditional: NotRequired[Annotated[Flag, says(
         "`true` where the data reject the model (a run that does not fit, or something that the library does "
         "not contain): the verdict holds if what is missing touches no term; else left out"
+    )]]
+    verdict_by: NotRequired[Annotated[Voices, says(
+        "what each family contributed: who objects to the evidence makes the verdict `undecided`, and the "
+        "reason says why; left out where the other families were not asked"
     )]]
     reason: Annotated[str, says("in words")]
     confounded_with: Annotated[Names, says("terms that the test sees only in combination with it")]
@@ -288,8 +301,14 @@ Sensor = TypedDict("Sensor", {
     "mcmc": Annotated[Mcmc, says("of the draws in `posterior.nc`")],
     "extras": Annotated[tuple[Extra, ...], says("errors of the test bench")],
     "reproducibility": NotRequired[Annotated[tuple[Reproducibility, ...], says(
-        "of each `kind` of error of the bench whose sd from mount to mount was to be estimated: posterior "
-        "`mean` and `sd` of that sd, SI, and of how many errors (`count`); left out where none was"
+        "sds that the data tell, SI: of each `kind` of error of the bench from mount to mount (`fixture`), "
+        "of the dwells of a run beyond the noise of its samples (`dwell.<run>`), and of functions that the "
+        "library lacks (`lack.<input>`, and its next powers); posterior `mean` and `sd`, and of how many "
+        "errors (`count`); left out where none was told"
+    )]],
+    "absorbed": NotRequired[Annotated[str, says(
+        "what the residuals showed before functions of the inputs stood beside the library; left out where "
+        "they do not"
     )]],
     "distrusted": Annotated[tuple[DistrustedDwell, ...], says(
         "dwells that are left out because they are contaminated, or pull too hard for what is known of "
