@@ -36,10 +36,10 @@ LARGEST_LEVEL = 20.0
 LARGEST_RATE = math.radians(300.0)
 """rad/s, of the rate table; less where the class measures less."""
 
-LEVELS = (0.05, 0.25, 1.0)
+LEVELS = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0)
 """Shares of the largest level."""
 
-RATES = (0.0, 1.0 / 30.0, 1.0 / 6.0, 0.5, 1.0)
+RATES = (0.0, 1.0 / 30.0, 1.0 / 6.0, 1.0 / 3.0, 0.5, 0.75, 1.0)
 """Shares of the largest rate, each both ways."""
 
 

@@ -15,11 +15,15 @@ from imubayes.campaign.preparation import Prepared, prepare
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.inference.prior import class_sd
+from imubayes.inference.residuals import FAMILIES
 from imubayes.inference.summary import Summary, summarize
+from imubayes.ladder.averaged import averaged
+from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.population.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
+from imubayes.selection.combined import combined, mounts_of
 from imubayes.selection.decision import LOOSE, Selection, select
 from imubayes.selection.panel import Votes, panel_of
 from imubayes.selection.verdicts import EQUAL
@@ -233,23 +237,26 @@ def _asked(
     rule = NoiseRule("white") if treatment == WHITE else NoiseRule()
     specs = tuple(RunSpec(run.name, cast(Procedure, run.procedure), noise=rule) for run in runs)
     spec = SensorSpec(one.sensor.id, lib.kind, one.sensor, lib, specs, truth={})
-    plain = _prepared(spec, runs, seed)
+    plain = prepare(spec, runs, silent, np.random.default_rng([*seed, 4]))
     try:
-        ready, refused = _prepared(spec, runs, seed), ""
+        (ready, evidence), refused = _evidence(spec, runs, seed), ""
     except ImubayesError as error:
-        ready, refused = plain, str(error)
-    evidence = select(ready.summary, ready.prior)
+        ready, evidence, refused = plain, select(plain.summary, plain.prior), str(error)
     given = ready.summary, ready.prior, ready.rows, evidence
-    rng = np.random.default_rng([*seed, 3])
-    panel = panel_of(*given, rng=rng, resamples=resamples, widths=(1.0,))
-    own = evidence, evidence
+    asked = {"resamples": resamples, "widths": (1.0,), "mounts": mounts_of(ready.runs)}
+    panel = panel_of(*given, rng=np.random.default_rng([*seed, 3]), **asked)
+    told = combined(evidence, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
+    own = told, evidence
     together, alone = map(_opened, own) if refused else own
     return (together, alone, select(plain.summary, plain.prior)), panel.votes, refused
 
 
-def _prepared(spec: SensorSpec, runs: Sequence[Run], seed: Sequence[int]) -> Prepared:
-    """Prepare an analysis."""
-    return prepare(spec, runs, silent, np.random.default_rng([*seed, 4]))
+def _evidence(spec: SensorSpec, runs: Sequence[Run], seed: Sequence[int]) -> tuple[Prepared, Selection]:
+    """Weigh every model over draws of the noise, with what bench and library lack where that shows."""
+    problem = replace(problem_of(spec, runs), share=FAMILIES)
+    ground = ground_of(problem, np.random.default_rng([*seed, 4]), silent, None)
+    found = averaged(ground)
+    return prepared(ground), decided(ground, found).selection
 
 
 def _opened(selection: Selection) -> Selection:

@@ -62,16 +62,10 @@ def test_effect_over_noise_is_the_size_over_the_sd_of_least_squares():
 
 
 def test_sensor_that_the_analysis_refuses_is_left_open(monkeypatch):
-    usual = trying._prepared
+    def refusing(spec, runs, seed):
+        raise ConvergenceError("mounts did not settle", None)
 
-    def refusing(spec, runs, seed, *share):
-        if refusing.before:
-            raise ConvergenceError("mounts did not settle", None)
-        refusing.before = True
-        return usual(spec, runs, seed, *share)
-
-    refusing.before = False
-    monkeypatch.setattr(trying, "_prepared", refusing)
+    monkeypatch.setattr(trying, "_evidence", refusing)
     (trial,) = trying.judge(replace(SMALL, treatments=()), "gyroscope", 0)
     assert trial.refused == "mounts did not settle"
     assert np.all(np.isnan(trial.said[:2]))
