@@ -61,6 +61,9 @@ SURE_PULL = 5.0
 
 NOMINAL = WIDTHS.index(1.0)
 
+ROWS = 2
+"""Rows for each column from which inclusions at the estimated noise are told beside those over its draws."""
+
 MANY = 20_000
 """Draws that the bias over a record is told from: its mean is then right to 0.007 sd."""
 
@@ -182,6 +185,8 @@ def select(
     models = widths.models[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     verdicts = with_tied(_verdicts(asked, widths, seen, strain), lib.tied)
+    # of hardly more rows than columns the common scale of the noise is not to be had
+    told = len(noises) > 1 and summary.factor.n > ROWS * len(summary.names)
     carriers = [f"{prefix}{name}" for name in lib.carriers]
     seen = carried(seen, dict(zip(own, carriers, strict=True)))
     return Selection(
@@ -193,7 +198,7 @@ def select(
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
         observability=seen,
         free=np.array([mean[name] for name in carriers]),
-        plug_in=_at_plug_in(excited, carriers) if len(noises) > 1 else (),
+        plug_in=_at_plug_in(excited, carriers) if told else (),
         groups=_groups(models, seen, own),
         ties=lib.tied,
         costs=costs,

@@ -29,7 +29,7 @@ from imubayes.selection.panel import Votes, panel_of
 from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
-from studies.decision_quality.faults import COARSE, FAULTS, MOUNTED, applies
+from studies.decision_quality.faults import COARSE, FAULTS, MOUNTED, WARM, applies
 from studies.decision_quality.subjects import Subject, runs_of, subject
 
 MODELLED = "as modelled"
@@ -208,7 +208,7 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
     others = [k for k, name in enumerate(said.methods) if name != "evidence"]
     # what a method cannot have is not in its model
     strength, keeps = said.strength[others], np.nan_to_num(said.keeps[others])
-    truth = np.array([one.truth[name] for name in terms])
+    truth = np.array([told_truth(one, treatment)[name] for name in terms])
     ours = [_ballot(selection, terms, truth) for selection in own]
     rows = [np.array(row) for row in zip(*ours, strict=True)]
     return Trial(
@@ -227,6 +227,15 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
         missing=missing,
         refused=refused,
     )
+
+
+def told_truth(one: Subject, treatment: str) -> Mapping[str, float]:
+    """Coefficients by name, SI; the bias of a sensor that warms up is that on average over its test."""
+    if treatment != WARM:
+        return one.truth
+    pairs = zip(runs_of(one, WARM), runs_of(one), strict=True)
+    drift = np.concatenate([warm.output - cold.output for warm, cold in pairs])
+    return {**one.truth, "b0": one.truth["b0"] + float(drift.mean())}
 
 
 def _asked(
