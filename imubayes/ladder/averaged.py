@@ -15,7 +15,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior
-from imubayes.campaign.preparation import Prepared
+from imubayes.campaign.prepared import Prepared
 from imubayes.inference.importance import Student
 from imubayes.inference.mcmc.chains import NoiseDraw, at_noise, noises_at, places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of

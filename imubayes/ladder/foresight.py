@@ -13,7 +13,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posterior, reorder
-from imubayes.campaign.preparation import Prepared
+from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, blocks_of, linear_of
 from imubayes.inference.noise_model import estimate

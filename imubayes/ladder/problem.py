@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.preparation import Prepared, component_prior, prepare
+from imubayes.campaign.preparation import prepare
+from imubayes.campaign.prepared import Prepared, component_prior
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.case import Case

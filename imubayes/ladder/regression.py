@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, factor_of, noise_scale, posterior, reorder
-from imubayes.campaign.preparation import Prepared
+from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.observability import Observability, carried, observe

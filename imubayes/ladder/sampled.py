@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.preparation import Prepared
+from imubayes.campaign.prepared import Prepared
 from imubayes.errors import InputError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear

@@ -19,7 +19,6 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import triangular
 from imubayes.campaign.preparation import (
-    Prepared,
     before_tumble,
     libraries_of,
     prepare,
@@ -27,6 +26,7 @@ from imubayes.campaign.preparation import (
     rows_before,
 )
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
+from imubayes.campaign.prepared import Prepared
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.errors import Place, StudyError
 from imubayes.inference.between_stills import directions, rest_rows, turn_rows

@@ -21,7 +21,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, reorder, with_prior_rows
-from imubayes.campaign.preparation import Prepared, prepare, runs_of
+from imubayes.campaign.preparation import prepare, runs_of
+from imubayes.campaign.prepared import Prepared
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, ImubayesError
 from imubayes.inference.mcmc.chains import Chains, at_found_noise

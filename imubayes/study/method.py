@@ -18,12 +18,12 @@ import numpy as np
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import (
-    Prepared,
     before_fit,
     of_case,
     prepare_case,
     runs_of,
 )
+from imubayes.campaign.prepared import Prepared
 from imubayes.campaign.study import (
     ExtraPosterior,
     SensorCheck,

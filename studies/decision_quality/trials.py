@@ -11,7 +11,8 @@ import numpy as np
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.campaign.preparation import Prepared, prepare
+from imubayes.campaign.preparation import prepare
+from imubayes.campaign.prepared import Prepared
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.inference.prior import class_sd

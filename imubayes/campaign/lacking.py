@@ -1,0 +1,152 @@
+"""What bench and library lack, where the data show it: what stands beside the terms then, and its size."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from imubayes.algebra.factor import add
+from imubayes.campaign.prepared import Prepared, summarized
+from imubayes.campaign.study import SensorSpec
+from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.inference.dwells import dwells_of
+from imubayes.inference.lack_of_fit import functions_of, varies
+from imubayes.inference.linear import residuals
+from imubayes.inference.misfit import Misfit, find_misfit
+from imubayes.inference.nuisances import extras_for, rows_with
+from imubayes.inference.prior import ScalePrior
+from imubayes.inference.reproducibility import (
+    FEWEST,
+    SHOWN,
+    odds_of,
+    scatter_of,
+)
+from imubayes.inference.residuals import check_residuals, level_of
+from imubayes.inference.whitened import whitened_factor
+from imubayes.progress import Progress
+from imubayes.rig.bench import effective
+from imubayes.rig.filtering import dwell_means
+from imubayes.rig.inputs import Run
+from imubayes.rig.recordings import OUTPUT_UNIT, RunSpec
+from imubayes.rig.reference import KINDS, errors_of
+from imubayes.selection.decision import loose_fit
+from imubayes.sensors.noise import NoiseRule
+
+HIDDEN = 30.0
+"""Typical size of what the library lacks over what it leaves of that: powers take the place of most of it."""
+
+SPARE = 8
+"""Dwells beyond the columns that a run excites from which their scatter is told."""
+
+
+def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, share: int) -> Prepared:
+    """Problem with what nobody stated of the bench, and what the library lacks, where the data show it.
+
+    Dwells are then what counts: their scatter is the noise.
+    """
+    means = tuple(dwell_means(run) for run in found.runs)
+    misfit, mounts = _misfit_of(spec, found, share), _of_mounts(spec, found, means)
+    mounts = mounts if spec.estimated or _shows(found, spec, means, prior, mounts) else {}
+    if not mounts and misfit is None:
+        return found
+    tell("what the bench and the library lack")
+    bench = {"reference": {**stated(spec), **mounts}, "estimated": frozenset(mounts)}
+    wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
+    made, left = found, misfit
+    with suppress(ConvergenceError, UnobservableError):  # what is lacking looks like far too large turns
+        made = summarized(wider, means, prior, tell, scattering=True)
+        left = _misfit_of(spec, made, share) if misfit else None
+    if left is not None:
+        of = _to_absorb(means, spec.library.own, left)
+        unit, sd = OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found, prior)
+        beside = functions_of(means, of, spec.library, unit, sd)
+        with suppress(ConvergenceError, UnobservableError):  # too little is left to tell their sizes by
+            made = summarized(wider, means, prior, tell, beside=beside, scattering=True)
+    if made is found:
+        if spec.estimated:
+            raise ConvergenceError(
+                f"sensor '{spec.id}': how far mounts differ ({', '.join(mounts)}) cannot be told from this"
+                " test: state its size in reference, a quantity",
+                mounts,
+            )
+        return found
+    scatter = tuple(
+        one for pair in zip(found.summary.runs, made.summary.runs, strict=True) if (one := scatter_of(*pair))
+    )
+    told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
+    return replace(made, absorbed=misfit if made.summary.extras else None, **told)
+
+
+def _scattering(
+    spec: SensorSpec, found: Prepared, means: Sequence[Run], mounts: Mapping[str, float]
+) -> tuple[RunSpec, ...]:
+    """Runs whose noise is what their dwells scatter by, or that of their samples where dwells are too few."""
+    noise: dict[str, NoiseRule] = {}
+    for run, one in zip(means, found.summary.runs, strict=True):
+        turned = len(errors_of([run], mounts)) if effective([run], mounts) else 0
+        columns = int(np.sum(one.reach[: len(spec.library.names)] > 0.0)) + turned
+        if run.samples < columns + SPARE:
+            noise[run.name] = NoiseRule("fixed", one.noise)
+    return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
+
+
+def _to_absorb(runs: Sequence[Run], own: str, misfit: Misfit) -> list[tuple[str, str]]:
+    """Functions (run, input) for what the library lacks: of the own input, and of what shows it."""
+    named = {run.name: run for run in runs}
+    shown = [(one.run, one.input) for one in misfit.found]
+    of = dict.fromkeys((*((name, own) for name in named), *shown))
+    return [(name, channel) for name, channel in of if varies(named[name], channel)]
+
+
+def _misfit_of(spec: SensorSpec, found: Prepared, share: int) -> Misfit | None:
+    """What the library lacks; None where residuals are what the noise leaves."""
+    seen = {"rng": np.random.default_rng(share), "share": share}
+    channels = [run.inputs.channels for run in found.runs]
+    misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, **seen)
+    theta, cov = loose_fit(found.summary, found.prior)
+    level, pairs = level_of(share, len(found.runs)), zip(found.rows, found.summary.runs, strict=True)
+    fit = all(check_residuals(r, theta, one, cov=cov, level=level).fits for r, one in pairs)
+    return None if fit and not misfit.found else misfit
+
+
+def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:
+    """Typical size of the rotation from mount to mount, where nobody stated it and mounts can tell it."""
+    if spec.estimated:
+        return {name: size for name, size in spec.reference.items() if name in spec.estimated}
+    if "fixture" in stated(spec) or any(run.stream for run in means) or not effective(means, ["fixture"]):
+        return {}
+    if len({(error.run, error.mount) for error in errors_of(means, ["fixture"])}) < FEWEST:
+        return {}
+    return {"fixture": KINDS["fixture"].default or 0.0}
+
+
+def _shows(
+    found: Prepared, spec: SensorSpec, means: Sequence[Run], prior: ScalePrior, mounts: Mapping[str, float]
+) -> bool:
+    """Whether dwells are likelier with rotations from mount to mount than without."""
+    if not mounts or found.summary.extras:
+        return bool(mounts and spec.estimated)
+    extras = extras_for(means, mounts, sensor=spec.kind)
+    theta = loose_fit(found.summary, prior)[0]
+    parts = rows_with(means, spec.library, extras, theta, np.zeros(len(extras)))
+    pairs = zip(parts, found.summary.runs, strict=True)
+    factor = reduce(add, (whitened_factor(part, run.noise)[0] for part, run in pairs))
+    sd = np.concatenate((prior.sd, [extra.sd for extra in extras]))
+    return odds_of(factor, sd, extras, "fixture") > SHOWN
+
+
+def _scatter(found: Prepared, prior: ScalePrior) -> float:
+    """Rms of what the library leaves of the dwells, SI."""
+    theta = loose_fit(found.summary, found.prior)[0]
+    left = [residuals(dwells_of(rows).means, theta) for rows in found.rows]
+    return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
+
+
+def stated(spec: SensorSpec) -> dict[str, float]:
+    """Errors of the bench whose prior sd the study states, SI."""
+    return {kind: size for kind, size in spec.reference.items() if kind not in spec.estimated}
