@@ -11,7 +11,7 @@ from functools import reduce
 import numpy as np
 
 from imubayes.algebra.factor import add
-from imubayes.campaign.prepared import Prepared, summarized
+from imubayes.campaign.prepared import Doubt, Prepared, summarized
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.dwells import dwells_of
@@ -44,23 +44,26 @@ SPARE = 8
 """Dwells beyond the columns that a run excites from which their scatter is told."""
 
 
-def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, share: int) -> Prepared:
+def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt) -> Prepared:
     """Problem with what nobody stated of the bench, and what the library lacks, where the data show it.
 
     Dwells are then what counts: their scatter is the noise.
     """
     means = tuple(dwell_means(run) for run in found.runs)
-    misfit, mounts = _misfit_of(spec, found, share), _of_mounts(spec, found, means)
+    misfit, fits = _misfit_of(found, doubt)
+    mounts = _of_mounts(spec, found, means)
     mounts = mounts if spec.estimated or _shows(found, spec, means, prior, mounts) else {}
-    if not mounts and misfit is None:
-        return found
+    if not mounts and fits:
+        return replace(found, misfit=misfit)
     tell("what the bench and the library lack")
     bench = {"reference": {**stated(spec), **mounts}, "estimated": frozenset(mounts)}
     wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
-    made, left = found, misfit
+    made, left = found, None if fits else misfit
     with suppress(ConvergenceError, UnobservableError):  # what is lacking looks like far too large turns
         made = summarized(wider, means, prior, tell, scattering=True)
-        left = _misfit_of(spec, made, share) if misfit else None
+        if not fits:
+            again, enough = _misfit_of(made, doubt)
+            left = None if enough else again
     if left is not None:
         of = _to_absorb(means, spec.library.own, left)
         unit, sd = OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found, prior)
@@ -74,12 +77,12 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
                 " test: state its size in reference, a quantity",
                 mounts,
             )
-        return found
+        return replace(found, misfit=misfit)
     scatter = tuple(
         one for pair in zip(found.summary.runs, made.summary.runs, strict=True) if (one := scatter_of(*pair))
     )
     told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
-    return replace(made, absorbed=misfit if made.summary.extras else None, **told)
+    return replace(made, absorbed=misfit if made.summary.extras and not fits else None, **told)
 
 
 def _scattering(
@@ -103,15 +106,15 @@ def _to_absorb(runs: Sequence[Run], own: str, misfit: Misfit) -> list[tuple[str,
     return [(name, channel) for name, channel in of if varies(named[name], channel)]
 
 
-def _misfit_of(spec: SensorSpec, found: Prepared, share: int) -> Misfit | None:
-    """What the library lacks; None where residuals are what the noise leaves."""
-    seen = {"rng": np.random.default_rng(share), "share": share}
-    channels = [run.inputs.channels for run in found.runs]
-    misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, **seen)
+def _misfit_of(found: Prepared, doubt: Doubt) -> tuple[Misfit, bool]:
+    """What the library lacks, and whether residuals are all the same what the noise leaves."""
+    channels, (share, seed) = [run.inputs.channels for run in found.runs], doubt
+    rng = np.random.default_rng(seed)
+    misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, rng=rng, share=share)
     theta, cov = loose_fit(found.summary, found.prior)
     level, pairs = level_of(share, len(found.runs)), zip(found.rows, found.summary.runs, strict=True)
-    fit = all(check_residuals(r, theta, one, cov=cov, level=level).fits for r, one in pairs)
-    return None if fit and not misfit.found else misfit
+    fits = all(check_residuals(r, theta, one, cov=cov, level=level).fits for r, one in pairs)
+    return misfit, fits and not misfit.found
 
 
 def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.lacking import absorbing, stated
 from imubayes.campaign.prepared import (
+    Doubt,
     Prepared,
     component_prior,
     referenced,
@@ -110,15 +111,15 @@ def prepare(
     runs: Sequence[Run],
     tell: Progress,
     rng: np.random.Generator,
-    share: int | None = None,
+    doubt: Doubt | None = None,
 ) -> Prepared:
     """Noise, errors of the bench, and distrusted dwells (which `rng` is for) of a component's runs.
 
-    With a `share` of the level of residual tests (see `find_misfit`) it is asked what the library lacks, and
-    where the residuals show something, that stands beside it as functions of the inputs.
+    With a `doubt` it is asked what bench and library lack; where the data show it, that stands beside the
+    terms.
     """
     prior, source = component_prior(spec, runs)
-    asked = spec if share is None else replace(spec, estimated=frozenset(), reference=stated(spec))
+    asked = spec if doubt is None else replace(spec, estimated=frozenset(), reference=stated(spec))
     found = summarized(asked, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()
     if spec.robust:
@@ -129,7 +130,7 @@ def prepare(
         kinds = {name: asked.reference[name] for name in effective(runs, asked.reference)}
         found = summarized(asked, runs, prior, tell, kinds)
     found = replace(found, source=source, distrusted=distrusted)
-    return found if share is None else absorbing(spec, found, prior, tell, share)
+    return found if doubt is None else absorbing(spec, found, prior, tell, doubt)
 
 
 def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,9 +38,24 @@ ROUNDS = 20
 """Most rounds in which estimated sds must settle; they take two or three."""
 
 
+class Doubt(NamedTuple):
+    """How it is asked what the library lacks: share of the tests' level, and seed of predictive draws."""
+
+    share: int
+    seed: tuple[int, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """Runs as a linear Gaussian problem: factor, rows, prior of every column, and where it comes from."""
+    """Runs as a linear Gaussian problem: factor, rows, prior of every column, and where it comes from.
+
+    Attributes
+    ----------
+    spreads : sds that the data tell of errors of the bench and of what the library lacks.
+    scatter : of dwells beyond the noise of their samples.
+    misfit : what residuals say that the library does not contain, where that was asked of these rows.
+    absorbed : what they said before something stood beside the library; None where nothing does.
+    """
 
     runs: Sequence[Run]
     summary: Summary
@@ -50,6 +65,7 @@ class Prepared:
     distrusted: tuple[Distrusted, ...] = ()
     spreads: tuple[Spread, ...] = ()
     scatter: tuple[Spread, ...] = ()
+    misfit: Misfit | None = None
     absorbed: Misfit | None = None
 
 

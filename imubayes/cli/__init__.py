@@ -212,17 +212,11 @@ def _plan(
 ) -> None:
     """Find the best test within a time, or the hours of classes."""
     from imubayes.cli import kinds
-    from imubayes.population.lots import LotStudy
-    from imubayes.study.schema import read_plan
 
-    planned = read_plan(study)
-    beside = "-plan" if isinstance(planned, LotStudy) else ""  # 'run' writes there, too
-    folder = usable(out or Path("reports") / f"{study.stem}{beside}")
+    name, planned = kinds.planned(study)
+    folder = usable(out or Path("reports") / name)
     with waiting() as told:
-        if isinstance(planned, LotStudy):
-            done = kinds.plan_classes(planned, told)
-        else:
-            done = kinds.plan(planned, told)
+        done = planned(told)
     _report(done, folder)
 
 

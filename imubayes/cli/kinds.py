@@ -109,7 +109,18 @@ def trade(
     return terminal_trade(found), _page(found, trade_page, trade_json)
 
 
-def plan(study: PlanStudy, told: Waiting) -> Done:
+def planned(path: Path) -> tuple[str, Callable[[Waiting], Done]]:
+    """Name of the folder for a plan, and what makes it: of a sensor's test, or of those of classes."""
+    from imubayes.population.lots import LotStudy
+    from imubayes.study.schema import read_plan
+
+    study = read_plan(path)
+    if isinstance(study, LotStudy):  # 'run' writes into a folder of the study's name
+        return f"{path.stem}-plan", partial(_plan_classes, study)
+    return path.stem, partial(_plan, study)
+
+
+def _plan(study: PlanStudy, told: Waiting) -> Done:
     """Plan the test of a sensor."""
     from imubayes.planning.proposal import propose
     from imubayes.reporting.blocks import write_page
@@ -124,7 +135,7 @@ def plan(study: PlanStudy, told: Waiting) -> Done:
     return terminal_plan(found), partial(_together, write)
 
 
-def plan_classes(study: LotStudy, told: Waiting) -> Done:
+def _plan_classes(study: LotStudy, told: Waiting) -> Done:
     """Find the hours that the tests of a study's classes take."""
     from imubayes.planning.hours import hours
     from imubayes.reporting.hours_page import hours_json, hours_page, terminal_hours

@@ -384,7 +384,7 @@ _BENCH = {
     "arm_stretch": "a survey of the arm under load",
     "rate_scale": "a count of whole turns against a clock",
     EARTH: "as many turns in the other sense",
-    LACK: "a library with what it lacks",
+    LACK: "a library that has what this one lacks",
 }
 """What separates each kind of error of the test bench from the terms that it hides."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.preparation import prepare
-from imubayes.campaign.prepared import Prepared, component_prior
+from imubayes.campaign.prepared import Doubt, Prepared, component_prior
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.case import Case
@@ -51,7 +51,7 @@ class Problem:
     costs : of a term kept that is zero, and of one dropped that is not.
     hierarchical : whether a term may only be in a model that has what it modifies.
     case : of several components, linearised; None for one component.
-    share : of the level of the study's residual tests that asks what the library lacks; None asks nothing.
+    doubt : how it is asked what bench and library lack; None asks nothing.
     """
 
     spec: SensorSpec
@@ -60,7 +60,7 @@ class Problem:
     costs: Costs = EQUAL
     hierarchical: bool = False
     case: Case | None = None
-    share: int | None = None
+    doubt: Doubt | None = None
 
     @property
     def library(self) -> Library:
@@ -151,8 +151,7 @@ def prepared(ground: Ground) -> Prepared:
     def make() -> Prepared:
         ground.tell("noise and factor")
         problem = ground.problem
-        share = problem.share
-        return prepare(problem.spec, problem.runs, ground.tell, ground.rngs["factor"], share)
+        return prepare(problem.spec, problem.runs, ground.tell, ground.rngs["factor"], problem.doubt)
 
     return once(ground, "factor", make)
 

@@ -51,7 +51,7 @@ class Component:
     theta: FloatArray
 
     def __post_init__(self) -> None:
-        if strange := [name for name in self.library.names if name.endswith("*gT")]:
+        if strange := self.library.on("gT"):
             raise TermError(
                 f"term '{strange[0]}' needs a second thermometer, which the inputs of an IMU, and of exported"
                 " code, do not have: choose a model without it"

@@ -109,6 +109,10 @@ class Library:
         pairs = zip(self.names, self.carriers, strict=True)
         return tuple((name, leader) for name, leader in pairs if name != leader)
 
+    def on(self, channel: str) -> tuple[str, ...]:
+        """Names of the terms that an input takes part in."""
+        return tuple(t.name for t in self.terms if any(f.channel == channel for f in t.factors))
+
     @property
     def own(self) -> str:
         """Channel of the component's own input: ``f_i`` or ``w_i``."""

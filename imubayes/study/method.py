@@ -23,7 +23,7 @@ from imubayes.campaign.preparation import (
     prepare_case,
     runs_of,
 )
-from imubayes.campaign.prepared import Prepared
+from imubayes.campaign.prepared import Doubt, Prepared
 from imubayes.campaign.study import (
     ExtraPosterior,
     SensorCheck,
@@ -261,8 +261,8 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     """
     start, spec = time.perf_counter(), job.spec
     asked = problem_of(spec, runs, costs=job.study.costs, hierarchical=job.study.hierarchical)
-    share = None if job.study.sampling.climbs else job.share
-    ground = _ground(job, replace(asked, share=share))
+    doubt = None if job.study.sampling.climbs else Doubt(job.share, (*job.seed, 3))
+    ground = _ground(job, replace(asked, doubt=doubt))
     found, choice, reason = _answered(job, ground)
     ready = found.ready or plainly_prepared(ground.problem)
     told, processes = _Findings(found.selection, (), None, None), ()
@@ -280,7 +280,8 @@ def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tu
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
     selection = _combined(found.selection, panel, ready)
-    told = _drifting(job, ready, _Findings(selection, checks, panel, _misfit(job, ready, inputs)))
+    misfit = ready.misfit or _misfit(job, ready, inputs)
+    told = _drifting(job, ready, _Findings(selection, checks, panel, misfit))
     told = _with_compensations(job, ready, told)
     # an average no longer shows the quantization that it is made for
     fine = [

@@ -107,7 +107,7 @@ def _idle(exposed: Exposure) -> Iterator[str]:
     idle = [name for name, size in zip(exposed.lib.names, alone, strict=True) if size == 0.0]
     if not idle:
         return
-    single = [name for name in idle if name.endswith("*gT")]
+    single = set(idle).intersection(exposed.lib.on("gT"))
     heated = sum("*" in name for name in idle) > len(single)
     cold = heated and "T" not in exposed.scene.inputs.channels
     why = "it has no temperature, and " if cold else "it has no second thermometer, and " if single else ""

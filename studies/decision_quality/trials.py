@@ -12,7 +12,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.campaign.preparation import prepare
-from imubayes.campaign.prepared import Prepared
+from imubayes.campaign.prepared import Doubt, Prepared
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.inference.prior import class_sd
@@ -263,7 +263,7 @@ def _asked(
 
 def _evidence(spec: SensorSpec, runs: Sequence[Run], seed: Sequence[int]) -> tuple[Prepared, Selection]:
     """Weigh every model over draws of the noise, with what bench and library lack where that shows."""
-    problem = replace(problem_of(spec, runs), share=FAMILIES)
+    problem = replace(problem_of(spec, runs), doubt=Doubt(FAMILIES, (*seed, 5)))
     ground = ground_of(problem, np.random.default_rng([*seed, 4]), silent, None)
     found = averaged(ground)
     return prepared(ground), decided(ground, found).selection

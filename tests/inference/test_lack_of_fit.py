@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imubayes.campaign.prepared import Doubt
 from imubayes.inference.lack_of_fit import functions_of
 from imubayes.ladder.averaged import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
@@ -34,22 +35,22 @@ simulate = { levels = ["2 g", "5 g", "10 g", "15 g", "20 g"], dwell = "10 s" }
 TRUTH = {"b0": 0.0147, "b1": 3.1e-4, "m_j": 3.5e-4, "c_ij": 2.5e-6}
 
 
-def answered(folder, more, share):
+def answered(folder, more, *, doubted):
     path = folder / "study.toml"
     path.write_text(STUDY)
     (spec,) = read_study(path).sensors
     assert spec.sensor_class is not None
     runs = simulate(spec.sensor_class, [plan_run(run) for run in spec.runs], seed=2, truth={**TRUTH, **more})
-    problem = replace(problem_of(spec, runs), share=share)
+    problem = replace(problem_of(spec, runs), doubt=Doubt(3, (1,)) if doubted else None)
     ground = ground_of(problem, np.random.default_rng(1), silent, None)
     return decided(ground, averaged(ground)).selection.terms, prepared(ground)
 
 
 def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_path):
     more = {"b4": 5e-8 / 9.80665**3}  # 8 mg at 20 g
-    blind, _ = answered(tmp_path, more, None)
+    blind, _ = answered(tmp_path, more, doubted=False)
     assert {term.name for term in blind if term.verdict == "needed"} - TRUTH.keys()
-    terms, ready = answered(tmp_path, more, 3)
+    terms, ready = answered(tmp_path, more, doubted=True)
     assert ready.absorbed is not None
     assert "f_i in run centrifuge" in ready.absorbed.text
     assert not {term.name for term in terms if term.verdict == "needed"} - TRUTH.keys()
@@ -60,7 +61,7 @@ def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_pa
 
 
 def test_where_nothing_is_missing_nothing_stands_beside_the_library(tmp_path):
-    _, ready = answered(tmp_path, {}, 3)
+    _, ready = answered(tmp_path, {}, doubted=True)
     assert ready.absorbed is None
     assert ready.summary.extras == ()
     assert len(ready.rows[0]) == ready.summary.runs[0].samples

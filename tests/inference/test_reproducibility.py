@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import lognorm, multivariate_normal
 
 from imubayes.algebra.factor import factor_of
+from imubayes.campaign.prepared import Doubt
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import NoiseDraw
@@ -104,8 +105,8 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     errors = {f"fixture_{axis}.{m}": rng.normal(0.0, turned * ARCSEC) for m in mounts for axis in "ijk"}
     runs = simulate_on_bench(blind.sensor_class, plans, errors if turned else {}, seed=rng, truth=TRUTH)
 
-    def false(one, share=None):
-        problem = replace(problem_of(one, runs), share=share)
+    def false(one, *, doubted=False):
+        problem = replace(problem_of(one, runs), doubt=Doubt(3, (1,)) if doubted else None)
         ground = ground_of(problem, np.random.default_rng(1), silent, None)
         needed = [t.name for t in decided(ground, averaged(ground)).selection.terms if t.verdict == "needed"]
         return set(needed) - TRUTH.keys(), prepared(ground).spreads
@@ -115,7 +116,7 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     assert abs(found.mean / ARCSEC - turned) < (2.0 * found.sd / ARCSEC if turned else 6.0)
     if turned:
         assert len(false(blind)[0]) > 0
-    unasked, told = false(blind, share=3)
+    unasked, told = false(blind, doubted=True)
     assert not unasked
     assert [one.kind for one in told] == ["fixture"] * bool(turned)
 

@@ -88,7 +88,7 @@ def _of_kind(
     seen = SEEN_BY_HAND["accelerometer" if runs[0].turntable else kind]  # no force is known there
     usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
     lib = _candidates(kind, usual, *_half(table.library, kind, place.at("library"), imu=imu))
-    if (imu or runs[0].procedure in CASES) and (second := [n for n in lib.names if n.endswith("*gT")]):
+    if (imu or runs[0].procedure in CASES) and (second := lib.on("gT")):
         raise place.at("library").error(
             f"has {second[0]}, and a case of several components has no second thermometer:"
             " leave out gradient_of"
