@@ -1,4 +1,4 @@
-"""How often is the decision wrong, and is any other method better? About 25 minutes on two cores."""
+"""How often is the decision wrong, and is any other method better? About 20 minutes on two cores."""
 
 from studies.command import main
 from studies.decision_quality.measure import measure

@@ -69,8 +69,8 @@ class QualityStudy:
     """
 
     seed: int = 7
-    sensors: int = 60
-    misspecified: int = 24
+    sensors: int = 24
+    misspecified: int = 8
     treatments: tuple[str, ...] = TREATMENTS
     classes: tuple[str, ...] = (
         "mems_consumer", "mems_industrial", "mems_tactical", "vba_quartz", "quartz_flexure_servo",

@@ -9,12 +9,12 @@ from typing import Any
 
 from report_reading import NUMBER, Block, Meant, fixed, named, problems, readings
 
-from imubayes.reporting.rounding import NOISE, per_unit
+from imubayes.reporting.rounding import per_unit
 
 Found = dict[str, Any]
 Match = re.Match[str]
 
-NUM = r"[-−]?[\d.,]*\d(?:e-?\d+)?"
+NUM = r"[-−]?[\d.,]*\d(?:e[-−]?\d+)?"
 VERDICT = r"(needed|not needed|undecided|inseparable|unresolved|untested)"
 NAMES = r"([\w*]+(?:(?:, | and )[\w*]+)*)"
 UNSEEN = ("inseparable", "unresolved", "untested")
@@ -23,15 +23,18 @@ UNSEEN = ("inseparable", "unresolved", "untested")
 def wrong_first(blocks: Sequence[Block], result: Found) -> list[str]:
     """What the first screen says that the result does not; a tile says less than what stands over it."""
     over = [one for one in blocks if re.search(rf": {VERDICT}, ", one.text)]
-    told = [set(NUMBER.findall(one.text)) for one in over]
-    read = [
-        one for one in blocks if one in over or not any(set(NUMBER.findall(one.text)) <= own for own in told)
-    ]
+    told = [_digits(one) for one in over]
+    read = [one for one in blocks if one in over or not any(_digits(one) <= own for own in told)]
     tiled = [one for one in result["sensors"] if any(tile.text.startswith(f"{one['id']}, ") for tile in over)]
     result = {**result, "sensors": tiled or result["sensors"]}
     ids = sorted((one["id"] for one in result["sensors"]), key=len, reverse=True)
     own = fixed(*(rf"(?<![\w-])({re.escape(name)})(?![\w-])" for name in ids))
     return problems(read, (*FIRST, *own), result)
+
+
+def _digits(block: Block) -> set[str]:
+    """Numbers of a block, without their powers of ten, which stand behind the sd where there is one."""
+    return {said.partition("e")[0] for said in NUMBER.findall(block.text)}
 
 
 def _needs(sensor: Found) -> list[str]:
@@ -78,26 +81,38 @@ def _shown(result: Found, match: Match) -> Iterable[Meant]:
     return [sum(match[3] in run["identified"] for run in runs), len(runs) if match[2] else None, None]
 
 
+def _processes(result: Found, match: Match) -> Iterable[Meant]:
+    """How many processes some run shows, of all that are looked for."""
+    runs = _runs(result)
+    named = [{name for run in runs for name in run[key]} for key in ("identified", "processes")]
+    return [len(names - {"tau"}) for names in named]
+
+
 def _tile(result: Found, match: Match) -> Iterable[Meant]:
     """Verdict, value and sd of a term, or of a process of the run that has this value."""
     owners = [one for one in result["sensors"] if match[1].startswith(one["id"])]
     owner = max(owners, key=lambda one: len(one["id"]))
     power = float(f"1e{match[6] or 0}")
-    if match[2] in NOISE[owner["kind"]]:
-        size = per_unit(*NOISE[owner["kind"]][match[2]]) * power
-        own = [run["processes"][match[2]] for run in owner["noise_processes"].values()]
+    if own := [
+        run["processes"][match[2]]
+        for run in owner["noise_processes"].values()
+        if match[2] in run["processes"]
+    ]:
+        size = per_unit(own[0]["printed_unit"], own[0]["unit"]) * power
         own += [{**own[0], **run[match[2]]} for run in owner["noise_posterior"].values() if match[2] in run]
-        found = min(own, key=lambda one: abs(one["mean"] / size - float(match[4].replace(",", ""))))
+        found = min(
+            own, key=lambda one: abs(one["mean"] / size - float(match[4].replace(",", "").replace("−", "-")))
+        )
         value = found["mean"]
     else:
         found = named(owner["terms"], match[2])
         size = per_unit(found["printed_unit"], found["unit"]) * power
         value = found["mean"]
         if ", < " in match[0]:  # limits are rounded up
-            limit, said = found["limit95"] / size, float(match[4].replace(",", ""))
+            limit, said = found["limit95"] / size, float(match[4].replace(",", "").replace("−", "-"))
             return [None, None, None, said if limit <= said < 1.12 * limit else limit]
     right = None if found["verdict"] == match[3] else math.nan
-    return [None, None, right, value / size, found["sd"] / size]
+    return [None, None, right, value / size, found["sd"] / size, None]
 
 
 FIRST = (
@@ -116,6 +131,7 @@ FIRST = (
                               len(r["sensors"])],
             r"(\d+) of (\d+) terms? (?:is|are) needed": _title,
             r"(?:All )?(\d+)(?: of (\d+))? shows? [a-z -]+ ([A-Z])\.": _shown,
+            r"(\d+) of (\d+) processes are shown by some run": _processes,
             rf"^(.+), ([\w*]+): {VERDICT}, (?:< )?\(?({NUM})(?: ± ({NUM}))?(?:\)e([-−]?\d+))?": _tile,
         }
     ),

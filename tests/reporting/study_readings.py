@@ -176,6 +176,15 @@ def _strayed(sensor: Found, match: Match) -> Iterable[Meant]:
     yield None if low <= value(match[4]) <= high or high < 1e-3 else low
 
 
+def _spread(sensor: Found, match: Match) -> Iterable[Meant]:
+    """Sd from still to still or dwell to dwell of a run, or from mount to mount in arc seconds."""
+    kind = f"{match[1]}.{match[2]}" if match[1] else "fixture"
+    one, unit = named(sensor["reproducibility"], kind, "kind"), _output(sensor) if match[1] else ARCSECOND
+    return [None, None, one["mean"] / unit, one["sd"] / unit]
+
+
+ARCSECOND = math.pi / 648000.0
+
 LEFT_OUT = {"every": "full", "bias,": "basic", "the": "needed"}
 """First word of what a compensation keeps, and what the result calls it."""
 
@@ -402,6 +411,8 @@ READINGS = readings(
         rf" ({NUM}) \S+ at its end, a drift of ({NUM}) ± ({NUM})": _bias,
         rf"strays ({NUM}) \S+ \((1) sd\) in that time, and this is ({NUM}) sd, as ({SHARE}) of walks do":
             _strayed,
+        rf"(?:the (still|dwell)s of run (.+?) differ|differs between mounts) by ({NUM}) (?:±|\+-) ({NUM})":
+            _spread,
         r"library temperature = (1)": lambda s, m: [None],
         r"Predicting each of (\d+) positions": lambda s, m: [s["compensations"][0]["positions"]],
         rf"with (every tested term|bias, scale and misalignment|the terms that the data ask for and resolve)"
