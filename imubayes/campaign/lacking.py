@@ -15,7 +15,7 @@ from imubayes.campaign.prepared import Doubt, Prepared, summarized
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.dwells import dwells_of
-from imubayes.inference.lack_of_fit import functions_of, varies
+from imubayes.inference.lack_of_fit import Beside, functions_of, varies
 from imubayes.inference.linear import residuals
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with
@@ -40,6 +40,9 @@ from imubayes.sensors.noise import NoiseRule
 HIDDEN = 30.0
 """Typical size of what the library lacks over what it leaves of that: powers take the place of most of it."""
 
+NOT_TOLD = (ConvergenceError, UnobservableError, np.linalg.LinAlgError)
+"""What ends a search for sizes that the dwells do not tell."""
+
 SPARE = 8
 """Dwells beyond the columns that a run excites from which their scatter is told."""
 
@@ -52,23 +55,22 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     means = tuple(dwell_means(run) for run in found.runs)
     misfit, fits = _misfit_of(found, doubt)
     mounts = _of_mounts(spec, found, means)
-    mounts = mounts if spec.estimated or _shows(found, spec, means, prior, mounts) else {}
+    if not spec.estimated and (fits or not found.summary.extras) and not _shows(found, spec, means, mounts):
+        mounts = {}
     if not mounts and fits:
         return replace(found, misfit=misfit)
     tell("what the bench and the library lack")
     bench = {"reference": {**stated(spec), **mounts}, "estimated": frozenset(mounts)}
     wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
     made, left = found, None if fits else misfit
-    with suppress(ConvergenceError, UnobservableError):  # what is lacking looks like far too large turns
+    with suppress(*NOT_TOLD):  # what is lacking looks like far too large turns
         made = summarized(wider, means, prior, tell, scattering=True)
         if not fits:
             again, enough = _misfit_of(made, doubt)
             left = None if enough else again
     if left is not None:
-        of = _to_absorb(means, spec.library.own, left)
-        unit, sd = OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found, prior)
-        beside = functions_of(means, of, spec.library, unit, sd)
-        with suppress(ConvergenceError, UnobservableError):  # too little is left to tell their sizes by
+        beside = _functions(found, means, spec, left)
+        with suppress(*NOT_TOLD):
             made = summarized(wider, means, prior, tell, beside=beside, scattering=True)
     if made is found:
         if spec.estimated:
@@ -98,12 +100,12 @@ def _scattering(
     return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
 
 
-def _to_absorb(runs: Sequence[Run], own: str, misfit: Misfit) -> list[tuple[str, str]]:
-    """Functions (run, input) for what the library lacks: of the own input, and of what shows it."""
-    named = {run.name: run for run in runs}
-    shown = [(one.run, one.input) for one in misfit.found]
-    of = dict.fromkeys((*((name, own) for name in named), *shown))
-    return [(name, channel) for name, channel in of if varies(named[name], channel)]
+def _functions(found: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit) -> Beside:
+    """Functions for what the library lacks: of the own input in each run, and of what shows it."""
+    named, own = {run.name: run for run in runs}, spec.library.own
+    of = dict.fromkeys((*((name, own) for name in named), *((one.run, one.input) for one in misfit.found)))
+    told = [(name, channel) for name, channel in of if varies(named[name], channel)]
+    return functions_of(runs, told, spec.library, OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found))
 
 
 def _misfit_of(found: Prepared, doubt: Doubt) -> tuple[Misfit, bool]:
@@ -128,22 +130,20 @@ def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[
     return {"fixture": KINDS["fixture"].default or 0.0}
 
 
-def _shows(
-    found: Prepared, spec: SensorSpec, means: Sequence[Run], prior: ScalePrior, mounts: Mapping[str, float]
-) -> bool:
-    """Whether dwells are likelier with rotations from mount to mount than without."""
+def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapping[str, float]) -> bool:
+    """Whether dwells are likelier with rotations from mount to mount than without; of no other errors."""
     if not mounts or found.summary.extras:
-        return bool(mounts and spec.estimated)
+        return False
     extras = extras_for(means, mounts, sensor=spec.kind)
-    theta = loose_fit(found.summary, prior)[0]
+    theta = loose_fit(found.summary, found.prior)[0]
     parts = rows_with(means, spec.library, extras, theta, np.zeros(len(extras)))
     pairs = zip(parts, found.summary.runs, strict=True)
     factor = reduce(add, (whitened_factor(part, run.noise)[0] for part, run in pairs))
-    sd = np.concatenate((prior.sd, [extra.sd for extra in extras]))
+    sd = np.concatenate((found.prior.sd, [extra.sd for extra in extras]))
     return odds_of(factor, sd, extras, "fixture") > SHOWN
 
 
-def _scatter(found: Prepared, prior: ScalePrior) -> float:
+def _scatter(found: Prepared) -> float:
     """Rms of what the library leaves of the dwells, SI."""
     theta = loose_fit(found.summary, found.prior)[0]
     left = [residuals(dwells_of(rows).means, theta) for rows in found.rows]
