@@ -236,6 +236,8 @@ def _fit(look: Look, noise: Noise) -> _Fit | None:
     size = np.linalg.norm(white[:, p:-1], axis=0)
     size = np.where(size > 0.0, size, 1.0)
     left = _off(basis, np.column_stack((white[:, p:-1] / size, white[:, -1])))
+    if not np.isfinite(left).all():  # a run without noise
+        return None
     U, s, Vt = np.linalg.svd(left[:, :-1], full_matrices=False)
     told = s > LEFT
     rank = int(told.sum())

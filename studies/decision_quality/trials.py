@@ -69,7 +69,7 @@ class QualityStudy:
     """
 
     seed: int = 7
-    sensors: int = 24
+    sensors: int = 20
     misspecified: int = 8
     treatments: tuple[str, ...] = TREATMENTS
     classes: tuple[str, ...] = (
