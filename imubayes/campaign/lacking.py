@@ -57,7 +57,9 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     mounts = _of_mounts(spec, found, means)
     if not spec.estimated and (fits or not found.summary.extras) and not _shows(found, spec, means, mounts):
         mounts = {}
-    still = any(np.ptp(run.output) == 0.0 for run in means)  # steps so coarse that nothing moves say no scatter
+    still = any(
+        np.ptp(run.output) == 0.0 for run in means
+    )  # steps so coarse that nothing moves say no scatter
     if still or (not mounts and fits):
         return replace(found, misfit=misfit)
     tell("what the bench and the library lack")

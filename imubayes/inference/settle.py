@@ -175,7 +175,7 @@ def _descended(
         return T[:, :-1] @ place - T[:, -1], T[:, :-1] @ metric
 
     if not np.isfinite(there(np.zeros(len(sd)).tobytes())[0]).all():
-        raise ConvergenceError(f"the {pace.what} cannot be told from rows whose noise is nothing", start.place)
+        raise ConvergenceError(f"the {pace.what} cannot be told: a run has no noise", start.place)
     slope: Any = lambda way: there(way.tobytes())[1]  # noqa: E731
     found = least_squares(
         lambda way: there(way.tobytes())[0],

@@ -49,7 +49,7 @@ class RunSummary:
     noise : the noise that whitens the run, SI.
     noise_sd : sd of ln N, ln B, ln K (posterior of REML with the class's prior); 0 where it was given.
     noise_prior : (median, sd of the logarithm) of N, B, K under the class; empty without a class.
-    noise_origin : ``REML``, ``white``, ``given`` or ``run <name>``.
+    noise_origin : ``REML``, ``white``, ``given``, ``class`` or ``run <name>``.
     noise_run : the run whose noise it is: another one where the origin says so.
     steering : (median, sd of the logarithm) of the prior under which N, B and K were estimated; of N alone
         for white noise of unknown scale; empty where the noise was given.
@@ -289,6 +289,8 @@ def noise_by_rule(
 ) -> NoiseEstimate:
     """Noise of a run as its rule says: given, or estimated, of which white noise is the part N.
 
+    Of an output that never moves it is the class's typical one.
+
     Parameters
     ----------
     averages, sd : as `noise_model.estimate` takes them.
@@ -298,6 +300,8 @@ def noise_by_rule(
     prior = noise_prior(sensor) if sensor else None
     if rule.value is not None:
         return NoiseEstimate(rule.value, prior=prior or (), origin="given")
+    if prior and np.ptp(averages.y) == 0.0:  # steps too coarse for the output to move
+        return NoiseEstimate(Noise(*(median for median, _ in prior)), prior=prior, origin="class")
     found = estimate(averages, prior, sd)
     if rule.rule == "white":
         return NoiseEstimate(Noise(found.noise.N, 0.0, 0.0), prior=found.prior, origin="white")
