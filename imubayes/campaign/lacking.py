@@ -11,7 +11,7 @@ from functools import reduce
 import numpy as np
 
 from imubayes.algebra.factor import add
-from imubayes.campaign.prepared import Doubt, Prepared, summarized
+from imubayes.campaign.prepared import Doubt, Prepared, summarized, with_extras
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.dwells import dwells_of
@@ -100,6 +100,8 @@ def _scattering(
         columns = int(np.sum(one.reach[: len(spec.library.names)] > 0.0)) + turned
         if run.samples < columns + SPARE:
             noise[run.name] = NoiseRule("fixed", one.noise)
+        elif one.noise_run != one.name:  # another run's samples say nothing of its dwells
+            noise[run.name] = NoiseRule()
     return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
 
 
@@ -139,11 +141,10 @@ def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapp
         return False
     extras = extras_for(means, mounts, sensor=spec.kind)
     theta = loose_fit(found.summary, found.prior)[0]
-    parts = rows_with(means, spec.library, extras, theta, np.zeros(len(extras)))
-    pairs = zip(parts, found.summary.runs, strict=True)
+    rows = rows_with(means, spec.library, extras, theta, np.zeros(len(extras)))
+    pairs = zip(rows, found.summary.runs, strict=True)
     factor = reduce(add, (whitened_factor(part, run.noise)[0] for part, run in pairs))
-    sd = np.concatenate((found.prior.sd, [extra.sd for extra in extras]))
-    return odds_of(factor, sd, extras, "fixture") > SHOWN
+    return odds_of(factor, with_extras(found.prior, extras).sd, extras, "fixture") > SHOWN
 
 
 def _scatter(found: Prepared) -> float:

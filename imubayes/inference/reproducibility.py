@@ -53,8 +53,8 @@ NONE = 1e-6
 LARGEST = 300.0
 """Logarithm of odds that stands for all larger ones."""
 
-SHOWN = 1.0
-"""Odds from which errors that nobody stated are there: the more probable side."""
+SHOWN = 20.0
+"""Odds from which errors that nobody stated are there."""
 
 FEWEST = 3
 """Errors of a kind that tell an sd."""

@@ -32,7 +32,9 @@ def test_bridge_is_held_against_the_exact_evidence_only_where_they_mean_the_same
 @pytest.mark.parametrize(("id", "listed"), [("imu.ay", ["gravity", "tilt_j.ay"]), ("alone", None)])
 def test_a_component_lists_the_bench_and_its_own_errors(id, listed):
     names = ["gravity", "tilt_j.ax", "tilt_j.ay", "turn_on.log.gz"]
-    extras = [SimpleNamespace(extra=SimpleNamespace(name=name)) for name in names]
+    extras = [
+        SimpleNamespace(extra=SimpleNamespace(name=name, kind=name.partition(".")[0])) for name in names
+    ]
     found = own_errors(SimpleNamespace(id=id, extras=extras))
     assert [entry.extra.name for entry in found] == (listed or names)
 
