@@ -115,7 +115,7 @@ def test_a_study_of_noise_says_the_noise_first_with_one_value_each_and_then_what
     path.write_text(LOG)
     page = report_html(run(read_study(path)))
     first, _, rest = page.partition("<h2")
-    assert "processes are shown by some run" in first and "terms are needed" not in first
+    assert "log shows white noise N =" in first and "terms are needed" not in first
     assert rest.index("The run shows white noise N =") < rest.index("terms are needed")
     assert 'aria-label="Noise of log"' not in page and 'aria-label="Noise processes of quiet"' in page
     assert "a run with the case turned over" in page and "a centrifuge run" not in page
