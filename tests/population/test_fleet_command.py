@@ -5,6 +5,7 @@ import json
 import pytest
 from fleet_studies import recorded
 
+FILES = ["report.html", "result.json", "slide.png", "slide.svg", "units"]
 SMALL = """
 [study]
 seed = 4
@@ -32,7 +33,7 @@ def test_one_unit_that_cannot_be_read_is_named_and_the_exit_code_is_0(command, t
     assert ended.code == 0 and "1 unit of 5 could not be read: A2: " in ended.words
     (broken,) = json.loads((out / "result.json").read_text())["fleet"]["broken"]
     assert (broken["name"], "A2/tumble.csv" in broken["error"]) == ("A2", True)
-    assert sorted(file.name for file in out.iterdir()) == ["report.html", "result.json", "units"]
+    assert sorted(file.name for file in out.iterdir()) == FILES
 
 
 @pytest.mark.parametrize(
@@ -52,21 +53,19 @@ def test_option_that_cannot_be_is_refused_before_anything_is_written(command, tm
 
 
 def test_interrupt_is_said_in_one_line_and_resume_goes_on(command, tmp_path, monkeypatch):
-    path, out, done = tmp_path / "fleet.toml", tmp_path / "out", list[int]()
+    path, out, done = tmp_path / "fleet.toml", tmp_path / "out", list[str]()
     path.write_text(SMALL.replace("units = 5", "units = 5\npart = 2"))
 
-    def once(total, things, progress):
-        def stop(units: int) -> None:
-            done.append(units)
+    def once(self, doing, share=None, /):
+        if share is not None and " units" in doing:
+            done.append(doing)
             if len(done) == 1:
                 raise KeyboardInterrupt
 
-        return stop
-
-    monkeypatch.setattr("imubayes.population.fleet.pace", once)
+    monkeypatch.setattr("imubayes.cli.console.Waiting.__call__", once)
     message = "imubayes: interrupted: the same command with --resume goes on, and keeps what is finished\n"
     assert command("run", path, "--out", out) == (130, "", message)
     assert [file.name for file in out.iterdir()] == ["units.part"]
     ended = command("run", path, "--out", out, "--resume")
     assert ended.code == 0 and "2 units were there already" in ended.words
-    assert sorted(file.name for file in out.iterdir()) == ["report.html", "result.json", "units"]
+    assert sorted(file.name for file in out.iterdir()) == FILES
