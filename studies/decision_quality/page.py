@@ -163,8 +163,11 @@ def quality_page(quality: Quality) -> Page:
 def _treatments(quality: Quality) -> Section:
     """The verdicts of all methods, and what else is asked of the decision, under each treatment."""
     told = quality.treated
-    needed = [(one.treatment, f"{one.zero:,}", *map(_seldom, one.verdicts)) for one in told]
-    head = *BY_METHOD, *(_where_shown(v.method, called(v.method)) for v in told[0].verdicts)
+    # the decision's other rows are in the second table
+    shown = [k for k, said in enumerate(told[0].verdicts) if said.method not in OWN[1:]]
+    needed = [(one.treatment, f"{one.zero:,}", *(_seldom(one.verdicts[k]) for k in shown)) for one in told]
+    names = [told[0].verdicts[k].method for k in shown]
+    head = *BY_METHOD, *(_where_shown(name, called(name)) for name in names)
     verdicts = [
         (Both(f"{one.treatment}: {name}", f"{one.treatment}: {SHORT[name]}"), *_judged(one.of(name)))
         for one in told
@@ -200,7 +203,7 @@ def _where_shown(method: str, said: str) -> Both:
 def _seldom(said: Verdicts) -> Both:
     found = said.false_keeps
     cell = _where_shown(said.method, percent(found.value) if found.of else "")
-    return replace(cell, page=f"{found.events} ({cell.page})" if found.of else "")
+    return replace(cell, page=f"{found.events} ({cell.page})" if found.events else "0" if found.of else "")
 
 
 def _judged(said: Verdicts) -> tuple[Text, ...]:

@@ -208,7 +208,7 @@ def _by_method(told: Found, name: str) -> Found:
 
 
 def _others(told: Found) -> list[Found]:
-    return [one for one in told["methods"] if one["method"] not in (*OWN, "decision, needed only")]
+    return [one for one in told["methods"] if one["method"] not in OWN]
 
 
 def _cost(told: Found) -> float:
@@ -276,7 +276,10 @@ def _wrong_choice(told: Found, match: Match) -> Iterable[Meant]:
 
 def _cheapest(told: Found, match: Match) -> Iterable[Meant]:
     own = _by_method(told, match[1])["cost"]["value"]
-    return [None, own if own == min(one["cost"]["value"] for one in told["methods"]) else math.nan]
+    return [
+        None,
+        own if own == min(one["cost"]["value"] for one in (told["methods"][0], *_others(told))) else math.nan,
+    ]
 
 
 def _dear(told: Found, match: Match) -> Iterable[Meant]:

@@ -14,11 +14,11 @@ from studies.decision_quality.trials import MODELLED, OWN
 REPORT = Path(__file__).parents[2] / "reports" / "decision_quality" / "result.json"
 SCORES = json.loads(REPORT.read_text(encoding="utf-8"))["scores"][0]
 METHODS = {score["method"]: score for score in SCORES["methods"]}
-RIVALS = [score for name, score in METHODS.items() if name not in (*OWN, "decision, needed only")]
+RIVALS = [score for name, score in METHODS.items() if name not in OWN]
 
 
-def test_first_scores_are_of_both_kinds_as_modelled():
-    assert (SCORES["treatment"], SCORES["kind"]) == (MODELLED, "")
+def test_first_scores_are_as_modelled():
+    assert SCORES["treatment"] == MODELLED
 
 
 def test_no_zero_term_is_called_needed_and_no_strong_one_is_dropped():
