@@ -192,6 +192,20 @@ def few_rows(R: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     return s[:, :, None] * directions * size, s > ROUNDING
 
 
+def joined(pieces: Pieces, labels: NDArray[np.int64]) -> Pieces:
+    """Dwells of a run that have one label (q,) as one, in the order of the labels."""
+    groups = [labels == label for label in np.unique(labels)]
+    factors = [stacked([pieces], [group.astype(np.int64)]) for group in groups]
+    return replace(
+        pieces,
+        start=np.array([pieces.start[group].min() for group in groups]),
+        stop=np.array([pieces.stop[group].max() for group in groups]),
+        rows=np.array([f.n for f in factors]),
+        R=np.array([f.R for f in factors]),
+        log_det=np.array([f.log_det for f in factors]),
+    )
+
+
 def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None = None) -> Factor:
     """Factor of dwells, each taken as often as `counts` says; once without counts.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
@@ -28,6 +28,9 @@ REACH = 3.0
 
 SIZES = 61
 """Cells of that grid."""
+
+GRID = np.linspace(-REACH, REACH, SIZES)
+"""Distances of ln s from that of the typical size, in widths of its prior."""
 
 ROUNDS = 50
 """Most rounds in which the sds of several kinds settle beside each other."""
@@ -104,19 +107,31 @@ def spreads(
         before = sd.copy()
         for kind, size in typical.items():
             found[kind] = _spread(factor, sd, extras, kind, size)
-            sd[len(sd) - len(extras) :][[extra.kind == kind for extra in extras]] = found[kind].mean
+            sd[_columns_of(kind, sd, extras)] = found[kind].mean
         if np.all(np.abs(np.log(sd / before)) < SETTLED):
             break
     return tuple(found.values())
 
 
 def _spread(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str, typical: float) -> Spread:
-    z = np.linspace(-REACH, REACH, SIZES)
-    sizes, own = typical * np.exp(WIDTH * z), np.array([extra.kind == kind for extra in extras], dtype=bool)
-    there = np.append(np.zeros(len(sd) - len(extras), dtype=bool), own)
-    log = np.array([log_marginal(factor, np.where(there, size, sd)) for size in sizes.tolist()]) - 0.5 * z**2
+    there = _columns_of(kind, sd, extras)
+    sizes, log = _at_sizes(factor, sd, there, typical)
     weight = np.exp(log - log.max())
-    return Spread(kind, int(own.sum()), sizes, weight / weight.sum())
+    return Spread(kind, int(there.sum()), sizes, weight / weight.sum())
+
+
+def _columns_of(kind: str, sd: FloatArray, extras: Sequence[Extra]) -> BoolArray:
+    """Which columns (p + q,) are errors of a kind."""
+    return np.append(np.zeros(len(sd) - len(extras), bool), [extra.kind == kind for extra in extras])
+
+
+def _at_sizes(
+    factor: Factor, sd: FloatArray, there: BoolArray, typical: float
+) -> tuple[FloatArray, FloatArray]:
+    """Sds of some columns over the grid, and the logarithm of prior times likelihood of each."""
+    sizes = typical * np.exp(WIDTH * GRID)
+    log = [log_marginal(factor, np.where(there, size, sd)) for size in sizes.tolist()]
+    return sizes, np.array(log) - 0.5 * GRID**2
 
 
 def odds_of(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str) -> float:
@@ -126,12 +141,10 @@ def odds_of(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str) 
     ----------
     factor, sd, extras : as `spreads` takes them; the sd of the kind is the typical one.
     """
-    there = np.append(np.zeros(len(sd) - len(extras), bool), [extra.kind == kind for extra in extras])
-    z = np.linspace(-REACH, REACH, SIZES)
-    sizes = sd[there][0] * np.exp(WIDTH * z)
-    log = np.array([log_marginal(factor, np.where(there, size, sd)) for size in sizes.tolist()]) - 0.5 * z**2
+    there = _columns_of(kind, sd, extras)
+    _, log = _at_sizes(factor, sd, there, sd[there][0])
     without = log_marginal(factor, np.where(there, NONE * sd, sd))
-    share = float(np.sum(np.exp(log - log.max()))) / float(np.sum(np.exp(-0.5 * z**2)))
+    share = float(np.sum(np.exp(log - log.max()))) / float(np.sum(np.exp(-0.5 * GRID**2)))
     return math.exp(min(log.max() + math.log(share) - without, LARGEST))
 
 
@@ -142,16 +155,11 @@ def scatter_of(samples: RunSummary, dwells: RunSummary) -> Spread | None:
     """
     if not dwells.sampling or samples.sampling or dwells.noise_origin != "REML":
         return None
-    z = np.linspace(-REACH, REACH, SIZES)
-    N = dwells.noise.N * np.exp(dwells.noise_sd[0] * z)
+    N = dwells.noise.N * np.exp(dwells.noise_sd[0] * GRID)
     size = np.sqrt(np.maximum(N**2 - samples.noise.N**2, 0.0) / dwells.interval)
-    weight = np.exp(-0.5 * z**2)
-    found = Spread(
-        f"{DWELL}.{dwells.name}",
-        round(dwells.samples * dwells.sampling / dwells.interval),
-        size,
-        weight / weight.sum(),
-    )
+    weight = np.exp(-0.5 * GRID**2)
+    count = round(dwells.samples * dwells.sampling / dwells.interval)
+    found = Spread(f"{DWELL}.{dwells.name}", count, size, weight / weight.sum())
     return found if float(found.weight[size > 0.0].sum()) >= TOLD else None
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
-from imubayes.inference.dwells import Pieces
+from imubayes.inference.dwells import Pieces, joined
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
 from imubayes.selection.mixture import Candidates
@@ -57,27 +57,18 @@ SELDOM, ALWAYS = 0.05, 0.95
 
 def parts_of(pieces: Sequence[Pieces], mounts: Mounts) -> tuple[list[Pieces], tuple[str, ...]]:
     """Dwells put together to what is left out: mounts of a run, where it has several, else the run."""
-    joined, names = list[Pieces](), list[str]()
+    parts, names = list[Pieces](), list[str]()
     for one in pieces:
         if one.kept:
-            joined.append(one)
+            parts.append(one)
             continue
         t, number = mounts.get(one.run, (np.zeros(1), np.zeros(1, dtype=np.int64)))
         middle = 0.5 * (one.start + one.stop)
         of = number[np.clip(np.searchsorted(t, middle), 0, len(number) - 1)]
-        width = one.R.shape[1]
-        labels = np.unique(of).tolist()
-        inside = [of == label for label in labels]
-        R = [algebra.triangular((one.R[here].reshape(-1, width),), width) for here in inside]
-        rows, log_det = (
-            np.array([values[here].sum() for here in inside]) for values in (one.rows, one.log_det)
-        )
-        start, stop = (np.array([values[here][0] for here in inside]) for values in (one.start, one.stop))
-        joined.append(replace(one, R=np.array(R), rows=rows, log_det=log_det, start=start, stop=stop))
-        names += [
-            f"mount {label} of run {one.run}" if len(labels) > 1 else f"run {one.run}" for label in labels
-        ]
-    return joined, tuple(names)
+        parts.append(joined(one, of))
+        several = len(parts[-1]) > 1
+        names += [f"{f'mount {m} of ' * several}run {one.run}" for m in np.unique(of).tolist()]
+    return parts, tuple(names)
 
 
 class LeftOut(NamedTuple):
@@ -94,7 +85,7 @@ class LeftOut(NamedTuple):
     change: FloatArray
 
 
-def left_out(f: Factor, sd: FloatArray, pieces: Sequence[Pieces], mounts: Mounts) -> LeftOut | None:
+def without_parts(f: Factor, sd: FloatArray, pieces: Sequence[Pieces], mounts: Mounts) -> LeftOut | None:
     """Leave out each mount of a run, or each run, in turn; None where there is nothing beside it.
 
     Without a part the posterior's variance is larger, and the mean moves by as much: under the model the
@@ -106,11 +97,11 @@ def left_out(f: Factor, sd: FloatArray, pieces: Sequence[Pieces], mounts: Mounts
     pieces : dwells of the runs that are left out, and what always stays.
     mounts : of runs that have several.
     """
-    joined, parts = parts_of(pieces, mounts)
+    joint, parts = parts_of(pieces, mounts)
     if len(parts) < 2:
         return None
     scale = algebra.noise_scale(f, sd)
-    held = by_dwell(joined, Candidates((), f.names, sd, f.R, f.n, f.log_det), scale)
+    held = by_dwell(joint, Candidates((), f.names, sd, f.R, f.n, f.log_det), scale)
     mean, variance = _told(held.whole, scale)
     others = [_told(T, scale) for T in held.without]
     change = np.array([other - mean for other, _ in others])

@@ -26,7 +26,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.drift import Drift
-from imubayes.inference.dwells import Pieces, always, dwells_of
+from imubayes.inference.dwells import always, dwells_of, joined
 from imubayes.inference.linear import CHUNK, Linear, averages
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
@@ -173,22 +173,14 @@ def _left_out(alone: Apart, first: Sequence[NDArray[np.int64]]) -> FloatArray:
     """Posterior means (q, p) of all columns without each of the positions."""
     f, sd = alone.summary.factor, alone.sd
     both = zip(zip(alone.rows, alone.summary.runs, strict=True), first, strict=True)
-    pieces = [_joined(pieces_of(part, replace(run.noise, K=0.0)), edges) for (part, run), edges in both]
+    pieces = []
+    for (part, run), edges in both:
+        one = pieces_of(part, replace(run.noise, K=0.0))
+        pieces.append(joined(one, np.searchsorted(edges, np.arange(len(one)), side="right")))
     known = [] if alone.known is None else [always(alone.known)]
     every = Candidates((), f.names, sd, f.R, f.n, f.log_det)
     held = by_dwell([*pieces, *known], every, noise_scale(f, sd))
     return np.array([algebra.solve_triangular(T[:-1, :-1], T[:-1, -1]) for T in held.without])
-
-
-def _joined(pieces: Pieces, first: NDArray[np.int64]) -> Pieces:
-    """Pieces from each of `first` to the next as one."""
-    width = pieces.R.shape[1]
-    R = [algebra.triangular((part.reshape(-1, width),), width) for part in np.split(pieces.R, first[1:])]
-    rows, log_det = (np.add.reduceat(values, first) for values in (pieces.rows, pieces.log_det))
-    ends = np.append(first[1:], len(pieces)) - 1
-    return replace(
-        pieces, start=pieces.start[first], stop=pieces.stop[ends], rows=rows, R=np.array(R), log_det=log_det
-    )
 
 
 WALKED = 20

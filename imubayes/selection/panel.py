@@ -24,8 +24,7 @@ from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
 from imubayes.inference.whitened import pieces_of
 from imubayes.selection.causes import Ballot, DisputedTerm, case_of, cause_of, decided, explained, line_of
-from imubayes.selection.combined import LeftOut, Mounts
-from imubayes.selection.combined import left_out as left_out_of
+from imubayes.selection.combined import LeftOut, Mounts, without_parts
 from imubayes.selection.compensations import Reduced, design_factor, reduced
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
@@ -123,9 +122,8 @@ def panel_of(
     told = (compared, sparse, others or of_decision(selection))
     shortest = asked([REDUCED], lambda: reduced(selection, design_factor(question.own.rows), rng=rng))
     white = asked(["coloured noise"], lambda: coloured(summary, prior, rows, parts))
-    without = asked(
-        ["parts left out"], lambda: left_out_of(question.factor, question.sd, question.pieces, mounts)
-    )
+    q = question
+    without = asked(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
 
 

@@ -9,7 +9,7 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.dwells import Pieces
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.combined import LeftOut, combined, left_out
+from imubayes.selection.combined import LeftOut, combined, without_parts
 from imubayes.selection.decision import select
 from imubayes.selection.sindy import Sparse
 from imubayes.sensors.terms import library
@@ -31,7 +31,7 @@ def test_changes_without_a_mount_are_those_of_refits_over_what_chance_allows():
     dwells = np.split(np.arange(60), 6)
     mounts = {"r": (np.arange(6) + 0.5, np.array([1, 1, 2, 2, 3, 3]))}
     f = factor_of(X, y, ("a", "b"))
-    found = left_out(f, sd, [pieces_of(X, y, dwells)], mounts)
+    found = without_parts(f, sd, [pieces_of(X, y, dwells)], mounts)
     assert found is not None
     assert found.parts == ("mount 1 of run r", "mount 2 of run r", "mount 3 of run r")
 
@@ -48,7 +48,7 @@ def test_changes_without_a_mount_are_those_of_refits_over_what_chance_allows():
         without = np.setdiff1d(np.arange(60), np.arange(20 * k, 20 * k + 20))
         other, more = refitted(without, scale)
         np.testing.assert_allclose(found.change[k], (other - mean) / np.sqrt(more - variance), rtol=1e-9)
-    assert left_out(f, sd, [pieces_of(X, y, dwells)], {}) is None
+    assert without_parts(f, sd, [pieces_of(X, y, dwells)], {}) is None
 
 
 def decided_on(seed=0):
