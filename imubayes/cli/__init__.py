@@ -145,6 +145,7 @@ def _init(
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
 ) -> None:
     """Begin a study of a recording: guess its columns, ask for the rest."""
+    from imubayes.rig.recordings import write_whole
     from imubayes.study.draft import drafted
 
     file = out or recording.with_suffix(".toml")
@@ -152,7 +153,7 @@ def _init(
         raise InputError(f"{file}: is there already: choose another --out, or --force to write over a study")
     text = drafted(recording, file.parent)
     try:
-        file.write_text(text, encoding="utf-8")
+        write_whole(file, lambda stream: stream.write(text.encode()))
     except OSError as error:
         raise InputError(f"{file}: cannot be written ({error.strerror}): choose another --out") from None
     typer.echo(text, nl=False)
@@ -253,21 +254,14 @@ def _compare(
     ] = None,
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
-    from imubayes.reporting.blocks import terminal_page, write_page
-    from imubayes.reporting.comparison import side_by_side
-    from imubayes.reporting.index import renew_index
-    from imubayes.reporting.result.file import json_text
+    from imubayes.cli import kinds
 
     folder = None if out is None else usable(out)
-    page, values = side_by_side(results)
+    done = kinds.compared(results)
     if folder is None:
-        show(terminal_page(page))
-        return
-    with complete(folder) as part:
-        files = write_page(page, json_text(values), part)
-    renew_index(folder)
-    show(terminal_page(page))
-    written(folder, files)
+        show(done[0])
+    else:
+        _report(done, folder)
 
 
 @app.command("index", epilog=example("index reports"))

@@ -144,6 +144,16 @@ def _plan_classes(study: LotStudy, told: Waiting) -> Done:
     return terminal_hours(found), _page(found, hours_page, hours_json)
 
 
+def compared(results: Sequence[Path]) -> Done:
+    """Set results side by side."""
+    from imubayes.reporting.blocks import terminal_page, write_page
+    from imubayes.reporting.comparison import side_by_side
+    from imubayes.reporting.result.file import json_text
+
+    page, values = side_by_side(results)
+    return terminal_page(page), partial(_together, partial(write_page, page, json_text(values)))
+
+
 def _together(write: Callable[[Path], Written], folder: Path) -> Written:
     """Write files that come to be there together."""
     with complete(folder) as part:

@@ -28,7 +28,7 @@ from imubayes.reporting.result import Pooled, published
 from imubayes.reporting.result.entries import Case, CaseInScene, RecoveredErrors
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
 from imubayes.reporting.scene_words import case_sentences
-from imubayes.selection.verdicts import EQUAL, Costs, listed
+from imubayes.selection.verdicts import EQUAL, UNSEEN, Costs, listed
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
@@ -42,10 +42,8 @@ PooledRow = tuple[str, tuple[str, ...], float, str]
 """A term of a kind: name, verdict of each component (empty where it has no such term), inclusion in one model
 for all, and verdict: ``needed``, ``not needed``, ``undecided``, or ``cannot tell`` where no test can."""
 
-BLIND = ("inseparable", "unresolved", "untested")
-"""Verdicts of a test that cannot tell: where all components have one of them, pooling tells no more."""
-
 CANNOT = "cannot tell"
+"""Of a term of which no component's test tells: pooling tells no more."""
 
 MOST_DRAWN = 3
 """Cases of a study whose errors are drawn."""
@@ -326,7 +324,7 @@ def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQU
     >>> pooled_verdict(0.97, ("not needed", "not needed"))  # hints of what is there and small add up
     'undecided'
     """
-    told = {verdict for verdict in verdicts if verdict and verdict not in BLIND}
+    told = {verdict for verdict in verdicts if verdict and verdict not in UNSEEN}
     if not told:
         return CANNOT
     if inclusion >= costs.needed and told != {"not needed"}:

@@ -28,7 +28,7 @@ from imubayes.reporting.population_views import class_needs
 from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import term_rows
 from imubayes.reporting.words import strain_sentence
-from imubayes.selection.verdicts import listed
+from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
@@ -52,9 +52,6 @@ MOST_SAID = 700
 
 MARK = 12
 """px of the narrowest tile that has a heading."""
-
-UNSEEN = ("inseparable", "unresolved", "untested")
-"""Verdicts where the test cannot tell."""
 
 STYLES = {
     "needed": ({"facecolor": ACCENT}, "white"),

@@ -42,6 +42,7 @@ from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
 from imubayes.reporting.rounding import half_up, measured, noise_unit, per_unit, percent, pretty
+from imubayes.selection.verdicts import UNSEEN
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
@@ -60,7 +61,7 @@ LINE = 17
 SHOWN = (
     (("needed",), ACCENT),
     (("undecided",), VERDICT_COLOURS["undecided"]),
-    (("inseparable", "unresolved", "untested"), VERDICT_COLOURS["inseparable"]),
+    (UNSEEN, VERDICT_COLOURS["inseparable"]),
     (("not needed",), PALE),
 )
 """Verdicts that share a colour, in the order of a bar from the left."""

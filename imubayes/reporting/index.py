@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import INDEX, MARK, Page, Prose, Table, is_of_reports, page_html, repeat
+from imubayes.rig.recordings import write_whole
 from imubayes.units import counted
 
 HEAD = ("report", "answer", "data", "fit", "made")
@@ -25,7 +26,7 @@ def write_index(folder: Path) -> Path:
         raise InputError(f"{file}: is no list of reports: expected a folder of reports, or that name free")
     if not (reports := sorted(folder.glob("*/report.html"))):
         raise InputError(f"{folder}: has no */report.html: expected a folder that 'imubayes run' writes into")
-    file.write_text(index_html(folder, reports), encoding="utf-8")
+    write_whole(file, lambda stream: stream.write(index_html(folder, reports).encode()))
     return file
 
 

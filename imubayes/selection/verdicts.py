@@ -54,6 +54,9 @@ zero comes there once in 16,000."""
 UNRESOLVED = 0.9
 """Posterior sd over prior sd above which a test has not resolved a term."""
 
+UNSEEN = ("inseparable", "unresolved", "untested")
+"""Verdicts of a test that cannot tell."""
+
 
 @dataclass(frozen=True, slots=True)
 class Costs:

@@ -10,6 +10,7 @@ from typing import Any
 from report_reading import NUMBER, Block, Meant, fixed, named, problems, readings
 
 from imubayes.reporting.rounding import per_unit
+from imubayes.selection.verdicts import UNSEEN
 
 Found = dict[str, Any]
 Match = re.Match[str]
@@ -17,7 +18,6 @@ Match = re.Match[str]
 NUM = r"[-−]?[\d.,]*\d(?:e[-−]?\d+)?"
 VERDICT = r"(needed|not needed|undecided|inseparable|unresolved|untested)"
 NAMES = r"([\w*]+(?:(?:, | and )[\w*]+)*)"
-UNSEEN = ("inseparable", "unresolved", "untested")
 
 
 def wrong_first(blocks: Sequence[Block], result: Found) -> list[str]:

@@ -14,7 +14,6 @@ from scipy import stats
 
 from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting.case_views import (
-    BLIND,
     CANNOT,
     angle_sections,
     case_answer,
@@ -26,7 +25,7 @@ from imubayes.reporting.case_views import (
 )
 from imubayes.reporting.document import report_html
 from imubayes.reporting.figures import KNOWN
-from imubayes.selection.verdicts import EQUAL
+from imubayes.selection.verdicts import EQUAL, UNSEEN
 
 MG = 9.80665e-3
 
@@ -104,10 +103,10 @@ def test_a_kind_needs_what_its_components_show_together(cased):
 
 @pytest.mark.parametrize("inclusion", [0.0, 0.3, 0.9, 1.0])
 def test_what_no_component_can_tell_is_not_told_by_all_and_no_answer_is_against_each(inclusion):
-    assert pooled_verdict(inclusion, BLIND) == CANNOT
-    assert pooled_verdict(inclusion, (*BLIND, "undecided"), EQUAL) != CANNOT
-    assert pooled_verdict(inclusion, (*BLIND, "not needed", "not needed")) != "needed"
-    assert pooled_verdict(inclusion, (*BLIND, "needed", "undecided")) != "not needed"
+    assert pooled_verdict(inclusion, UNSEEN) == CANNOT
+    assert pooled_verdict(inclusion, (*UNSEEN, "undecided"), EQUAL) != CANNOT
+    assert pooled_verdict(inclusion, (*UNSEEN, "not needed", "not needed")) != "needed"
+    assert pooled_verdict(inclusion, (*UNSEEN, "needed", "undecided")) != "not needed"
 
 
 @pytest.mark.parametrize(
