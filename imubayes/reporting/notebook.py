@@ -172,11 +172,11 @@ def _frame(sensors: Iterable[tuple[str, Sequence[TermVerdict]]]) -> DataFrame:
 def _arviz(result: StudyResult) -> Any:
     """Draws as ArviZ has them: its `InferenceData`, or from its version 1 on xarray's `DataTree`."""
     import arviz
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
     from imubayes.reporting.posterior import posterior_groups
 
-    groups: dict[str, Any] = dict(posterior_groups(result))
+    groups: dict[str, Any] = {name: Dataset(*group) for name, group in posterior_groups(result).items()}
     if hasattr(arviz, "InferenceData"):
         return arviz.InferenceData(**groups)
     return DataTree.from_dict({f"/{name}": group for name, group in groups.items()})

@@ -1,4 +1,4 @@
-"""The posterior in ArviZ's netCDF layout, for both lines of ArviZ; written by xarray alone.
+"""The posterior in ArviZ's netCDF layout, for both lines of ArviZ, as xarray would write it.
 
 A component of a study is a set of variables named by its id, here ``A``. All variables of a group share the
 dimensions ``chain`` and ``draw``:
@@ -29,7 +29,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.reporting.rounding import NOISE, OUTPUT_SI
 
 if TYPE_CHECKING:
-    import xarray
+    from h5netcdf import Group
 
     from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.inference.mcmc.chains import Chains
@@ -68,22 +68,47 @@ def write_posterior(result: StudyResult, path: Path) -> None:
     draws evenly over each chain. Exact draws are independent and are dealt out to the chains in their order.
     A study of so many components that their draws would take more than `LARGEST` keeps fewer of each.
     """
-    from xarray import DataTree
+    from h5netcdf import File  # xarray takes as long to import as the whole report
 
-    groups = {f"/{name}": group for name, group in posterior_groups(result).items()}
-    DataTree.from_dict(groups).to_netcdf(path, mode="w", engine="h5netcdf")
+    with File(path, "w") as file:
+        for name, group in posterior_groups(result).items():
+            _write(file.create_group(name), *group)
 
 
-def posterior_groups(result: StudyResult) -> dict[str, xarray.Dataset]:
+Dataset = tuple[dict[str, Any], dict[str, Any], dict[str, str]]
+"""Variables and coordinates as xarray's `Dataset` takes them, and what is said of the whole."""
+
+
+def _write(
+    group: Group, variables: dict[str, Any], coordinates: dict[str, Any], about: dict[str, str]
+) -> None:
+    """Write variables and coordinates; a variable names those beside its dimensions, as CF has it."""
+    from h5py import string_dtype
+
+    given = {key: one if isinstance(one, tuple) else (key, one) for key, one in coordinates.items()}
+    beside = {key: one[0] for key, one in given.items() if one[0] != key}
+    group.attrs.update(about)
+    for key, (named, values, *told) in {**given, **variables}.items():
+        dims, array = (named,) if isinstance(named, str) else named, np.asarray(values)
+        for dim, size in zip(dims, array.shape, strict=True):
+            if dim not in group.dimensions:
+                group.dimensions[dim] = size
+        kind = string_dtype() if array.dtype.kind == "U" else array.dtype
+        made = group.create_variable(key, dims, kind, data=array.astype(kind))
+        made.attrs.update(told[0] if told else {})
+        along = [name for name, dim in beside.items() if dim in dims]
+        if key in variables and along:
+            made.attrs["coordinates"] = " ".join(along)
+
+
+def posterior_groups(result: StudyResult) -> dict[str, Dataset]:
     """Draws of every component by group."""
     sampled = any(sensor.chains is not None for sensor in result.sensors)
     names = ("posterior", "prior", *(_OF_CHAINS if sampled else ()))
     return {name: _dataset(result, name) for name in names}
 
 
-def _dataset(result: StudyResult, group: str) -> xarray.Dataset:
-    from xarray import Dataset
-
+def _dataset(result: StudyResult, group: str) -> Dataset:
     layout = _prior_layout(result) if group == "prior" else _layout(result)
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
@@ -98,7 +123,7 @@ def _dataset(result: StudyResult, group: str) -> xarray.Dataset:
     if group != "observed_data":
         coordinates |= {dim: np.arange(n) for dim, n in zip(DRAWN, layout, strict=True)}
     about = {"inference_library": "imubayes", "inference_library_version": imubayes.__version__}
-    return Dataset(variables, coordinates, about)
+    return variables, coordinates, about
 
 
 def written_draws(result: StudyResult) -> int:
